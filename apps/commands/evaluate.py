@@ -37,7 +37,7 @@ from readygo.apps.run.spec import episode_count
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import RunError
 from readygo.common.messages import Split
-from readygo.common.policy import load_policy
+from readygo.common.policy import Policy, load_policy
 from readygo.common.robot import load_robot
 from readygo.services.evaluator import (
     EpisodeRecord,
@@ -151,9 +151,7 @@ def evaluate(
         sensor=sensor,
         humans=people,
     )
-    bodies = avatars
-    if loaded and avatars is None:
-        bodies = unseen_avatars(loaded.spec) if "avatars" in unseen else avatars_of_policy(loaded.spec)
+    bodies = _bodies(avatars, loaded, unseen)
     world = evaluation_world(scene, run_config, avatars=bodies, seed=seed, scenarios=scenarios)
     if loaded:
         check_unseen(loaded.spec, world.spec, unseen)
@@ -207,14 +205,17 @@ def evaluate(
                 "people": people,
                 "scenarios": scenarios,
             }
-            write_pages(
-                replays,
-                request,
-                reply,
-                title=f"{policy or watched_method(request.methods)} in {world.scene.name}",
-                command_of=plan_command(scene, request, options) if camera == "policy" else None,
-            )
+            title = f"{policy or watched_method(request.methods)} in {world.scene.name}"
+            command_of = plan_command(scene, request, options) if camera == "policy" else None
+            write_pages(replays, request, reply, title=title, command_of=command_of)
     _print(summary, reply, out, json=json)
+
+
+def _bodies(avatars: Path | None, policy: Policy | None, unseen: Sequence[str]) -> Path | None:
+    """The avatars that were named, else those that go with a policy's data."""
+    if avatars is not None or policy is None:
+        return avatars
+    return unseen_avatars(policy.spec) if "avatars" in unseen else avatars_of_policy(policy.spec)
 
 
 def _check_folder(out: Path | None, workers: int, listen: str, video: Sequence[str]) -> None:

@@ -21,7 +21,14 @@ from readygo.apps.monitor.beside import watched
 from readygo.apps.observe.logs import LogFormat
 from readygo.apps.observe.settings import NOTHING, OBSERVING, Observing
 from readygo.apps.run.again import prepare_again
-from readygo.apps.run.config import load_run_config, with_detail, with_disturbance, with_outputs, with_priority
+from readygo.apps.run.config import (
+    RunConfig,
+    load_run_config,
+    with_detail,
+    with_disturbance,
+    with_outputs,
+    with_priority,
+)
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.origin import avatars_of_policy, robot_of_policy
 from readygo.apps.run.policy import with_expert, with_policy
@@ -35,6 +42,8 @@ from readygo.common.robot import load_robot
 from readygo.services.planner.humans.mixes import MixName
 from readygo.services.renderer.sensor.recipes import SensorName
 
+Detail = Literal["exact", "lod"]
+Place = Literal["local", "slurm", "hosts"]
 HUMANS, DRIVING, IMAGES, RUNNING = (Group(name) for name in ("humans", "driving", "images", "running"))
 
 
@@ -56,7 +65,7 @@ def generate(
     disturb: Annotated[float | None, Bare("0.5"), DRIVING] = None,
     again: Path | None = None,
     outputs: Annotated[str, IMAGES] = "",
-    detail: Annotated[Literal["exact", "lod"] | None, IMAGES] = None,
+    detail: Annotated[Detail | None, IMAGES] = None,
     robot: Annotated[Path | None, DRIVING] = None,
     config: Path | None = None,
     sensor: Annotated[SensorName | None, IMAGES] = None,
@@ -64,7 +73,7 @@ def generate(
     connect: Annotated[str, RUNNING] = "",
     priority: Annotated[int | None, RUNNING] = None,
     certs: Annotated[Path | None, RUNNING] = None,
-    on: Annotated[Literal["local", "slurm", "hosts"], RUNNING] = "local",
+    on: Annotated[Place, RUNNING] = "local",
     slurm: Annotated[str, RUNNING] = "",
     watch: Annotated[bool, RUNNING] = False,
     json: Annotated[bool, RUNNING] = False,
@@ -122,16 +131,7 @@ def generate(
         traces: Where OpenTelemetry's spans of every episode go: an OTLP endpoint such as http://collector:4318, or a
             folder.
     """
-    if on == "slurm":
-        check_slurm(workers, listen)
-    elif slurm:
-        raise RunError("--slurm has options of sbatch: it goes with --on slurm.")
-    elif on == "hosts":
-        check_endpoints(listen, connect)
-    if connect and on != "hosts":
-        raise RunError("--connect is for a run whose workers and recorders are on other machines: add --on hosts.")
-    if watch and workers == 0 and on != "hosts":
-        raise RunError("--watch needs a fleet to hear: give --workers 1 or more.")
+    _check_where(on, workers, listen=listen, connect=connect, slurm=slurm, watch=watch)
     where = Where(
         workers=workers,
         endpoint=listen or connect,
@@ -156,12 +156,7 @@ def generate(
     trained = load_spec(policy) if policy else None
     base = robot_of_policy(trained) if trained else None
     run_config = load_run_config(config, load_robot(robot) if robot else None, sensor, people, base=base)
-    if outputs:
-        run_config = with_outputs(run_config, outputs)
-    if detail:
-        run_config = with_detail(run_config, detail)
-    if disturb is not None:
-        run_config = with_disturbance(run_config, disturb)
+    run_config = _as_told(run_config, outputs, detail, disturb)
     if trained and not (avatars or static):
         avatars = avatars_of_policy(trained)
     spec = make_spec(
@@ -191,6 +186,33 @@ class Where:
     """True for workers and recorders on other machines alone."""
     watch: bool = False
     observing: Observing = NOTHING
+
+
+def _check_where(on: Place, workers: int, *, listen: str, connect: str, slurm: str, watch: bool) -> None:
+    """Refuse options that do not go together.
+
+    Raises:
+        RunError: If some do not.
+    """
+    if on == "slurm":
+        check_slurm(workers, listen)
+    elif slurm:
+        raise RunError("--slurm has options of sbatch: it goes with --on slurm.")
+    elif on == "hosts":
+        check_endpoints(listen, connect)
+    if connect and on != "hosts":
+        raise RunError("--connect is for a run whose workers and recorders are on other machines: add --on hosts.")
+    if watch and workers == 0 and on != "hosts":
+        raise RunError("--watch needs a fleet to hear: give --workers 1 or more.")
+
+
+def _as_told(config: RunConfig, outputs: str, detail: Detail | None, disturb: float | None) -> RunConfig:
+    """Settings of a run with those of the options that were given."""
+    if outputs:
+        config = with_outputs(config, outputs)
+    if detail:
+        config = with_detail(config, detail)
+    return config if disturb is None else with_disturbance(config, disturb)
 
 
 def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool) -> None:

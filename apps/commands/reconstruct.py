@@ -16,7 +16,8 @@ from readygo.apps.fleet.reconstruction import ask_worker
 from readygo.common.errors import ConfigError
 from readygo.common.files import write_whole
 from readygo.services.reconstructor.config import FramesConfig, MetricConfig, PosesConfig, ReconstructorConfig
-from readygo.services.reconstructor.handlers import PICTURE_FILE, POSE_STAGES, POSED, find_poses
+from readygo.services.reconstructor.handlers import find_poses
+from readygo.services.reconstructor.job import PICTURE_FILE, POSE_STAGES, POSED
 from readygo.services.reconstructor.marker_sheet import marker_pdf
 from readygo.services.reconstructor.metric.markers import DEFAULT_DICTIONARY
 from readygo.services.reconstructor.reconstruct import GAUSSIANS, STAGES, Job, reconstruct

@@ -61,7 +61,7 @@ def rejected(data: Path) -> Mapping[int, str] | None:
         return None
     ledger = coordination.Ledger(folder.ledger)
     try:
-        return ledger.rejected()
+        return ledger.census.rejected()
     finally:
         ledger.close()
 

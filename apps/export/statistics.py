@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.dataset.reader import decode_image
 from readygo.common.errors import DatasetError
+from readygo.common.images.encoded import decode_image
 
 QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)
 IMAGES_MAX = 8

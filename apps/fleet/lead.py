@@ -8,8 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from readygo.apps.fleet.access import join, open_router, reached_here
+from readygo.apps.fleet.process import LATE_S
 from readygo.apps.fleet.token import given_token, new_token
-from readygo.apps.fleet.worker import LATE_S, TICK_S, make_coordinator, take_the_lead
+from readygo.apps.fleet.worker import TICK_S, make_coordinator, take_the_lead
 from readygo.apps.observe.health import showing_health
 from readygo.apps.observe.observer import Observer
 from readygo.apps.observe.settings import NOTHING

@@ -254,7 +254,7 @@ def _save(folder: RunFolder, spec: RunSpec, episodes: int) -> None:
     folder.save(spec, episodes)
     if folder.ledger.exists():
         ledger = coordination.Ledger(folder.ledger)
-        ledger.note("paused", "no")
+        ledger.notes.put("paused", "no")
         ledger.close()
 
 
@@ -263,7 +263,7 @@ def _recorded(folder: RunFolder, wanted: int) -> tuple[int, int]:
     if not folder.ledger.exists():
         return 0, 0
     ledger = coordination.Ledger(folder.ledger)
-    (episodes, samples), wanted_min = ledger.committed(), ledger.wanted_min()
+    (episodes, samples), wanted_min = ledger.census.committed(), ledger.wanted_min()
     ledger.close()
     if wanted_min > wanted:
         raise RunError(

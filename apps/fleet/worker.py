@@ -1,11 +1,8 @@
 """One worker process of a fleet: `readygo worker ROLE`."""
 
-import contextlib
-import ctypes
 import dataclasses
 import logging
 import os
-import signal
 import socket
 import sys
 import threading
@@ -19,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated
 from readygo.apps.cli import USER_MISTAKE
 from readygo.apps.fleet.access import join_in_time
 from readygo.apps.fleet.fleet import CANNOT_WORK
+from readygo.apps.fleet.process import LATE_S, keep_the_heap_small, stop_signal, watch_thread
 from readygo.apps.fleet.runs import ANY_RUN, Runs
 from readygo.apps.fleet.several import record_for, work_for
 from readygo.apps.observe.health import showing_health
@@ -54,10 +52,6 @@ SPEC_TIMEOUT_S = 30.0
 """Time that a worker waits for the coordinator to start [s]."""
 SETTLE_S = 0.5
 """How often the recorder repeats reports that the coordinator has not acknowledged [s]."""
-SILENT_S = 300.0
-"""A worker whose main thread takes no processor time for so long hangs, and is ended [s]."""
-LATE_S = 5.0
-"""Time that a worker has to end when its parent is gone, and with it the router [s]."""
 TICK_S = 0.2
 """How often the coordinator looks for leases that ran out, and says how far the run is [s]."""
 
@@ -106,9 +100,9 @@ def worker(
         traces: Where OpenTelemetry's spans go: an OTLP endpoint such as http://collector:4318, or a folder.
     """
     if role != TRAINER:
-        _keep_the_heap_small()
-    stop = _stop_signal(exit_with_parent)
-    _watch_thread(threading.main_thread())
+        keep_the_heap_small()
+    stop = stop_signal(exit_with_parent)
+    watch_thread(threading.main_thread())
     name = name or f"{role}-{socket.gethostname()}-{os.getpid()}"
     begin_logging(log_format, run=run, role=role, worker=name)
     try:
@@ -224,16 +218,6 @@ def _train(
             bus.close()
 
 
-def _keep_the_heap_small() -> None:
-    """Have arrays above 256 kB return to the system when they are freed: 30 MB of every renderer.
-
-    By default glibc keeps them for later from the first freed array of such a size on.
-    """
-    with contextlib.suppress(OSError, AttributeError):
-        # -3 is M_MMAP_THRESHOLD.
-        ctypes.CDLL(None).mallopt(-3, 1 << 18)
-
-
 def make_coordinator(folder: RunFolder, *, recorded_here: bool = True) -> coordination.Coordinator:
     """The coordinator of the run in a data folder.
 
@@ -268,7 +252,7 @@ def take_the_lead(bus: Bus, coordinator: coordination.Coordinator) -> Callable[[
         BusError: If another process leads it, in whatever folder.
     """
     run, replaced = coordinator.spec.run, threading.Event()
-    turn = coordinator.ledger.next_turn(time.time_ns())
+    turn = coordinator.ledger.notes.next_turn(time.time_ns())
 
     def lead_on() -> None:
         if replaced.is_set():
@@ -297,39 +281,6 @@ def make_recorder(bus: Bus, name: str, folder: RunFolder, world: "World") -> Rec
         config=world.config.recorder,
         stage=world.stage(),
     )
-
-
-def _end_hung() -> None:
-    sys.stderr.write(f"readygo: this worker hangs: it has done nothing for {SILENT_S:g} s.\n")
-    sys.stderr.flush()
-    os._exit(os.EX_SOFTWARE)
-
-
-def _watch_thread(
-    watched: threading.Thread, *, silent_s: float = SILENT_S, end: Callable[[], object] = _end_hung
-) -> None:
-    """End the process when a thread has taken no processor time for long: it hangs, however alive the others are.
-
-    Threads that wait for work ask for it now and then, which takes time enough.
-    """
-    clock = time.pthread_getcpuclockid(watched.ident or 0)
-
-    def watch() -> None:
-        taken_s, since_s = -1.0, time.monotonic()
-        while watched.is_alive():
-            time.sleep(silent_s / 10)
-            try:
-                now_s = time.clock_gettime(clock)
-            except OSError:
-                # It has ended meanwhile, and its clock with it.
-                return
-            if now_s > taken_s:
-                taken_s, since_s = now_s, time.monotonic()
-            elif time.monotonic() - since_s > silent_s:
-                end()
-                return
-
-    threading.Thread(target=watch, name="watch", daemon=True).start()
 
 
 def _coordinate(bus: Bus, folder: RunFolder, stop: threading.Event, observer: Observer) -> bool:
@@ -383,24 +334,3 @@ def _folder(role: str, data: tuple[Path, ...]) -> RunFolder:
     if len(data) != 1:
         raise RunError(f"A {role} needs the run's data folder: pass --data.")
     return RunFolder(data[0])
-
-
-def _stop_signal(exit_with_parent: bool) -> threading.Event:
-    stop = threading.Event()
-    signal.signal(signal.SIGTERM, lambda *_: stop.set())
-    if exit_with_parent:
-        # Ctrl-C reaches the whole process group; the parent alone decides what its fleet does then.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-        def watch_parent() -> None:
-            # The raw descriptor: a daemon thread inside of a buffered read breaks the interpreter's shutdown.
-            while os.read(0, 1):
-                pass
-            stop.set()
-            # The parent is gone, and with it the router: nobody is left to finish work for.
-            late = threading.Timer(LATE_S, lambda: os._exit(1))
-            late.daemon = True
-            late.start()
-
-        threading.Thread(target=watch_parent, name="parent", daemon=True).start()
-    return stop

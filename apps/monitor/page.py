@@ -13,8 +13,8 @@ from readygo.apps.monitor.splats import DollsHouse, Splats
 from readygo.apps.monitor.subject import Subject
 from readygo.apps.monitor.track import Pictures, Track, between, on_floor
 from readygo.apps.monitor.watch import Moving
-from readygo.common.dataset.reader import decode_image
 from readygo.common.errors import ReadygoError
+from readygo.common.images.encoded import decode_image
 from readygo.common.images.names import RGB, camera_of, kind_of
 from readygo.common.messages import EpisodeKey, Outcome
 from readygo.common.messages.live import LiveState

@@ -20,8 +20,8 @@ from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.world import World
 from readygo.common.camera import SensorConfig
 from readygo.common.dataset.index import load_index
+from readygo.common.dataset.places import find_shards
 from readygo.common.dataset.provenance import Provenance
-from readygo.common.dataset.reader import find_shards
 from readygo.common.dataset.scene_map import MapMessages, map_messages
 from readygo.common.errors import ReadygoError, RunError
 from readygo.common.messages import EpisodeKey

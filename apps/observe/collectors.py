@@ -33,7 +33,7 @@ def of_coordinator(coordinator: Coordinator) -> Gauges:
         yield from _by("stage", "readygo_episodes_waiting", "Episodes that wait", stages, status.waiting)
         yield from _by("stage", "readygo_episodes_leased", "Episodes that a worker holds", stages, status.leased)
         yield "readygo_episodes_rejected", "Indices that a stage rejected", {}, sum(status.rejected.values())
-        yield "readygo_episodes_aside", "Episodes that were given up", {}, coordinator.ledger.aside()
+        yield "readygo_episodes_aside", "Episodes that were given up", {}, coordinator.ledger.census.aside()
         yield "readygo_leases_requeued_total", "Leases that ended without a result", {}, status.requeued
         silent_s = max((worker.silent_s for worker in fleet.workers if worker.holds), default=0.0)
         yield "readygo_lease_silent_seconds", "Time since the most silent holder of a lease was heard", {}, silent_s

@@ -14,7 +14,8 @@ from readygo.services.planner.explain.journal import DrivenRun
 from readygo.services.planner.explain.picture import episode_view
 from readygo.services.planner.explain.picture_layers import draw_knowledge, draw_superseded
 from readygo.services.renderer import Renderer
-from readygo.services.renderer.handlers import episode_shots, recorded_images, robot_views, view_image
+from readygo.services.renderer.renderer import recorded_images, robot_views, view_image
+from readygo.services.renderer.samples import episode_shots
 
 PIXELS_PER_M = 80
 GIVEN_UP_S = 1.0

@@ -11,11 +11,11 @@ from readygo.apps.robot_logs.drives import GAP_NS, Drive, drive_of, spans
 from readygo.apps.robot_logs.reader import LogCamera, RobotLog, opened
 from readygo.common.config import section_to_mapping
 from readygo.common.dataset import Provenance, SceneOrigin, ShardWriter, encode_episode, shard_name
-from readygo.common.dataset.reader import decode_image
 from readygo.common.dataset.stage import Stage
 from readygo.common.errors import ConfigError, DatasetError
 from readygo.common.files import unfinished_folder
 from readygo.common.frames import goal_in_robot_frame
+from readygo.common.images.encoded import decode_image
 from readygo.common.messages import EpisodeHeader, EpisodeKey, Sample, Split, sample_crc32
 from readygo.common.robot import CameraConfig, RobotConfig
 

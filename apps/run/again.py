@@ -25,7 +25,7 @@ def prepare_again(data: Path, out: Path) -> tuple[RunSpec, int]:
     spec, _ = source.load()
     target.check(spec)
     known = Ledger(source.ledger, spec.stages)
-    driven_by, policies = known.driven_by(), known.policies()
+    driven_by, policies = known.census.driven_by(), known.policies.all()
     known.close()
     if not driven_by:
         raise RunError(f"{data} holds no durable episodes yet; there is nothing to make again.")
@@ -43,7 +43,7 @@ def prepare_again(data: Path, out: Path) -> tuple[RunSpec, int]:
                         f"{data} has lost file {file.path} of policy {policy.sha256}; it cannot be made again."
                     )
                 store.put(stored)
-            made.offer(PolicyRef(path="", files=policy.files, mix=0.0), policy.wall_ns)
+            made.policies.offer(PolicyRef(path="", files=policy.files, mix=0.0), policy.wall_ns)
         made.assign(driven_by)
         made.close()
         target.save(spec, len(driven_by))

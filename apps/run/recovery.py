@@ -117,7 +117,7 @@ def check_recorded(folder: RunFolder) -> None:
     findings = Findings()
     sound = _by_name(folder, _sound_shards(folder, findings))
     ledger = Ledger(folder.ledger, spec.stages)
-    shards = ledger.shards()
+    shards = ledger.census.shards()
     ledger.close()
     missing = sum(len(_missing(episodes, sound.get(name))) for name, episodes in shards.items())
     if missing:
@@ -306,7 +306,7 @@ def _open_ledger(folder: RunFolder, stages: tuple[Stage, ...], findings: Finding
 def _adopted(ledger: Ledger, sound: Mapping[str, ShardIndex], spec: RunSpec) -> set[int]:
     """Note the episodes of sound shards as durable that the ledger does not know of; returns all of sound shards."""
     found: set[int] = set()
-    known = {index for episodes in ledger.shards().values() for index in episodes}
+    known = {index for episodes in ledger.census.shards().values() for index in episodes}
     for name, shard in sound.items():
         for row, episode in enumerate(shard.episodes):
             key = shard.episode_key(row)
@@ -323,7 +323,7 @@ def _adopted(ledger: Ledger, sound: Mapping[str, ShardIndex], spec: RunSpec) -> 
 def _give_back(ledger: Ledger, folder: RunFolder, sound: Mapping[str, ShardIndex], *, recorded_here: bool) -> set[int]:
     """Have episodes recorded again that are in no sound shard; what open shards hold, their recorders tell."""
     lost: set[int] = set()
-    for name, episodes in ledger.shards().items():
+    for name, episodes in ledger.census.shards().items():
         if not recorded_here and not any(folder.shard(name).parent.glob(f"shard-{recorder_of_shard(name)}-*")):
             continue
         missing = _missing(episodes, sound.get(name))

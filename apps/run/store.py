@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from readygo.common.dataset.index import index_path, load_index, read_index
-from readygo.common.dataset.reader import find_shards
+from readygo.common.dataset.places import find_shards
 from readygo.common.errors import RunError
 from readygo.common.extras import install_command
 

@@ -15,7 +15,7 @@ from readygo.apps.capture.compare import pose_errors
 from readygo.apps.capture.truth import read_truth
 from readygo.benchmarks.reconstruction.rows import print_row
 from readygo.common.errors import SceneError
-from readygo.services.reconstructor.handlers import POSED, REPORT_FILE
+from readygo.services.reconstructor.job import POSED, REPORT_FILE
 from readygo.services.reconstructor.poses import colmap
 
 

@@ -184,7 +184,7 @@ def _readygo(*arguments: str) -> None:
 def _committed(ledger: Path) -> int:
     book = Ledger(ledger)
     try:
-        return book.committed()[0]
+        return book.census.committed()[0]
     finally:
         book.close()
 

@@ -10,10 +10,10 @@ from readygo.common.dataset.canonical import canonical_sha256, is_canonical
 from readygo.common.dataset.chunk import parse
 from readygo.common.dataset.label_checks import wrong_labels
 from readygo.common.dataset.poses import pose_xyzyaw
-from readygo.common.dataset.reader import decode_image
 from readygo.common.dataset.records import ChunkSpan, Message, iter_messages
 from readygo.common.errors import DatasetError
 from readygo.common.frames import goal_in_robot_frame
+from readygo.common.images.encoded import decode_image
 from readygo.common.images.files import FILE_FORMAT, decode_output
 from readygo.common.images.names import GOAL_IMAGE, RGB, camera_of, kind_of
 from readygo.common.messages.episode import EpisodeKey

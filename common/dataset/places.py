@@ -13,6 +13,23 @@ MARK = ".readygo-recorder"
 """Lies in each of them: without it the disk is another one, or not mounted."""
 
 
+def find_shards(folder: str | Path) -> list[Path]:
+    """The finished shards of a folder, by name.
+
+    Raises:
+        DatasetError: If the folder is missing or has none.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise DatasetError(f"Data folder {folder} does not exist; record one with `readygo generate`.")
+    shards = [shard for place in shard_folders(folder) for shard in sorted(place.glob("shard-*.mcap"))]
+    if not shards:
+        open_count = len(list(folder.glob("shard-*.mcap.part")))
+        hint = f"{open_count} are still being written" if open_count else "record some with `readygo generate`"
+        raise DatasetError(f"Data folder {folder} holds no finished shards (shard-*.mcap); {hint}.")
+    return shards
+
+
 def own_folders(folder: Path) -> dict[str, Path]:
     """The folders that recorders of a data folder have for themselves, by recorder.
 

@@ -1,92 +1,37 @@
 """Recorded episodes as arrays and images, whatever the shards they are in."""
 
 import hashlib
-import mmap
-from collections import OrderedDict
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from mcap.opcode import Opcode
 
 from readygo.common.camera import SensorConfig
-from readygo.common.config import section_differences
+from readygo.common.dataset.agreement import check_alike
+from readygo.common.dataset.calibration import Calibration, Calibrations
 from readygo.common.dataset.chunk import parse
-from readygo.common.dataset.index import ShardIndex, load_index, mapped
+from readygo.common.dataset.entries import EpisodeEntry, entries_of, episode_order
+from readygo.common.dataset.expert_commands import commands_of, spread
+from readygo.common.dataset.humans import humans_of_shard
+from readygo.common.dataset.index import load_index
 from readygo.common.dataset.labels import boxes_of, footprints_of, joints_of
-from readygo.common.dataset.places import shard_folders
-from readygo.common.dataset.poses import pose_xyzyaw
+from readygo.common.dataset.places import find_shards
 from readygo.common.dataset.provenance import Provenance
-from readygo.common.dataset.records import chunk_span, iter_messages, iter_records
-from readygo.common.dataset.schemas import (
-    EXPERT,
-    HUMANS,
-    LABEL_CHANNELS,
-    OPTIONAL_CHANNELS,
-    Ending,
-    further_cameras,
-    is_image,
-)
+from readygo.common.dataset.sample_table import SampleTable
+from readygo.common.dataset.schemas import EXPERT, LABEL_CHANNELS, OPTIONAL_CHANNELS, further_cameras, is_image
+from readygo.common.dataset.shard_files import ShardFiles
 from readygo.common.errors import DatasetError
-from readygo.common.images.encoded import decode_pixels
+from readygo.common.images.encoded import decode_image
 from readygo.common.images.files import decode_output
 from readygo.common.images.names import GOAL_IMAGE, RGB, camera_of, kind_of
-from readygo.common.messages.episode import EpisodeKey
-from readygo.common.messages.plan import Driver, Outcome
-from readygo.common.messages.samples import DISTORTION_MODELS
 from readygo.common.policy.windows import window_rows
 from readygo.common.robot import Clock, RobotConfig
 from readygo.common.robot.command_grid import UNKNOWN_RISK, command_grid
 
-_CALIBRATION = ("height_px", "width_px", "K_px", "distortion_model", "distortion")
-OPEN_SHARDS_MAX = 128
-"""Shards that are mapped at the same time; each holds a file descriptor."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Calibration:
-    """The camera of an episode."""
-
-    height_px: int
-    """Image height."""
-    width_px: int
-    """Image width."""
-    K_px: npt.NDArray[np.float64]
-    """Intrinsics [px] with pixel centres at +0.5, shape (3, 3)."""
-    distortion_model: str
-    """One of `readygo.common.messages.samples.DISTORTION_MODELS`; "" is a pinhole camera."""
-    distortion: tuple[float, ...]
-    """Coefficients of the model."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class EpisodeEntry:
-    """One episode of a dataset."""
-
-    episode: EpisodeKey
-    """Which episode of its run it is."""
-    first_sample: int
-    """The episode's first row in the dataset's arrays."""
-    sample_count: int
-    """Rows of the episode, `Dataset.clock.rate_hz` a second."""
-    attempt: int
-    """How often the episode was begun until it was recorded."""
-    shard: Path
-    """The file that holds it."""
-    sha256: str
-    """SHA-256 of the episode's bytes, the same on every worker."""
-    outcome: Outcome = Outcome.SUCCESS
-    """How it ended; the samples before a collision are there."""
-    driver: Driver = Driver.EXPERT
-    """Who drove."""
-    policy: str = ""
-    """SHA-256 over the files of the policy that drove; empty for the expert."""
-    drawn: Mapping[str, float] = field(default_factory=dict, hash=False)
-    """What its robot drew from the ranges of `Dataset.robot`: see `RobotConfig.with_values`."""
+_TRUTH = ("human_distance_m", "time_to_collision_s", "expert_cost", "human_visible", "replanned")
 
 
 class Dataset:
@@ -111,54 +56,37 @@ class Dataset:
         self.shards: tuple[Path, ...] = tuple(shard for _, shard in found)
         """The files."""
         indexes = [load_index(shard) for shard in self.shards]
-        _check_alike(self.shards, indexes)
+        check_alike(self.shards, indexes)
         self.provenance: Provenance = indexes[0].provenance
         """What the first shard says about its run; robot and image size are the same in all."""
         self.height_px, self.width_px = (int(indexes[0].episodes[0][name]) for name in ("height_px", "width_px"))
-        order = _episode_order([number for number, _ in found], indexes)
-        self.episodes: tuple[EpisodeEntry, ...] = _entries(self.shards, indexes, order)
+        self._order = episode_order([number for number, _ in found], indexes)
+        self.episodes: tuple[EpisodeEntry, ...] = entries_of(self.shards, indexes, self._order)
         """Every episode, in the order of the samples."""
-        _check_unique(self.episodes)
-        rows = np.concatenate([_episode_rows(indexes[shard], row) for shard, row in order])
-        counts = np.array([entry.sample_count for entry in self.episodes])
-        self._order = order
-        self._shard_of_sample = np.repeat(np.array([shard for shard, _ in order], dtype=np.int32), counts)
-        self._rows = rows
-        common = _common_outputs(indexes)
-        self.outputs: tuple[str, ...] = (RGB, *filter(is_image, common))
+        self._files = ShardFiles(self.shards)
+        self._table = SampleTable.of(indexes, self._order)
+        channels = self._table.payloads
+        self.outputs: tuple[str, ...] = (RGB, *filter(is_image, channels))
         """Names of the images that every sample has, see `readygo.common.images.names`."""
-        self.has_goal_images: bool = GOAL_IMAGE in common
+        self.has_goal_images: bool = GOAL_IMAGE in channels
         """True if every episode has an image of its goal."""
-        self.labels: tuple[str, ...] = tuple(name for name in common if name in LABEL_CHANNELS)
+        self.labels: tuple[str, ...] = tuple(name for name in channels if name in LABEL_CHANNELS)
         """Names of the labels of people that every sample has: "joints", "boxes" and "footprints", or none."""
-        self.has_expert: bool = EXPERT in common
+        self.has_expert: bool = EXPERT in channels
         """True if the expert was asked wherever there is an image: `expert_actions` and `expert_ahead` are there."""
-        self._output_rows = {
-            name: np.concatenate([_episode_rows(indexes[shard], row, name) for shard, row in order]) for name in common
-        }
-        self._calibrations = np.array([indexes[shard].episodes[row] for shard, row in order])[list(_CALIBRATION)]
-        self._cameras = {
-            camera: np.array([indexes[shard].cameras[row, place] for shard, row in order])
-            for place, camera in enumerate(further_cameras(self.outputs))
-        }
-        self.episode_of_sample: npt.NDArray[np.int32] = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+        self._calibrations = Calibrations.of(indexes, self._order, further_cameras(self.outputs))
+        self.episode_of_sample: npt.NDArray[np.int32] = self._table.episode
         """Row in `episodes` of each sample, shape (S,)."""
-        self._first_sample = np.repeat(np.cumsum(counts) - counts, counts)
-        self._maps: OrderedDict[int, mmap.mmap] = OrderedDict()
-        self.pictured: npt.NDArray[np.bool_] = self._rows["image_length"] > 0
+        self.pictured: npt.NDArray[np.bool_] = self._table.rows["image_length"] > 0
         """True where a sample has an image, shape (S,): everywhere, but for episodes whose camera was slower."""
 
     def __len__(self) -> int:
-        return len(self._rows)
-
-    def __getstate__(self) -> dict[str, Any]:
-        # Memory maps cannot be pickled; a data loader's worker opens its own.
-        return {**self.__dict__, "_maps": OrderedDict()}
+        return len(self._table.rows)
 
     @cached_property
     def actions(self) -> npt.NDArray[np.float32]:
         """Commands executed after each sample: v [m/s], w [rad/s], shape (S, 2)."""
-        return np.ascontiguousarray(self._rows["action"])
+        return np.ascontiguousarray(self._table.rows["action"])
 
     @property
     def expert_actions(self) -> npt.NDArray[np.float32]:
@@ -194,35 +122,23 @@ class Dataset:
                 f"The samples of {self.shards[0].parent} have no risks of commands; record with this version and "
                 "`readygo generate --policy` or --disturb."
             )
-        known = np.frombuffer(b"".join(self._risk_rows), np.uint8).reshape(-1, self._command_count)
-        return self._spread(known, UNKNOWN_RISK)
+        known = np.frombuffer(b"".join(self._risk_rows), np.uint8).reshape(-1, len(command_grid(self.robot)))
+        return spread(known, self._asked, UNKNOWN_RISK)
 
     @cached_property
     def has_risks(self) -> bool:
         """True if every sample with an image says what each command would have led to."""
-        return self.has_expert and all(len(row) == self._command_count for row in self._risk_rows)
-
-    @cached_property
-    def _command_count(self) -> int:
-        """Commands of the robot's grid."""
-        return len(command_grid(self.robot))
+        command_count = len(command_grid(self.robot))
+        return self.has_expert and all(len(row) == command_count for row in self._risk_rows)
 
     @cached_property
     def _risk_rows(self) -> list[bytes]:
-        return [self._message(index, EXPERT).risks for index in np.flatnonzero(self._asked).tolist()]
+        return [message.risks for message in self._expert_messages()]
 
     @cached_property
     def _asked(self) -> npt.NDArray[np.bool_]:
         """Where there is a message of the expert, shape (S,)."""
-        return np.asarray(self._output_rows[EXPERT]["length"] > 0)
-
-    def _spread(self, rows: npt.NDArray[Any], missing: float) -> npt.NDArray[Any]:
-        """Rows of the samples at which the expert was asked, as rows of all samples."""
-        if self._asked.all():
-            return rows
-        spread = np.full((len(self), *rows.shape[1:]), missing, rows.dtype)
-        spread[self._asked] = rows
-        return spread
+        return np.asarray(self._table.payloads[EXPERT]["length"] > 0)
 
     @cached_property
     def _expert_commands(self) -> npt.NDArray[np.float32]:
@@ -232,35 +148,31 @@ class Dataset:
                 f"The samples of {self.shards[0].parent} have no commands of the expert; record with "
                 "`readygo generate --disturb` or `--policy`."
             )
-        messages = (self._message(index, EXPERT) for index in np.flatnonzero(self._asked).tolist())
-        rows = [(message.v_mps, message.w_radps) for message in messages]
-        try:
-            known = np.ascontiguousarray(np.array(rows, dtype=np.float32).transpose(0, 2, 1))
-        except ValueError as error:
-            raise DatasetError(
-                "The expert's commands reach differently far ahead; use the folders as separate datasets."
-            ) from error
-        return self._spread(known, np.nan)
+        return spread(commands_of(self._expert_messages()), self._asked, np.nan)
+
+    def _expert_messages(self) -> Iterator[Any]:
+        """The messages of the expert, in the order of the samples that have one."""
+        return (self._message(index, EXPERT) for index in np.flatnonzero(self._asked).tolist())
 
     @property
     def image_sizes(self) -> npt.NDArray[np.uint32]:
         """Size of each sample's encoded image [bytes], shape (S,); 0 where it has none."""
-        return np.asarray(self._rows["image_length"])
+        return np.asarray(self._table.rows["image_length"])
 
     @cached_property
     def goals_xy_m(self) -> npt.NDArray[np.float32]:
         """Goal in the robot's frame at each sample [m], shape (S, 2)."""
-        return np.ascontiguousarray(self._rows["goal_xy_m"])
+        return np.ascontiguousarray(self._table.rows["goal_xy_m"])
 
     @cached_property
     def time_ns(self) -> npt.NDArray[np.int64]:
         """Simulated time since the episode began [ns], shape (S,)."""
-        return np.ascontiguousarray(self._rows["time_ns"])
+        return np.ascontiguousarray(self._table.rows["time_ns"])
 
     @cached_property
     def poses(self) -> npt.NDArray[np.float64]:
         """Robot on the floor: x, y, z [m], yaw [rad] in [-pi, pi], shape (S, 4)."""
-        return np.ascontiguousarray(self._rows["pose"])
+        return np.ascontiguousarray(self._table.rows["pose"])
 
     @property
     def truth(self) -> npt.NDArray[np.void]:
@@ -268,7 +180,7 @@ class Dataset:
 
         Fields human_distance_m, time_to_collision_s, expert_cost, human_visible, replanned.
         """
-        return self._rows[["human_distance_m", "time_to_collision_s", "expert_cost", "human_visible", "replanned"]]
+        return self._table.rows[list(_TRUTH)]
 
     @cached_property
     def robot(self) -> RobotConfig | None:
@@ -299,9 +211,8 @@ class Dataset:
         Args:
             index: Number of the sample.
         """
-        row = self._rows[index]
-        offset = int(row["image_offset"])
-        return self._map(int(self._shard_of_sample[index]))[offset : offset + int(row["image_length"])]
+        row = self._table.rows[index]
+        return self._files.read(int(self._table.shard[index]), int(row["image_offset"]), int(row["image_length"]))
 
     def decode(self, index: int) -> npt.NDArray[np.uint8]:
         """The image of a sample, sRGB, shape (H, W, 3).
@@ -336,9 +247,7 @@ class Dataset:
             )
         if name == "rgb":
             return self.image(index)
-        row = self._output_rows[name][index]
-        offset = int(row["offset"])
-        return self._map(int(self._shard_of_sample[index]))[offset : offset + int(row["length"])]
+        return self._payload(index, name)
 
     def decode_output(self, index: int, name: str) -> npt.NDArray[Any]:
         """The image of a sample's output.
@@ -377,10 +286,7 @@ class Dataset:
                 f"The episodes of {self.shards[0].parent} have no images of their goals; record them with goal_image = "
                 "true under [renderer]."
             )
-        first = self.episodes[number].first_sample
-        row = self._output_rows[GOAL_IMAGE][first]
-        offset = int(row["offset"])
-        return self._map(int(self._shard_of_sample[first]))[offset : offset + int(row["length"])]
+        return self._payload(self.episodes[number].first_sample, GOAL_IMAGE)
 
     def joints_m(self, index: int) -> npt.NDArray[np.float32]:
         """Joints of SMPL of everybody in the world at a sample [m], the pelvis first, shape (H, 24, 3).
@@ -424,7 +330,7 @@ class Dataset:
         Raises:
             DatasetError: If a shard is damaged.
         """
-        of_shard = [_humans_of_shard(shard) for shard in self.shards]
+        of_shard = [humans_of_shard(shard) for shard in self.shards]
         return tuple(poses for shard, row in self._order for poses in of_shard[shard][row])
 
     def humans_of(self, number: int) -> tuple[npt.NDArray[np.float64], ...]:
@@ -437,7 +343,7 @@ class Dataset:
             DatasetError: If the shard is damaged.
         """
         shard, row = self._order[number]
-        return tuple(_humans_of_shard(self.shards[shard])[row])
+        return tuple(humans_of_shard(self.shards[shard])[row])
 
     def calibration(self, index: int, camera: str = "") -> Calibration:
         """A camera that made images of a sample.
@@ -449,18 +355,7 @@ class Dataset:
         Raises:
             DatasetError: If there is no such camera.
         """
-        if camera and camera not in self._cameras:
-            known = ", ".join(self._cameras) or "none"
-            raise DatasetError(f"The samples have no camera {camera!r}; besides the first they have {known}.")
-        row = (self._cameras[camera] if camera else self._calibrations)[self.episode_of_sample[index]]
-        model = row["distortion_model"].decode()
-        return Calibration(
-            height_px=int(row["height_px"]),
-            width_px=int(row["width_px"]),
-            K_px=row["K_px"].reshape(3, 3).copy(),
-            distortion_model=model,
-            distortion=tuple(row["distortion"][: DISTORTION_MODELS[model]].tolist()),
-        )
+        return self._calibrations.calibration(int(self.episode_of_sample[index]), camera)
 
     def windows(self, samples: npt.ArrayLike | None = None, *, spacing_s: float = 0.5) -> npt.NDArray[np.int64]:
         """Samples whose images a policy sees together; an episode's first image stands in for what was before.
@@ -477,12 +372,11 @@ class Dataset:
         """
         newest = np.arange(len(self)) if samples is None else np.asarray(samples, dtype=np.int64)
         steps, every = self.clock.spacing_steps(spacing_s), self.clock.image_every
-        return window_rows(newest, self._first_sample[newest], steps, image_every=every)
+        return window_rows(newest, self._table.first[newest], steps, image_every=every)
 
     def close(self) -> None:
         """Close the shards; images can still be read, they are opened again."""
-        while self._maps:
-            self._maps.popitem()[1].close()
+        self._files.close()
 
     def _label(self, index: int, name: str) -> Any:
         """The message with one kind of labels of a sample."""
@@ -495,154 +389,12 @@ class Dataset:
 
     def _message(self, index: int, name: str) -> Any:
         """The message of a sample on an optional channel that has no images."""
-        row = self._output_rows[name][index]
-        offset = int(row["offset"])
-        data = self._map(int(self._shard_of_sample[index]))[offset : offset + int(row["length"])]
-        return parse(OPTIONAL_CHANNELS[name], memoryview(data))
+        return parse(OPTIONAL_CHANNELS[name], memoryview(self._payload(index, name)))
+
+    def _payload(self, index: int, name: str) -> bytes:
+        """What a sample has on an optional channel: an encoded image, or a message."""
+        row = self._table.payloads[name][index]
+        return self._files.read(int(self._table.shard[index]), int(row["offset"]), int(row["length"]))
 
     def _shard_of(self, index: int) -> Path:
-        return self.shards[int(self._shard_of_sample[index])]
-
-    def _map(self, shard: int) -> mmap.mmap:
-        if shard in self._maps:
-            self._maps.move_to_end(shard)
-            return self._maps[shard]
-        while len(self._maps) >= OPEN_SHARDS_MAX:
-            self._maps.popitem(last=False)[1].close()
-        with self.shards[shard].open("rb") as file:
-            self._maps[shard] = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        return self._maps[shard]
-
-
-def _humans_of_shard(shard: Path) -> list[list[npt.NDArray[np.float64]]]:
-    """Humans at every sample of every episode, in the order of the shard."""
-    episodes = []
-    with mapped(shard) as view:
-        for record in iter_records(view):
-            if record.opcode != Opcode.CHUNK:
-                continue
-            span = chunk_span(view, record)
-            found = (m for m in iter_messages(view, span.body, span.end) if m.channel == HUMANS.number)
-            poses = (parse(HUMANS, view[message.body : message.end]).poses for message in found)
-            episodes.append([np.array([pose_xyzyaw(pose) for pose in each]).reshape(-1, 4) for each in poses])
-    return episodes
-
-
-def find_shards(folder: str | Path) -> list[Path]:
-    """The finished shards of a folder, by name.
-
-    Raises:
-        DatasetError: If the folder is missing or has none.
-    """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise DatasetError(f"Data folder {folder} does not exist; record one with `readygo generate`.")
-    shards = [shard for place in shard_folders(folder) for shard in sorted(place.glob("shard-*.mcap"))]
-    if not shards:
-        open_count = len(list(folder.glob("shard-*.mcap.part")))
-        hint = f"{open_count} are still being written" if open_count else "record some with `readygo generate`"
-        raise DatasetError(f"Data folder {folder} holds no finished shards (shard-*.mcap); {hint}.")
-    return shards
-
-
-def decode_image(data: bytes) -> npt.NDArray[np.uint8] | None:
-    """An encoded image as sRGB, shape (H, W, 3); None if it cannot be decoded."""
-    import cv2
-
-    bgr = decode_pixels(data, cv2.IMREAD_COLOR)
-    if bgr is None:
-        return None
-    return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)
-
-
-def _episode_order(folders: Sequence[int], indexes: Sequence[ShardIndex]) -> list[tuple[int, int]]:
-    """(shard, row) of every episode in the dataset's order; `folders` has the number of each shard's data folder."""
-
-    def rank(place: tuple[int, int]) -> tuple[Any, ...]:
-        episode = indexes[place[0]].episodes[place[1]]
-        return folders[place[0]], episode["seed"], episode["split"], episode["index"]
-
-    places = [(shard, row) for shard, index in enumerate(indexes) for row in range(len(index.episodes))]
-    return sorted(places, key=rank)
-
-
-def _entries(
-    shards: Sequence[Path], indexes: Sequence[ShardIndex], order: Sequence[tuple[int, int]]
-) -> tuple[EpisodeEntry, ...]:
-    entries: list[EpisodeEntry] = []
-    first_sample = 0
-    for shard, row in order:
-        episode = indexes[shard].episodes[row]
-        ending = indexes[shard].ending(row)
-        entry = EpisodeEntry(
-            episode=indexes[shard].episode_key(row),
-            first_sample=first_sample,
-            sample_count=int(episode["sample_count"]),
-            attempt=int(episode["attempt"]),
-            shard=shards[shard],
-            sha256=episode["sha256"].decode(),
-            outcome=ending.outcome,
-            driver=ending.driver,
-            policy=_policy_of(ending, indexes[shard].provenance),
-            drawn=indexes[shard].drawn[row] if indexes[shard].drawn else {},
-        )
-        entries.append(entry)
-        first_sample += entry.sample_count
-    return tuple(entries)
-
-
-def _policy_of(ending: Ending, provenance: Provenance) -> str:
-    """The policy that drove an episode: the offered one that it names, else the run's own."""
-    own = provenance.policy.sha256 if provenance.policy and ending.driver is Driver.POLICY else ""
-    return ending.policy or own
-
-
-def _episode_rows(index: ShardIndex, row: int, output: str = "rgb") -> npt.NDArray[np.void]:
-    first = int(index.episodes[row]["first_sample"])
-    rows = index.samples if output == "rgb" else index.outputs[output]
-    return rows[first : first + int(index.episodes[row]["sample_count"])]
-
-
-def _common_outputs(indexes: Sequence[ShardIndex]) -> list[str]:
-    return [name for name in indexes[0].outputs if all(name in index.outputs for index in indexes)]
-
-
-def _check_alike(shards: Sequence[Path], indexes: Sequence[ShardIndex]) -> None:
-    """Raise DatasetError if image sizes, robots (with their cameras) or what varies of the cameras differ."""
-
-    def sizes(index: ShardIndex) -> list[tuple[int, int]]:
-        return sorted({(int(row["height_px"]), int(row["width_px"])) for row in index.episodes})
-
-    first_size, first = sizes(indexes[0])[0], indexes[0].provenance
-    for shard, index in zip(shards, indexes, strict=True):
-        for size in sizes(index):
-            if size != first_size:
-                raise DatasetError(
-                    f"Image sizes differ: {first_size[0]}x{first_size[1]} in {shards[0]}, {size[0]}x{size[1]} in "
-                    f"{shard}; use them as separate datasets."
-                )
-        pairs = (("Robots", first.robot, index.provenance.robot), ("Sensors", first.sensor, index.provenance.sensor))
-        for what, ours, theirs in pairs:
-            if ours != theirs:
-                raise DatasetError(
-                    f"{what} differ: {_differing(ours, theirs)} in {shards[0]} and {shard}; use them as separate "
-                    "datasets."
-                )
-
-
-def _differing(ours: Any, theirs: Any) -> str:
-    if ours is None or theirs is None:
-        return "only one names its robot"
-    return ", ".join(f"{name} {our} and {their}" for name, our, their in section_differences(ours, theirs))
-
-
-def _check_unique(episodes: Sequence[EpisodeEntry]) -> None:
-    """Raise DatasetError if an episode is there twice; other scenes may use the same keys."""
-    seen: dict[str, EpisodeEntry] = {}
-    for entry in episodes:
-        if entry.sha256 in seen:
-            raise DatasetError(
-                f"Episode {entry.episode.episode_id} is there twice, in {seen[entry.sha256].shard} and {entry.shard}; "
-                "give every folder once, or have `readygo recover` leave one of two in a folder."
-            )
-        seen[entry.sha256] = entry
+        return self.shards[int(self._table.shard[index])]

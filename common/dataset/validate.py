@@ -21,8 +21,7 @@ from readygo.common.dataset.index import (
     read_provenance,
     tail_offset,
 )
-from readygo.common.dataset.places import shard_folders
-from readygo.common.dataset.reader import find_shards
+from readygo.common.dataset.places import find_shards, shard_folders
 from readygo.common.dataset.records import RECORD_HEADER, ChunkSpan, chunk_span, is_intact, iter_records
 from readygo.common.dataset.schemas import output_of
 from readygo.common.errors import ReadygoError

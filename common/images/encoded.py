@@ -57,3 +57,13 @@ def decode_pixels(data: bytes | memoryview, flags: int) -> npt.NDArray[Any] | No
         return cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
     except cv2.error:
         return None
+
+
+def decode_image(data: bytes) -> npt.NDArray[np.uint8] | None:
+    """An encoded image as sRGB, shape (H, W, 3); None if it cannot be decoded."""
+    import cv2
+
+    bgr = decode_pixels(data, cv2.IMREAD_COLOR)
+    if bgr is None:
+        return None
+    return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)

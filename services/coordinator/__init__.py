@@ -2,8 +2,10 @@
 
 from readygo.services.coordinator.blobs import BlobStore
 from readygo.services.coordinator.config import CoordinatorConfig
-from readygo.services.coordinator.handlers import Coordinator, handle_status, requeue_lost
+from readygo.services.coordinator.coordinator import Coordinator
+from readygo.services.coordinator.handlers import handle_status
 from readygo.services.coordinator.ledger import Ledger
 from readygo.services.coordinator.service import attach, tick
+from readygo.services.coordinator.upkeep import requeue_lost
 
 __all__ = ["BlobStore", "Coordinator", "CoordinatorConfig", "Ledger", "attach", "handle_status", "requeue_lost", "tick"]

@@ -21,7 +21,8 @@ from readygo.common.messages import (
     topics,
 )
 from readygo.services.coordinator import handlers
-from readygo.services.coordinator.handlers import Coordinator, requeue_lost
+from readygo.services.coordinator.coordinator import Coordinator
+from readygo.services.coordinator.upkeep import note_absent, requeue_lost
 
 Request = TypeVar("Request")
 
@@ -119,8 +120,13 @@ def tick(bus: Bus, coordinator: Coordinator) -> None:
     if requeue_lost(coordinator):
         bus.publish(topics.WAKE, Wake())
     now_s = coordinator.clock()
-    of_note = coordinator.ledger.committed()[0], coordinator.over, coordinator.paused, tuple(coordinator.troubles)
+    of_note = (
+        coordinator.ledger.census.committed()[0],
+        coordinator.over,
+        coordinator.paused,
+        tuple(coordinator.troubles),
+    )
     if of_note != coordinator.told or now_s - coordinator.told_s >= TELL_S:
         coordinator.told, coordinator.told_s = of_note, now_s
-        handlers.note_absent(coordinator)
+        note_absent(coordinator)
         bus.publish(topics.PROGRESS, handlers.handle_status(coordinator, StatusRequest()))

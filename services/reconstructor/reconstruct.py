@@ -17,7 +17,8 @@ from readygo.common.gaussians.files import read_gaussians
 from readygo.common.scenes import Scene, SceneSource, load_scene, save_scene
 from readygo.common.scenes.manifest import file_of
 from readygo.services.reconstructor.config import ReconstructorConfig
-from readygo.services.reconstructor.handlers import POSE_STAGES, POSED, find_poses_in, open_job
+from readygo.services.reconstructor.handlers import find_poses_in, open_job
+from readygo.services.reconstructor.job import POSE_STAGES, POSED
 from readygo.services.reconstructor.poses import colmap
 from readygo.services.reconstructor.stages import Say, StageProgress, code_digest
 

@@ -1,23 +1,19 @@
 """Samples in, durable episodes out: exactly once, whatever dies meanwhile."""
 
-import errno
 import logging
-import os
 import re
 import threading
 import time
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from readygo.common.bus import Bus
-from readygo.common.dataset import EpisodeChunk, Place, Provenance, ShardWriter, encode_episode, shard_name
+from readygo.common.dataset import EpisodeChunk, Provenance, encode_episode
 from readygo.common.dataset.encode import outputs_of
 from readygo.common.dataset.provenance import provenance_to_strings
 from readygo.common.dataset.stage import Stage
 from readygo.common.errors import BusError, DiskError, RunError
 from readygo.common.fleet.grants import Grants
-from readygo.common.locks import hold
 from readygo.common.messages import (
     AppendReply,
     AppendRequest,
@@ -33,26 +29,15 @@ from readygo.common.messages import (
 from readygo.common.messages.live import LiveCommit
 from readygo.services.recorder.buffers import EpisodeBuffer, EpisodeBuffers
 from readygo.services.recorder.config import RecorderConfig
-from readygo.services.recorder.salvage import (
-    Durable,
-    OpenShard,
-    finished_episodes,
-    next_number,
-    next_start_ns,
-    open_shards,
-    publish,
-)
+from readygo.services.recorder.disk import try_room
+from readygo.services.recorder.name_lock import NameLock
+from readygo.services.recorder.salvage import Durable
+from readygo.services.recorder.shards import Shards
 
 _log = logging.getLogger(__name__)
 
-LEAVING_S = 10.0
-"""Time that another process of the name has to end, whose parent may be gone a moment ago [s]."""
 FULL_S = 1.0
 """A disk that took nothing is tried again after this time [s]."""
-ROOM_BYTES = 2**20
-"""It takes something again when it takes so much."""
-_NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
-_READ_ONLY = (errno.EROFS, errno.EACCES, errno.EPERM)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,17 +86,12 @@ class Recorder:
         self.name = name
         self._folder = Path(folder)
         self._bus = bus
-        self._provenance = provenance
-        self._config = config or RecorderConfig()
-        self._stage = stage or Stage()
+        config = config or RecorderConfig()
         self._folder.mkdir(parents=True, exist_ok=True)
-        self._lock_descriptor: int | None = _lock(self._folder, name)
-        self._buffers = EpisodeBuffers(self._config.buffer_mib * 2**20)
-        self._grants = Grants(bus, name, self._config.coordinator_timeout_s)
-        self._committed: dict[int, Durable] = {}
-        self._open_shards: list[OpenShard] = []
+        self._name_lock = NameLock(self._folder, name)
+        self._buffers = EpisodeBuffers(config.buffer_mib * 2**20)
+        self._grants = Grants(bus, name, config.coordinator_timeout_s)
         self._run: tuple[int, Split] | None = None
-        self._writer: ShardWriter | None = None
         self._reconciled = False
         self._trouble = ""
         """Why the disk takes nothing."""
@@ -120,11 +100,9 @@ class Recorder:
         self._closed = False
         self._lock = threading.RLock()
         try:
-            self._committed = finished_episodes(self._folder, name)
-            self._open_shards = open_shards(self._folder, name)
-            self._next_start_ns = next_start_ns(self._folder, name)
+            self._shards = Shards(self._folder, name, provenance, config, stage or Stage())
         except BaseException:
-            self._unlock()
+            self._name_lock.release()
             raise
 
     def append(self, request: AppendRequest) -> AppendReply:
@@ -140,9 +118,9 @@ class Recorder:
             episode = request.header.episode
             if self._closed:
                 return AppendReply(status=AppendStatus.RETRY, detail=f"recorder {self.name} is closed")
-            if episode.index in self._committed:
+            if episode.index in self._shards.durable:
                 self._check_run(episode)
-                self._tell_again(self._committed[episode.index], request.attempt)
+                self._tell_again(self._shards.durable[episode.index], request.attempt)
                 return self._finished(episode.index, AppendStatus.DUP)
             if (unexpected := self._unexpected(request)) is not None:
                 return unexpected
@@ -158,7 +136,7 @@ class Recorder:
     def state(self) -> RecorderState:
         """How it is now; never waits for a disk."""
         return RecorderState(
-            episodes=len(self._committed),
+            episodes=len(self._shards.durable),
             buffered_episodes=self._buffers.count,
             buffered_bytes=self._buffers.size_bytes,
             trouble=self._trouble,
@@ -210,7 +188,7 @@ class Recorder:
             return False
         try:
             if self._trouble:
-                self._try_disk()
+                try_room(self._folder, self.name)
             self._reconcile()
         except BusError:
             return False
@@ -232,8 +210,8 @@ class Recorder:
             if not self._closed:
                 self._closed = True
                 self.settle()
-            self._close_shard()
-            self._unlock()
+            self._shards.close()
+            self._name_lock.release()
 
     def _commit(self, index: int) -> AppendReply:
         """Make a complete episode durable."""
@@ -244,9 +222,10 @@ class Recorder:
     def _record(self, index: int) -> AppendReply:
         """Ask for the grant of a complete episode, and write it."""
         buffer = self._buffers.get(index)
-        if index in self._committed or buffer is None:
+        if index in self._shards.durable or buffer is None:
             return self._finished(index, AppendStatus.DUP)
-        chunk = self._encoded(buffer)
+        place = self._shards.place(outputs_of(buffer.header, buffer.samples[0]))
+        chunk = encode_episode(buffer.header, buffer.attempt, buffer.samples, place)
         try:
             verdict = self._grants.ask(index, buffer.attempt)
         except BusError as error:
@@ -263,14 +242,6 @@ class Recorder:
         self._publish(buffer)
         return self._finished(index, AppendStatus.COMMITTED)
 
-    def _encoded(self, buffer: EpisodeBuffer) -> EpisodeChunk:
-        """A complete episode as the next one of the shard that it will be in."""
-        outputs = outputs_of(buffer.header, buffer.samples[0])
-        place = Place(
-            stage=self._stage, start_ns=self._next_start_ns, with_map=self._writer is None or self._must_end(outputs)
-        )
-        return encode_episode(buffer.header, buffer.attempt, buffer.samples, place)
-
     def _disk_refuses(self, error: DiskError) -> None:
         """Wait for the disk: grants are kept, and their episodes written when it takes them."""
         if not self._trouble:
@@ -279,11 +250,7 @@ class Recorder:
             self._buffers.clear()
         self._trouble, self._tried_s = str(error), time.monotonic()
         self._reconciled = False
-        if self._writer is not None and not self._writer.is_open:
-            # It could not be cut back to whole episodes: it is cleared up as after a crash.
-            gone, self._writer = self._writer.path.name, None
-            self._committed = {index: durable for index, durable in self._committed.items() if durable.shard != gone}
-            self._open_shards = open_shards(self._folder, self.name)
+        self._shards.leave_broken()
 
     def _publish(self, buffer: EpisodeBuffer) -> None:
         """Give a durable episode to those who learn from it; whoever misses it finds it in the shard."""
@@ -304,7 +271,7 @@ class Recorder:
             driver=header.driver,
             policy=header.policy,
             sample_count=header.sample_count,
-            shard=self._committed[header.episode.index].shard,
+            shard=self._shards.durable[header.episode.index].shard,
         )
 
     def _finished(self, index: int, status: AppendStatus) -> AppendReply:
@@ -314,43 +281,17 @@ class Recorder:
     def _write(self, chunk: EpisodeChunk) -> None:
         """Write a granted episode and report it, done or lost."""
         try:
-            if self._must_end(tuple(chunk.outputs)):
-                self._close_shard()
-            if self._writer is None:
-                path = self._folder / shard_name(self.name, next_number(self._folder, self.name))
-                self._writer = ShardWriter(
-                    path,
-                    self._provenance,
-                    outputs=chunk.outputs,
-                    stage=self._stage,
-                    start_ns=self._next_start_ns,
-                    fsync=self._config.fsync,
-                )
-            self._writer.append(chunk, placed=True)
-            self._next_start_ns = self._writer.next_start_ns
-        except (OSError, RunError) as error:
-            failure = error if isinstance(error, RunError) else self._disk_error(error)
-            if isinstance(failure, DiskError):
-                raise failure from error
+            durable = self._shards.write(chunk)
+        except DiskError:
+            raise
+        except RunError as failure:
             self._buffers.drop(chunk.episode.index)
             self._grants.report(LostRequest(recorder=self.name, index=chunk.episode.index, reason=str(failure)))
             self._grants.flush()
-            raise failure from error
-        durable = Durable.of_chunk(chunk, self._writer.path.name)
-        self._committed[chunk.episode.index] = durable
+            raise
         self._grants.report(self._done_report(durable))
         self._grants.flush()
-        if self._shard_is_full():
-            # The episode is safe whatever happens here, and the next one tries again and says what is wrong.
-            with suppress(RunError):
-                self._close_shard()
-
-    def _shard_is_full(self) -> bool:
-        return self._writer is not None and self._writer.episode_count >= self._config.episodes_per_shard
-
-    def _must_end(self, outputs: tuple[str, ...]) -> bool:
-        """True if the open shard takes no episode with these outputs."""
-        return self._shard_is_full() or (self._writer is not None and self._writer.outputs != outputs)
+        self._shards.finish_full()
 
     def _done_report(self, durable: Durable) -> DoneRequest:
         return DoneRequest(
@@ -364,74 +305,22 @@ class Recorder:
 
     def _reconcile(self) -> None:
         """Save open shards, and answer for every grant that the coordinator believes this recorder holds."""
-        while self._open_shards:
-            self._salvage(self._open_shards[0])
-            self._open_shards.pop(0)
+        self._shards.salvage(lambda durable: self._grants.claim_done(self._done_report(durable)))
         pending = self._grants.pending()
         self._reconciled = True
         for index in pending:
             buffer = self._buffers.get(index)
-            if index in self._committed:
-                self._grants.report(self._done_report(self._committed[index]))
+            if index in self._shards.durable:
+                self._grants.report(self._done_report(self._shards.durable[index]))
             elif buffer is not None and buffer.complete:
                 self._record(index)
             else:
                 self._grants.report(LostRequest(recorder=self.name, index=index, reason=""))
 
-    def _try_disk(self) -> None:
-        """Raise DiskError if the disk still takes nothing: there may be no episode left to find that out with."""
-        probe = self._folder / f".room-{self.name}"
-        try:
-            probe.write_bytes(bytes(ROOM_BYTES))
-        except OSError as error:
-            raise self._disk_error(error) from error
-        finally:
-            with suppress(OSError):
-                probe.unlink(missing_ok=True)
-
-    def _salvage(self, shard: OpenShard) -> None:
-        """Publish an open shard without the episodes that are elsewhere by now."""
-        target = self._folder / shard.path.stem
-        if target.exists():
-            target = self._folder / shard_name(self.name, next_number(self._folder, self.name))
-        kept: dict[int, EpisodeChunk] = {}
-        for chunk in shard.chunks:
-            index, report = chunk.episode.index, self._done_report(Durable.of_chunk(chunk, target.name))
-            known = index in self._committed or index in kept
-            if not known and self._grants.claim_done(report):
-                kept[index] = chunk
-        try:
-            self._next_start_ns = publish(
-                shard,
-                tuple(kept.values()),
-                target,
-                stage=self._stage,
-                start_ns=self._next_start_ns,
-                fsync=self._config.fsync,
-            )
-        except OSError as error:
-            raise self._disk_error(error) from error
-        self._committed.update({index: Durable.of_chunk(chunk, target.name) for index, chunk in kept.items()})
-
-    def _close_shard(self) -> None:
-        if self._writer is None:
-            return
-        try:
-            self._writer.close()
-        except OSError as error:
-            raise self._disk_error(error) from error
-        self._writer = None
-
-    def _unlock(self) -> None:
-        if self._lock_descriptor is not None:
-            _lock_path(self._folder, self.name).unlink(missing_ok=True)
-            os.close(self._lock_descriptor)
-            self._lock_descriptor = None
-
     def _check_run(self, episode: EpisodeKey) -> None:
         """Indices name episodes within one run only."""
         if self._run is None:
-            first = next(iter(self._committed.values()), None)
+            first = next(iter(self._shards.durable.values()), None)
             self._run = (first.episode.seed, first.episode.split) if first else (episode.seed, episode.split)
         if (episode.seed, episode.split) != self._run:
             raise RunError(
@@ -439,26 +328,7 @@ class Recorder:
                 f"{episode.episode_id}; record every run into a folder of its own."
             )
 
-    def _disk_error(self, error: OSError) -> RunError:
-        if error.errno in _NO_ROOM:
-            return DiskError(f"No space left in {self._folder}; free some, and recording goes on.")
-        if error.errno in _READ_ONLY:
-            return DiskError(f"{self._folder} cannot be written ({error.strerror}); mend it, and recording goes on.")
-        return RunError(f"Writing to {self._folder} failed: {error.strerror or error}; mend it and run again to go on.")
-
 
 def handle_append(recorder: Recorder, request: AppendRequest) -> AppendReply:
     """Take a batch of samples."""
     return recorder.append(request)
-
-
-def _lock_path(folder: Path, name: str) -> Path:
-    return folder / f".recorder-{name}.lock"
-
-
-def _lock(folder: Path, name: str) -> int:
-    """Hold the recorder's name in this folder."""
-    descriptor = hold(_lock_path(folder, name), patience_s=LEAVING_S)
-    if descriptor is None:
-        raise RunError(f"Recorder {name} is recording into {folder} already; stop it, or choose another name.")
-    return descriptor

@@ -7,33 +7,25 @@ from readygo.common.lazy import lazy_names
 if TYPE_CHECKING:
     from readygo.services.renderer.calibration import calibrations as calibrations
     from readygo.services.renderer.config import RendererConfig as RendererConfig
-    from readygo.services.renderer.handlers import NO_PICTURE as NO_PICTURE
-    from readygo.services.renderer.handlers import Renderer as Renderer
-    from readygo.services.renderer.handlers import described_samples as described_samples
-    from readygo.services.renderer.handlers import episode_header as episode_header
-    from readygo.services.renderer.handlers import episode_samples as episode_samples
     from readygo.services.renderer.handlers import handle_render as handle_render
-    from readygo.services.renderer.handlers import with_goal_image as with_goal_image
     from readygo.services.renderer.live import LiveCamera as LiveCamera
     from readygo.services.renderer.looks import Look as Look
     from readygo.services.renderer.looks import goal_picture as goal_picture
     from readygo.services.renderer.looks import goal_view as goal_view
     from readygo.services.renderer.looks import look_around as look_around
     from readygo.services.renderer.looks import unclear as unclear
+    from readygo.services.renderer.renderer import Renderer as Renderer
+    from readygo.services.renderer.samples import NO_PICTURE as NO_PICTURE
+    from readygo.services.renderer.samples import described_samples as described_samples
+    from readygo.services.renderer.samples import episode_header as episode_header
+    from readygo.services.renderer.samples import episode_samples as episode_samples
+    from readygo.services.renderer.samples import with_goal_image as with_goal_image
     from readygo.services.renderer.service import attach as attach
 else:
     _NAMES = {
         ".calibration": ("calibrations",),
         ".config": ("RendererConfig",),
-        ".handlers": (
-            "NO_PICTURE",
-            "Renderer",
-            "described_samples",
-            "episode_header",
-            "episode_samples",
-            "handle_render",
-            "with_goal_image",
-        ),
+        ".handlers": ("handle_render",),
         ".live": ("LiveCamera",),
         ".looks": (
             "Look",
@@ -41,6 +33,14 @@ else:
             "goal_view",
             "look_around",
             "unclear",
+        ),
+        ".renderer": ("Renderer",),
+        ".samples": (
+            "NO_PICTURE",
+            "described_samples",
+            "episode_header",
+            "episode_samples",
+            "with_goal_image",
         ),
         ".service": ("attach",),
     }

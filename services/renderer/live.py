@@ -7,15 +7,8 @@ from readygo.common.episode import EpisodeSimulation
 from readygo.common.images.names import RGB
 from readygo.common.policy.sight import robot_sight
 from readygo.services.renderer.capture import Capture, Shot
-from readygo.services.renderer.handlers import (
-    Picture,
-    Renderer,
-    encode_picture,
-    episode_camera,
-    recorded_images,
-    robot_views,
-    view_image,
-)
+from readygo.services.renderer.renderer import Renderer, episode_camera, recorded_images, robot_views, view_image
+from readygo.services.renderer.samples import Picture, encode_picture
 from readygo.services.renderer.sensor.motion import Timeline
 
 

@@ -12,7 +12,7 @@ from readygo.common.images.clarity import CLARITY_OUTPUTS, coverage, sharpness
 from readygo.common.messages import EpisodeKey
 from readygo.services.renderer.capture import MomentAt, Shot
 from readygo.services.renderer.encoding import encode_image
-from readygo.services.renderer.handlers import Renderer, episode_camera
+from readygo.services.renderer.renderer import Renderer, episode_camera
 from readygo.services.renderer.sensor.motion import Moment
 from readygo.services.renderer.sensor.streams import SensorStream
 

@@ -4,7 +4,8 @@ from functools import partial
 
 from readygo.common.bus import Bus
 from readygo.common.messages import topics
-from readygo.services.renderer.handlers import Renderer, handle_render
+from readygo.services.renderer.handlers import handle_render
+from readygo.services.renderer.renderer import Renderer
 
 
 def attach(bus: Bus, renderer: Renderer, name: str) -> None:

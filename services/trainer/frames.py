@@ -5,8 +5,8 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.camera import CameraConfig
-from readygo.common.dataset.reader import decode_image
 from readygo.common.errors import DatasetError
+from readygo.common.images.encoded import decode_image
 from readygo.common.images.files import decode_output
 from readygo.common.images.names import GOAL_IMAGE, RGB, kind_of
 from readygo.common.policy.sight import as_measured, channels_of, in_bytes, side_by_side

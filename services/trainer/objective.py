@@ -14,28 +14,15 @@ from readygo.common.policy.artifact import MotionInput
 from readygo.common.policy.traits import LIMITS_AT
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import HUMAN, OBSTACLE, UNKNOWN_RISK, mirrored
-from readygo.services.trainer.augment import (
-    Goals,
-    RobotWarp,
-    View,
-    correct_for_turn,
-    corrupt_previous,
-    draw_views,
-    hindsight_goals,
-    light_on,
-    lit,
-    mirror_twins,
-    mirrored_motion,
-    own_goals,
-    plain_view,
-    show_frames,
-    turn_motion,
-    turn_world,
-)
 from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.frames import FrameCache, pooling_of
+from readygo.services.trainer.goals import Goals, hindsight_goals, own_goals
+from readygo.services.trainer.light import light_on, lit
 from readygo.services.trainer.model import Bins
+from readygo.services.trainer.motion import correct_for_turn, corrupt_previous, mirrored_motion, turn_motion, turn_world
 from readygo.services.trainer.samples import Array, Batch, Indices, SampleTable, Timing, make_batch
+from readygo.services.trainer.views import View, draw_views, plain_view
+from readygo.services.trainer.warps import RobotWarp, mirror_twins, show_frames
 
 WARPS_KEPT = 256
 """Cameras of episodes that are kept."""

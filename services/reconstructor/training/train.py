@@ -4,8 +4,6 @@ import hashlib
 import json
 import math
 import os
-import signal
-import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -25,6 +23,7 @@ from readygo.common.files import write_whole
 from readygo.common.gaussians.ply import save_ply
 from readygo.services.reconstructor.stages import Stages, worded
 from readygo.services.reconstructor.training.adam import Adam
+from readygo.services.reconstructor.training.batches import batch_views
 from readygo.services.reconstructor.training.between import points_between
 from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
 from readygo.services.reconstructor.training.config import GaussiansConfig
@@ -44,6 +43,8 @@ from readygo.services.reconstructor.training.drawing import (
     observed,
     view_gradients,
 )
+from readygo.services.reconstructor.training.exposures import Exposures
+from readygo.services.reconstructor.training.interruption import interruption
 from readygo.services.reconstructor.training.memory import check_memory
 from readygo.services.reconstructor.training.neighbours import choose_neighbours
 from readygo.services.reconstructor.training.parameters import Gaussians, initial_gaussians
@@ -150,14 +151,13 @@ class _Training:
             points_m, points_rgb = self._points()
             opacity = _OPACITY[self._settings.density.method]
             self._gaussians = initial_gaussians(points_m, points_rgb, self._settings.sh_degree, opacity)
-            self._exposures = np.zeros((len(self._posed.views), 2, 3), dtype=np.float32)
-            self._exposure_moments = np.zeros((2, *self._exposures.shape), dtype=np.float32)
+            self._exposures = Exposures.none(len(self._posed.views))
             self._seen = Sightings.none(len(self._gaussians))
             return
         numbers, arrays = found
         self._step = self._saved_step = int(numbers["step"])
         self._seconds = dict(numbers["seconds"])
-        self._exposures, self._exposure_moments = arrays.pop("exposures"), arrays.pop("exposure_moments")
+        self._exposures = Exposures(arrays.pop("exposures"), arrays.pop("exposure_moments"))
         self._seen = Sightings(arrays.pop("seen_gradient"), arrays.pop("seen_views"))
         self._gaussians = Gaussians.from_state(arrays)
 
@@ -175,7 +175,7 @@ class _Training:
         torch.set_num_threads(1)
         try:
             cores = min(self._settings.batch, len(os.sched_getaffinity(0)))
-            with _interruption() as interrupted, ThreadPoolExecutor(cores) as pool:
+            with interruption() as interrupted, ThreadPoolExecutor(cores) as pool:
                 self._steps(pool, cores, interrupted)
                 with self._clock("density"):
                     unseen = self._hidden(pool, self._photos_of(1), 1)
@@ -212,7 +212,8 @@ class _Training:
 
             def one(slot: int) -> ViewGradients:
                 number, geometry = numbers[slot], self._geometry(photos, numbers[slot], slot)
-                return view_gradients(leaves, photos[number], self._exposures[number], degree, self._settings, geometry)
+                exposure = self._exposures.values[number]
+                return view_gradients(leaves, photos[number], exposure, degree, self._settings, geometry)
 
             views = list(pool.map(one, range(len(numbers))))
         self._loss = float(np.mean([view.loss for view in views]))
@@ -221,7 +222,8 @@ class _Training:
         with self._clock("optimiser"):
             self._change(pool, cores, views)
             if self._settings.exposure:
-                self._change_exposures(numbers, views)
+                gradients = [view.exposure for view in views]
+                self._exposures.step(numbers, gradients, self._settings.rates.exposures, self._train)
         with self._clock("density"):
             if schedule.trims(step):
                 hidden = self._hidden(pool, photos, self._settings.geometry.trim_views)
@@ -259,16 +261,6 @@ class _Training:
 
         list(pool.map(one, (slice(a, b) for a, b in pairwise(ends))))
         limit_stretch(self._gaussians, self._settings.density.stretch_max)
-
-    def _change_exposures(self, numbers: list[int], views: list[ViewGradients]) -> None:
-        """Adam without corrections; gains and offsets of all images have no common part, which colours could hold."""
-        first, second = self._exposure_moments
-        for number, view in zip(numbers, views, strict=True):
-            first[number] += 0.1 * (view.exposure - first[number])
-            second[number] += 0.001 * (np.square(view.exposure) - second[number])
-            step = first[number] / (np.sqrt(second[number]) + 1e-15)
-            self._exposures[number] -= np.float32(self._settings.rates.exposures) * step
-        self._exposures[list(self._train)] -= self._exposures[list(self._train)].mean(axis=0)
 
     def _change_density(self) -> None:
         density, schedule, step = self._settings.density, self._schedule, self._step
@@ -329,8 +321,8 @@ class _Training:
             self._check_finite()
             arrays = {
                 **self._gaussians.state(),
-                "exposures": self._exposures,
-                "exposure_moments": self._exposure_moments,
+                "exposures": self._exposures.values,
+                "exposure_moments": self._exposures.moments,
                 "seen_gradient": self._seen.gradient,
                 "seen_views": self._seen.views,
             }
@@ -395,28 +387,3 @@ def _neighbours_of(posed: Posed, train: tuple[int, ...], settings: GaussiansConf
         count=config.neighbours,
     )
     return {number: tuple(train[k] for k in others) for number, others in zip(train, found, strict=True)}
-
-
-def batch_views(train: tuple[int, ...], step: int, batch: int, seed: int) -> list[int]:
-    """The views of a step: all in random order, then all in another one, and so on."""
-    places = range(step * batch, (step + 1) * batch)
-    orders = {epoch: _order(len(train), seed, epoch) for epoch in {place // len(train) for place in places}}
-    return [train[orders[place // len(train)][place % len(train)]] for place in places]
-
-
-def _order(count: int, seed: int, epoch: int) -> npt.NDArray[np.int64]:
-    return np.random.default_rng((seed, epoch, 1)).permutation(count)
-
-
-@contextmanager
-def _interruption() -> Iterator[Callable[[], bool]]:
-    """Ctrl-C is heard at the end of a step, when the state is whole; where signals cannot be heard, never."""
-    heard = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield heard.is_set
-        return
-    before = signal.signal(signal.SIGINT, lambda *_: heard.set())
-    try:
-        yield heard.is_set
-    finally:
-        signal.signal(signal.SIGINT, before)

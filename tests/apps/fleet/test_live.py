@@ -110,7 +110,7 @@ def _work_until(bus: Bus, worker: Worker, committed: int) -> None:
 
 def _policies(folder: RunFolder) -> list[str]:
     ledger = Ledger(folder.ledger, folder.load()[0].stages)
-    driven_by = ledger.driven_by()
+    driven_by = ledger.census.driven_by()
     ledger.close()
     return [*driven_by.values()]
 

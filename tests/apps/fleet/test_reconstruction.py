@@ -34,7 +34,7 @@ def test_worker_that_joins_does_the_job(tmp_path: Path, monkeypatch: pytest.Monk
         return {"scene": str(job.out)}
 
     monkeypatch.setattr(service, "reconstruct", do)
-    monkeypatch.setattr("readygo.apps.fleet.worker.signal.signal", lambda *_: None)
+    monkeypatch.setattr("readygo.apps.fleet.process.signal.signal", lambda *_: None)
     endpoint, heard = free_endpoint(), Heard()
     job = Job(source=tmp_path / "v.mp4", out=tmp_path / "lobby", work=tmp_path / "work")
     replies: list[dict[str, Any]] = []

@@ -1,4 +1,3 @@
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -6,7 +5,7 @@ import pytest
 
 from readygo.apps.fleet import access
 from readygo.apps.fleet.fleet import CANNOT_WORK
-from readygo.apps.fleet.worker import _watch_thread, worker
+from readygo.apps.fleet.worker import worker
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.errors import BusError
 from readygo.common.messages import topics
@@ -25,7 +24,7 @@ def endpoint() -> Iterator[str]:
 
 @pytest.fixture(autouse=True)
 def _signals_stay(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("readygo.apps.fleet.worker.signal.signal", lambda *_: None)
+    monkeypatch.setattr("readygo.apps.fleet.process.signal.signal", lambda *_: None)
     # Kernels are not what these tests are about, and nor is who made the run.
     monkeypatch.setattr("readygo.apps.run.warm.warm_once", lambda *_: None)
     monkeypatch.setattr("readygo.apps.fleet.worker.check_same_make", lambda *_: None)
@@ -49,19 +48,3 @@ def test_worker_without_a_bus_may_try_again(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(access, "ROUTER_ABSENT_S", 0.0)
     with pytest.raises(BusError, match="No router answers"):
         worker("animator", connect=free_endpoint(), run="run-test")
-
-
-def test_thread_that_hangs_is_noticed_and_one_that_works_is_not() -> None:
-    over = threading.Event()
-    hanging = threading.Thread(target=over.wait)
-    working = threading.Thread(target=lambda: [sum(range(1000)) for _ in iter(over.is_set, True)])
-    noticed: dict[str, threading.Event] = {}
-    for name, thread, silent_s in (("hanging", hanging, 0.2), ("working", working, 30.0)):
-        thread.start()
-        noticed[name] = threading.Event()
-        _watch_thread(thread, silent_s=silent_s, end=noticed[name].set)
-    assert noticed["hanging"].wait(20.0)
-    assert not noticed["working"].is_set()
-    over.set()
-    for thread in (hanging, working):
-        thread.join()

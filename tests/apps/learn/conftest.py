@@ -38,5 +38,5 @@ def _offer(policy: Path, ledger: Path, blobs: Path, plan: Plan) -> None:
     files = policy_refs(policy)
     for file in files:
         store.put((policy / file.path).read_bytes())
-    book.offer(PolicyRef(path="", files=files, mix=plan.learn.mix), 0)
+    book.policies.offer(PolicyRef(path="", files=files, mix=plan.learn.mix), 0)
     book.close()

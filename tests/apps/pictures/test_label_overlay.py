@@ -79,6 +79,6 @@ def test_overlay_is_written_for_data_with_labels_only(tmp_path) -> None:
 def test_dataset_in_which_nobody_is_seen_has_no_overlay(tmp_path) -> None:
     write_shard(tmp_path, [0], sample_count=1, labels=True)
     dataset = Dataset([tmp_path])
-    dataset._rows["human_visible"] = False
+    dataset._table.rows["human_visible"] = False
     with pytest.raises(DatasetError, match="no sample in which the robot sees somebody"):
         label_overlay(dataset)

@@ -30,7 +30,9 @@ def data(tmp_path: Path) -> Path:
         folder.save(LIVE, 4)
     ledger, blobs = Ledger(folder.ledger, DRIVE_LINE), BlobStore(folder.blobs)
     offered = [
-        ledger.offer(PolicyRef(path="", files=(FileRef(path="head", sha256=blobs.put(head), size=1),), mix=0.5), 1)
+        ledger.policies.offer(
+            PolicyRef(path="", files=(FileRef(path="head", sha256=blobs.put(head), size=1),), mix=0.5), 1
+        )
         for head in (b"1", b"2")
     ]
     ledger.open_episodes(4)
@@ -52,7 +54,7 @@ def test_durable_episodes_are_opened_with_their_policies_and_nothing_else(data: 
     assert ledger.open_episodes(2) == 0
     leases = [ledger.claim(DRIVE_LINE[0], "w", 10.0) for _ in range(3)]
     assert [lease.index for lease in leases if lease] == [0, 2]
-    (policy,) = ledger.policies()
+    (policy,) = ledger.policies.all()
     assert BlobStore(RunFolder(tmp_path / "again").blobs).get(policy.files[0].sha256) == b"2"
     ledger.close()
 
@@ -64,7 +66,7 @@ def test_folder_that_has_grown_since_is_followed(data: Path, tmp_path: Path) -> 
     grown.close()
     _, count, ledger = _prepared(data, tmp_path / "again")
     assert count == 3
-    assert ledger.waiting() == {"human-plan": 3}
+    assert ledger.census.waiting() == {"human-plan": 3}
     ledger.close()
 
 

@@ -1,3 +1,4 @@
+import copy
 import dataclasses
 
 import numpy as np
@@ -131,3 +132,67 @@ def test_index_of_nothing_is_empty() -> None:
     index = IndexRows().index(PROVENANCE, size_bytes=10, tail=b"x")
     assert (len(index.episodes), len(index.samples), index.outputs) == (0, 0, {})
     assert index.provenance == PROVENANCE
+
+
+def test_missing_or_stale_index_is_made_again(two_shards) -> None:
+    shard = two_shards / "shard-r0-00000.mcap"
+    want = index_path(shard).read_bytes()
+    for content in (None, b"", b"damaged", index_path(two_shards / "shard-r0-00001.mcap").read_bytes()):
+        index_path(shard).unlink()
+        if content is not None:
+            index_path(shard).write_bytes(content)
+        assert len(Dataset([two_shards])) == 54
+        assert index_path(shard).read_bytes() == want
+
+
+def test_index_of_a_changed_shard_of_the_same_size_is_not_used(two_shards) -> None:
+    shard = two_shards / "shard-r0-00000.mcap"
+    index = index_path(shard).read_bytes()
+    size = shard.stat().st_size
+    write_shard(two_shards, [4, 0], number=0, goal_xy_m=(3.0, 1.0))
+    index_path(shard).write_bytes(index)
+    assert shard.stat().st_size == size
+    assert Dataset([two_shards]).goals_xy_m[0] == pytest.approx(
+        make_episode(0, goal_xy_m=(3.0, 1.0))[1][0].goal_xy_robot_m
+    )
+
+
+def test_dataset_without_indexes_in_a_folder_that_cannot_be_written(two_shards, monkeypatch) -> None:
+    for path in two_shards.glob("*.index"):
+        path.unlink()
+
+    def refuse(*arguments: object, **options: object) -> None:
+        raise PermissionError("read-only file system")
+
+    monkeypatch.setattr("readygo.common.dataset.index.write_index", refuse)
+    assert len(Dataset([two_shards])) == 54
+
+
+def test_written_index_equals_the_rebuilt_one(two_shards) -> None:
+    shard = two_shards / "shard-r0-00001.mcap"
+    with mapped(shard) as view:
+        rebuilt = build_index(view, shard)
+    stored = read_index(index_path(shard))
+    assert stored is not None
+    assert stored.equals(rebuilt)
+    assert load_index(shard).equals(rebuilt)
+
+
+def test_index_two_rich_shards_is_made_again_as_it_was(two_rich_shards) -> None:
+    shard = two_rich_shards / "shard-r0-00001.mcap"
+    stored, want = read_index(index_path(shard)), index_path(shard).read_bytes()
+    index_path(shard).unlink()
+    assert stored is not None
+    assert list(stored.outputs) == ["depth", "alpha", "mask"]
+    assert load_index(shard).equals(stored)
+    assert index_path(shard).read_bytes() == want
+
+
+def test_indexes_that_differ_in_the_place_of_an_output_are_not_equal(two_rich_shards) -> None:
+    index = load_index(two_rich_shards / "shard-r0-00000.mcap")
+    other = copy.deepcopy(index)
+    assert index.equals(other)
+    other.outputs["mask"]["offset"][3] += 1
+    assert not index.equals(other)
+    del other.outputs["mask"]
+    assert not index.equals(other)

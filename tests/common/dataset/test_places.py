@@ -2,7 +2,16 @@ from pathlib import Path
 
 import pytest
 
-from readygo.common.dataset.places import MARK, NOTE, absent, note_folders, own_folders, present_folders, shard_folders
+from readygo.common.dataset.places import (
+    MARK,
+    NOTE,
+    absent,
+    find_shards,
+    note_folders,
+    own_folders,
+    present_folders,
+    shard_folders,
+)
 from readygo.common.errors import DatasetError
 
 
@@ -32,3 +41,13 @@ def test_note_that_is_none_is_named(text: str, tmp_path: Path) -> None:
     (tmp_path / NOTE).write_text(text)
     with pytest.raises(DatasetError, match=r"recorders\.json, which says where .* cannot be read"):
         shard_folders(tmp_path)
+
+
+def test_missing_folder_and_folder_without_shards_are_named(tmp_path) -> None:
+    with pytest.raises(DatasetError, match="nowhere does not exist; record one"):
+        find_shards(tmp_path / "nowhere")
+    with pytest.raises(DatasetError, match="holds no finished shards"):
+        find_shards(tmp_path)
+    (tmp_path / "shard-r0-00000.mcap.part").write_bytes(b"")
+    with pytest.raises(DatasetError, match="1 are still being written"):
+        find_shards(tmp_path)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from readygo.common.images.encoded import decode_pixels, encoded_size_px
+from readygo.common.images.encoded import decode_image, decode_pixels, encoded_size_px
 
 IMAGE = np.arange(20 * 30 * 3, dtype=np.uint8).reshape(20, 30, 3)
 
@@ -59,3 +59,12 @@ def test_other_formats_and_damaged_files_are_none() -> None:
     assert decode_pixels(_file(".bmp"), cv2.IMREAD_COLOR) is None
     assert decode_pixels(b"", cv2.IMREAD_COLOR) is None
     assert decode_pixels(_file(".png")[:40], cv2.IMREAD_COLOR) is None
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg"])
+def test_decoded_image_is_rgb(suffix: str) -> None:
+    image = decode_image(_file(suffix))
+    assert image is not None
+    bgr = cv2.imdecode(np.frombuffer(_file(suffix), np.uint8), cv2.IMREAD_COLOR)
+    np.testing.assert_array_equal(image, bgr[..., ::-1])
+    assert decode_image(b"no image") is None

@@ -115,3 +115,11 @@ class Line:
 
     def status(self) -> StatusReply:
         return self.bus.request(topics.STATUS, StatusRequest())
+
+
+def line_to_two_recorders(folder: Path) -> Line:
+    """A run with four episodes that wait for their images."""
+    line = Line(folder, wanted=4, recorders=("rec0", "east"))
+    for _ in range(4):
+        line.plan()
+    return line

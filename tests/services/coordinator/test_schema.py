@@ -36,8 +36,8 @@ def test_ledger_of_before_there_were_policies_goes_on(tmp_path: Path) -> None:
     whole = _columns(path)
     _strip(path)
     again = Ledger(path, (FILM,))
-    assert again.driven_by() == {1: ""}
-    offered = again.offer(POLICY, 1)
+    assert again.census.driven_by() == {1: ""}
+    offered = again.policies.offer(POLICY, 1)
     lease = again.claim(FILM, "w", 10.0)
     assert lease is not None
     assert (lease.index, lease.policy) == (0, offered.sha256)

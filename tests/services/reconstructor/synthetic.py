@@ -132,3 +132,11 @@ def synthetic_database(folder: Path, *, matches_of_last: int = 80) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         cv2.imwrite(str(path.with_suffix(".png")), np.full((120, 160, 3), 90, np.uint8))
         path.with_suffix(".png").rename(path)
+
+
+def photos(folder: Path, count: int) -> Path:
+    """A folder of grey photos."""
+    folder.mkdir(exist_ok=True)
+    for number in range(count):
+        cv2.imwrite(str(folder / f"{number}.jpg"), np.full((60, 80, 3), 90, np.uint8))
+    return folder

@@ -9,6 +9,7 @@ from readygo.common.errors import BusError
 from readygo.common.messages import AppendStatus, GrantRequest, Verdict, VerdictStatus
 from readygo.services.recorder import Recorder, RecorderConfig, handle_append
 from tests.common.dataset.episodes import PROVENANCE, append_requests, make_episode
+from tests.services.recorder.by_hand import crash
 from tests.services.recorder.coordinator import FakeCoordinator
 
 EPISODES, SAMPLES = 12, 10
@@ -66,9 +67,7 @@ class Site:
 
     def restart(self) -> None:
         self.cut_count += 1
-        if self.recorder._writer is not None:
-            self.recorder._writer.abandon()
-        self.recorder._unlock()
+        crash(self.recorder)
         self.recorder = self._start()
 
     def send(self, index: int) -> None:

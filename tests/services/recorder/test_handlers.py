@@ -2,42 +2,22 @@ import dataclasses
 import errno
 import os
 import threading
-from pathlib import Path
 
 import pytest
-from mcap.reader import make_reader
 
 from readygo.common.bus import InProcessBus
 from readygo.common.dataset import Dataset, Provenance, validate
-from readygo.common.dataset.stage import PAUSE_NS
 from readygo.common.errors import DatasetError, DiskError, RunError
 from readygo.common.messages import (
     AppendReply,
-    AppendRequest,
     AppendStatus,
     EpisodeKey,
     Split,
     VerdictStatus,
-    decode,
-    encode,
 )
 from readygo.services.recorder import Recorder, handle_append
-from tests.common.dataset.episodes import append_requests, make_episode, write_shard
-
-
-def send(recorder: Recorder, requests: list[AppendRequest]) -> list[str]:
-    return [handle_append(recorder, request).status.value for request in requests]
-
-
-def crash(recorder: Recorder) -> None:
-    """Leave everything as a killed process does: its files stay, its lock goes."""
-    if recorder._writer is not None:
-        recorder._writer.abandon()
-    recorder._unlock()
-
-
-def names(folder: Path) -> list[str]:
-    return sorted(path.name for path in folder.iterdir())
+from tests.common.dataset.episodes import append_requests
+from tests.services.recorder.by_hand import crash, names, send
 
 
 def test_episode_is_committed_with_its_last_batch(make_recorder, coordinator, tmp_path) -> None:
@@ -49,55 +29,6 @@ def test_episode_is_committed_with_its_last_batch(make_recorder, coordinator, tm
     assert [entry.sample_count for entry in Dataset([tmp_path]).episodes] == [20]
     assert names(tmp_path) == ["shard-r0-00000.index", "shard-r0-00000.mcap"]
     assert validate(tmp_path).defects == ()
-
-
-def test_full_shard_is_finished_at_once(make_recorder, tmp_path) -> None:
-    recorder = make_recorder()
-    for index in range(4):
-        send(recorder, append_requests(index))
-    assert [entry.episode.index for entry in Dataset([tmp_path]).episodes] == [0, 1, 2]
-    recorder.close()
-    assert len(Dataset([tmp_path]).episodes) == 4
-
-
-def chunk_times_ns(folder: Path) -> list[tuple[int, int]]:
-    """First and last time of every chunk, shard by shard."""
-    times = []
-    for shard in sorted(folder.glob("*.mcap")):
-        with shard.open("rb") as file:
-            summary = make_reader(file).get_summary()
-        assert summary is not None
-        times += [(index.message_start_time, index.message_end_time) for index in summary.chunk_indexes]
-    return times
-
-
-def test_time_runs_on_from_shard_to_shard_and_over_a_restart(make_recorder, tmp_path) -> None:
-    for indices in ((4, 0), (1, 3)):
-        recorder = make_recorder(episodes_per_shard=1)
-        for index in indices:
-            send(recorder, append_requests(index))
-        recorder.close()
-    times = chunk_times_ns(tmp_path)
-    assert len(list(tmp_path.glob("*.mcap"))) == len(times) == 4
-    assert times[0][0] == 0
-    assert [start - PAUSE_NS for start, _ in times[1:]] == [end for _, end in times[:-1]]
-
-
-def test_a_run_of_the_first_format_goes_on_in_todays(make_recorder, tmp_path) -> None:
-    write_shard(tmp_path, [0, 2])
-    recorder = make_recorder()
-    assert send(recorder, append_requests(2))[-1] == "dup"
-    assert send(recorder, append_requests(1))[-1] == "committed"
-    recorder.close()
-    assert [entry.episode.index for entry in Dataset([tmp_path]).episodes] == [0, 1, 2]
-    assert validate(tmp_path).defects == ()
-    _, before, after = chunk_times_ns(tmp_path)
-    assert after[0] == before[1] + PAUSE_NS
-
-
-def test_recorder_without_episodes_leaves_nothing(make_recorder, tmp_path) -> None:
-    make_recorder().close()
-    assert names(tmp_path) == []
 
 
 def test_batch_sent_again_changes_nothing(make_recorder, coordinator, tmp_path) -> None:
@@ -267,43 +198,6 @@ def test_disk_that_takes_nothing_is_waited_for(make_recorder, coordinator, tmp_p
     assert validate(tmp_path).defects == ()
 
 
-def test_full_disk_while_a_shard_is_finished_loses_nothing(make_recorder, tmp_path, monkeypatch) -> None:
-    recorder = make_recorder(episodes_per_shard=1)
-
-    def refuse(*arguments: object) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr("readygo.common.dataset.writer.os.replace", refuse)
-    assert send(recorder, append_requests(0)) == ["ok", "committed"]
-    assert send(recorder, append_requests(1)) == ["ok", "retry"]
-    monkeypatch.undo()
-    monkeypatch.setattr("readygo.services.recorder.handlers.FULL_S", 0.0)
-    assert recorder.settle()
-    recorder.close()
-    assert len(Dataset([tmp_path]).episodes) == 2
-    assert validate(tmp_path).defects == ()
-
-
-def test_nothing_follows_a_failed_write_that_cannot_be_cut_off(make_recorder, tmp_path, monkeypatch) -> None:
-    recorder = make_recorder()
-    send(recorder, append_requests(0))
-
-    def refuse(*arguments: object) -> None:
-        raise OSError(errno.EIO, "Input/output error")
-
-    monkeypatch.setattr("readygo.common.dataset.writer.os.write", refuse)
-    monkeypatch.setattr("readygo.common.dataset.writer.os.ftruncate", refuse)
-    with pytest.raises(RunError, match=r"Writing to .* failed: Input/output error"):
-        send(recorder, append_requests(1))
-    monkeypatch.undo()
-    with pytest.raises(RunError, match="not open any more"):
-        send(recorder, append_requests(1, attempt=2))
-    crash(recorder)
-    resumed = make_recorder()
-    resumed.settle()
-    assert len(Dataset([tmp_path]).episodes) == 1
-
-
 def test_longest_untouched_buffer_goes_first(make_recorder) -> None:
     recorder = make_recorder()
     requests = {index: append_requests(index, 20) for index in range(3)}
@@ -318,16 +212,6 @@ def test_an_episode_larger_than_the_bound_is_still_recorded(make_recorder) -> No
     recorder = make_recorder()
     recorder._buffers._limit_bytes = 100
     assert send(recorder, append_requests(0, 20)) == ["ok", "ok", "committed"]
-
-
-def test_second_recorder_of_a_name_is_refused_unless_the_first_one_leaves(make_recorder, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("readygo.services.recorder.handlers.LEAVING_S", 0.2)
-    recorder = make_recorder()
-    with pytest.raises(RunError, match=r"r0 is recording into .* already"):
-        make_recorder()
-    make_recorder("r1").close()
-    recorder.close()
-    make_recorder().close()
 
 
 def test_name_must_fit_a_topic(make_recorder) -> None:
@@ -382,18 +266,6 @@ def test_interleaved_senders_in_threads_all_commit(make_recorder, coordinator, t
     assert validate(tmp_path).episode_count == 6
 
 
-def test_outputs_are_recorded_and_found_again(make_recorder, tmp_path) -> None:
-    recorder = make_recorder()
-    for index in range(4):
-        requests = append_requests(index, outputs=("depth", "mask"))
-        assert send(recorder, [decode(AppendRequest, encode(request)) for request in requests])[-1] == "committed"
-    recorder.close()
-    assert validate(tmp_path).defects == ()
-    dataset, samples = Dataset([tmp_path]), make_episode(2, outputs=("depth", "mask"))[1]
-    assert dataset.outputs == ("rgb", "depth", "mask")
-    assert [dataset.output(24 + seq, "mask") for seq in range(12)] == [sample.outputs["mask"] for sample in samples]
-
-
 def test_output_that_is_damaged_on_its_way_is_asked_for_again(make_recorder) -> None:
     recorder = make_recorder()
     first, last = append_requests(0, outputs=("depth",))
@@ -403,15 +275,6 @@ def test_output_that_is_damaged_on_its_way_is_asked_for_again(make_recorder) -> 
     reply = handle_append(recorder, dataclasses.replace(first, samples=samples))
     assert (reply.status.value, reply.expected_seq) == ("gap", 3)
     assert send(recorder, [first, last]) == ["ok", "committed"]
-
-
-def test_episodes_with_other_outputs_go_into_a_shard_of_their_own(make_recorder, tmp_path) -> None:
-    recorder = make_recorder()
-    for index, outputs in enumerate([(), ("depth",), ("depth",)]):
-        send(recorder, append_requests(index, outputs=outputs))
-    recorder.close()
-    assert validate(tmp_path).defects == ()
-    assert [entry.shard.name[-6] for entry in Dataset([tmp_path]).episodes] == ["0", "1", "1"]
 
 
 def test_episodes_that_others_record_meanwhile_are_dropped_and_the_disk_is_tried_again(

@@ -11,8 +11,8 @@ from readygo.common.dataset import Dataset, committed_episodes
 from readygo.common.messages import CommittedEpisode, topics
 from readygo.services.recorder import Recorder, RecorderConfig, attach
 from tests.common.dataset.episodes import PROVENANCE, append_requests
+from tests.services.recorder.by_hand import send
 from tests.services.recorder.coordinator import FakeCoordinator
-from tests.services.recorder.test_handlers import send
 
 
 def test_episode_is_published_once_it_is_durable(make_recorder, coordinator, tmp_path: Path) -> None:

@@ -8,8 +8,8 @@ import torch
 from readygo.common.robot.command_grid import HUMAN, OBSTACLE, UNKNOWN_RISK
 from readygo.common.robot.command_grid import mirrored as mirrored_commands
 from readygo.services.trainer import with_overrides
-from readygo.services.trainer.augment import own_goals
 from readygo.services.trainer.episodes import read_episodes
+from readygo.services.trainer.goals import own_goals
 from readygo.services.trainer.model import Bins, PolicyNet
 from readygo.services.trainer.objective import Objective, humans_loss, risks_loss
 from readygo.services.trainer.parts import Part, build_parts, timing_of

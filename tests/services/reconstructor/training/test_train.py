@@ -20,7 +20,7 @@ from readygo.services.reconstructor.training.config import (
     GeometryConfig,
     RatesConfig,
 )
-from readygo.services.reconstructor.training.train import TrainingProgress, batch_views, train_gaussians
+from readygo.services.reconstructor.training.train import TrainingProgress, train_gaussians
 
 SETTINGS = GaussiansConfig(
     steps=40,
@@ -155,10 +155,3 @@ def test_missing_images_are_refused(write_posed: Write, tmp_path: Path) -> None:
     (posed / "images" / "3.png").unlink()
     with pytest.raises(SceneError, match=r"lacks 1 images of the model, 3.png"):
         train_gaussians(posed, tmp_path / "out", SETTINGS, silent)
-
-
-def test_every_view_comes_once_an_epoch() -> None:
-    train_views = (1, 2, 3, 5, 7)
-    drawn = [number for step in range(5) for number in batch_views(train_views, step, 2, 0)]
-    assert sorted(drawn[:5]) == sorted(drawn[5:]) == list(train_views)
-    assert drawn[:5] != drawn[5:]

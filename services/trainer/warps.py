@@ -1,9 +1,8 @@
-"""Random changes to training samples, alike for all samples of one episode in a batch."""
+"""Frames as a robot's cameras would have them, had it been turned, shifted or mirrored."""
 
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
@@ -12,52 +11,16 @@ import numpy.typing as npt
 
 from readygo.common.camera import CameraConfig
 from readygo.common.camera.lens import make_lens
-from readygo.common.frames import goals_in_robot_frames
-from readygo.common.images.names import RGB, cameras_of, kind_of, kinds_of
+from readygo.common.images.names import cameras_of, kinds_of
 from readygo.common.policy.sight import camera_on, channels_of
 from readygo.common.robot import RobotConfig
-from readygo.services.trainer.config import SamplingConfig
-from readygo.services.trainer.samples import Indices, SampleTable
-
-NEAR_M = 1.0
-"""Goals are reached at this distance [m]."""
+from readygo.services.trainer.samples import Indices
+from readygo.services.trainer.views import View
 
 COLOURS = 3
 """Channels that are colours; those behind them are depths."""
 Array = npt.NDArray[np.float32]
 Image = npt.NDArray[np.uint8]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class View:
-    """How each of G episodes is shown in a batch: turned, then shifted, then mirrored, in another light."""
-
-    yaws_rad: npt.NDArray[np.float64]
-    """Turn of the robot to the left [rad], shape (G,)."""
-    shifts_px: Indices
-    """Rows and columns by which the image moves down and right, shape (G, 2)."""
-    mirrored: npt.NDArray[np.bool_]
-    """Shape (G,)."""
-    light: Array
-    """What the network is given for each byte of each colour, shape (G, 256, 3)."""
-
-
-def draw_views(turnable: npt.NDArray[np.bool_], config: SamplingConfig, rng: np.random.Generator) -> View:
-    """A random view of each episode.
-
-    Args:
-        turnable: False where the robot must not be turned, shape (G,).
-        config: How far.
-        rng: Random generator.
-    """
-    count = len(turnable)
-    yaws_rad = config.yaw_error_rad * np.clip(rng.normal(0.0, 1.0, count), -2.5, 2.5)
-    return View(
-        yaws_rad=np.where(turnable, yaws_rad, 0.0),
-        shifts_px=rng.integers(-config.shift_px, config.shift_px + 1, (count, 2)),
-        mirrored=rng.random(count) < config.mirror,
-        light=draw_light(count, config.photometric, rng),
-    )
 
 
 def in_mirror(camera: CameraConfig) -> CameraConfig:
@@ -86,36 +49,6 @@ def mirror_twins(robot: RobotConfig, cameras: Sequence[str]) -> dict[str, str] |
             return None
         twins[camera] = found[0]
     return twins
-
-
-def plain_view() -> View:
-    """What the camera saw, for a single episode or all of them."""
-    zeros = np.zeros(1)
-    return View(
-        yaws_rad=zeros,
-        shifts_px=np.zeros((1, 2), np.int64),
-        mirrored=np.zeros(1, np.bool_),
-        light=draw_light(1, 0.0, np.random.default_rng(0)),
-    )
-
-
-def draw_light(count: int, strength: float, rng: np.random.Generator) -> Array:
-    """Contrast, brightness and colour of episodes, as tables from bytes to numbers around [-1, 1].
-
-    Args:
-        count: Number of episodes.
-        strength: Largest relative change.
-        rng: Random generator.
-
-    Returns:
-        Shape (count, 256, 3).
-    """
-    contrast = 1 + rng.uniform(-strength, strength, (count, 1, 1))
-    colour = 1 + rng.uniform(-strength, strength, (count, 1, 3)) / 2
-    brightness = rng.uniform(-strength, strength, (count, 1, 1))
-    plain = (np.arange(256) / 127.5 - 1)[:, None]
-    tables: Array = (contrast * colour * plain + brightness + colour - 1).astype(np.float32)
-    return tables
 
 
 class RobotWarp:
@@ -281,135 +214,3 @@ def _move(frame: Image, shift_px: Indices, mirrored: bool, *, out: Image) -> Non
     target[rows, columns.stop :] = target[rows, columns.stop - 1 : columns.stop]
     target[: rows.start] = target[rows.start]
     target[rows.stop :] = target[rows.stop - 1]
-
-
-def lit(frames: Image, groups: Indices, light: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
-    """What the network is given for frames.
-
-    Args:
-        frames: Frames, shape (F, H, W, C).
-        groups: Row of each frame's episode in `light`, shape (F,).
-        light: Tables from bytes, of float32 or of 16 bits that stand for bfloat16, shape (G, 256, C).
-
-    Returns:
-        Of the type of `light`, shape (F, H, W, C).
-    """
-    shown = np.empty(frames.shape, light.dtype)
-    for row, group in enumerate(groups.tolist()):
-        cv2.LUT(frames[row], light[group][None], dst=shown[row])
-    return shown
-
-
-def light_on(light: Array, images: Sequence[str]) -> Array:
-    """Tables of the channels of some images: of colours the light's, of depths what changes nothing, (G, 256, C)."""
-    if len(images) == 1:
-        return light
-    plain = np.broadcast_to(draw_light(1, 0.0, np.random.default_rng(0))[..., :1], (len(light), 256, 1))
-    return np.concatenate([light if kind_of(name) == RGB else plain for name in images], axis=2)
-
-
-def turn_world(xy_m: Array, yaws_rad: npt.NDArray[np.float64]) -> Array:
-    """Places in the frames of robots that are turned to the left by `yaws_rad`, shape (B, 2)."""
-    c, s = np.cos(yaws_rad), np.sin(yaws_rad)
-    x, y = xy_m.T
-    turned: Array = np.stack([c * x + s * y, c * y - s * x], axis=1).astype(np.float32)
-    return turned
-
-
-def turn_motion(motion: Array, yaws_rad: npt.NDArray[np.float64]) -> Array:
-    """Own motion of robots that were turned to the left by `yaws_rad` at all of their frames, shape (B, 3 K + 2)."""
-    turned = motion.copy()
-    for begin in range(0, motion.shape[1] - 2, 3):
-        turned[:, begin : begin + 2] = turn_world(motion[:, begin : begin + 2], yaws_rad)
-    return turned
-
-
-def mirrored_motion(width: int) -> Array:
-    """Signs of the features of own motion in a mirrored world: of K older frames and the command, shape (3 K + 2,)."""
-    return np.array([1, -1, -1] * ((width - 2) // 3) + [1, -1], np.float32)
-
-
-def correct_for_turn(
-    commands: Array,
-    yaws_rad: npt.NDArray[np.float64],
-    gain_per_s: float,
-    w_max_radps: npt.NDArray[np.float64] | float,
-) -> Array:
-    """Commands of robots that were turned to the left by `yaws_rad`: they turn back.
-
-    Args:
-        commands: v [m/s], w [rad/s], shape (B, 2).
-        yaws_rad: Turn of each robot [rad], shape (B,).
-        gain_per_s: Turn rate per yaw error that brings the robot back [1/s].
-        w_max_radps: Limit of the corrected turn rate [rad/s], shape (B,) or one for all.
-
-    Source: Bojarski et al., End to end learning for self-driving cars, 2016 (rotated views with corrected steering).
-    """
-    corrected = commands.copy()
-    turned = yaws_rad != 0
-    w_radps = np.clip(commands[:, 1] - gain_per_s * yaws_rad, -w_max_radps, w_max_radps)
-    corrected[turned, 1] = w_radps[turned]
-    return corrected
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Goals:
-    """Goals of a batch."""
-
-    xy_m: Array
-    """In the robot's frame [m], shape (B, 2)."""
-    seen_from: Indices
-    """The sample whose frame shows what is seen there; -1 - e for the image of the goal of episode e, shape (B,)."""
-
-
-def own_goals(table: SampleTable, samples: Indices) -> Goals:
-    """The goals of the episodes."""
-    return Goals(xy_m=table.goals_xy_m[samples], seen_from=-1 - table.episode[samples])
-
-
-def hindsight_goals(
-    table: SampleTable, samples: Indices, share: float, rng: np.random.Generator, *, seen: bool = False
-) -> Goals:
-    """Goals of samples, some of them replaced by a place that the robot reached later in the same episode.
-
-    What the expert did was right for every place that it came to undisturbed, so that one episode teaches many goals.
-    Places within `NEAR_M` are no goals: an episode ends before the robot is that near.
-
-    Args:
-        table: Poses, goals and episodes.
-        samples: Sample indices, shape (B,).
-        share: Probability that a sample's goal is replaced.
-        rng: Random generator.
-        seen: Take only places at which an image was taken.
-
-    Source: Andrychowicz et al., Hindsight experience replay, 2017; Ghosh et al., Learning to reach goals via iterated
-    supervised learning, 2019.
-    """
-    later = samples + np.ceil(rng.random(len(samples)) * (table.driven_last[samples] - samples)).astype(np.int64)
-    later = table.pictured_at[later] if seen else later
-    reached = goals_in_robot_frames(table.xyyaw[samples], table.xyyaw[later, :2]).astype(np.float32)
-    dx, dy = (table.xyyaw[later, :2] - table.xyyaw[samples, :2]).T
-    replaced = (rng.random(len(samples)) < share) & (dx * dx + dy * dy > NEAR_M**2)
-    own = own_goals(table, samples)
-    xy_m: Array = np.where(replaced[:, None], reached, own.xy_m)
-    return Goals(xy_m=xy_m, seen_from=np.where(replaced, later, own.seen_from))
-
-
-def corrupt_previous(commands: Array, noise: Array, withheld: npt.NDArray[np.bool_]) -> Array:
-    """Previous actions as `MotionInput.COMMAND` has them, with noise, and withheld (0, 0, 0) in some samples.
-
-    An imitator that sees the previous action learns to repeat it: consecutive actions of an expert hardly differ, and
-    the copy scores well on recorded data but never starts or stops by itself.
-
-    Args:
-        commands: v [m/s], w [rad/s], shape (B, 2).
-        noise: Added to them, shape (B, 2).
-        withheld: Where the previous action is not known, shape (B,).
-
-    Returns:
-        Shape (B, 3).
-
-    Source: Wen et al., Fighting copycat agents in behavioral cloning from observation histories, 2020.
-    """
-    known = np.concatenate([commands + noise, np.ones((len(commands), 1))], axis=1)
-    return np.where(withheld[:, None], 0.0, known).astype(np.float32)

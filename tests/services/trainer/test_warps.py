@@ -1,35 +1,15 @@
 import dataclasses
-import math
 
 import numpy as np
 import pytest
 
 from readygo.common.camera import CameraConfig
 from readygo.common.camera.lens import make_lens
-from readygo.common.policy.motion import own_motion
 from readygo.common.robot import RobotConfig
-from readygo.services.trainer.augment import (
-    RobotWarp,
-    View,
-    correct_for_turn,
-    corrupt_previous,
-    draw_light,
-    draw_views,
-    hindsight_goals,
-    in_mirror,
-    light_on,
-    lit,
-    mirror_twins,
-    mirrored_motion,
-    plain_view,
-    show_frames,
-    turn_motion,
-    turn_world,
-)
-from readygo.services.trainer.config import SamplingConfig
 from readygo.services.trainer.frames import pool
-from readygo.services.trainer.samples import Timing, episode_table, join_tables
-from tests.services.trainer.conftest import make_one
+from readygo.services.trainer.light import draw_light
+from readygo.services.trainer.views import View, plain_view
+from readygo.services.trainer.warps import RobotWarp, in_mirror, mirror_twins, show_frames
 
 
 def view_of(yaws_rad=(0.0,), shift_px=(0, 0), mirrored=False):
@@ -133,36 +113,6 @@ def test_shift_moves_the_image_repeats_its_edge_and_is_mirrored_then(shift_px, m
     assert np.array_equal(shown, expected[:, ::-1] if mirrored else expected)
 
 
-def test_light_varies_between_groups_and_none_keeps_the_image():
-    light = draw_light(2, 0.3, np.random.default_rng(0))
-    frames = np.full((3, 2, 2, 3), 160, np.uint8)
-    shown = lit(frames, np.array([0, 1, 0]), light)
-    assert np.array_equal(shown[0], shown[2])
-    assert not np.array_equal(shown[0], shown[1])
-    plain = lit(
-        np.array([0, 255], np.uint8).reshape(1, 2, 1, 1).repeat(3, axis=3), np.zeros(1, int), plain_view().light
-    )
-    assert plain[0, :, 0].tolist() == [[-1.0] * 3, [1.0] * 3]
-
-
-def test_tables_of_sixteen_bits_stay_so():
-    light = np.arange(256 * 3, dtype=np.int16).reshape(1, 256, 3)
-    shown = lit(np.full((1, 1, 1, 3), 7, np.uint8), np.zeros(1, np.int64), light)
-    assert shown.dtype == np.int16
-    assert shown.ravel().tolist() == [21, 22, 23]
-
-
-def test_views_are_as_wide_as_asked_for_and_turn_only_who_may_be_turned():
-    config = SamplingConfig(yaw_error_rad=0.1, shift_px=3, mirror=0.25)
-    turnable = np.arange(4000) % 2 == 0
-    view = draw_views(turnable, config, np.random.default_rng(0))
-    assert not view.yaws_rad[~turnable].any()
-    assert 0.09 < view.yaws_rad[turnable].std() < 0.1
-    assert np.abs(view.yaws_rad).max() <= 0.25
-    assert (view.shifts_px.min(), view.shifts_px.max()) == (-3, 3)
-    assert 0.22 < view.mirrored.mean() < 0.28
-
-
 def test_camera_that_is_not_its_own_mirror_image_is_known():
     def is_symmetric(camera):
         return in_mirror(camera) == camera
@@ -199,87 +149,3 @@ def test_mirrored_robot_sees_to_its_left_what_it_saw_to_its_right():
     assert np.array_equal(shown[0], frames[0])
     assert np.array_equal(shown[1, ..., 3:6], frames[1, :, ::-1, 6:9])
     assert np.array_equal(shown[1, ..., :3], frames[1, :, ::-1, :3])
-
-
-def test_light_falls_on_colours_of_all_cameras_alone():
-    light = draw_light(2, 0.3, np.random.default_rng(0))
-    tables = light_on(light, ("rgb", "depth", "left.rgb"))
-    assert np.array_equal(tables[..., 4:], light)
-    assert np.allclose(tables[..., 3], np.arange(256) / 127.5 - 1)
-
-
-def test_robot_turned_left_sees_its_goal_on_the_right_and_turns_back():
-    yaws_rad = np.array([math.pi / 2, -0.3, 0.0])
-    goals = turn_world(np.array([[2.0, 0.0]] * 3, np.float32), yaws_rad)
-    commands = np.array([[0.8, 0.1], [0.8, 1.1], [0.8, 1.5]], np.float32)
-    assert np.allclose(goals[0], [0.0, -2.0], atol=1e-6)
-    corrected = correct_for_turn(commands, yaws_rad, 0.5, 1.2)
-    assert np.allclose(corrected, [[0.8, 0.1 - math.pi / 4], [0.8, 1.2], [0.8, 1.5]])
-
-
-POSES = np.array([[[-1.0, 0.2, 0.3], [-0.5, 0.1, 0.2]]])
-COMMAND = np.array([[0.5, 0.1]], np.float32)
-
-
-def test_own_motion_of_a_turned_robot_is_that_of_turned_poses():
-    present = np.array([[0.2, 0.3, 0.4]])
-    yaw = np.array([0.0, 0.0, 0.25])
-    turned = turn_motion(own_motion(POSES, present, COMMAND), np.array([0.25]))
-    assert np.allclose(turned, own_motion(POSES + yaw, present + yaw, COMMAND), atol=1e-6)
-
-
-def test_mirrored_motion_is_that_of_mirrored_poses_and_commands():
-    present, flip = np.array([[0.2, 0.3, 0.4]]), np.array([1.0, -1.0, -1.0])
-    mirrored = own_motion(POSES * flip, present * flip, COMMAND * np.array([1, -1], np.float32))
-    assert np.allclose(own_motion(POSES, present, COMMAND) * mirrored_motion(8), mirrored, atol=1e-6)
-
-
-def test_withheld_previous_action_differs_from_standing_still():
-    commands = np.array([[0.5, 0.2], [0.0, 0.0], [0.5, 0.2]], np.float32)
-    corrupted = corrupt_previous(commands, np.full((3, 2), 0.1, np.float32), np.array([False, False, True]))
-    assert np.allclose(corrupted, [[0.6, 0.3, 1], [0.1, 0.1, 1], [0, 0, 0]])
-
-
-def straight_drives(**fields):
-    """Episodes that drive along +x while they look along +y."""
-    tables = []
-    for k in range(3):
-        xyyaw = np.stack([np.arange(40) * 0.19, np.full(40, 100.0 * k), np.full(40, np.pi / 2)], axis=1)
-        tables.append(episode_table(make_one(f"e{k}", xyyaw=xyyaw, **fields), RobotConfig(), Timing(spacing_steps=10)))
-    return join_tables(tables)
-
-
-def test_hindsight_goal_is_a_place_that_the_robot_reached_later_in_its_episode():
-    table, samples = straight_drives(), np.arange(120)
-    goals = hindsight_goals(table, samples, 1.0, np.random.default_rng(0)).xy_m
-    replaced = np.any(goals != table.goals_xy_m, axis=1)
-    # Whatever comes later is to the right.
-    np.testing.assert_allclose(goals[replaced, 0], 0.0, atol=1e-5)
-    steps_later = -goals[replaced, 1] / 0.19
-    np.testing.assert_allclose(steps_later, np.round(steps_later), atol=1e-4)
-    assert np.all(steps_later <= (table.last - samples)[replaced] + 1e-4)
-    assert np.all(-goals[replaced, 1] > 1.0)
-    assert not replaced[(table.last - samples) * 0.19 <= 1.0].any()
-
-
-def test_hindsight_goals_end_where_the_expert_was_disturbed():
-    calm = make_one("e0")
-    expert = np.repeat(calm.actions[:, None], 2, axis=1)
-    expert[20, 0] += 0.3
-    xyyaw = np.stack([np.arange(40) * 0.19, np.zeros(40), np.full(40, np.pi / 2)], axis=1)
-    table = episode_table(
-        dataclasses.replace(calm, xyyaw=xyyaw, expert=expert), RobotConfig(), Timing(spacing_steps=10)
-    )
-    samples = np.arange(40)
-    for seed in range(20):
-        goals = hindsight_goals(table, samples, 1.0, np.random.default_rng(seed)).xy_m
-        replaced = np.any(goals != table.goals_xy_m, axis=1)
-        reached = np.round(-goals[:, 1] / 0.19) + samples
-        assert not replaced[20]
-        assert np.all(reached[:20][replaced[:20]] <= 20)
-
-
-def test_hindsight_share_zero_keeps_every_goal():
-    table = straight_drives()
-    goals = hindsight_goals(table, np.arange(60), 0.0, np.random.default_rng(0)).xy_m
-    np.testing.assert_array_equal(goals, table.goals_xy_m[:60])

@@ -1,0 +1,74 @@
+"""The cameras of an episode, as its shard says."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.dataset.entries import EpisodePlace
+from readygo.common.dataset.index import ShardIndex
+from readygo.common.errors import DatasetError
+from readygo.common.messages.samples import DISTORTION_MODELS
+
+_FIELDS = ["height_px", "width_px", "K_px", "distortion_model", "distortion"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Calibration:
+    """The camera of an episode."""
+
+    height_px: int
+    """Image height."""
+    width_px: int
+    """Image width."""
+    K_px: npt.NDArray[np.float64]
+    """Intrinsics [px] with pixel centres at +0.5, shape (3, 3)."""
+    distortion_model: str
+    """One of `readygo.common.messages.samples.DISTORTION_MODELS`; "" is a pinhole camera."""
+    distortion: tuple[float, ...]
+    """Coefficients of the model."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Calibrations:
+    """Every camera in every episode."""
+
+    first: npt.NDArray[np.void]
+    """The first camera, a row per episode."""
+    further: Mapping[str, npt.NDArray[np.void]]
+    """The others by name, a row per episode."""
+
+    @classmethod
+    def of(cls, indexes: Sequence[ShardIndex], order: Sequence[EpisodePlace], cameras: Sequence[str]) -> "Calibrations":
+        """The calibrations in indexes, of `cameras` besides the first one, for episodes in an order."""
+        return cls(
+            first=np.array([indexes[shard].episodes[row] for shard, row in order])[_FIELDS],
+            further={
+                camera: np.array([indexes[shard].cameras[row, number] for shard, row in order])
+                for number, camera in enumerate(cameras)
+            },
+        )
+
+    def calibration(self, episode: int, camera: str = "") -> Calibration:
+        """A camera in an episode.
+
+        Args:
+            episode: Number of the episode.
+            camera: Name of a camera besides the first one.
+
+        Raises:
+            DatasetError: If there is no such camera.
+        """
+        if camera and camera not in self.further:
+            known = ", ".join(self.further) or "none"
+            raise DatasetError(f"The samples have no camera {camera!r}; besides the first they have {known}.")
+        row = (self.further[camera] if camera else self.first)[episode]
+        model = row["distortion_model"].decode()
+        return Calibration(
+            height_px=int(row["height_px"]),
+            width_px=int(row["width_px"]),
+            K_px=row["K_px"].reshape(3, 3).copy(),
+            distortion_model=model,
+            distortion=tuple(row["distortion"][: DISTORTION_MODELS[model]].tolist()),
+        )

@@ -1,0 +1,49 @@
+"""The samples of several shards as rows of one table."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.dataset.entries import EpisodePlace
+from readygo.common.dataset.index import ShardIndex
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SampleTable:
+    """Every sample of some episodes, one after the other, and where its bytes are."""
+
+    rows: npt.NDArray[np.void]
+    """Rows of `readygo.common.dataset.chunk.SAMPLE_DTYPE`, shape (S,)."""
+    payloads: Mapping[str, npt.NDArray[np.void]]
+    """By optional channel that all shards have: rows of `readygo.common.dataset.chunk.OUTPUT_DTYPE`, shape (S,)."""
+    shard: npt.NDArray[np.int32]
+    """Number of each sample's shard, shape (S,)."""
+    episode: npt.NDArray[np.int32]
+    """Number of each sample's episode, shape (S,)."""
+    first: npt.NDArray[np.int64]
+    """The first sample of each sample's episode, shape (S,)."""
+
+    @classmethod
+    def of(cls, indexes: Sequence[ShardIndex], order: Sequence[EpisodePlace]) -> "SampleTable":
+        """The samples in indexes, for episodes in an order."""
+        counts = np.array([int(indexes[shard].episodes[row]["sample_count"]) for shard, row in order])
+        common = [name for name in indexes[0].outputs if all(name in index.outputs for index in indexes)]
+
+        def joined(arrays: Sequence[npt.NDArray[np.void]]) -> npt.NDArray[np.void]:
+            return np.concatenate([arrays[shard][_span(indexes[shard], row)] for shard, row in order])
+
+        return cls(
+            rows=joined([index.samples for index in indexes]),
+            payloads={name: joined([index.outputs[name] for index in indexes]) for name in common},
+            shard=np.repeat(np.array([shard for shard, _ in order], dtype=np.int32), counts),
+            episode=np.repeat(np.arange(len(counts), dtype=np.int32), counts),
+            first=np.repeat(np.cumsum(counts) - counts, counts),
+        )
+
+
+def _span(index: ShardIndex, row: int) -> slice:
+    """The samples of an episode among those of its shard."""
+    first = int(index.episodes[row]["first_sample"])
+    return slice(first, first + int(index.episodes[row]["sample_count"]))

@@ -1,0 +1,57 @@
+"""Bytes of shards at offsets, with a bound on how many files are open for it."""
+
+import mmap
+from collections import OrderedDict
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+OPEN_MAX = 128
+"""Shards that are mapped at the same time; each holds a file descriptor."""
+
+
+class ShardFiles:
+    """Shards that are mapped when they are read; the longest unread ones are closed first."""
+
+    def __init__(self, shards: Sequence[Path]) -> None:
+        """Open nothing yet.
+
+        Args:
+            shards: The files, which are asked for by their number.
+        """
+        self._shards = tuple(shards)
+        self._maps: OrderedDict[int, mmap.mmap] = OrderedDict()
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Memory maps cannot be pickled; a data loader's worker opens its own.
+        return {**self.__dict__, "_maps": OrderedDict()}
+
+    @property
+    def open_count(self) -> int:
+        """Files that are open."""
+        return len(self._maps)
+
+    def read(self, shard: int, offset: int, length: int) -> bytes:
+        """Bytes of a shard.
+
+        Args:
+            shard: Number of the file.
+            offset: Where they begin, from the beginning of the file.
+            length: How many they are.
+        """
+        return self._map(shard)[offset : offset + length]
+
+    def close(self) -> None:
+        """Close all files; what is read later opens them again."""
+        while self._maps:
+            self._maps.popitem()[1].close()
+
+    def _map(self, shard: int) -> mmap.mmap:
+        if shard in self._maps:
+            self._maps.move_to_end(shard)
+            return self._maps[shard]
+        while len(self._maps) >= OPEN_MAX:
+            self._maps.popitem(last=False)[1].close()
+        with self._shards[shard].open("rb") as file:
+            self._maps[shard] = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        return self._maps[shard]

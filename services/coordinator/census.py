@@ -1,0 +1,140 @@
+"""How many episodes are where: what a ledger can be asked; nothing of it changes anything."""
+
+from collections.abc import Sequence
+
+from readygo.common.messages import Stage, VerdictStatus
+from readygo.services.coordinator.database import Database
+
+ASIDE = "set aside: "
+"""Begins the reason of an episode that was given up, unlike those that a stage rejected."""
+
+
+class Census:
+    """Questions to the episodes of a ledger."""
+
+    def __init__(self, database: Database, stages: Sequence[Stage]) -> None:
+        """Ask a database.
+
+        Args:
+            database: The ledger's.
+            stages: The line that the episodes pass.
+        """
+        self._database = database
+        self._stages = tuple(stages)
+
+    def aside(self) -> int:
+        """Episodes that were set aside."""
+        return self._database.count(
+            "SELECT count(*) FROM episode WHERE state = 'rejected' AND reason LIKE ?", f"{ASIDE}%"
+        )
+
+    def loads(self) -> dict[str, int]:
+        """Episodes that are on their way to a recorder, by its name."""
+        return dict(
+            self._database.all(
+                """SELECT recorder, count(*) FROM episode WHERE state IN ('leased', 'granted') AND stage = ?
+                GROUP BY recorder""",
+                self._stages[-1].name,
+            )
+        )
+
+    def waiting(self) -> dict[str, int]:
+        """Episodes that wait, by stage."""
+        return dict(self._database.all("SELECT stage, count(*) FROM episode WHERE state = 'waiting' GROUP BY stage"))
+
+    def waiting_at(self, stage: Stage) -> int:
+        """Episodes that wait for a stage."""
+        return self._database.count("SELECT count(*) FROM episode WHERE state = 'waiting' AND stage = ?", stage.name)
+
+    def begun(self) -> int:
+        """Episodes that wait or are held behind the first stage: those that were begun and are not done."""
+        later = [stage.name for stage in self._stages[1:]]
+        marks = ", ".join("?" * len(later))
+        return self._database.count(
+            f"SELECT count(*) FROM episode WHERE state IN ('waiting', 'leased') AND stage IN ({marks})", *later
+        )
+
+    def leases(self) -> list[tuple[str, str, int, int]]:
+        """Worker, stage, index and attempt of every lease."""
+        return self._database.all("SELECT worker, stage, idx, attempt FROM episode WHERE state = 'leased' ORDER BY idx")
+
+    def leased(self) -> dict[str, int]:
+        """Episodes that a worker holds, by stage."""
+        return dict(self._database.all("SELECT stage, count(*) FROM episode WHERE state = 'leased' GROUP BY stage"))
+
+    def rejections(self) -> dict[str, int]:
+        """Rejected indices by reason."""
+        return dict(
+            self._database.all(
+                "SELECT reason, count(*) FROM episode WHERE state = 'rejected' GROUP BY reason ORDER BY reason"
+            )
+        )
+
+    def kept(self) -> dict[str, int]:
+        """Episodes that a stage rejected and that go on or are durable nevertheless, by reason."""
+        return dict(
+            self._database.all(
+                """SELECT reason, count(*) FROM episode WHERE state != 'rejected' AND reason != ''
+                GROUP BY reason ORDER BY reason"""
+            )
+        )
+
+    def rejected(self) -> dict[int, str]:
+        """Reason of every rejected index, by index."""
+        return dict(self._database.all("SELECT idx, reason FROM episode WHERE state = 'rejected' ORDER BY idx"))
+
+    def committed(self) -> tuple[int, int]:
+        """Durable episodes, and the samples in them."""
+        row = self._database.one("SELECT episodes, samples FROM durable")
+        assert row is not None
+        return int(row[0]), int(row[1])
+
+    def results(self) -> set[str]:
+        """Hashes of all results that are still needed."""
+        return {row[0] for row in self._database.all("SELECT sha256 FROM result")}
+
+    def driven_by(self) -> dict[int, str]:
+        """The offered policy that drove, empty for none, of every durable episode by its index."""
+        return dict(self._database.all("SELECT idx, driven_by FROM episode WHERE state = 'committed' ORDER BY idx"))
+
+    def granted(self, recorder: str) -> tuple[int, ...]:
+        """Indices granted to a recorder and not yet reported durable."""
+        rows = self._database.all(
+            "SELECT idx FROM episode WHERE state = 'granted' AND recorder = ? ORDER BY idx", recorder
+        )
+        return tuple(row[0] for row in rows)
+
+    def granted_recorders(self) -> set[str]:
+        """Recorders that hold grants."""
+        return {row[0] for row in self._database.all("SELECT DISTINCT recorder FROM episode WHERE state = 'granted'")}
+
+    def recorder_of(self, index: int) -> str:
+        """The recorder that an episode was last leased, granted or committed to; empty if it was to none."""
+        row = self._database.one("SELECT recorder FROM episode WHERE idx = ?", index)
+        return str(row[0]) if row else ""
+
+    def holder(self, index: int, attempt: int) -> str:
+        """The worker that holds an episode under this attempt; empty if none does."""
+        row = self._database.one(
+            "SELECT worker FROM episode WHERE idx = ? AND attempt = ? AND state = 'leased'", index, attempt
+        )
+        return str(row[0]) if row else ""
+
+    def expected(self, index: int, attempt: int) -> VerdictStatus:
+        """OK if samples of this attempt may come, DONE if the episode is durable, else STALE."""
+        row = self._database.one("SELECT state, attempt, stage FROM episode WHERE idx = ?", index)
+        if row is None or row[0] == "rejected":
+            return VerdictStatus.STALE
+        if row[0] == "committed":
+            return VerdictStatus.DONE
+        held = row[0] in ("leased", "granted") and row[1:] == (attempt, self._stages[-1].name)
+        return VerdictStatus.OK if held else VerdictStatus.STALE
+
+    def shards(self) -> dict[str, dict[int, int]]:
+        """Samples of every durable episode by its index, by the shard that it is in."""
+        found: dict[str, dict[int, int]] = {}
+        for shard, index, samples in self._database.all(
+            "SELECT shard, idx, samples FROM episode WHERE state = 'committed'"
+        ):
+            found.setdefault(shard, {})[index] = samples
+        return found

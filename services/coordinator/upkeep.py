@@ -1,0 +1,46 @@
+"""What the coordinator sees to without being asked: leases that end, and work that nobody is there for."""
+
+from readygo.common.errors import DiskError
+from readygo.services.coordinator.coordinator import LEDGER, Coordinator
+from readygo.services.coordinator.giving_up import set_aside
+
+
+def note_absent(coordinator: Coordinator) -> None:
+    """Tell of stages that episodes wait for, and that nobody who is there does; call it now and then."""
+    for stage in coordinator.spec.stages:
+        waiting = coordinator.ledger.census.waiting_at(stage)
+        absent_s = coordinator.roster.absent_s(stage.name, stage.role, needed=waiting > 0)
+        words = (
+            f"{waiting} episodes wait for stage {stage.name}, and no {stage.role} is there; "
+            f"`readygo worker {stage.role}` starts one."
+        )
+        coordinator.note_trouble(f"absence of {stage.name}", words if absent_s > coordinator.config.absent_s else "")
+
+
+def requeue_lost(coordinator: Coordinator, *, worker: str | None = None) -> bool:
+    """End the leases that ran out, or those of a worker that is gone; True if there were any.
+
+    A disk that takes nothing is no reason to end: it is told as trouble, and the leases are freed when it does again.
+    """
+    try:
+        ended = _requeue_expired(coordinator) if worker is None else _requeue_worker(coordinator, worker)
+        # Nothing but a write tells that the disk takes writes again.
+        if ended or LEDGER in coordinator.troubles:
+            coordinator.ledger.notes.add("requeued", ended)
+    except DiskError as error:
+        coordinator.note_trouble(LEDGER, str(error))
+        return False
+    coordinator.note_trouble(LEDGER, "")
+    return ended > 0
+
+
+def _requeue_expired(coordinator: Coordinator) -> int:
+    return coordinator.ledger.requeue_expired(coordinator.clock())
+
+
+def _requeue_worker(coordinator: Coordinator, worker: str) -> int:
+    ended = coordinator.ledger.requeue_worker(worker)
+    for index, deaths in ended:
+        if deaths >= coordinator.config.deaths_max:
+            set_aside(coordinator, index, f"{deaths} workers ended while they held it")
+    return len(ended)

@@ -1,0 +1,75 @@
+"""What a job begins with, and where in its folder what comes of it lies."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from readygo.common.errors import SceneError
+from readygo.services.reconstructor.config import ReconstructorConfig
+from readygo.services.reconstructor.frames.photos import photo_files
+from readygo.services.reconstructor.poses import colmap
+
+FRAMES, MARKERS, FEATURES, MATCHES, MAP, POSED = "frames", "markers", "features", "matches", "map", "posed"
+"""Stages, and folders of the job."""
+POSE_STAGES = (FRAMES, MARKERS, FEATURES, MATCHES, MAP, POSED)
+DATABASE_FILE, PICTURE_FILE, REPORT_FILE = "database.db", "top.png", "poses.json"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """What a job begins with."""
+
+    path: Path
+    kind: str
+    """video, photos or colmap."""
+    identity: tuple[tuple[str, int, int], ...]
+    """Name, size and time of change of each file."""
+
+
+def open_source(path: Path) -> Source:
+    """Tell what a path is.
+
+    Raises:
+        SceneError: If it is nothing to begin with.
+    """
+    if not path.exists():
+        raise SceneError(f"{path} does not exist; give a video, a folder of photos or a folder with a COLMAP model.")
+    if path.is_file():
+        return Source(path=path, kind="video", identity=_identity([path]))
+    model = colmap.find_model(path)
+    if model is not None:
+        return Source(path=path, kind="colmap", identity=_identity(sorted(model.iterdir())))
+    photos = photo_files(path)
+    if not photos:
+        raise SceneError(f"{path} holds no photos (.jpg, .png, .tif, ...) and no COLMAP model.")
+    return Source(path=path, kind="photos", identity=_identity(photos))
+
+
+def _identity(files: list[Path]) -> tuple[tuple[str, int, int], ...]:
+    return tuple((path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in files if path.is_file())
+
+
+def images_of_model(path: Path) -> Path:
+    """The images of a COLMAP model.
+
+    Raises:
+        SceneError: If there are none beside it.
+    """
+    folder = path / "images"
+    if not folder.is_dir():
+        raise SceneError(f"{path} holds a COLMAP model but no folder images/.")
+    return folder.resolve()
+
+
+def images_of(frames: Mapping[str, Any], folder: Path) -> tuple[Path, list[str]]:
+    """Where images are, and their names."""
+    if "images" not in frames:
+        return folder, list(frames["names"])
+    place = Path(frames["images"])
+    return place, sorted(p.relative_to(place).as_posix() for p in place.rglob("*") if p.is_file())
+
+
+def in_order(kind: str, count: int, config: ReconstructorConfig) -> bool:
+    """True if images are taken for such as follow each other: those of a video, or many photos."""
+    return kind == "video" or (kind == "photos" and count > config.poses.exhaustive_max)

@@ -1,0 +1,15 @@
+"""Which views a step of a training draws."""
+
+import numpy as np
+import numpy.typing as npt
+
+
+def batch_views(train: tuple[int, ...], step: int, batch: int, seed: int) -> list[int]:
+    """The views of a step: all in random order, then all in another one, and so on."""
+    places = range(step * batch, (step + 1) * batch)
+    orders = {epoch: _order(len(train), seed, epoch) for epoch in {place // len(train) for place in places}}
+    return [train[orders[place // len(train)][place % len(train)]] for place in places]
+
+
+def _order(count: int, seed: int, epoch: int) -> npt.NDArray[np.int64]:
+    return np.random.default_rng((seed, epoch, 1)).permutation(count)

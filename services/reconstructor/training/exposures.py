@@ -1,0 +1,43 @@
+"""Gains and offsets of photos: what exposure and white balance made of each of them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float32]
+
+
+class Exposures:
+    """Gain and offset of every colour of every photo, and how they are learned."""
+
+    def __init__(self, values: Array, moments: Array) -> None:
+        """Go on.
+
+        Args:
+            values: Gains and offsets, shape (V, 2, 3).
+            moments: Adam's first and second moments of them, shape (2, V, 2, 3).
+        """
+        self.values, self.moments = values, moments
+
+    @classmethod
+    def none(cls, count: int) -> "Exposures":
+        """Those of photos that are taken for what they are."""
+        return cls(np.zeros((count, 2, 3), dtype=np.float32), np.zeros((2, count, 2, 3), dtype=np.float32))
+
+    def step(self, numbers: Sequence[int], gradients: Sequence[Array], rate: float, train: Sequence[int]) -> None:
+        """Adam without corrections; gains and offsets of all images have no common part, which colours could hold.
+
+        Args:
+            numbers: Of the photos that were drawn; one may have been drawn twice.
+            gradients: Of each of them, shape (2, 3).
+            rate: Learning rate.
+            train: Numbers of the photos that are trained on.
+        """
+        first, second = self.moments
+        for number, gradient in zip(numbers, gradients, strict=True):
+            first[number] += 0.1 * (gradient - first[number])
+            second[number] += 0.001 * (np.square(gradient) - second[number])
+            step = first[number] / (np.sqrt(second[number]) + 1e-15)
+            self.values[number] -= np.float32(rate) * step
+        self.values[list(train)] -= self.values[list(train)].mean(axis=0)

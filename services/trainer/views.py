@@ -1,0 +1,55 @@
+"""How episodes are shown in a batch: at random, alike for all samples of one episode."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.services.trainer.config import SamplingConfig
+from readygo.services.trainer.light import draw_light
+from readygo.services.trainer.samples import Indices
+
+Array = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class View:
+    """How each of G episodes is shown in a batch: turned, then shifted, then mirrored, in another light."""
+
+    yaws_rad: npt.NDArray[np.float64]
+    """Turn of the robot to the left [rad], shape (G,)."""
+    shifts_px: Indices
+    """Rows and columns by which the image moves down and right, shape (G, 2)."""
+    mirrored: npt.NDArray[np.bool_]
+    """Shape (G,)."""
+    light: Array
+    """What the network is given for each byte of each colour, shape (G, 256, 3)."""
+
+
+def draw_views(turnable: npt.NDArray[np.bool_], config: SamplingConfig, rng: np.random.Generator) -> View:
+    """A random view of each episode.
+
+    Args:
+        turnable: False where the robot must not be turned, shape (G,).
+        config: How far.
+        rng: Random generator.
+    """
+    count = len(turnable)
+    yaws_rad = config.yaw_error_rad * np.clip(rng.normal(0.0, 1.0, count), -2.5, 2.5)
+    return View(
+        yaws_rad=np.where(turnable, yaws_rad, 0.0),
+        shifts_px=rng.integers(-config.shift_px, config.shift_px + 1, (count, 2)),
+        mirrored=rng.random(count) < config.mirror,
+        light=draw_light(count, config.photometric, rng),
+    )
+
+
+def plain_view() -> View:
+    """What the camera saw, for a single episode or all of them."""
+    zeros = np.zeros(1)
+    return View(
+        yaws_rad=zeros,
+        shifts_px=np.zeros((1, 2), np.int64),
+        mirrored=np.zeros(1, np.bool_),
+        light=draw_light(1, 0.0, np.random.default_rng(0)),
+    )

@@ -1,0 +1,36 @@
+import copy
+import dataclasses
+
+import pytest
+
+from readygo.common.dataset import Dataset
+from readygo.common.errors import DatasetError
+from tests.common.dataset.episodes import PROVENANCE, ROBOT, provenance_with_robot, write_shard
+
+
+def test_mixed_image_sizes_are_refused_with_both(two_shards) -> None:
+    write_shard(two_shards, [9], number=9, height_px=16, width_px=20)
+    with pytest.raises(DatasetError, match=r"24x32 in .*00000.mcap, 16x20 in .*00009.mcap"):
+        Dataset([two_shards])
+
+
+def test_mixed_robots_are_refused_with_both(two_shards) -> None:
+    write_shard(two_shards, [9], number=9, provenance=provenance_with_robot(v_max_mps=0.7))
+    with pytest.raises(DatasetError, match=r"Robots differ: v_max_mps 1\.0 and 0\.7 in .*00000.mcap and .*00009.mcap"):
+        Dataset([two_shards])
+
+
+def test_mixed_sensors_are_refused_with_both(two_shards) -> None:
+    config = {**PROVENANCE.config, "renderer": {"sensor": {"exposure_ev": [-0.3, 0.3]}}}
+    write_shard(two_shards, [9], number=9, provenance=dataclasses.replace(PROVENANCE, config=config))
+    with pytest.raises(DatasetError, match=r"Sensors differ: exposure_ev \[\] and \[-0\.3, 0\.3\] in .*00000.mcap and"):
+        Dataset([two_shards])
+
+
+def test_shard_of_before_the_camera_was_one_section_goes_with_one_of_today(two_shards) -> None:
+    config = copy.deepcopy(dict(PROVENANCE.config))
+    camera = config["robot"]["camera"]
+    optics = {name: camera.pop(name) for name in ("distortion", "k1", "exposure_s")}
+    config["renderer"] = {"sensor": {**optics, "sub_frames": 8, "ranges": {"k1": []}}}
+    write_shard(two_shards, [9], number=9, provenance=dataclasses.replace(PROVENANCE, config=config))
+    assert Dataset([two_shards]).robot == ROBOT

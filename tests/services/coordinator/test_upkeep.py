@@ -1,0 +1,58 @@
+from pathlib import Path
+
+import pytest
+
+from readygo.common.errors import DiskError
+from readygo.common.messages import (
+    ClaimStatus,
+    VerdictStatus,
+)
+from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN
+from readygo.services.coordinator import requeue_lost
+from tests.services.coordinator.line import Line
+
+
+def test_expired_lease_is_given_to_another_and_late_work_is_stale(line: Line) -> None:
+    late = line.claim(HUMAN_PLAN, "slow")
+    line.now_s = 100.0
+    requeue_lost(line.coordinator)
+    fresh = line.claim(HUMAN_PLAN, "fast")
+    assert fresh.episode == late.episode
+    assert line.complete(HUMAN_PLAN, late, worker="slow", result=b"late") is VerdictStatus.STALE
+    assert line.complete(HUMAN_PLAN, fresh, worker="fast", result=b"fresh") is VerdictStatus.OK
+    assert line.claim(ANIMATE).inputs[0].data == b"fresh"
+    assert line.status().requeued == 1
+
+
+def test_dead_workers_leases_are_free_at_once(line: Line) -> None:
+    line.claim(HUMAN_PLAN, "dead")
+    alive = line.claim(HUMAN_PLAN, "alive")
+    requeue_lost(line.coordinator, worker="dead")
+    again = line.claim(HUMAN_PLAN, "alive")
+    assert again.episode is not None
+    assert (again.episode.index, again.attempt) == (0, 2)
+    assert line.complete(HUMAN_PLAN, alive, worker="alive", result=b"x") is VerdictStatus.OK
+
+
+def test_episode_that_kills_its_workers_is_set_aside(tmp_path: Path) -> None:
+    line = Line(tmp_path, deaths_max=2)
+    for _ in range(2):
+        line.claim(HUMAN_PLAN, "doomed")
+        requeue_lost(line.coordinator, worker="doomed")
+    assert line.status().rejected == {"set aside: 2 workers ended while they held it": 1}
+
+
+def test_full_disk_of_the_ledger_is_waited_for(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*arguments: object) -> None:
+        raise DiskError("The run's ledger cannot be used: disk full.")
+
+    ledger = line.coordinator.ledger
+    monkeypatch.setattr(ledger, "claim", full)
+    monkeypatch.setattr(ledger.notes, "add", full)
+    assert line.claim(HUMAN_PLAN).status is ClaimStatus.WAIT
+    requeue_lost(line.coordinator)
+    assert "disk full" in line.status().trouble
+    monkeypatch.undo()
+    requeue_lost(line.coordinator)
+    assert line.status().trouble == ""
+    assert line.claim(HUMAN_PLAN).status is ClaimStatus.LEASE

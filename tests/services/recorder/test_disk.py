@@ -1,0 +1,34 @@
+import errno
+import os
+from pathlib import Path
+
+import pytest
+
+from readygo.common.errors import DiskError, RunError
+from readygo.services.recorder.disk import disk_error, try_room
+
+
+@pytest.mark.parametrize(
+    ("code", "waits", "text"),
+    [
+        (errno.ENOSPC, True, "No space left in /data; free some, and recording goes on."),
+        (errno.EDQUOT, True, "No space left in /data; free some, and recording goes on."),
+        (errno.EROFS, True, "/data cannot be written (Read-only file system); mend it, and recording goes on."),
+        (errno.EIO, False, "Writing to /data failed: Input/output error; mend it and run again to go on."),
+    ],
+)
+def test_disk_that_can_be_waited_for_is_told_from_one_that_fails(code: int, waits: bool, text: str) -> None:
+    error = disk_error(Path("/data"), OSError(code, os.strerror(code)))
+    assert (isinstance(error, DiskError), str(error)) == (waits, text)
+
+
+def test_room_is_tried_without_a_trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    try_room(tmp_path, "r0")
+
+    def refuse(*arguments: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("pathlib.Path.write_bytes", refuse)
+    with pytest.raises(RunError, match="No space left in"):
+        try_room(tmp_path, "r0")
+    assert list(tmp_path.iterdir()) == []
