@@ -341,3 +341,13 @@ def float_bits(typing_context: Any, x: Any) -> Any:
         return builder.zext(builder.bitcast(args[0], _i32), ir.IntType(64))
 
     return types.int64(types.float32), emit
+
+
+@_intrinsic
+def float_with_bits(typing_context: Any, bits: Any) -> Any:
+    """The scalar float32 whose bits are the lowest 32 of an int64."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.bitcast(builder.trunc(args[0], _i32), ir.FloatType())
+
+    return types.float32(types.int64), emit

@@ -31,8 +31,6 @@ from readygo.common.rasterizer.differentiable.memory import (
     FEATURES,
     GROUP,
     PLANES,
-    STAGED_LANES,
-    STAGED_ROWS,
     Chunks,
     Cloud,
     Gradients,
@@ -122,7 +120,7 @@ class Frame:
         self._kept = Kept(
             groups=np.empty(0, dtype=np.float32),
             lanes=np.empty(0, dtype=np.int32),
-            staged=np.zeros(STAGED_ROWS * STAGED_LANES, dtype=np.float32),
+            waiting=np.zeros(CHUNK, dtype=np.int64),
             coefficients=np.zeros(48 * 16, dtype=np.float32),
         )
         self._chunk_room = _chunk_arrays(0)
@@ -344,15 +342,15 @@ class _SlabLists:
 
 
 def _chunk_arrays(count: int) -> Chunks:
-    def integers() -> npt.NDArray[np.int64]:
-        return np.zeros(count, dtype=np.int64)
+    def integers(each: int = 1) -> npt.NDArray[np.int64]:
+        return np.zeros(count * each, dtype=np.int64)
 
-    return Chunks(integers(), np.zeros(count), integers(), integers(), integers(), integers())
+    return Chunks(integers(), np.zeros(count), integers(), integers(CHUNK // 16), integers(), integers())
 
 
 def _first_chunks(chunks: Chunks, n: int) -> Chunks:
-    number, depth_m, box, blocks, first_group, group_count = chunks
-    return Chunks(number[:n], depth_m[:n], box[:n], blocks[:n], first_group[:n], group_count[:n])
+    number, depth_m, box, lanes, first_group, group_count = chunks
+    return Chunks(number[:n], depth_m[:n], box[:n], lanes[: n * CHUNK // 16], first_group[:n], group_count[:n])
 
 
 def free_frame(height_px: int, width_px: int) -> Frame:

@@ -11,12 +11,11 @@ Integers = npt.NDArray[np.int64]
 
 CHUNK = 256
 """Gaussians that follow each other in memory and are culled together."""
-STAGED_ROWS, STAGED_LANES = 12, 32
-"""Offset from the camera (3), quaternion (4), scales (3), opacity, number; up to 31 Gaussians that wait for 16."""
 GROUP_ROWS = 23
-"""What is kept of 16 Gaussians: the staged rows, then derivatives of red, green, blue by the offset (9), which of them
-are not black (bits), the larger half side of the box [px], 0 where nothing is drawn."""
-NUMBER, DERIVATIVES, COLOURED, RADIUS = 11, 12, 21, 22
+"""What is kept of 16 Gaussians: offset from the camera (3), quaternion (4), scales (3), opacity, number, then
+derivatives of red, green, blue by the offset (9), which of them are not black (bits), the larger half side of the box
+[px], 0 where nothing is drawn."""
+QUATERNION, SCALES, OPACITY, NUMBER, DERIVATIVES, COLOURED, RADIUS = 3, 7, 10, 11, 12, 21, 22
 """Rows of a group."""
 GROUP = GROUP_ROWS * 16
 """Numbers per group."""
@@ -54,8 +53,8 @@ class Chunks(NamedTuple):
     """Lower bound of the depths of their means [m], shape (C,)."""
     box: Integers
     """Bounds of their footprints in 4x4 blocks, packed as in `pack_box`, shape (C,)."""
-    blocks: Integers
-    """Which of their blocks of 16 Gaussians may touch the image (bits), shape (C,)."""
+    lanes: Integers
+    """Which Gaussians of each of their blocks of 16 may touch the image (bits), shape (C * 16,)."""
     first_group: Integers
     """First group of each chunk, shape (C,)."""
     group_count: Integers
@@ -72,8 +71,8 @@ class Kept(NamedTuple):
     """See `GROUP_ROWS`, shape (G * GROUP,)."""
     lanes: npt.NDArray[np.int32]
     """Gaussians of each group, shape (G,)."""
-    staged: Singles
-    """See `STAGED_ROWS`."""
+    waiting: Integers
+    """Numbers of those Gaussians of one chunk that may touch the image, shape (CHUNK,)."""
     coefficients: Singles
     """SH coefficients of 16 Gaussians, shape (48 * 16,)."""
 

@@ -14,7 +14,7 @@ from readygo.common.rasterizer.cpu.tiles import LARGE, box_codes, is_alive, tile
 from readygo.common.rasterizer.cpu.view import PinholeView
 from readygo.common.rasterizer.cpu.workspace import KEYS, LARGE_ENTRIES, LATER, RECORD, RECORDS, Workspace
 from readygo.common.rasterizer.differentiable.colour import colour_group
-from readygo.common.rasterizer.differentiable.cull import footprint_reach, in_view, offsets_from_camera, scales_at
+from readygo.common.rasterizer.differentiable.cull import from_camera
 from readygo.common.rasterizer.differentiable.ewa import (
     image_axes,
     image_covariance,
@@ -26,9 +26,10 @@ from readygo.common.rasterizer.differentiable.memory import (
     CHUNK,
     GROUP,
     NUMBER,
+    OPACITY,
+    QUATERNION,
     RADIUS,
-    STAGED_LANES,
-    STAGED_ROWS,
+    SCALES,
     Chunks,
     Cloud,
     Integers,
@@ -36,9 +37,8 @@ from readygo.common.rasterizer.differentiable.memory import (
     Singles,
 )
 from readygo.common.rasterizer.differentiable.released import released
-from readygo.common.rasterizer.differentiable.simd_rows import columns_of_four, load_first
+from readygo.common.rasterizer.differentiable.simd_rows import copy_four, copy_three
 from readygo.common.simd.memory import (
-    compress,
     load_f16,
     peek,
     poke,
@@ -49,9 +49,9 @@ from readygo.common.simd.memory import (
 )
 from readygo.common.simd.types import (
     bit_pattern,
-    count_bits,
     float_bits,
     float_of_bits,
+    float_with_bits,
     fma,
     has_bit,
     i16,
@@ -80,41 +80,17 @@ def _log2(x: Any) -> Any:
 
 
 @inlined
-def _stage(row: int, staged: int, seen: Any, value: Any, kept: Kept) -> None:
-    store_f16(kept.staged, row * STAGED_LANES + staged, float_of_bits(compress(seen, bit_pattern(value))))
-
-
-@inlined
-def _stage_block(view: PinholeView, optics: Optics, R: Any, cloud: Cloud, first: int, staged: int, kept: Kept) -> int:
-    """Append the Gaussians first..first+15 that may be seen to the staged ones; the new number of these."""
-    left = len(cloud.opacities) - first
-    d, s = offsets_from_camera(view, cloud, first, left), scales_at(cloud, first, left)
-    opacity = load_first(cloud.opacities, first, left)
-    seen = in_view(optics, to_camera(R, d), footprint_reach(optics, s), opacity, left)
-    q = columns_of_four(
-        load_first(cloud.quats_wxyz, 4 * first, 4 * left),
-        load_first(cloud.quats_wxyz, 4 * first + 16, 4 * left - 16),
-        load_first(cloud.quats_wxyz, 4 * first + 32, 4 * left - 32),
-        load_first(cloud.quats_wxyz, 4 * first + 48, 4 * left - 48),
-    )
-    _stage(0, staged, seen, d[0], kept)
-    _stage(1, staged, seen, d[1], kept)
-    _stage(2, staged, seen, d[2], kept)
-    _stage(3, staged, seen, q[0], kept)
-    _stage(4, staged, seen, q[1], kept)
-    _stage(5, staged, seen, q[2], kept)
-    _stage(6, staged, seen, q[3], kept)
-    _stage(7, staged, seen, s[0], kept)
-    _stage(8, staged, seen, s[1], kept)
-    _stage(9, staged, seen, s[2], kept)
-    _stage(10, staged, seen, opacity, kept)
-    _stage(NUMBER, staged, seen, float_of_bits(lane_number() + first), kept)
-    size: int = count_bits(mask_bits(seen))
-    for j in range(0, 3 * cloud.sh_count, 16):
-        for lane in range(staged, staged + size):
-            number = float_bits(kept.staged[NUMBER * STAGED_LANES + lane])
-            prefetch(cloud.sh, number * cloud.sh_stride + j)
-    return staged + size
+def _list_waiting(chunks: Chunks, i: int, kept: Kept) -> int:
+    """Write the numbers of the Gaussians of chunk `i` that may touch the image, and return how many they are."""
+    count = 0
+    for block in range(CHUNK >> 4):
+        first = chunks.number[i] * CHUNK + 16 * block
+        lanes = peek(chunks.lanes, 16 * i + block)
+        while lanes:
+            poke(kept.waiting, count, first + lowest_bit(lanes))
+            lanes &= lanes - 1
+            count += 1
+    return count
 
 
 @inlined
@@ -123,14 +99,23 @@ def _row(kept: Kept, group: int, row: int) -> Any:
 
 
 @inlined
-def _begin_group(staged: int, group: int, kept: Kept) -> int:
-    """Move up to 16 staged Gaussians to a group; the number of those that still wait."""
-    for row in range(STAGED_ROWS):
-        place = row * STAGED_LANES
-        store_f16(kept.groups, group * GROUP + 16 * row, load_f16(kept.staged, place))
-        store_f16(kept.staged, place, load_f16(kept.staged, place + 16))
-    kept.lanes[group] = min(staged, 16)
-    return max(staged - 16, 0)
+def _gather_group(view: PinholeView, cloud: Cloud, begin: int, size: int, group: int, kept: Kept) -> None:
+    """Bring the parameters of `size` of the waiting Gaussians to a group, those from `begin` on."""
+    place = group * GROUP
+    for lane in range(size):
+        number, row = peek(kept.waiting, begin + lane), place + 16 * lane
+        for j in range(0, 3 * cloud.sh_count, 16):
+            prefetch(cloud.sh, number * cloud.sh_stride + j)
+        copy_three(kept.groups, row, cloud.means_m, 3 * number)
+        copy_four(kept.groups, row + QUATERNION, cloud.quats_wxyz, 4 * number)
+        copy_three(kept.groups, row + SCALES, cloud.scales_m, 3 * number)
+        poke(kept.groups, row + OPACITY, peek(cloud.opacities, number))
+        poke(kept.groups, row + NUMBER, float_with_bits(number))
+    transpose_in_place(kept.groups, place)
+    store_f16(kept.groups, place, from_camera(view, 0, load_f16(kept.groups, place)))
+    store_f16(kept.groups, place + 16, from_camera(view, 1, load_f16(kept.groups, place + 16)))
+    store_f16(kept.groups, place + 32, from_camera(view, 2, load_f16(kept.groups, place + 32)))
+    kept.lanes[group] = size
 
 
 @inlined
@@ -250,23 +235,18 @@ def project(view: PinholeView, cloud: Cloud, chunks: Chunks, slab: Slab, keep: b
         if not is_due(slab, chunks.depth_m[i], chunks.box[i], optics.columns, ws.tile_alive):
             continue
         chunks.first_group[i] = group
-        blocks, staged = chunks.blocks[i], 0
-        while blocks or staged:
-            if blocks:
-                block = lowest_bit(blocks)
-                blocks &= blocks - 1
-                staged = _stage_block(view, optics, R, cloud, chunks.number[i] * CHUNK + 16 * block, staged, kept)
-            if staged >= 16 or (staged > 0 and blocks == 0):
-                staged = _begin_group(staged, group, kept)
-                drawn = _image_group(optics, R, group, kept, ws)
-                if slab.cull:
-                    drawn = _unhidden(drawn, optics.columns, ws)
-                if drawn:
-                    radius = group * GROUP + 16 * RADIUS
-                    store_f16(kept.groups, radius, where(_lanes(drawn), load_f16(kept.groups, radius), 0.0))
-                    colour_group(cloud, group, drawn, keep, kept, ws)
-                    counts = _emit(drawn, 16 * group, counts, slab, ws)
-                    group += 1
+        waiting = _list_waiting(chunks, i, kept)
+        for begin in range(0, waiting, 16):
+            _gather_group(view, cloud, begin, min(waiting - begin, 16), group, kept)
+            drawn = _image_group(optics, R, group, kept, ws)
+            if slab.cull:
+                drawn = _unhidden(drawn, optics.columns, ws)
+            if drawn:
+                radius = group * GROUP + 16 * RADIUS
+                store_f16(kept.groups, radius, where(_lanes(drawn), load_f16(kept.groups, radius), 0.0))
+                colour_group(cloud, group, drawn, keep, kept, ws)
+                counts = _emit(drawn, 16 * group, counts, slab, ws)
+                group += 1
         chunks.group_count[i] = group - chunks.first_group[i]
     ws.counts[RECORDS] = 16 * group
     ws.counts[KEYS], ws.counts[LATER] = counts

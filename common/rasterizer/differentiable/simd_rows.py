@@ -53,6 +53,26 @@ def store_first(typing_context: Any, array: Any, index: Any, count: Any, value: 
     return types.void(array, index, count, F16), emit
 
 
+def _copy(size: int) -> Any:
+    def function(typing_context: Any, target: Any, place: Any, source: Any, index: Any) -> Any:
+        def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            row = ir.VectorType(ir.FloatType(), size)
+            to = pointer_to(context, builder, sig, args, row)
+            of = pointer_to(context, builder, types.void(*sig.args[2:]), args[2:], row)
+            value = builder.load(of)
+            value.align = 4
+            builder.store(value, to).align = 4
+            return context.get_dummy_value()
+
+        return types.void(target, place, source, index), emit
+
+    function.__doc__ = f"Copy {size} float32 elements from `source` at `index` to `target` at `place`."
+    return _intrinsic(function)
+
+
+copy_three, copy_four = _copy(3), _copy(4)
+
+
 @_intrinsic
 def stream_f16(typing_context: Any, array: Any, index: Any, value: Any) -> Any:
     """Write an F16 past the caches to the 16 float32 elements at `index`, which begin on a cache line."""
