@@ -14,6 +14,7 @@ from readygo.common.simd.types import F16, I16, LANES, M16, call_llvm, f32_vecto
 _i32 = ir.IntType(32)
 _intrinsic: Any = intrinsic
 _i16_vector = ir.VectorType(ir.IntType(16), LANES)
+_quarter = ir.VectorType(ir.FloatType(), 4)
 
 
 def pointer_to(context: Any, builder: Any, sig: Any, args: Any, pointee: Any) -> Any:
@@ -143,46 +144,59 @@ def per_quarter(*lanes: int) -> list[int]:
     return [lane + 4 * quarter for quarter in range(4) for lane in lanes]
 
 
-def _quarters(*picks: int) -> list[int]:
-    """Whole 128-bit quarters: two of the first vector, then two of the second."""
-    return [16 * (place > 1) + 4 * quarter + lane for place, quarter in enumerate(picks) for lane in range(4)]
+def _joined(builder: Any, parts: list[Any], lanes: int) -> Any:
+    """One vector of vectors of `lanes` lanes each, two to the power of something of them."""
+    while len(parts) > 1:
+        pairs = zip(parts[::2], parts[1::2], strict=True)
+        lanes *= 2
+        all_lanes = ir.Constant(ir.VectorType(_i32, lanes), list(range(lanes)))
+        parts = [builder.shuffle_vector(a, b, all_lanes) for a, b in pairs]
+    return parts[0]
 
 
-def _transpose(builder: Any, rows: list[Any]) -> list[Any]:
-    """Transpose 16 vectors by unpacking pairs within quarters, then moving quarters."""
+def _columns_of_quarters(builder: Any, rows: list[Any]) -> list[Any]:
+    """Of four vectors the 4x4 matrices that their quarters make, each transposed."""
     low, high = per_quarter(0, 16, 1, 17), per_quarter(2, 18, 3, 19)
     low_pair, high_pair = per_quarter(0, 1, 16, 17), per_quarter(2, 3, 18, 19)
-    even, odd = _quarters(0, 2, 0, 2), _quarters(1, 3, 1, 3)
-    t = [shuffled(builder, rows[k & ~1], rows[k | 1], high if k & 1 else low) for k in range(16)]
-    r: list[Any] = []
-    for k in range(0, 16, 4):
-        r += [
-            shuffled(builder, t[k + half], t[k + 2 + half], pick) for half in (0, 1) for pick in (low_pair, high_pair)
-        ]
-    t = [shuffled(builder, r[g + k], r[g + 4 + k], pick) for g in (0, 8) for pick in (even, odd) for k in range(4)]
-    out: list[Any] = [None] * 16
-    for k in range(4):
-        out[k] = shuffled(builder, t[k], t[8 + k], even)
-        out[8 + k] = shuffled(builder, t[k], t[8 + k], odd)
-        out[4 + k] = shuffled(builder, t[4 + k], t[12 + k], even)
-        out[12 + k] = shuffled(builder, t[4 + k], t[12 + k], odd)
+    a, b, c, d = rows
+    out = []
+    for pick in (low, high):
+        ab, cd = shuffled(builder, a, b, pick), shuffled(builder, c, d, pick)
+        out += [shuffled(builder, ab, cd, low_pair), shuffled(builder, ab, cd, high_pair)]
     return out
 
 
 @_intrinsic
-def transpose_in_place(typing_context: Any, array: Any, index: Any) -> Any:
-    """Transpose the 16x16 float32 matrix at `index`."""
+def transpose(
+    typing_context: Any, source: Any, index: Any, stride: Any, target: Any, place: Any, target_stride: Any
+) -> Any:
+    """Write the transposed 16x16 float32 matrix at `index`, with rows `stride` apart, to other memory at `place`.
+
+    Four columns at a time, of which a quarter is loaded: few enough values for the registers of AVX2.
+    """
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        first = pointer_to(context, builder, sig, args, f32_vector)
-        places = [builder.gep(first, [ir.Constant(_i32, k)]) for k in range(LANES)]
-        rows = []
-        for place in places:
-            row = builder.load(place)
-            row.align = 4
-            rows.append(row)
-        for place, row in zip(places, _transpose(builder, rows), strict=True):
-            builder.store(row, place).align = 4
+        def row(first: int, number: int, lane: int, vector: Any) -> Any:
+            array, begin, apart = args[first : first + 3]
+            kinds = sig.args[first : first + 3]
+            begin, apart = (
+                context.cast(builder, value, kind, types.intp)
+                for value, kind in zip((begin, apart), kinds[1:], strict=True)
+            )
+            begin = builder.add(begin, builder.mul(apart, ir.Constant(apart.type, number)))
+            begin = builder.add(begin, ir.Constant(apart.type, lane))
+            of_begin = types.void(kinds[0], types.intp)
+            return pointer_to(context, builder, of_begin, [array, begin], vector)
+
+        for first in range(0, LANES, 4):
+            rows = []
+            for number in range(4):
+                quarters = [builder.load(row(0, number + k, first, _quarter)) for k in range(0, LANES, 4)]
+                for quarter in quarters:
+                    quarter.align = 4
+                rows.append(_joined(builder, quarters, 4))
+            for number, column in enumerate(_columns_of_quarters(builder, rows)):
+                builder.store(column, row(3, first + number, 0, f32_vector)).align = 4
         return context.get_dummy_value()
 
-    return types.void(array, index), emit
+    return types.void(source, index, stride, target, place, target_stride), emit

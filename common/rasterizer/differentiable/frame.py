@@ -121,6 +121,7 @@ class Frame:
             groups=np.empty(0, dtype=np.float32),
             lanes=np.empty(0, dtype=np.int32),
             waiting=np.zeros(CHUNK, dtype=np.int64),
+            rows=np.zeros(16 * 48, dtype=np.float32),
             coefficients=np.zeros(48 * 16, dtype=np.float32),
         )
         self._chunk_room = _chunk_arrays(0)

@@ -73,8 +73,10 @@ class Kept(NamedTuple):
     """Gaussians of each group, shape (G,)."""
     waiting: Integers
     """Numbers of those Gaussians of one chunk that may touch the image, shape (CHUNK,)."""
+    rows: Singles
+    """Parameters or SH coefficients of 16 Gaussians, one row each, shape (16 * 48,)."""
     coefficients: Singles
-    """SH coefficients of 16 Gaussians, shape (48 * 16,)."""
+    """SH coefficients of 16 Gaussians, one column each, shape (48 * 16,)."""
 
 
 class Raster(NamedTuple):

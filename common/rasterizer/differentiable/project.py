@@ -45,7 +45,7 @@ from readygo.common.simd.memory import (
     prefetch,
     store_f16,
     store_i16,
-    transpose_in_place,
+    transpose,
 )
 from readygo.common.simd.types import (
     bit_pattern,
@@ -101,17 +101,17 @@ def _row(kept: Kept, group: int, row: int) -> Any:
 @inlined
 def _gather_group(view: PinholeView, cloud: Cloud, begin: int, size: int, group: int, kept: Kept) -> None:
     """Bring the parameters of `size` of the waiting Gaussians to a group, those from `begin` on."""
-    place = group * GROUP
     for lane in range(size):
-        number, row = peek(kept.waiting, begin + lane), place + 16 * lane
+        number, row = peek(kept.waiting, begin + lane), 16 * lane
         for j in range(0, 3 * cloud.sh_count, 16):
             prefetch(cloud.sh, number * cloud.sh_stride + j)
-        copy_three(kept.groups, row, cloud.means_m, 3 * number)
-        copy_four(kept.groups, row + QUATERNION, cloud.quats_wxyz, 4 * number)
-        copy_three(kept.groups, row + SCALES, cloud.scales_m, 3 * number)
-        poke(kept.groups, row + OPACITY, peek(cloud.opacities, number))
-        poke(kept.groups, row + NUMBER, float_with_bits(number))
-    transpose_in_place(kept.groups, place)
+        copy_three(kept.rows, row, cloud.means_m, 3 * number)
+        copy_four(kept.rows, row + QUATERNION, cloud.quats_wxyz, 4 * number)
+        copy_three(kept.rows, row + SCALES, cloud.scales_m, 3 * number)
+        poke(kept.rows, row + OPACITY, peek(cloud.opacities, number))
+        poke(kept.rows, row + NUMBER, float_with_bits(number))
+    place = group * GROUP
+    transpose(kept.rows, 0, 16, kept.groups, place, 16)
     store_f16(kept.groups, place, from_camera(view, 0, load_f16(kept.groups, place)))
     store_f16(kept.groups, place + 16, from_camera(view, 1, load_f16(kept.groups, place + 16)))
     store_f16(kept.groups, place + 32, from_camera(view, 2, load_f16(kept.groups, place + 32)))
@@ -192,7 +192,7 @@ def _emit(drawn: int, first: int, counts: tuple[int, int], slab: Slab, ws: Works
     Returns:
         The new counts.
     """
-    transpose_in_place(ws.scratch, 0)
+    transpose(ws.scratch, 0, 16, ws.records, first * RECORD, RECORD)
     keys, later = counts
     while drawn:
         lane = lowest_bit(drawn)
@@ -200,7 +200,6 @@ def _emit(drawn: int, first: int, counts: tuple[int, int], slab: Slab, ws: Works
         record = first + lane
         tile, blocks = _box(lane, ws)
         depth_bits = np.int64(peek(ws.scratch_bits, 48 + lane))
-        store_f16(ws.records, record * RECORD, load_f16(ws.scratch, lane * RECORD))
         if tile == LARGE:
             ws.counts[LARGE_ENTRIES] += tiles_met(blocks)
         poke(ws.boxes, 2 * record, tile)
