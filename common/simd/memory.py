@@ -62,6 +62,13 @@ store_f16 = _store(F16, f32_vector, "Write an F16 to 16 float32 elements at `ind
 store_i16 = _store(I16, i32_vector, "Write an I16 to 16 int32 elements at `index`.")
 
 
+def _words(builder: Any, bits: Any) -> Any:
+    """The lowest 16 bits of an int64, 64 times."""
+    undefined = ir.Constant(ir.VectorType(ir.IntType(16), 64), ir.Undefined)
+    first = builder.insert_element(undefined, builder.trunc(bits, ir.IntType(16)), ir.Constant(_i32, 0))
+    return builder.shuffle_vector(first, undefined, ir.Constant(ir.VectorType(_i32, 64), [0] * 64))
+
+
 @_intrinsic
 def touching(typing_context: Any, array: Any, index: Any, bits: Any) -> Any:
     """Which of the 64 uint16 elements at `index` share a set bit with the scalar `bits`, as an int64."""
@@ -70,16 +77,39 @@ def touching(typing_context: Any, array: Any, index: Any, bits: Any) -> Any:
         vector = ir.VectorType(ir.IntType(16), 64)
         value = builder.load(pointer_to(context, builder, sig, args, vector))
         value.align = 2
-        first = builder.insert_element(
-            ir.Constant(vector, ir.Undefined), builder.trunc(args[2], ir.IntType(16)), ir.Constant(_i32, 0)
-        )
-        wanted = builder.shuffle_vector(
-            first, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(_i32, 64), [0] * 64)
-        )
-        shared = builder.icmp_unsigned("!=", builder.and_(value, wanted), ir.Constant(vector, None))
+        shared = builder.icmp_unsigned("!=", builder.and_(value, _words(builder, args[2])), ir.Constant(vector, None))
         return builder.bitcast(shared, ir.IntType(64))
 
     return types.int64(array, index, types.int64), emit
+
+
+@_intrinsic
+def forget(typing_context: Any, array: Any, index: Any) -> Any:
+    """Set the 64 uint16 elements at `index` to 0."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        vector = ir.VectorType(ir.IntType(16), 64)
+        builder.store(ir.Constant(vector, None), pointer_to(context, builder, sig, args, vector)).align = 2
+        return context.get_dummy_value()
+
+    return types.void(array, index), emit
+
+
+@_intrinsic
+def mark(typing_context: Any, array: Any, index: Any, which: Any, bits: Any) -> Any:
+    """Set `bits` in those of the 64 uint16 elements at `index` whose bit is set in the int64 `which`."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        vector = ir.VectorType(ir.IntType(16), 64)
+        pointer = pointer_to(context, builder, sig, args, vector)
+        old = builder.load(pointer)
+        old.align = 2
+        chosen = builder.sext(builder.bitcast(args[2], ir.VectorType(ir.IntType(1), 64)), vector)
+        wanted = builder.and_(chosen, _words(builder, args[3]))
+        builder.store(builder.or_(old, wanted), pointer).align = 2
+        return context.get_dummy_value()
+
+    return types.void(array, index, types.int64, types.int64), emit
 
 
 @_intrinsic

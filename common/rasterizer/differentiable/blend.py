@@ -22,7 +22,7 @@ from readygo.common.rasterizer.differentiable.memory import (
 )
 from readygo.common.rasterizer.differentiable.released import released
 from readygo.common.rasterizer.differentiable.simd_rows import load_block, load_first, store_block, store_first
-from readygo.common.simd.memory import load_f16, peek, poke, prefetch, store_f16, touching
+from readygo.common.simd.memory import forget, load_f16, mark, peek, prefetch, store_f16, touching
 from readygo.common.simd.types import (
     bit_pattern,
     float_bits,
@@ -197,8 +197,7 @@ def blend(width: int, ws: Workspace, raster: Raster) -> None:
                 node = ws.node_next[node]
                 _prefetch_node(ws, raster, node, NODE if node != last else last_place & (NODE - 1))
             drawn += 1
-            for block in range(16):
-                poke(raster.node_blocks, (entry >> 2) + block, 0)
+            forget(raster.entry_drawn, entry)
             waiting = alive
             while waiting:
                 block = lowest_bit(waiting)
@@ -209,7 +208,7 @@ def blend(width: int, ws: Workspace, raster: Raster) -> None:
                 x, y = lane_x + (left + raster.block_x[block]), lane_y + (top + raster.block_y[block])
                 place = block * planes * 16
                 drawing, unfinished = _blend_block(ws, raster, place, entry, touched, x, y)
-                poke(raster.node_blocks, (entry >> 2) + block, drawing)
+                mark(raster.entry_drawn, entry, drawing, 1 << block)
                 if raster.feature_count:
                     _blend_features(ws, raster, place, entry, drawing)
                 if not unfinished:

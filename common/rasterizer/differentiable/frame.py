@@ -133,7 +133,7 @@ class Frame:
             features=np.empty(0, dtype=np.float32),
             feature_count=0,
             tile_nodes=np.zeros(tile_count(height_px, width_px), dtype=np.int32),
-            node_blocks=np.empty(0, dtype=np.int64),
+            entry_drawn=np.empty(0, dtype=np.uint16),
             weights=aligned(64 * 16, np.float32),
             state=aligned(16 * STATE_ROWS * 16, np.float32),
             block_x=np.tile(np.arange(0, 16, 4, dtype=np.float32), 4),
@@ -318,7 +318,7 @@ class _SlabLists:
         self._entry_record = aligned(0, np.int32)
         self._entry_blocks = aligned(0, np.uint16)
         self._tile_nodes = np.zeros_like(raster.tile_nodes)
-        self._node_blocks = np.empty(0, dtype=np.int64)
+        self._entry_drawn = np.empty(0, dtype=np.uint16)
 
     def of(self, ws: Workspace) -> Workspace:
         """The workspace with these lists."""
@@ -333,13 +333,13 @@ class _SlabLists:
         """The workspace with these lists, large enough."""
         ws = with_room(ws, entries=entries)
         self._node_next, self._entry_record, self._entry_blocks = ws.node_next, ws.entry_record, ws.entry_blocks
-        if len(self._node_blocks) < 16 * len(ws.node_next):
-            self._node_blocks = aligned(16 * len(ws.node_next), np.int64)
+        if len(self._entry_drawn) < len(ws.entry_blocks):
+            self._entry_drawn = aligned(len(ws.entry_blocks), np.uint16)
         return ws
 
     def on(self, raster: Raster) -> Raster:
         """The raster with what is noted of these lists."""
-        return raster._replace(tile_nodes=self._tile_nodes, node_blocks=self._node_blocks)
+        return raster._replace(tile_nodes=self._tile_nodes, entry_drawn=self._entry_drawn)
 
 
 def _chunk_arrays(count: int) -> Chunks:

@@ -5,6 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.rasterizer.differentiable.partial_sums import place_of
+
 Singles = npt.NDArray[np.float32]
 Float64s = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -21,10 +23,10 @@ GROUP = GROUP_ROWS * 16
 """Numbers per group."""
 TRANSMITTANCE, RED, DEPTH, PLANES = 0, 1, 4, 5
 """Planes of an image: transmittance, red, green, blue, depth times weight, and then the features."""
-MOMENTS, WEIGHT, CHANNELS, FEATURES = (0, 1, 4, 2, 5, 8), 12, (3, 7, 11, 15), 16
+MOMENTS, WEIGHT, CHANNELS, FEATURES = tuple(map(place_of, range(6))), place_of(6), tuple(map(place_of, range(7, 11))), 16
 """Places in a gradient record: six moments, the sum of weights, red, green, blue and depth, and where features begin.
-Behind these are the absolute derivatives by the projected mean, if asked for. The order is that in which
-`blend_gradients` gets them; the other places below `FEATURES` hold nothing of use."""
+Behind these are the absolute derivatives by the projected mean, if asked for. The other places below `FEATURES` hold
+nothing of use."""
 FEATURE_GROUP = 4
 """Features are handled in groups of this many; the last group is filled up with zeros."""
 
@@ -94,8 +96,8 @@ class Raster(NamedTuple):
     """Features per record, a multiple of `FEATURE_GROUP`."""
     tile_nodes: npt.NDArray[np.int32]
     """Nodes of each tile's list that were drawn until the tile was finished, shape (T,)."""
-    node_blocks: Integers
-    """Which of a drawn node's entries changed a pixel (bits), for each 4x4 block of the tile, shape (E / 64 * 16,)."""
+    entry_drawn: npt.NDArray[np.uint16]
+    """Which of the tile's 4x4 blocks an entry of a drawn node changed (bits), shape (E,)."""
     weights: Singles
     """Weights of one list of entries in one block, shape (64 * 16,)."""
     state: Singles
