@@ -195,7 +195,9 @@ def blend(width: int, ws: Workspace, raster: Raster) -> None:
             valid = (1 << size) - 1 if size < NODE else -1
             if node != last:
                 node = ws.node_next[node]
-                _prefetch_node(ws, raster, node, NODE if node != last else last_place & (NODE - 1))
+                _prefetch_node(ws, raster, node, last_place)
+            elif tile + 1 < len(ws.quad_alive):
+                _prefetch_node(ws, raster, tile + 1, ws.tile_place[tile + 1])
             drawn += 1
             forget(raster.entry_drawn, entry)
             waiting = alive
@@ -219,7 +221,9 @@ def blend(width: int, ws: Workspace, raster: Raster) -> None:
 
 
 @inlined
-def _prefetch_node(ws: Workspace, raster: Raster, node: int, size: int) -> None:
+def _prefetch_node(ws: Workspace, raster: Raster, node: int, last_place: int) -> None:
+    """Ask for the records of a node of the tile whose list ends at `last_place`."""
+    size = last_place & (NODE - 1) if node == last_place >> 6 else NODE
     for i in range(node * NODE, node * NODE + size):
         record = np.int64(peek(ws.entry_record, i))
         prefetch(ws.records, record * RECORD)

@@ -200,6 +200,8 @@ def blend_gradients(
             if k + 1 < raster.tile_nodes[tile]:
                 node = ws.node_next[node]
                 _prefetch_node(ws, raster, node, out)
+            elif tile + 1 < len(ws.quad_alive) and raster.tile_nodes[tile + 1]:
+                _prefetch_node(ws, raster, tile + 1, out)
             waiting = touching(raster.entry_drawn, entry, 0xFFFF)
             while waiting:
                 place = entry + lowest_bit(waiting)
@@ -212,8 +214,10 @@ def blend_gradients(
 
 @inlined
 def _prefetch_node(ws: Workspace, raster: Raster, node: int, out: Gradients) -> None:
-    for i in range(node * NODE, node * NODE + NODE):
-        record = np.int64(peek(ws.entry_record, i))
+    waiting = touching(raster.entry_drawn, node * NODE, 0xFFFF)
+    while waiting:
+        record = np.int64(peek(ws.entry_record, node * NODE + lowest_bit(waiting)))
+        waiting &= waiting - 1
         prefetch(ws.records, record * RECORD)
         prefetch(out.records, record * out.record_size)
         if raster.feature_count:
