@@ -297,6 +297,16 @@ def mask_bits(typing_context: Any, mask: Any) -> Any:
 
 
 @_intrinsic
+def holds_somewhere(typing_context: Any, mask: Any) -> Any:
+    """True if the mask holds in a lane."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return call_llvm(builder, "llvm.vector.reduce.or.v16i1", ir.IntType(1), list(args))
+
+    return types.boolean(M16), emit
+
+
+@_intrinsic
 def has_bit(typing_context: Any, value: Any, bits: Any) -> Any:
     """Lanes of the I16 `value` that share a set bit with the scalar `bits`."""
 

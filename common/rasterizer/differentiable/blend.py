@@ -28,9 +28,9 @@ from readygo.common.simd.types import (
     float_bits,
     float_of_bits,
     fma,
+    holds_somewhere,
     lane_number,
     lowest_bit,
-    mask_bits,
     minimum,
     to_float,
     where,
@@ -108,9 +108,9 @@ def _blend_block(ws: Workspace, raster: Raster, place: int, entry: int, touched:
         t = log2_alpha(dx, dy, peek(records, r + 2), peek(records, r + 3), peek(records, r + 4), peek(records, r + 5))
         # Finished pixels stay as they are, even if their block goes on: a difference of `TRANSMITTANCE_MIN` behind an
         # alpha of 0.99 would be a hundred times larger in the gradient.
-        drawn = (t >= LOG2_ALPHA_MIN) & (transmittance >= TRANSMITTANCE_MIN)
-        weight = where(drawn, minimum(exp2(t), ALPHA_MAX) * transmittance, 0.0)
-        is_drawn = mask_bits(drawn) != 0
+        alpha = where(t >= LOG2_ALPHA_MIN, minimum(exp2(t), ALPHA_MAX), 0.0)
+        weight = alpha * where(transmittance >= TRANSMITTANCE_MIN, transmittance, 0.0)
+        is_drawn = holds_somewhere(weight > 0.0)
         drawing |= bit if is_drawn else 0
         red, green, blue, depth = (
             fma(weight, peek(records, r + 6), red),
@@ -127,7 +127,7 @@ def _blend_block(ws: Workspace, raster: Raster, place: int, entry: int, touched:
     store_f16(state, place + 32, green)
     store_f16(state, place + 48, blue)
     store_f16(state, place + 16 * DEPTH, depth)
-    return drawing, mask_bits(transmittance >= TRANSMITTANCE_MIN) != 0
+    return drawing, holds_somewhere(transmittance >= TRANSMITTANCE_MIN)
 
 
 @inlined

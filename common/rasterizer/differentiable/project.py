@@ -265,7 +265,7 @@ def list_drawn(chunks: Chunks, kept: Kept, index: Integers, radius_px: Singles) 
         for group in range(chunks.first_group[i], chunks.first_group[i] + chunks.group_count[i]):
             place = group * GROUP
             for lane in range(kept.lanes[group]):
-                index[n] = float_bits(kept.groups[place + 16 * NUMBER + lane])
-                radius_px[n] = kept.groups[place + 16 * RADIUS + lane]
+                poke(index, n, float_bits(peek(kept.groups, place + 16 * NUMBER + lane)))
+                poke(radius_px, n, peek(kept.groups, place + 16 * RADIUS + lane))
                 n += 1
     return n
