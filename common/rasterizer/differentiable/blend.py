@@ -6,7 +6,7 @@ import numpy as np
 
 from readygo.common.kernels import inlined
 from readygo.common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
-from readygo.common.rasterizer.cpu.blend import ROUNDING, log2_alpha
+from readygo.common.rasterizer.cpu.blend import ROUNDING, fill_tiles, log2_alpha, sort_keys
 from readygo.common.rasterizer.cpu.tiles import update_quads
 from readygo.common.rasterizer.cpu.workspace import NODE, RECORD, RECORDS, Workspace
 from readygo.common.rasterizer.differentiable.memory import (
@@ -171,11 +171,14 @@ def _copy_tile(raster: Raster, left: int, top: int, planes: int, store: bool) ->
 
 @released
 def blend(width: int, ws: Workspace, raster: Raster) -> None:
-    """Blend the slab's lists into the planes, nearest first, and note which entries changed which 4x4 blocks of pixels.
+    """Sort the slab's keys, spread them to lists of the tiles, and blend these into the planes, nearest first.
+
+    Noted is which entries changed which 4x4 blocks of pixels.
 
     A block is left alone once all of its pixels are finished, a tile once all of its blocks are; both are asked after
     every node.
     """
+    fill_tiles(width, sort_keys(ws), ws)
     columns, planes = (width + 15) >> 4, PLANES + raster.feature_count
     lane_x, lane_y = to_float(lane_number() & 3) + 0.5, to_float(lane_number() >> 2) + 0.5
     for tile in range(len(ws.quad_alive)):

@@ -42,7 +42,6 @@ from readygo.common.rasterizer.differentiable.memory import (
 from readygo.common.rasterizer.differentiable.pool import ArrayPool
 from readygo.common.rasterizer.differentiable.project import list_drawn, project
 from readygo.common.rasterizer.differentiable.project_gradients import gather_sums, project_gradients
-from readygo.common.rasterizer.differentiable.released import begin_slab, fill_tiles, sort_keys
 
 LN_2 = 0.6931471805599453
 _FREE_FRAMES = 4
@@ -208,16 +207,13 @@ class Frame:
             self._slabs.append(_SlabLists(self._ws, self._raster))
         lists = self._slabs[self._slab_count]
         first = int(self._ws.counts[RECORDS])
-        begin_slab(view.width, slab.limit_bits, self._ws)
         project(view, self._cloud, self._chunks, slab, keep, self._kept, self._ws)
         if self._ws.counts[KEYS] == 0:
             return
         if features is not None:
             gather_features(features.reshape(-1), features.shape[1], first, self._kept, self._ws, self._raster)
-        in_sorted = sort_keys(self._ws)
         counts = self._ws.counts
         ws = lists.with_room(lists.of(self._ws), int(4 * counts[KEYS] + counts[LARGE_ENTRIES]))
-        fill_tiles(view.width, in_sorted, ws)
         blend(view.width, ws, lists.on(self._raster))
         self._slab_count += 1
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from readygo.common.kernels import inlined
 from readygo.common.rasterizer.constants import ALPHA_MIN, LOG2_E
+from readygo.common.rasterizer.cpu.blend import begin_slab
 from readygo.common.rasterizer.cpu.optics import Optics, clamped, optics_of, rotation_rows
 from readygo.common.rasterizer.cpu.project import pixels_within
 from readygo.common.rasterizer.cpu.slabs import NEAR_BITS, Slab, is_due
@@ -216,7 +217,7 @@ def _emit(drawn: int, first: int, counts: tuple[int, int], slab: Slab, ws: Works
 
 @released
 def project(view: PinholeView, cloud: Cloud, chunks: Chunks, slab: Slab, keep: bool, kept: Kept, ws: Workspace) -> None:
-    """Project the slab's chunks, and append the Gaussians that touch unfinished pixels.
+    """Begin a slab: project its chunks, and append the Gaussians that touch unfinished pixels.
 
     Args:
         view: Camera.
@@ -227,6 +228,7 @@ def project(view: PinholeView, cloud: Cloud, chunks: Chunks, slab: Slab, keep: b
         kept: Where the groups are written.
         ws: Workspace with room for all Gaussians of these chunks.
     """
+    begin_slab(view.width, slab.limit_bits, ws)
     optics, R = optics_of(view), rotation_rows(view.R_CW)
     group = ws.counts[RECORDS] >> 4
     counts = (ws.counts[KEYS], ws.counts[LATER])
