@@ -207,9 +207,18 @@ def blend_gradients(
                 place = entry + lowest_bit(waiting)
                 waiting &= waiting - 1
                 record = np.int64(peek(ws.entry_record, place))
+                if waiting:
+                    # Asked for with the whole node, but the tile's state may have taken their place in the cache.
+                    _prefetch_record(ws, np.int64(peek(ws.entry_record, entry + lowest_bit(waiting))), out)
                 _touch(record, out)
                 _replay_entry(ws, raster, record, np.int64(peek(raster.entry_drawn, place)), absolute, out)
         _store_tile(raster, replay, left, top)
+
+
+@inlined
+def _prefetch_record(ws: Workspace, record: int, out: Gradients) -> None:
+    prefetch(ws.records, record * RECORD)
+    prefetch(out.records, record * out.record_size)
 
 
 @inlined
@@ -218,7 +227,6 @@ def _prefetch_node(ws: Workspace, raster: Raster, node: int, out: Gradients) -> 
     while waiting:
         record = np.int64(peek(ws.entry_record, node * NODE + lowest_bit(waiting)))
         waiting &= waiting - 1
-        prefetch(ws.records, record * RECORD)
-        prefetch(out.records, record * out.record_size)
+        _prefetch_record(ws, record, out)
         if raster.feature_count:
             prefetch(raster.features, record * raster.feature_count)
