@@ -23,7 +23,12 @@ GROUP = GROUP_ROWS * 16
 """Numbers per group."""
 TRANSMITTANCE, RED, DEPTH, PLANES = 0, 1, 4, 5
 """Planes of an image: transmittance, red, green, blue, depth times weight, and then the features."""
-MOMENTS, WEIGHT, CHANNELS, FEATURES = tuple(map(place_of, range(6))), place_of(6), tuple(map(place_of, range(7, 11))), 16
+MOMENTS, WEIGHT, CHANNELS, FEATURES = (
+    tuple(map(place_of, range(6))),
+    place_of(6),
+    tuple(map(place_of, range(7, 11))),
+    16,
+)
 """Places in a gradient record: six moments, the sum of weights, red, green, blue and depth, and where features begin.
 Behind these are the absolute derivatives by the projected mean, if asked for. The other places below `FEATURES` hold
 nothing of use."""

@@ -112,13 +112,13 @@ def _lanes_of(size: int, *picks: int) -> list[int]:
 def _by_quarters(builder: Any, sums: list[Any]) -> Any:
     """Of as many sums as a register has quarters, a quarter of the lanes each."""
     if len(sums) == 2:
-        return _merged(builder, *sums, _lanes_of(4, 0, 2), _lanes_of(4, 1, 3))
-    ab, cd = (_merged(builder, *sums[k : k + 2], _lanes_of(8, 0, 2), _lanes_of(8, 1, 3)) for k in (0, 2))
+        return _merged(builder, sums[0], sums[1], _lanes_of(4, 0, 2), _lanes_of(4, 1, 3))
+    ab, cd = (_merged(builder, sums[k], sums[k + 1], _lanes_of(8, 0, 2), _lanes_of(8, 1, 3)) for k in (0, 2))
     return _merged(builder, ab, cd, _lanes_of(4, 0, 2, 4, 6), _lanes_of(4, 1, 3, 5, 7))
 
 
-def _within_quarters(builder: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
-    """Lane k of each quarter is the sum of that quarter of the k-th vector."""
+def within_quarters(builder: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
+    """LLVM value in which lane k of each 128-bit quarter is the sum of that quarter of the k-th vector."""
     quarters = range(a.type.count // 4)
 
     def pick(*lanes: int) -> list[int]:
@@ -135,7 +135,7 @@ def _totals(builder: Any, sums: list[Any]) -> Any:
     sums = [*sums, *[zero] * (LANES - len(sums))]
     quarters = _register_lanes() // 4
     rows = [
-        _within_quarters(
+        within_quarters(
             builder, *(_by_quarters(builder, sums[4 * k + first : 4 * k + first + quarters]) for k in range(4))
         )
         for first in range(0, 4, quarters)

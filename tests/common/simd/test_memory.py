@@ -42,3 +42,20 @@ def test_shorts_are_loaded_with_their_sign(value: int) -> None:
     out = np.zeros(16, dtype=np.float32)
     load(np.full(16, value, dtype=np.int16), out)
     assert (out == value).all()
+
+
+@njit
+def _mark(words):
+    memory.forget(words, 2)
+    memory.mark(words, 2, 0b1011, 1 << 15)
+    memory.mark(words, 2, -(1 << 63) | 2, 3)
+
+
+def test_words_are_forgotten_and_marked() -> None:
+    words = np.full(70, 9, dtype=np.uint16)
+    _mark(words)
+    expected = np.full(70, 9, dtype=np.uint16)
+    expected[2:66] = 0
+    expected[[2, 3, 5]] = 1 << 15
+    expected[[3, 65]] |= 3
+    assert np.array_equal(words, expected)
