@@ -34,8 +34,6 @@ Parameters = dict[str, torch.Tensor]
 STAGES = {
     "cull": ("bound_chunks",),
     "project": ("project", "list_drawn"),
-    "sort": ("begin_slab", "sort_keys"),
-    "bin": ("fill_tiles",),
     "blend": ("begin_planes", "gather_features", "blend"),
     "blend_gradients": ("begin_replay", "blend_gradients"),
     "project_gradients": ("project_gradients",),

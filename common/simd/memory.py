@@ -14,6 +14,7 @@ from readygo.common.simd.types import F16, I16, LANES, M16, call_llvm, f32_vecto
 _i32 = ir.IntType(32)
 _intrinsic: Any = intrinsic
 _i16_vector = ir.VectorType(ir.IntType(16), LANES)
+_quarter = ir.VectorType(ir.FloatType(), 4)
 
 
 def pointer_to(context: Any, builder: Any, sig: Any, args: Any, pointee: Any) -> Any:
@@ -61,6 +62,13 @@ store_f16 = _store(F16, f32_vector, "Write an F16 to 16 float32 elements at `ind
 store_i16 = _store(I16, i32_vector, "Write an I16 to 16 int32 elements at `index`.")
 
 
+def _words(builder: Any, bits: Any) -> Any:
+    """The lowest 16 bits of an int64, 64 times."""
+    undefined = ir.Constant(ir.VectorType(ir.IntType(16), 64), ir.Undefined)
+    first = builder.insert_element(undefined, builder.trunc(bits, ir.IntType(16)), ir.Constant(_i32, 0))
+    return builder.shuffle_vector(first, undefined, ir.Constant(ir.VectorType(_i32, 64), [0] * 64))
+
+
 @_intrinsic
 def touching(typing_context: Any, array: Any, index: Any, bits: Any) -> Any:
     """Which of the 64 uint16 elements at `index` share a set bit with the scalar `bits`, as an int64."""
@@ -69,16 +77,39 @@ def touching(typing_context: Any, array: Any, index: Any, bits: Any) -> Any:
         vector = ir.VectorType(ir.IntType(16), 64)
         value = builder.load(pointer_to(context, builder, sig, args, vector))
         value.align = 2
-        first = builder.insert_element(
-            ir.Constant(vector, ir.Undefined), builder.trunc(args[2], ir.IntType(16)), ir.Constant(_i32, 0)
-        )
-        wanted = builder.shuffle_vector(
-            first, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(_i32, 64), [0] * 64)
-        )
-        shared = builder.icmp_unsigned("!=", builder.and_(value, wanted), ir.Constant(vector, None))
+        shared = builder.icmp_unsigned("!=", builder.and_(value, _words(builder, args[2])), ir.Constant(vector, None))
         return builder.bitcast(shared, ir.IntType(64))
 
     return types.int64(array, index, types.int64), emit
+
+
+@_intrinsic
+def forget(typing_context: Any, array: Any, index: Any) -> Any:
+    """Set the 64 uint16 elements at `index` to 0."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        vector = ir.VectorType(ir.IntType(16), 64)
+        builder.store(ir.Constant(vector, None), pointer_to(context, builder, sig, args, vector)).align = 2
+        return context.get_dummy_value()
+
+    return types.void(array, index), emit
+
+
+@_intrinsic
+def mark(typing_context: Any, array: Any, index: Any, which: Any, bits: Any) -> Any:
+    """Set `bits` in those of the 64 uint16 elements at `index` whose bit is set in the int64 `which`."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        vector = ir.VectorType(ir.IntType(16), 64)
+        pointer = pointer_to(context, builder, sig, args, vector)
+        old = builder.load(pointer)
+        old.align = 2
+        chosen = builder.sext(builder.bitcast(args[2], ir.VectorType(ir.IntType(1), 64)), vector)
+        wanted = builder.and_(chosen, _words(builder, args[3]))
+        builder.store(builder.or_(old, wanted), pointer).align = 2
+        return context.get_dummy_value()
+
+    return types.void(array, index, types.int64, types.int64), emit
 
 
 @_intrinsic
@@ -143,46 +174,59 @@ def per_quarter(*lanes: int) -> list[int]:
     return [lane + 4 * quarter for quarter in range(4) for lane in lanes]
 
 
-def _quarters(*picks: int) -> list[int]:
-    """Whole 128-bit quarters: two of the first vector, then two of the second."""
-    return [16 * (place > 1) + 4 * quarter + lane for place, quarter in enumerate(picks) for lane in range(4)]
+def _joined(builder: Any, parts: list[Any], lanes: int) -> Any:
+    """One vector of vectors of `lanes` lanes each, two to the power of something of them."""
+    while len(parts) > 1:
+        pairs = zip(parts[::2], parts[1::2], strict=True)
+        lanes *= 2
+        all_lanes = ir.Constant(ir.VectorType(_i32, lanes), list(range(lanes)))
+        parts = [builder.shuffle_vector(a, b, all_lanes) for a, b in pairs]
+    return parts[0]
 
 
-def _transpose(builder: Any, rows: list[Any]) -> list[Any]:
-    """Transpose 16 vectors by unpacking pairs within quarters, then moving quarters."""
+def _columns_of_quarters(builder: Any, rows: list[Any]) -> list[Any]:
+    """Of four vectors the 4x4 matrices that their quarters make, each transposed."""
     low, high = per_quarter(0, 16, 1, 17), per_quarter(2, 18, 3, 19)
     low_pair, high_pair = per_quarter(0, 1, 16, 17), per_quarter(2, 3, 18, 19)
-    even, odd = _quarters(0, 2, 0, 2), _quarters(1, 3, 1, 3)
-    t = [shuffled(builder, rows[k & ~1], rows[k | 1], high if k & 1 else low) for k in range(16)]
-    r: list[Any] = []
-    for k in range(0, 16, 4):
-        r += [
-            shuffled(builder, t[k + half], t[k + 2 + half], pick) for half in (0, 1) for pick in (low_pair, high_pair)
-        ]
-    t = [shuffled(builder, r[g + k], r[g + 4 + k], pick) for g in (0, 8) for pick in (even, odd) for k in range(4)]
-    out: list[Any] = [None] * 16
-    for k in range(4):
-        out[k] = shuffled(builder, t[k], t[8 + k], even)
-        out[8 + k] = shuffled(builder, t[k], t[8 + k], odd)
-        out[4 + k] = shuffled(builder, t[4 + k], t[12 + k], even)
-        out[12 + k] = shuffled(builder, t[4 + k], t[12 + k], odd)
+    a, b, c, d = rows
+    out = []
+    for pick in (low, high):
+        ab, cd = shuffled(builder, a, b, pick), shuffled(builder, c, d, pick)
+        out += [shuffled(builder, ab, cd, low_pair), shuffled(builder, ab, cd, high_pair)]
     return out
 
 
 @_intrinsic
-def transpose_in_place(typing_context: Any, array: Any, index: Any) -> Any:
-    """Transpose the 16x16 float32 matrix at `index`."""
+def transpose(
+    typing_context: Any, source: Any, index: Any, stride: Any, target: Any, place: Any, target_stride: Any
+) -> Any:
+    """Write the transposed 16x16 float32 matrix at `index`, with rows `stride` apart, to other memory at `place`.
+
+    Four columns at a time, of which a quarter is loaded: few enough values for the registers of AVX2.
+    """
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        first = pointer_to(context, builder, sig, args, f32_vector)
-        places = [builder.gep(first, [ir.Constant(_i32, k)]) for k in range(LANES)]
-        rows = []
-        for place in places:
-            row = builder.load(place)
-            row.align = 4
-            rows.append(row)
-        for place, row in zip(places, _transpose(builder, rows), strict=True):
-            builder.store(row, place).align = 4
+        def row(first: int, number: int, lane: int, vector: Any) -> Any:
+            array, begin, apart = args[first : first + 3]
+            kinds = sig.args[first : first + 3]
+            begin, apart = (
+                context.cast(builder, value, kind, types.intp)
+                for value, kind in zip((begin, apart), kinds[1:], strict=True)
+            )
+            begin = builder.add(begin, builder.mul(apart, ir.Constant(apart.type, number)))
+            begin = builder.add(begin, ir.Constant(apart.type, lane))
+            of_begin = types.void(kinds[0], types.intp)
+            return pointer_to(context, builder, of_begin, [array, begin], vector)
+
+        for first in range(0, LANES, 4):
+            rows = []
+            for number in range(4):
+                quarters = [builder.load(row(0, number + k, first, _quarter)) for k in range(0, LANES, 4)]
+                for quarter in quarters:
+                    quarter.align = 4
+                rows.append(_joined(builder, quarters, 4))
+            for number, column in enumerate(_columns_of_quarters(builder, rows)):
+                builder.store(column, row(3, first + number, 0, f32_vector)).align = 4
         return context.get_dummy_value()
 
-    return types.void(array, index), emit
+    return types.void(source, index, stride, target, place, target_stride), emit

@@ -297,6 +297,16 @@ def mask_bits(typing_context: Any, mask: Any) -> Any:
 
 
 @_intrinsic
+def holds_somewhere(typing_context: Any, mask: Any) -> Any:
+    """True if the mask holds in a lane."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return call_llvm(builder, "llvm.vector.reduce.or.v16i1", ir.IntType(1), list(args))
+
+    return types.boolean(M16), emit
+
+
+@_intrinsic
 def has_bit(typing_context: Any, value: Any, bits: Any) -> Any:
     """Lanes of the I16 `value` that share a set bit with the scalar `bits`."""
 
@@ -341,3 +351,13 @@ def float_bits(typing_context: Any, x: Any) -> Any:
         return builder.zext(builder.bitcast(args[0], _i32), ir.IntType(64))
 
     return types.int64(types.float32), emit
+
+
+@_intrinsic
+def float_with_bits(typing_context: Any, bits: Any) -> Any:
+    """The scalar float32 whose bits are the lowest 32 of an int64."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.bitcast(builder.trunc(args[0], _i32), ir.FloatType())
+
+    return types.float32(types.int64), emit

@@ -16,7 +16,7 @@ from readygo.common.rasterizer.cpu.tiles import LARGE, box_codes, is_alive, tile
 from readygo.common.rasterizer.cpu.view import PinholeView, VisibleChunks
 from readygo.common.rasterizer.cpu.workspace import KEYS, LARGE_ENTRIES, LATER, RECORD, RECORDS, Workspace
 from readygo.common.rasterizer.packed.scene import NORMAL_STEP
-from readygo.common.simd.memory import load_f16, load_short, peek, poke, store_f16, store_i16, transpose_in_place
+from readygo.common.simd.memory import load_f16, load_short, peek, poke, store_f16, store_i16, transpose
 from readygo.common.simd.types import (
     bit_pattern,
     fma,
@@ -239,7 +239,7 @@ def _emit(seen: int, counts: tuple[int, int, int], slab: Slab, columns: int, ws:
     Returns:
         The new counts.
     """
-    transpose_in_place(ws.scratch, 0)
+    transpose(ws.scratch, 0, 16, ws.scratch_records, 0, RECORD)
     records, keys, later = counts
     bits = ws.scratch_bits
     while seen:
@@ -248,7 +248,7 @@ def _emit(seen: int, counts: tuple[int, int, int], slab: Slab, columns: int, ws:
         tile = np.int64(peek(bits, lane))
         blocks = (np.int64(peek(bits, 16 + lane)) & 0xFFFFFFFF) | (np.int64(peek(bits, 32 + lane)) << 32)
         depth_bits = np.int64(peek(bits, 48 + lane))
-        store_f16(ws.records, records * RECORD, load_f16(ws.scratch, lane * RECORD))
+        store_f16(ws.records, records * RECORD, load_f16(ws.scratch_records, lane * RECORD))
         if tile == LARGE:
             ws.counts[LARGE_ENTRIES] += tiles_met(blocks)
         # Written in any case, counted if true: cheaper than branches that the CPU cannot foresee.

@@ -32,10 +32,11 @@ class Slab(NamedTuple):
     """True if some pixels may be finished."""
 
 
-def slabs_of(depth_m: npt.NDArray[np.float64]) -> list[Slab]:
-    """Split the depths of the visible chunks [m] at the shares of `SLAB_SHARES`."""
+def slabs_of(depth_m: npt.NDArray[np.float64], shares: tuple[float, ...] | None = None) -> list[Slab]:
+    """Split the depths of the visible chunks [m] at these shares of them, or at those of `SLAB_SHARES`."""
+    shares = SLAB_SHARES if shares is None else shares
     depths = np.sort(depth_m)
-    limits = {float(depths[int(share * len(depths))]) for share in SLAB_SHARES} if len(depths) > SLAB_MIN_CHUNKS else ()
+    limits = {float(depths[int(share * len(depths))]) for share in shares} if len(depths) > SLAB_MIN_CHUNKS else ()
     edges = [-np.inf, *sorted(limit for limit in limits if limit > NEAR_M), np.inf]
     return [
         Slab(first, limit, _depth_bits(limit), number > 0)

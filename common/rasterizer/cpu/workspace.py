@@ -62,6 +62,8 @@ class Workspace(NamedTuple):
     """A 16x16 matrix, shape (256,)."""
     scratch_bits: npt.NDArray[np.int32]
     """First tiles, low and high half of the blocks, and depth bits of a block of Gaussians, shape (64,)."""
+    scratch_records: Singles
+    """Records of a block of Gaussians, shape (256,)."""
 
 
 class Depths(NamedTuple):
@@ -104,6 +106,7 @@ def make_workspace(height_px: int, width_px: int) -> Workspace:
         digit_places=_aligned(3 * DIGITS, np.int32),
         scratch=_aligned(256, np.float32),
         scratch_bits=_aligned(64, np.int32),
+        scratch_records=_aligned(16 * RECORD, np.float32),
     )
     return with_room(ws, records=1, entries=1)
 

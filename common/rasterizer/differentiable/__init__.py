@@ -8,16 +8,16 @@ Only `autograd` and `reference` import torch. It draws by the rules of `readygo.
 single pixel is finished below `TRANSMITTANCE_MIN`.
 
 Forward. Chunks of 256 Gaussians that follow each other in memory are bounded (`cull`), and drawn in slabs of depth,
-nearest first: chunks and Gaussians behind finished pixels are skipped, the others projected sixteen at a time
-(`project`), sorted and spread to lists of 16x16 px tiles (the kernels of `cpu_blend`), and blended (`blend`) with
+nearest first: chunks and Gaussians behind finished pixels are skipped, the others gathered by sixteen and projected
+(`project`), sorted, spread to lists of 16x16 px tiles, and blended (`blend`) with
 
     alpha_i = min(0.99, o_i exp(-q_i / 2)),   w_i = alpha_i T_i,   T_{i+1} = T_i - w_i,   C = sum_i w_i c_i
 
 for any number of channels c: colour, depth, 1 (whose sum is one minus the transmittance) and features.
 
-Backward. The lists are replayed in the same order (`blend_gradients`), block of 4x4 pixels by block, and only those of
-their entries that the forward pass noted as having changed a pixel of the block. With g = dL / dC of a pixel and the
-suffix S_i = g . C - sum_{j <= i} w_j (c_j . g), what Gaussian i does to the loss is
+Backward. The lists are replayed in the same order (`blend_gradients`), entry by entry, and only in those blocks of 4x4
+pixels of which the forward pass noted that the entry changed a pixel; sums over pixels are taken once per entry. With g
+= dL / dC of a pixel and the suffix S_i = g . C - sum_{j <= i} w_j (c_j . g), what Gaussian i does to the loss is
 
     dL / dc_i = sum over pixels of w_i g,    v_i = dL / d ln(alpha_i) = w_i (c_i . g) - S_i alpha_i / (1 - alpha_i),
 

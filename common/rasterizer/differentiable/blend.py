@@ -6,7 +6,7 @@ import numpy as np
 
 from readygo.common.kernels import inlined
 from readygo.common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
-from readygo.common.rasterizer.cpu.blend import ROUNDING, log2_alpha
+from readygo.common.rasterizer.cpu.blend import ROUNDING, fill_tiles, log2_alpha, sort_keys
 from readygo.common.rasterizer.cpu.tiles import update_quads
 from readygo.common.rasterizer.cpu.workspace import NODE, RECORD, RECORDS, Workspace
 from readygo.common.rasterizer.differentiable.memory import (
@@ -22,15 +22,15 @@ from readygo.common.rasterizer.differentiable.memory import (
 )
 from readygo.common.rasterizer.differentiable.released import released
 from readygo.common.rasterizer.differentiable.simd_rows import load_block, load_first, store_block, store_first
-from readygo.common.simd.memory import load_f16, peek, poke, prefetch, store_f16, touching
+from readygo.common.simd.memory import forget, load_f16, mark, peek, prefetch, store_f16, touching
 from readygo.common.simd.types import (
     bit_pattern,
     float_bits,
     float_of_bits,
     fma,
+    holds_somewhere,
     lane_number,
     lowest_bit,
-    mask_bits,
     minimum,
     to_float,
     where,
@@ -108,9 +108,9 @@ def _blend_block(ws: Workspace, raster: Raster, place: int, entry: int, touched:
         t = log2_alpha(dx, dy, peek(records, r + 2), peek(records, r + 3), peek(records, r + 4), peek(records, r + 5))
         # Finished pixels stay as they are, even if their block goes on: a difference of `TRANSMITTANCE_MIN` behind an
         # alpha of 0.99 would be a hundred times larger in the gradient.
-        drawn = (t >= LOG2_ALPHA_MIN) & (transmittance >= TRANSMITTANCE_MIN)
-        weight = where(drawn, minimum(exp2(t), ALPHA_MAX) * transmittance, 0.0)
-        is_drawn = mask_bits(drawn) != 0
+        alpha = where(t >= LOG2_ALPHA_MIN, minimum(exp2(t), ALPHA_MAX), 0.0)
+        weight = alpha * where(transmittance >= TRANSMITTANCE_MIN, transmittance, 0.0)
+        is_drawn = holds_somewhere(weight > 0.0)
         drawing |= bit if is_drawn else 0
         red, green, blue, depth = (
             fma(weight, peek(records, r + 6), red),
@@ -127,7 +127,7 @@ def _blend_block(ws: Workspace, raster: Raster, place: int, entry: int, touched:
     store_f16(state, place + 32, green)
     store_f16(state, place + 48, blue)
     store_f16(state, place + 16 * DEPTH, depth)
-    return drawing, mask_bits(transmittance >= TRANSMITTANCE_MIN) != 0
+    return drawing, holds_somewhere(transmittance >= TRANSMITTANCE_MIN)
 
 
 @inlined
@@ -171,11 +171,14 @@ def _copy_tile(raster: Raster, left: int, top: int, planes: int, store: bool) ->
 
 @released
 def blend(width: int, ws: Workspace, raster: Raster) -> None:
-    """Blend the slab's lists into the planes, nearest first, and note which entries changed which 4x4 blocks of pixels.
+    """Sort the slab's keys, spread them to lists of the tiles, and blend these into the planes, nearest first.
+
+    Noted is which entries changed which 4x4 blocks of pixels.
 
     A block is left alone once all of its pixels are finished, a tile once all of its blocks are; both are asked after
     every node.
     """
+    fill_tiles(width, sort_keys(ws), ws)
     columns, planes = (width + 15) >> 4, PLANES + raster.feature_count
     lane_x, lane_y = to_float(lane_number() & 3) + 0.5, to_float(lane_number() >> 2) + 0.5
     for tile in range(len(ws.quad_alive)):
@@ -195,10 +198,11 @@ def blend(width: int, ws: Workspace, raster: Raster) -> None:
             valid = (1 << size) - 1 if size < NODE else -1
             if node != last:
                 node = ws.node_next[node]
-                _prefetch_node(ws, raster, node, NODE if node != last else last_place & (NODE - 1))
+                _prefetch_node(ws, raster, node, last_place)
+            elif tile + 1 < len(ws.quad_alive):
+                _prefetch_node(ws, raster, tile + 1, ws.tile_place[tile + 1])
             drawn += 1
-            for block in range(16):
-                poke(raster.node_blocks, (entry >> 2) + block, 0)
+            forget(raster.entry_drawn, entry)
             waiting = alive
             while waiting:
                 block = lowest_bit(waiting)
@@ -209,7 +213,7 @@ def blend(width: int, ws: Workspace, raster: Raster) -> None:
                 x, y = lane_x + (left + raster.block_x[block]), lane_y + (top + raster.block_y[block])
                 place = block * planes * 16
                 drawing, unfinished = _blend_block(ws, raster, place, entry, touched, x, y)
-                poke(raster.node_blocks, (entry >> 2) + block, drawing)
+                mark(raster.entry_drawn, entry, drawing, 1 << block)
                 if raster.feature_count:
                     _blend_features(ws, raster, place, entry, drawing)
                 if not unfinished:
@@ -220,7 +224,9 @@ def blend(width: int, ws: Workspace, raster: Raster) -> None:
 
 
 @inlined
-def _prefetch_node(ws: Workspace, raster: Raster, node: int, size: int) -> None:
+def _prefetch_node(ws: Workspace, raster: Raster, node: int, last_place: int) -> None:
+    """Ask for the records of a node of the tile whose list ends at `last_place`."""
+    size = last_place & (NODE - 1) if node == last_place >> 6 else NODE
     for i in range(node * NODE, node * NODE + size):
         record = np.int64(peek(ws.entry_record, i))
         prefetch(ws.records, record * RECORD)

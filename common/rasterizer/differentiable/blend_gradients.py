@@ -18,19 +18,19 @@ from readygo.common.rasterizer.differentiable.memory import (
     Raster,
     Singles,
 )
+from readygo.common.rasterizer.differentiable.partial_sums import add, add_product, no_sum, totals
 from readygo.common.rasterizer.differentiable.released import released
 from readygo.common.rasterizer.differentiable.simd_rows import (
     add_block_sums,
     load_block,
     store_block,
-    sums_over_columns,
-    sums_over_rows,
 )
-from readygo.common.simd.memory import load_f16, peek, poke, prefetch, store_f16
+from readygo.common.simd.memory import load_f16, peek, poke, prefetch, store_f16, touching
 from readygo.common.simd.types import f16, fma, lane_number, lowest_bit, maximum, minimum, to_float, where
 
-STATE_ROWS = PLANES + 2
-"""Per block: transmittance, what is left behind, then the derivatives of the planes, that of transmittance negative."""
+STATE_ROWS = PLANES + 4
+"""Per block: transmittance, what is left behind, pixel centres x and y, then the derivatives of the planes, that of
+transmittance negative."""
 
 
 @inlined
@@ -38,15 +38,18 @@ def _load_tile(raster: Raster, slopes: Singles, replay: Singles, left: int, top:
     """Set up the state of a tile's blocks."""
     size = raster.height * raster.stride
     planes = PLANES + raster.feature_count
+    lane_x, lane_y = to_float(lane_number() & 3) + 0.5, to_float(lane_number() >> 2) + 0.5
     for block in range(16):
         pixel = (top + 4 * (block >> 2)) * raster.stride + left + 4 * (block & 3)
-        place = block * (planes + 2) * 16
+        place = block * (planes + 4) * 16
         store_f16(raster.state, place, load_block(replay, pixel, raster.stride))
         store_f16(raster.state, place + 16, load_block(replay, size + pixel, raster.stride))
+        store_f16(raster.state, place + 32, lane_x + (left + raster.block_x[block]))
+        store_f16(raster.state, place + 48, lane_y + (top + raster.block_y[block]))
         # The sum of weights is one minus the transmittance.
-        store_f16(raster.state, place + 32, 0.0 - load_block(slopes, TRANSMITTANCE * size + pixel, raster.stride))
+        store_f16(raster.state, place + 64, 0.0 - load_block(slopes, TRANSMITTANCE * size + pixel, raster.stride))
         for plane in range(1, planes):
-            store_f16(raster.state, place + 32 + 16 * plane, load_block(slopes, plane * size + pixel, raster.stride))
+            store_f16(raster.state, place + 64 + 16 * plane, load_block(slopes, plane * size + pixel, raster.stride))
 
 
 @inlined
@@ -83,19 +86,14 @@ def begin_replay(ws: Workspace, raster: Raster, slopes: Singles, replay: Singles
 
 
 @inlined
-def _touch(ws: Workspace, raster: Raster, entry: int, out: Gradients) -> None:
-    """Set the gradient records of groups to 0 that a node's entries are the first to need."""
-    drawing = 0
-    for block in range(16):
-        drawing |= peek(raster.node_blocks, (entry >> 2) + block)
-    while drawing:
-        group = np.int64(peek(ws.entry_record, entry + lowest_bit(drawing))) >> 4
-        drawing &= drawing - 1
-        if peek(out.touched, group) == 0:
-            poke(out.touched, group, 1)
-            first = group * 16 * out.record_size
-            for k in range(first, first + 16 * out.record_size, 16):
-                store_f16(out.records, k, f16(0.0))
+def _touch(record: int, out: Gradients) -> None:
+    """Set the gradient records of a record's group to 0 if it is the first of them that is replayed."""
+    group = record >> 4
+    if peek(out.touched, group) == 0:
+        poke(out.touched, group, 1)
+        first = group * 16 * out.record_size
+        for k in range(first, first + 16 * out.record_size, 16):
+            store_f16(out.records, k, f16(0.0))
 
 
 @inlined
@@ -118,64 +116,55 @@ def _magnitude(x: Any) -> Any:
 
 
 @inlined
-def _replay_block(
-    ws: Workspace, raster: Raster, place: int, entry: int, drawing: int, x: Any, y: Any, absolute: bool, out: Gradients
-) -> None:
-    """Draw those of a node's entries whose bit is set into a 4x4 block of pixels once more, and add their derivatives.
+def _replay_entry(ws: Workspace, raster: Raster, record: int, drawn: int, absolute: bool, out: Gradients) -> None:
+    """Draw a record into the 4x4 blocks whose bit is set in `drawn` once more, and add its derivatives.
 
     Args:
         ws: Workspace.
         raster: State of the tile.
-        place: Where the block's state begins.
-        entry: First entry of the node.
-        drawing: A bit per entry.
-        x: Pixel centres [px].
-        y: See `x`.
+        record: Number of the record.
+        drawn: Blocks of the tile.
         absolute: Sum up the absolute values of each pixel's derivatives by the projected mean as well, in log2 units.
         out: Where to add.
     """
     state, records = raster.state, ws.records
-    transmittance, behind = load_f16(state, place), load_f16(state, place + 16)
-    slope_alpha, slope_red, slope_green = (
-        load_f16(state, place + 32),
-        load_f16(state, place + 48),
-        load_f16(state, place + 64),
-    )
-    slope_blue, slope_depth = load_f16(state, place + 80), load_f16(state, place + 96)
-    zero = f16(0.0)
-    while drawing:
-        record = np.int64(peek(ws.entry_record, entry + lowest_bit(drawing)))
-        drawing &= drawing - 1
-        r = record * RECORD
-        dx, dy = x - peek(records, r), y - peek(records, r + 1)
+    r, p = record * RECORD, record * out.record_size
+    m0, m1, m2, m3, m4, m5 = no_sum(), no_sum(), no_sum(), no_sum(), no_sum(), no_sum()
+    weights, reds, greens, blues, depths = no_sum(), no_sum(), no_sum(), no_sum(), no_sum()
+    while drawn:
+        place = lowest_bit(drawn) * (16 * (STATE_ROWS + raster.feature_count))
+        drawn &= drawn - 1
+        transmittance = load_f16(state, place)
+        dx, dy = load_f16(state, place + 32) - peek(records, r), load_f16(state, place + 48) - peek(records, r + 1)
         t = log2_alpha(dx, dy, peek(records, r + 2), peek(records, r + 3), peek(records, r + 4), peek(records, r + 5))
         uncapped = exp2(t)
-        drawn = (t >= LOG2_ALPHA_MIN) & (transmittance >= TRANSMITTANCE_MIN)
-        alpha = where(drawn, minimum(uncapped, ALPHA_MAX), 0.0)
+        drawing = (t >= LOG2_ALPHA_MIN) & (transmittance >= TRANSMITTANCE_MIN)
+        alpha = where(drawing, minimum(uncapped, ALPHA_MAX), 0.0)
         weight = alpha * transmittance
-        red, green, blue = weight * slope_red, weight * slope_green, weight * slope_blue
-        depth = weight * slope_depth
-        gain = fma(peek(records, r + 6), red, fma(peek(records, r + 7), green, weight * slope_alpha))
-        gain = fma(peek(records, r + 8), blue, fma(peek(records, r + 9), depth, gain))
+        store_f16(state, place, transmittance - weight)
+        red, green, blue = load_f16(state, place + 80), load_f16(state, place + 96), load_f16(state, place + 112)
+        depth = load_f16(state, place + 128)
+        gain = fma(peek(records, r + 6), red, fma(peek(records, r + 7), green, load_f16(state, place + 64)))
+        gain = weight * fma(peek(records, r + 8), blue, fma(peek(records, r + 9), depth, gain))
         if raster.feature_count:
             gain = _replay_features(raster, place, record, weight, gain, out)
-        behind = behind - gain
+        behind = load_f16(state, place + 16) - gain
+        store_f16(state, place + 16, behind)
         # Derivative by the logarithm of alpha.
         v = where(uncapped < ALPHA_MAX, fma(behind, alpha / (alpha - 1.0), gain), 0.0)
-        vy = v * dy
-        columns = sums_over_rows(v, vy, vy * dy, weight)
-        along = columns * dx
-        sums = sums_over_columns(columns, along, along * dx, sums_over_rows(red, green, blue, depth))
-        p = record * out.record_size
-        store_f16(out.records, p, load_f16(out.records, p) + sums)
+        vx, vy = v * dx, v * dy
+        m0, m1, m2 = add(m0, v), add(m1, vx), add(m2, vy)
+        m3, m4, m5 = add_product(m3, vx, dx), add_product(m4, vx, dy), add_product(m5, vy, dy)
+        weights, depths = add(weights, weight), add_product(depths, weight, depth)
+        reds, greens = add_product(reds, weight, red), add_product(greens, weight, green)
+        blues = add_product(blues, weight, blue)
         if absolute:
-            vx = v * dx
             a, b, c = peek(records, r + 2), peek(records, r + 3), peek(records, r + 4)
             gx, gy = _magnitude(fma(vx, a + a, vy * b)), _magnitude(fma(vx, b, vy * (c + c)))
+            zero = f16(0.0)
             add_block_sums(out.records, p + FEATURES + raster.feature_count, gx, gy, zero, zero)
-        transmittance = transmittance - weight
-    store_f16(state, place, transmittance)
-    store_f16(state, place + 16, behind)
+    sums = totals(m0, m1, m2, m3, m4, m5, weights, reds, greens, blues, depths)
+    store_f16(out.records, p, load_f16(out.records, p) + sums)
 
 
 @released
@@ -200,8 +189,6 @@ def blend_gradients(
         out: Gradient records are added to.
     """
     columns = (width + 15) >> 4
-    rows = STATE_ROWS + raster.feature_count
-    lane_x, lane_y = to_float(lane_number() & 3) + 0.5, to_float(lane_number() >> 2) + 0.5
     for tile in range(len(ws.quad_alive)):
         if raster.tile_nodes[tile] == 0:
             continue
@@ -213,20 +200,33 @@ def blend_gradients(
             if k + 1 < raster.tile_nodes[tile]:
                 node = ws.node_next[node]
                 _prefetch_node(ws, raster, node, out)
-            _touch(ws, raster, entry, out)
-            for block in range(16):
-                drawing = peek(raster.node_blocks, (entry >> 2) + block)
-                if drawing:
-                    x, y = lane_x + (left + raster.block_x[block]), lane_y + (top + raster.block_y[block])
-                    _replay_block(ws, raster, block * rows * 16, entry, drawing, x, y, absolute, out)
+            elif tile + 1 < len(ws.quad_alive) and raster.tile_nodes[tile + 1]:
+                _prefetch_node(ws, raster, tile + 1, out)
+            waiting = touching(raster.entry_drawn, entry, 0xFFFF)
+            while waiting:
+                place = entry + lowest_bit(waiting)
+                waiting &= waiting - 1
+                record = np.int64(peek(ws.entry_record, place))
+                if waiting:
+                    # Asked for with the whole node, but the tile's state may have taken their place in the cache.
+                    _prefetch_record(ws, np.int64(peek(ws.entry_record, entry + lowest_bit(waiting))), out)
+                _touch(record, out)
+                _replay_entry(ws, raster, record, np.int64(peek(raster.entry_drawn, place)), absolute, out)
         _store_tile(raster, replay, left, top)
 
 
 @inlined
+def _prefetch_record(ws: Workspace, record: int, out: Gradients) -> None:
+    prefetch(ws.records, record * RECORD)
+    prefetch(out.records, record * out.record_size)
+
+
+@inlined
 def _prefetch_node(ws: Workspace, raster: Raster, node: int, out: Gradients) -> None:
-    for i in range(node * NODE, node * NODE + NODE):
-        record = np.int64(peek(ws.entry_record, i))
-        prefetch(ws.records, record * RECORD)
-        prefetch(out.records, record * out.record_size)
+    waiting = touching(raster.entry_drawn, node * NODE, 0xFFFF)
+    while waiting:
+        record = np.int64(peek(ws.entry_record, node * NODE + lowest_bit(waiting)))
+        waiting &= waiting - 1
+        _prefetch_record(ws, record, out)
         if raster.feature_count:
             prefetch(raster.features, record * raster.feature_count)

@@ -13,7 +13,7 @@ from readygo.common.kernels import inlined
 from readygo.common.rasterizer.cpu.workspace import Workspace
 from readygo.common.rasterizer.differentiable.memory import COLOURED, DERIVATIVES, GROUP, NUMBER, Cloud, Gradients, Kept
 from readygo.common.rasterizer.differentiable.simd_rows import load_first, store_first, stream_f16
-from readygo.common.simd.memory import load_f16, store_f16, store_i16, transpose_in_place
+from readygo.common.simd.memory import load_f16, store_f16, store_i16, transpose
 from readygo.common.simd.types import f16, float_bits, fma, fms, i16, integer_where, lowest_bit, maximum, sqrt
 
 
@@ -33,9 +33,9 @@ def _load_coefficients(cloud: Cloud, group: int, drawn: int, kept: Kept) -> None
         for j in range(0, count, 16):
             whole = count - j >= 16
             value = load_f16(cloud.sh, start + j) if whole else load_first(cloud.sh, start + j, count - j)
-            store_f16(kept.coefficients, 16 * j + 16 * lane, value)
+            store_f16(kept.rows, 48 * lane + j, value)
     for j in range(0, count, 16):
-        transpose_in_place(kept.coefficients, 16 * j)
+        transpose(kept.rows, j, 48, kept.coefficients, 16 * j, 16)
 
 
 @inlined
@@ -173,7 +173,7 @@ def write_coefficient_gradients(
             _put(kept, 15, c2 * -SH_C3, g)
     count = 3 * cloud.sh_count
     for j in range(0, count, 16):
-        transpose_in_place(kept.coefficients, 16 * j)
+        transpose(kept.coefficients, 16 * j, 16, kept.rows, j, 48)
     while weighty:
         lane = lowest_bit(weighty)
         weighty &= weighty - 1
@@ -181,7 +181,7 @@ def write_coefficient_gradients(
         start = (number if dense else row) * cloud.sh_stride
         row += 1
         for j in range(0, count, 16):
-            value = load_f16(kept.coefficients, 16 * j + 16 * lane)
+            value = load_f16(kept.rows, 48 * lane + j)
             if cloud.sh_stride == 48 and count - j >= 16:
                 stream_f16(out.sh, start + j, value)
             else:

@@ -14,7 +14,7 @@ from readygo.common.rasterizer.differentiable.ewa import to_camera
 from readygo.common.rasterizer.differentiable.memory import CHUNK, Chunks, Cloud, Singles
 from readygo.common.rasterizer.differentiable.released import released
 from readygo.common.rasterizer.differentiable.simd_rows import columns_of_three, load_first
-from readygo.common.simd.memory import load_f16, prefetch, store_f16
+from readygo.common.simd.memory import load_f16, poke, prefetch, store_f16
 from readygo.common.simd.types import f16, fma, lane_number, mask_bits, maximum, minimum, where
 
 REACH = math.sqrt(2.0 * math.log(1.0 / ALPHA_MIN))
@@ -25,6 +25,14 @@ FAR = np.float32(3e38)
 
 
 @inlined
+def from_camera(view: PinholeView, axis: int, p: Any) -> Any:
+    """World coordinates along an axis relative to the camera."""
+    # In two steps, so that the difference of large coordinates loses nothing.
+    near = np.float32(view.p_WC[axis])
+    return (p - near) - (view.p_WC[axis] - near)
+
+
+@inlined
 def offsets_from_camera(view: PinholeView, cloud: Cloud, first: int, left: int) -> Any:
     """World coordinates of the Gaussians first..first+15 relative to the camera; 0 from the `left`-th on."""
     p = columns_of_three(
@@ -32,13 +40,7 @@ def offsets_from_camera(view: PinholeView, cloud: Cloud, first: int, left: int) 
         load_first(cloud.means_m, 3 * first + 16, 3 * left - 16),
         load_first(cloud.means_m, 3 * first + 32, 3 * left - 32),
     )
-    # In two steps, so that the difference of large coordinates loses nothing.
-    x, y, z = np.float32(view.p_WC[0]), np.float32(view.p_WC[1]), np.float32(view.p_WC[2])
-    return (
-        (p[0] - x) - (view.p_WC[0] - x),
-        (p[1] - y) - (view.p_WC[1] - y),
-        (p[2] - z) - (view.p_WC[2] - z),
-    )
+    return from_camera(view, 0, p[0]), from_camera(view, 1, p[1]), from_camera(view, 2, p[2])
 
 
 @inlined
@@ -143,12 +145,14 @@ def bound_chunks(view: PinholeView, cloud: Cloud, bounds: Singles, out: Chunks) 
     count = len(cloud.opacities)
     n = 0
     for start in range(0, count, CHUNK):
-        blocks = 0
+        some = 0
         _begin_bounds(bounds)
-        for block in range(min(CHUNK, count - start + 15) >> 4):
-            if _bound_block(view, optics, R, cloud, start + 16 * block, bounds):
-                blocks |= 1 << block
-        if blocks == 0:
+        for block in range(CHUNK >> 4):
+            left = count - start - 16 * block
+            lanes = _bound_block(view, optics, R, cloud, start + 16 * block, bounds) if left > 0 else 0
+            poke(out.lanes, 16 * n + block, lanes)
+            some |= lanes
+        if some == 0:
             continue
         x0 = _to_block(optics.cx + _bound(bounds, 1) - PAD_PX, optics.x_last)
         x1 = _to_block(optics.cx - _bound(bounds, 2) + PAD_PX, optics.x_last)
@@ -157,7 +161,6 @@ def bound_chunks(view: PinholeView, cloud: Cloud, bounds: Singles, out: Chunks) 
         out.number[n] = start // CHUNK
         out.depth_m[n] = _bound(bounds, 0)
         out.box[n] = pack_box(x0, x1, y0, y1)
-        out.blocks[n] = blocks
         out.group_count[n] = 0
         n += 1
     return n

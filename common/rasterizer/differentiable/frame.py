@@ -31,8 +31,6 @@ from readygo.common.rasterizer.differentiable.memory import (
     FEATURES,
     GROUP,
     PLANES,
-    STAGED_LANES,
-    STAGED_ROWS,
     Chunks,
     Cloud,
     Gradients,
@@ -44,9 +42,10 @@ from readygo.common.rasterizer.differentiable.memory import (
 from readygo.common.rasterizer.differentiable.pool import ArrayPool
 from readygo.common.rasterizer.differentiable.project import list_drawn, project
 from readygo.common.rasterizer.differentiable.project_gradients import gather_sums, project_gradients
-from readygo.common.rasterizer.differentiable.released import begin_slab, fill_tiles, sort_keys
 
 LN_2 = 0.6931471805599453
+SLAB_SHARES = (0.15, 0.35, 0.6, 0.8)
+"""Fewer slabs than images alone are drawn in: what each of them costs is paid again in the backward pass."""
 _FREE_FRAMES = 4
 
 
@@ -122,7 +121,8 @@ class Frame:
         self._kept = Kept(
             groups=np.empty(0, dtype=np.float32),
             lanes=np.empty(0, dtype=np.int32),
-            staged=np.zeros(STAGED_ROWS * STAGED_LANES, dtype=np.float32),
+            waiting=np.zeros(CHUNK, dtype=np.int64),
+            rows=np.zeros(16 * 48, dtype=np.float32),
             coefficients=np.zeros(48 * 16, dtype=np.float32),
         )
         self._chunk_room = _chunk_arrays(0)
@@ -134,7 +134,7 @@ class Frame:
             features=np.empty(0, dtype=np.float32),
             feature_count=0,
             tile_nodes=np.zeros(tile_count(height_px, width_px), dtype=np.int32),
-            node_blocks=np.empty(0, dtype=np.int64),
+            entry_drawn=np.empty(0, dtype=np.uint16),
             weights=aligned(64 * 16, np.float32),
             state=aligned(16 * STATE_ROWS * 16, np.float32),
             block_x=np.tile(np.arange(0, 16, 4, dtype=np.float32), 4),
@@ -165,7 +165,7 @@ class Frame:
         self._make_room(count)
         begin_planes(view.width, view.height, self._ws, self._raster)
         self._slab_count = 0
-        for slab in slabs_of(self._chunks.depth_m):
+        for slab in slabs_of(self._chunks.depth_m, SLAB_SHARES):
             self._draw_slab(slab, keep)
         count = int(self._ws.counts[RECORDS])
         index, radius_px = (
@@ -209,16 +209,13 @@ class Frame:
             self._slabs.append(_SlabLists(self._ws, self._raster))
         lists = self._slabs[self._slab_count]
         first = int(self._ws.counts[RECORDS])
-        begin_slab(view.width, slab.limit_bits, self._ws)
         project(view, self._cloud, self._chunks, slab, keep, self._kept, self._ws)
         if self._ws.counts[KEYS] == 0:
             return
         if features is not None:
             gather_features(features.reshape(-1), features.shape[1], first, self._kept, self._ws, self._raster)
-        in_sorted = sort_keys(self._ws)
         counts = self._ws.counts
         ws = lists.with_room(lists.of(self._ws), int(4 * counts[KEYS] + counts[LARGE_ENTRIES]))
-        fill_tiles(view.width, in_sorted, ws)
         blend(view.width, ws, lists.on(self._raster))
         self._slab_count += 1
 
@@ -319,7 +316,7 @@ class _SlabLists:
         self._entry_record = aligned(0, np.int32)
         self._entry_blocks = aligned(0, np.uint16)
         self._tile_nodes = np.zeros_like(raster.tile_nodes)
-        self._node_blocks = np.empty(0, dtype=np.int64)
+        self._entry_drawn = np.empty(0, dtype=np.uint16)
 
     def of(self, ws: Workspace) -> Workspace:
         """The workspace with these lists."""
@@ -334,25 +331,25 @@ class _SlabLists:
         """The workspace with these lists, large enough."""
         ws = with_room(ws, entries=entries)
         self._node_next, self._entry_record, self._entry_blocks = ws.node_next, ws.entry_record, ws.entry_blocks
-        if len(self._node_blocks) < 16 * len(ws.node_next):
-            self._node_blocks = aligned(16 * len(ws.node_next), np.int64)
+        if len(self._entry_drawn) < len(ws.entry_blocks):
+            self._entry_drawn = aligned(len(ws.entry_blocks), np.uint16)
         return ws
 
     def on(self, raster: Raster) -> Raster:
         """The raster with what is noted of these lists."""
-        return raster._replace(tile_nodes=self._tile_nodes, node_blocks=self._node_blocks)
+        return raster._replace(tile_nodes=self._tile_nodes, entry_drawn=self._entry_drawn)
 
 
 def _chunk_arrays(count: int) -> Chunks:
-    def integers() -> npt.NDArray[np.int64]:
-        return np.zeros(count, dtype=np.int64)
+    def integers(each: int = 1) -> npt.NDArray[np.int64]:
+        return np.zeros(count * each, dtype=np.int64)
 
-    return Chunks(integers(), np.zeros(count), integers(), integers(), integers(), integers())
+    return Chunks(integers(), np.zeros(count), integers(), integers(CHUNK // 16), integers(), integers())
 
 
 def _first_chunks(chunks: Chunks, n: int) -> Chunks:
-    number, depth_m, box, blocks, first_group, group_count = chunks
-    return Chunks(number[:n], depth_m[:n], box[:n], blocks[:n], first_group[:n], group_count[:n])
+    number, depth_m, box, lanes, first_group, group_count = chunks
+    return Chunks(number[:n], depth_m[:n], box[:n], lanes[: n * CHUNK // 16], first_group[:n], group_count[:n])
 
 
 def free_frame(height_px: int, width_px: int) -> Frame:

@@ -5,27 +5,33 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.rasterizer.differentiable.partial_sums import place_of
+
 Singles = npt.NDArray[np.float32]
 Float64s = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 CHUNK = 256
 """Gaussians that follow each other in memory and are culled together."""
-STAGED_ROWS, STAGED_LANES = 12, 32
-"""Offset from the camera (3), quaternion (4), scales (3), opacity, number; up to 31 Gaussians that wait for 16."""
 GROUP_ROWS = 23
-"""What is kept of 16 Gaussians: the staged rows, then derivatives of red, green, blue by the offset (9), which of them
-are not black (bits), the larger half side of the box [px], 0 where nothing is drawn."""
-NUMBER, DERIVATIVES, COLOURED, RADIUS = 11, 12, 21, 22
+"""What is kept of 16 Gaussians: offset from the camera (3), quaternion (4), scales (3), opacity, number, then
+derivatives of red, green, blue by the offset (9), which of them are not black (bits), the larger half side of the box
+[px], 0 where nothing is drawn."""
+QUATERNION, SCALES, OPACITY, NUMBER, DERIVATIVES, COLOURED, RADIUS = 3, 7, 10, 11, 12, 21, 22
 """Rows of a group."""
 GROUP = GROUP_ROWS * 16
 """Numbers per group."""
 TRANSMITTANCE, RED, DEPTH, PLANES = 0, 1, 4, 5
 """Planes of an image: transmittance, red, green, blue, depth times weight, and then the features."""
-MOMENTS, WEIGHT, CHANNELS, FEATURES = (0, 1, 4, 2, 5, 8), 12, (3, 7, 11, 15), 16
+MOMENTS, WEIGHT, CHANNELS, FEATURES = (
+    tuple(map(place_of, range(6))),
+    place_of(6),
+    tuple(map(place_of, range(7, 11))),
+    16,
+)
 """Places in a gradient record: six moments, the sum of weights, red, green, blue and depth, and where features begin.
-Behind these are the absolute derivatives by the projected mean, if asked for. The order is that in which
-`blend_gradients` gets them; the other places below `FEATURES` hold nothing of use."""
+Behind these are the absolute derivatives by the projected mean, if asked for. The other places below `FEATURES` hold
+nothing of use."""
 FEATURE_GROUP = 4
 """Features are handled in groups of this many; the last group is filled up with zeros."""
 
@@ -54,8 +60,8 @@ class Chunks(NamedTuple):
     """Lower bound of the depths of their means [m], shape (C,)."""
     box: Integers
     """Bounds of their footprints in 4x4 blocks, packed as in `pack_box`, shape (C,)."""
-    blocks: Integers
-    """Which of their blocks of 16 Gaussians may touch the image (bits), shape (C,)."""
+    lanes: Integers
+    """Which Gaussians of each of their blocks of 16 may touch the image (bits), shape (C * 16,)."""
     first_group: Integers
     """First group of each chunk, shape (C,)."""
     group_count: Integers
@@ -72,10 +78,12 @@ class Kept(NamedTuple):
     """See `GROUP_ROWS`, shape (G * GROUP,)."""
     lanes: npt.NDArray[np.int32]
     """Gaussians of each group, shape (G,)."""
-    staged: Singles
-    """See `STAGED_ROWS`."""
+    waiting: Integers
+    """Numbers of those Gaussians of one chunk that may touch the image, shape (CHUNK,)."""
+    rows: Singles
+    """Parameters or SH coefficients of 16 Gaussians, one row each, shape (16 * 48,)."""
     coefficients: Singles
-    """SH coefficients of 16 Gaussians, shape (48 * 16,)."""
+    """SH coefficients of 16 Gaussians, one column each, shape (48 * 16,)."""
 
 
 class Raster(NamedTuple):
@@ -93,8 +101,8 @@ class Raster(NamedTuple):
     """Features per record, a multiple of `FEATURE_GROUP`."""
     tile_nodes: npt.NDArray[np.int32]
     """Nodes of each tile's list that were drawn until the tile was finished, shape (T,)."""
-    node_blocks: Integers
-    """Which of a drawn node's entries changed a pixel (bits), for each 4x4 block of the tile, shape (E / 64 * 16,)."""
+    entry_drawn: npt.NDArray[np.uint16]
+    """Which of the tile's 4x4 blocks an entry of a drawn node changed (bits), shape (E,)."""
     weights: Singles
     """Weights of one list of entries in one block, shape (64 * 16,)."""
     state: Singles

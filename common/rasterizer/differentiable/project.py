@@ -7,6 +7,7 @@ import numpy as np
 
 from readygo.common.kernels import inlined
 from readygo.common.rasterizer.constants import ALPHA_MIN, LOG2_E
+from readygo.common.rasterizer.cpu.blend import begin_slab
 from readygo.common.rasterizer.cpu.optics import Optics, clamped, optics_of, rotation_rows
 from readygo.common.rasterizer.cpu.project import pixels_within
 from readygo.common.rasterizer.cpu.slabs import NEAR_BITS, Slab, is_due
@@ -14,7 +15,7 @@ from readygo.common.rasterizer.cpu.tiles import LARGE, box_codes, is_alive, tile
 from readygo.common.rasterizer.cpu.view import PinholeView
 from readygo.common.rasterizer.cpu.workspace import KEYS, LARGE_ENTRIES, LATER, RECORD, RECORDS, Workspace
 from readygo.common.rasterizer.differentiable.colour import colour_group
-from readygo.common.rasterizer.differentiable.cull import footprint_reach, in_view, offsets_from_camera, scales_at
+from readygo.common.rasterizer.differentiable.cull import from_camera
 from readygo.common.rasterizer.differentiable.ewa import (
     image_axes,
     image_covariance,
@@ -26,9 +27,10 @@ from readygo.common.rasterizer.differentiable.memory import (
     CHUNK,
     GROUP,
     NUMBER,
+    OPACITY,
+    QUATERNION,
     RADIUS,
-    STAGED_LANES,
-    STAGED_ROWS,
+    SCALES,
     Chunks,
     Cloud,
     Integers,
@@ -36,22 +38,21 @@ from readygo.common.rasterizer.differentiable.memory import (
     Singles,
 )
 from readygo.common.rasterizer.differentiable.released import released
-from readygo.common.rasterizer.differentiable.simd_rows import columns_of_four, load_first
+from readygo.common.rasterizer.differentiable.simd_rows import copy_four, copy_three
 from readygo.common.simd.memory import (
-    compress,
     load_f16,
     peek,
     poke,
     prefetch,
     store_f16,
     store_i16,
-    transpose_in_place,
+    transpose,
 )
 from readygo.common.simd.types import (
     bit_pattern,
-    count_bits,
     float_bits,
     float_of_bits,
+    float_with_bits,
     fma,
     has_bit,
     i16,
@@ -80,41 +81,17 @@ def _log2(x: Any) -> Any:
 
 
 @inlined
-def _stage(row: int, staged: int, seen: Any, value: Any, kept: Kept) -> None:
-    store_f16(kept.staged, row * STAGED_LANES + staged, float_of_bits(compress(seen, bit_pattern(value))))
-
-
-@inlined
-def _stage_block(view: PinholeView, optics: Optics, R: Any, cloud: Cloud, first: int, staged: int, kept: Kept) -> int:
-    """Append the Gaussians first..first+15 that may be seen to the staged ones; the new number of these."""
-    left = len(cloud.opacities) - first
-    d, s = offsets_from_camera(view, cloud, first, left), scales_at(cloud, first, left)
-    opacity = load_first(cloud.opacities, first, left)
-    seen = in_view(optics, to_camera(R, d), footprint_reach(optics, s), opacity, left)
-    q = columns_of_four(
-        load_first(cloud.quats_wxyz, 4 * first, 4 * left),
-        load_first(cloud.quats_wxyz, 4 * first + 16, 4 * left - 16),
-        load_first(cloud.quats_wxyz, 4 * first + 32, 4 * left - 32),
-        load_first(cloud.quats_wxyz, 4 * first + 48, 4 * left - 48),
-    )
-    _stage(0, staged, seen, d[0], kept)
-    _stage(1, staged, seen, d[1], kept)
-    _stage(2, staged, seen, d[2], kept)
-    _stage(3, staged, seen, q[0], kept)
-    _stage(4, staged, seen, q[1], kept)
-    _stage(5, staged, seen, q[2], kept)
-    _stage(6, staged, seen, q[3], kept)
-    _stage(7, staged, seen, s[0], kept)
-    _stage(8, staged, seen, s[1], kept)
-    _stage(9, staged, seen, s[2], kept)
-    _stage(10, staged, seen, opacity, kept)
-    _stage(NUMBER, staged, seen, float_of_bits(lane_number() + first), kept)
-    size: int = count_bits(mask_bits(seen))
-    for j in range(0, 3 * cloud.sh_count, 16):
-        for lane in range(staged, staged + size):
-            number = float_bits(kept.staged[NUMBER * STAGED_LANES + lane])
-            prefetch(cloud.sh, number * cloud.sh_stride + j)
-    return staged + size
+def _list_waiting(chunks: Chunks, i: int, kept: Kept) -> int:
+    """Write the numbers of the Gaussians of chunk `i` that may touch the image, and return how many they are."""
+    count = 0
+    for block in range(CHUNK >> 4):
+        first = chunks.number[i] * CHUNK + 16 * block
+        lanes = peek(chunks.lanes, 16 * i + block)
+        while lanes:
+            poke(kept.waiting, count, first + lowest_bit(lanes))
+            lanes &= lanes - 1
+            count += 1
+    return count
 
 
 @inlined
@@ -123,14 +100,23 @@ def _row(kept: Kept, group: int, row: int) -> Any:
 
 
 @inlined
-def _begin_group(staged: int, group: int, kept: Kept) -> int:
-    """Move up to 16 staged Gaussians to a group; the number of those that still wait."""
-    for row in range(STAGED_ROWS):
-        place = row * STAGED_LANES
-        store_f16(kept.groups, group * GROUP + 16 * row, load_f16(kept.staged, place))
-        store_f16(kept.staged, place, load_f16(kept.staged, place + 16))
-    kept.lanes[group] = min(staged, 16)
-    return max(staged - 16, 0)
+def _gather_group(view: PinholeView, cloud: Cloud, begin: int, size: int, group: int, kept: Kept) -> None:
+    """Bring the parameters of `size` of the waiting Gaussians to a group, those from `begin` on."""
+    for lane in range(size):
+        number, row = peek(kept.waiting, begin + lane), 16 * lane
+        for j in range(0, 3 * cloud.sh_count, 16):
+            prefetch(cloud.sh, number * cloud.sh_stride + j)
+        copy_three(kept.rows, row, cloud.means_m, 3 * number)
+        copy_four(kept.rows, row + QUATERNION, cloud.quats_wxyz, 4 * number)
+        copy_three(kept.rows, row + SCALES, cloud.scales_m, 3 * number)
+        poke(kept.rows, row + OPACITY, peek(cloud.opacities, number))
+        poke(kept.rows, row + NUMBER, float_with_bits(number))
+    place = group * GROUP
+    transpose(kept.rows, 0, 16, kept.groups, place, 16)
+    store_f16(kept.groups, place, from_camera(view, 0, load_f16(kept.groups, place)))
+    store_f16(kept.groups, place + 16, from_camera(view, 1, load_f16(kept.groups, place + 16)))
+    store_f16(kept.groups, place + 32, from_camera(view, 2, load_f16(kept.groups, place + 32)))
+    kept.lanes[group] = size
 
 
 @inlined
@@ -207,7 +193,7 @@ def _emit(drawn: int, first: int, counts: tuple[int, int], slab: Slab, ws: Works
     Returns:
         The new counts.
     """
-    transpose_in_place(ws.scratch, 0)
+    transpose(ws.scratch, 0, 16, ws.records, first * RECORD, RECORD)
     keys, later = counts
     while drawn:
         lane = lowest_bit(drawn)
@@ -215,7 +201,6 @@ def _emit(drawn: int, first: int, counts: tuple[int, int], slab: Slab, ws: Works
         record = first + lane
         tile, blocks = _box(lane, ws)
         depth_bits = np.int64(peek(ws.scratch_bits, 48 + lane))
-        store_f16(ws.records, record * RECORD, load_f16(ws.scratch, lane * RECORD))
         if tile == LARGE:
             ws.counts[LARGE_ENTRIES] += tiles_met(blocks)
         poke(ws.boxes, 2 * record, tile)
@@ -232,7 +217,7 @@ def _emit(drawn: int, first: int, counts: tuple[int, int], slab: Slab, ws: Works
 
 @released
 def project(view: PinholeView, cloud: Cloud, chunks: Chunks, slab: Slab, keep: bool, kept: Kept, ws: Workspace) -> None:
-    """Project the slab's chunks, and append the Gaussians that touch unfinished pixels.
+    """Begin a slab: project its chunks, and append the Gaussians that touch unfinished pixels.
 
     Args:
         view: Camera.
@@ -243,6 +228,7 @@ def project(view: PinholeView, cloud: Cloud, chunks: Chunks, slab: Slab, keep: b
         kept: Where the groups are written.
         ws: Workspace with room for all Gaussians of these chunks.
     """
+    begin_slab(view.width, slab.limit_bits, ws)
     optics, R = optics_of(view), rotation_rows(view.R_CW)
     group = ws.counts[RECORDS] >> 4
     counts = (ws.counts[KEYS], ws.counts[LATER])
@@ -250,23 +236,18 @@ def project(view: PinholeView, cloud: Cloud, chunks: Chunks, slab: Slab, keep: b
         if not is_due(slab, chunks.depth_m[i], chunks.box[i], optics.columns, ws.tile_alive):
             continue
         chunks.first_group[i] = group
-        blocks, staged = chunks.blocks[i], 0
-        while blocks or staged:
-            if blocks:
-                block = lowest_bit(blocks)
-                blocks &= blocks - 1
-                staged = _stage_block(view, optics, R, cloud, chunks.number[i] * CHUNK + 16 * block, staged, kept)
-            if staged >= 16 or (staged > 0 and blocks == 0):
-                staged = _begin_group(staged, group, kept)
-                drawn = _image_group(optics, R, group, kept, ws)
-                if slab.cull:
-                    drawn = _unhidden(drawn, optics.columns, ws)
-                if drawn:
-                    radius = group * GROUP + 16 * RADIUS
-                    store_f16(kept.groups, radius, where(_lanes(drawn), load_f16(kept.groups, radius), 0.0))
-                    colour_group(cloud, group, drawn, keep, kept, ws)
-                    counts = _emit(drawn, 16 * group, counts, slab, ws)
-                    group += 1
+        waiting = _list_waiting(chunks, i, kept)
+        for begin in range(0, waiting, 16):
+            _gather_group(view, cloud, begin, min(waiting - begin, 16), group, kept)
+            drawn = _image_group(optics, R, group, kept, ws)
+            if slab.cull:
+                drawn = _unhidden(drawn, optics.columns, ws)
+            if drawn:
+                radius = group * GROUP + 16 * RADIUS
+                store_f16(kept.groups, radius, where(_lanes(drawn), load_f16(kept.groups, radius), 0.0))
+                colour_group(cloud, group, drawn, keep, kept, ws)
+                counts = _emit(drawn, 16 * group, counts, slab, ws)
+                group += 1
         chunks.group_count[i] = group - chunks.first_group[i]
     ws.counts[RECORDS] = 16 * group
     ws.counts[KEYS], ws.counts[LATER] = counts
@@ -286,7 +267,7 @@ def list_drawn(chunks: Chunks, kept: Kept, index: Integers, radius_px: Singles) 
         for group in range(chunks.first_group[i], chunks.first_group[i] + chunks.group_count[i]):
             place = group * GROUP
             for lane in range(kept.lanes[group]):
-                index[n] = float_bits(kept.groups[place + 16 * NUMBER + lane])
-                radius_px[n] = kept.groups[place + 16 * RADIUS + lane]
+                poke(index, n, float_bits(peek(kept.groups, place + 16 * NUMBER + lane)))
+                poke(radius_px, n, peek(kept.groups, place + 16 * RADIUS + lane))
                 n += 1
     return n

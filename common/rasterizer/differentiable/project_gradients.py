@@ -40,7 +40,7 @@ from readygo.common.rasterizer.differentiable.memory import (
 )
 from readygo.common.rasterizer.differentiable.released import released
 from readygo.common.rasterizer.differentiable.simd_rows import rows_of_four, rows_of_three, store_first
-from readygo.common.simd.memory import compress, load_f16, load_i16, prefetch, store_f16, transpose_in_place
+from readygo.common.simd.memory import compress, load_f16, load_i16, prefetch, store_f16, transpose
 from readygo.common.simd.types import (
     bit_pattern,
     count_bits,
@@ -144,9 +144,7 @@ def _ask_for(group: int, kept: Kept, out: Gradients) -> None:
 @inlined
 def _gradient_rows(group: int, out: Gradients) -> None:
     """Bring the first 16 numbers of a group's gradient records to one row each."""
-    for lane in range(16):
-        store_f16(out.sums, lane * 16, load_f16(out.records, (16 * group + lane) * out.record_size))
-    transpose_in_place(out.sums, 0)
+    transpose(out.records, 16 * group * out.record_size, out.record_size, out.sums, 0, 16)
 
 
 @inlined

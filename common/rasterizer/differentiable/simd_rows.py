@@ -10,7 +10,8 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from readygo.common.simd.memory import per_quarter, pointer_to, shuffled
+from readygo.common.rasterizer.differentiable.partial_sums import within_quarters
+from readygo.common.simd.memory import pointer_to, shuffled
 from readygo.common.simd.types import F16, LANES, as_i32, call_llvm, f32_vector, i32_vector
 
 _i32 = ir.IntType(32)
@@ -51,6 +52,26 @@ def store_first(typing_context: Any, array: Any, index: Any, count: Any, value: 
         return context.get_dummy_value()
 
     return types.void(array, index, count, F16), emit
+
+
+def _copy(size: int) -> Any:
+    def function(typing_context: Any, target: Any, place: Any, source: Any, index: Any) -> Any:
+        def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            row = ir.VectorType(ir.FloatType(), size)
+            to = pointer_to(context, builder, sig, args, row)
+            of = pointer_to(context, builder, types.void(*sig.args[2:]), args[2:], row)
+            value = builder.load(of)
+            value.align = 4
+            builder.store(value, to).align = 4
+            return context.get_dummy_value()
+
+        return types.void(target, place, source, index), emit
+
+    function.__doc__ = f"Copy {size} float32 elements from `source` at `index` to `target` at `place`."
+    return _intrinsic(function)
+
+
+copy_three, copy_four = _copy(3), _copy(4)
 
 
 @_intrinsic
@@ -149,13 +170,6 @@ def _columns_to_rows_of_three(builder: Any, columns: list[Any]) -> list[Any]:
     ]
 
 
-def _rows_to_columns_of_four(builder: Any, rows: list[Any]) -> list[Any]:
-    """Even and odd numbers of two rows, then once more."""
-    even, odd = [2 * k for k in range(16)], [2 * k + 1 for k in range(16)]
-    halves = [[shuffled(builder, rows[k], rows[k + 1], lanes) for lanes in (even, odd)] for k in (0, 2)]
-    return [shuffled(builder, halves[0][k & 1], halves[1][k & 1], odd if k & 2 else even) for k in range(4)]
-
-
 def _columns_to_rows_of_four(builder: Any, columns: list[Any]) -> list[Any]:
     """Alternate the numbers of two columns, then once more."""
     low = [lane // 2 + 16 * (lane & 1) for lane in range(16)]
@@ -172,47 +186,7 @@ columns_of_three = _tuple_of(
     _three, 3, _rows_to_columns_of_three, "48 numbers x0 y0 z0 x1 .. in three F16 to the F16 of all x, all y and all z."
 )
 rows_of_three = _tuple_of(_three, 3, _columns_to_rows_of_three, "The inverse of `columns_of_three`.")
-columns_of_four = _tuple_of(_four, 4, _rows_to_columns_of_four, "64 numbers in rows of four to one F16 per column.")
-rows_of_four = _tuple_of(_four, 4, _columns_to_rows_of_four, "The inverse of `columns_of_four`.")
-
-
-def _halved(builder: Any, a: Any, b: Any, near: list[int], far: list[int]) -> Any:
-    """Sum of two shuffles of a pair of vectors."""
-    return builder.fadd(shuffled(builder, a, b, near), shuffled(builder, a, b, far))
-
-
-def _quarters(*picks: int) -> list[int]:
-    """Four whole 128-bit quarters of two vectors in a row."""
-    return [4 * quarter + lane for quarter in picks for lane in range(4)]
-
-
-def _over_rows(builder: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
-    ab = _halved(builder, a, b, _quarters(0, 1, 6, 7), _quarters(2, 3, 4, 5))
-    cd = _halved(builder, c, d, _quarters(0, 1, 6, 7), _quarters(2, 3, 4, 5))
-    return _halved(builder, ab, cd, _quarters(0, 2, 4, 6), _quarters(1, 3, 5, 7))
-
-
-def _over_columns(builder: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
-    low, high = per_quarter(0, 16, 1, 17), per_quarter(2, 18, 3, 19)
-    ab, cd = (_halved(builder, *pair, low, high) for pair in ((a, b), (c, d)))
-    return _halved(builder, ab, cd, per_quarter(0, 1, 16, 17), per_quarter(2, 3, 18, 19))
-
-
-def _sums(emit_sums: Callable[..., Any], doc: str) -> Any:
-    def function(typing_context: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
-        return F16(a, b, c, d), lambda context, builder, sig, args: emit_sums(builder, *args)
-
-    function.__doc__ = doc
-    return _intrinsic(function)
-
-
-sums_over_rows = _sums(
-    _over_rows, "Of four 4x4 blocks (see `load_block`) the sums over their rows: four numbers for each block in turn."
-)
-sums_over_columns = _sums(
-    _over_columns,
-    "Of four 4x4 blocks the sums over their columns: a row for each row, and in it a number for each block.",
-)
+rows_of_four = _tuple_of(_four, 4, _columns_to_rows_of_four, "One F16 per column to 64 numbers in rows of four.")
 
 
 @_intrinsic
@@ -221,7 +195,7 @@ def add_block_sums(typing_context: Any, array: Any, index: Any, a: Any, b: Any, 
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         pointer = pointer_to(context, builder, sig, args, _quarter)
-        sums = _halves(builder, _halves(builder, _over_columns(builder, *args[2:]), 16), 8)
+        sums = _halves(builder, _halves(builder, within_quarters(builder, *args[2:]), 16), 8)
         old = builder.load(pointer)
         old.align = 4
         builder.store(builder.fadd(old, sums), pointer).align = 4

@@ -7,8 +7,8 @@ from readygo.common.simd import types as simd
 
 
 @njit
-def _move(matrix, integers, words, out):
-    memory.transpose_in_place(matrix, 3)
+def _move(matrix, transposed, integers, words, out):
+    memory.transpose(matrix, 3, 20, transposed, 5, 17)
     lanes = memory.load_i16(integers, 0)
     memory.store_i16(out, 0, simd.integer_where(lanes > 7, lanes << 2, lanes * 3 - 1))
     memory.store_i16(out, 16, simd.integer_minimum(lanes, 9) | (simd.lane_number() & 1))
@@ -17,12 +17,15 @@ def _move(matrix, integers, words, out):
 
 
 def test_shuffles_and_integer_lanes() -> None:
-    matrix = np.arange(260, dtype=np.float32)
+    matrix, transposed = np.arange(3 + 16 * 20, dtype=np.float32), np.full(5 + 16 * 17, -1.0, dtype=np.float32)
     integers = np.arange(16, dtype=np.int32)
     words = (np.arange(65) * 1009).astype(np.uint16)
     out = np.zeros(33, dtype=np.int32)
-    touched, lowest = _move(matrix, integers, words, out)
-    assert np.array_equal(matrix[3:259].reshape(16, 16), np.arange(3, 259, dtype=np.float32).reshape(16, 16).T)
+    touched, lowest = _move(matrix, transposed, integers, words, out)
+    rows = transposed[5:].reshape(16, 17)
+    assert np.array_equal(rows[:, :16], matrix[3:].reshape(16, 20)[:, :16].T)
+    assert (transposed[:5] == -1.0).all()
+    assert (rows[:, 16] == -1.0).all()
     assert np.array_equal(out[:16], np.where(integers > 7, integers * 4, integers * 3 - 1))
     assert np.array_equal(out[16:32], np.minimum(integers, 9) | (integers & 1))
     assert out[32] == 3 * 1009 + 5
@@ -39,3 +42,20 @@ def test_shorts_are_loaded_with_their_sign(value: int) -> None:
     out = np.zeros(16, dtype=np.float32)
     load(np.full(16, value, dtype=np.int16), out)
     assert (out == value).all()
+
+
+@njit
+def _mark(words):
+    memory.forget(words, 2)
+    memory.mark(words, 2, 0b1011, 1 << 15)
+    memory.mark(words, 2, -(1 << 63) | 2, 3)
+
+
+def test_words_are_forgotten_and_marked() -> None:
+    words = np.full(70, 9, dtype=np.uint16)
+    _mark(words)
+    expected = np.full(70, 9, dtype=np.uint16)
+    expected[2:66] = 0
+    expected[[2, 3, 5]] = 1 << 15
+    expected[[3, 65]] |= 3
+    assert np.array_equal(words, expected)

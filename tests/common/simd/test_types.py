@@ -58,3 +58,26 @@ def test_fma_rounds_once_and_plain_products_are_never_fused() -> None:
     assert np.array_equal(out[32:48], (exact - c).astype(np.float32))
     assert np.array_equal(out[48:], (c - exact).astype(np.float32))
     assert np.abs(out[:16]).max() > 0
+
+
+@njit
+def _somewhere(x):
+    values = memory.load_f16(x, 0)
+    return simd.holds_somewhere(values > 14.0), simd.holds_somewhere(values > 15.0)
+
+
+def test_mask_holds_somewhere_or_nowhere() -> None:
+    assert _somewhere(np.arange(16, dtype=np.float32)) == (True, False)
+
+
+@njit
+def _with_bits(bits, out):
+    out[0] = simd.float_with_bits(bits)
+    return simd.float_bits(out[0])
+
+
+def test_floats_keep_the_bits_that_they_are_made_of() -> None:
+    out = np.zeros(1, dtype=np.float32)
+    assert _with_bits(0x3F800000, out) == 0x3F800000
+    assert out[0] == 1.0
+    assert _with_bits(499_999, out) == 499_999
