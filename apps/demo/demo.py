@@ -19,6 +19,7 @@ from readygo.apps.learn.report import write_report
 from readygo.apps.learn.report_content import Command
 from readygo.apps.pictures.episode_film import film_frames
 from readygo.apps.pictures.recorded import RecordedEpisodes
+from readygo.apps.run.config import RunConfig
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.warm import warm_all
 from readygo.apps.run.world import World
@@ -32,6 +33,8 @@ from readygo.services.reconstructor.reconstruct import STAGES
 MARKER = ".readygo-demo"
 """File that says that a folder is a demo's, and may be replaced."""
 SCENE = "embedded"
+ABSENT_FIRST = 250
+"""Episodes without humans at the beginning: less than half of what some minutes record, so that people are seen too."""
 SEARCHED = 20
 """Episodes among which the one that shows a human best is looked for."""
 
@@ -69,7 +72,7 @@ def demo(*, out: Path = Path("demo"), minutes: float = 3.5, episodes: int = 10, 
         sys.stdout.write(f"Open {path}.\nNext, your own place: readygo marker --out marker.pdf, docs/own-place.md\n")
         return
     budget = Budget(minutes=minutes)
-    plan = make_plan((SCENE,), out / "run", learn_settings(None, None), LearnConfig(), budget, avatars=None, seed=0)
+    plan = make_plan((SCENE,), out / "run", _settings(), LearnConfig(), budget, avatars=None, seed=0)
     timer.say(f"recording and learning side by side for {minutes:g} min, then {episodes} test episodes per task")
     with live_line(6 * episodes) as (show, tested):
         learned = learn_policy(plan, episodes=episodes, show=show, tested=tested)
@@ -86,6 +89,13 @@ def demo(*, out: Path = Path("demo"), minutes: float = 3.5, episodes: int = 10, 
         "Next, your own place: readygo scene import SCENE.ply --out out/place && "
         "readygo learn out/place --minutes 60 --out runs/place\n"
     )
+
+
+def _settings() -> RunConfig:
+    """Those of `readygo learn`, with people sooner."""
+    usual = learn_settings(None, None)
+    humans = dataclasses.replace(usual.human_planner, absent_first=ABSENT_FIRST)
+    return dataclasses.replace(usual, human_planner=humans)
 
 
 def _clear(out: Path) -> None:

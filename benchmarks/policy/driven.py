@@ -108,6 +108,8 @@ def driven(job: Job) -> Endings:
         thread.start()
     for thread in threads:
         thread.join()
+    if missing := [task for task in job.tasks if not _kept(job, task)]:
+        sys.exit(f"The robot of {', '.join(missing)} ended before its episodes were over.")
     found: Endings = {}
     for task in job.tasks:
         found |= endings_of(_kept(job, task))
@@ -120,7 +122,7 @@ def _kept(job: Job, task: str) -> list[str]:
 
 
 def _drive_task(job: Job, task: str) -> None:
-    """Be a robot, and drive it from trial to trial until its episodes are over."""
+    """Be a robot, and drive it from trial to trial until its episodes are over; what ends before that is not kept."""
     endpoint, folder = free_endpoint(), job.out / task
     folder.mkdir(parents=True, exist_ok=True)
     command = [*READYGO, "simulate-robot", job.scene, str(job.policy), *job.drawn, "--tasks", task]
@@ -136,7 +138,8 @@ def _drive_task(job: Job, task: str) -> None:
             log = ("--connect", endpoint, "--log", str(folder / f"{number:03d}.mcap"))
             subprocess.run([*READYGO, "drive", str(job.policy), *goal, *log], check=False, stdout=subprocess.DEVNULL)
         hears.join()
-    write_whole(folder / OUTCOMES_FILE, "".join(said))
+    if robot.returncode == 0:
+        write_whole(folder / OUTCOMES_FILE, "".join(said))
 
 
 def latencies(job: Job) -> dict[str, float]:

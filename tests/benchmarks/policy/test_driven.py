@@ -1,4 +1,3 @@
-import json
 from pathlib import Path
 
 import pytest
@@ -65,7 +64,13 @@ def test_robot_is_driven_by_another_program_once(job: Job) -> None:
     (job.out / "static" / "000.mcap").unlink()
     assert driven.driven(job) == found
     assert not (job.out / "static" / "000.mcap").exists()
-    assert json.loads(json.dumps(spent)) == spent
+
+
+def test_robot_that_does_not_start_is_told_and_nothing_of_it_is_kept(tmp_path: Path) -> None:
+    job = Job(scene="embedded", policy=tmp_path / "none", out=tmp_path / "out", episodes=1, tasks=("static",), seed=0)
+    with pytest.raises(SystemExit, match="robot of static ended before its episodes were over"):
+        driven.driven(job)
+    assert not (job.out / "static" / driven.OUTCOMES_FILE).exists()
 
 
 def test_evaluator_and_rehearsal_drive_the_same_episodes(job: Job) -> None:

@@ -28,7 +28,7 @@ def test_summary_tells_shares_and_ten_readings() -> None:
 @pytest.fixture
 def page():
     """A page that says hello to who names a camera, then closes; its address and what it was told."""
-    pytest.importorskip("viser")
+    pytest.importorskip("viser", reason="viser (extra monitor) is not installed")
     from websockets.sync.server import serve
 
     heard = []
@@ -61,7 +61,7 @@ def test_viewers_come_again_when_the_page_goes_away(page) -> None:
 
 
 def test_viewers_wait_for_a_page_that_is_not_there() -> None:
-    pytest.importorskip("viser")
+    pytest.importorskip("viser", reason="viser (extra monitor) is not installed")
     viewers = Viewers("ws://127.0.0.1:9/", 1)
     viewers.close()
     assert viewers.visits == [0]
