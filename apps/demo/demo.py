@@ -33,10 +33,10 @@ from readygo.services.reconstructor.reconstruct import STAGES
 MARKER = ".readygo-demo"
 """File that says that a folder is a demo's, and may be replaced."""
 SCENE = "embedded"
-ABSENT_FIRST = 250
-"""Episodes without humans at the beginning: less than half of what some minutes record, so that people are seen too."""
+ABSENT_FIRST = 400
+"""Episodes without humans at the beginning: fewer than some minutes record, so that people are seen too."""
 SEARCHED = 20
-"""Episodes among which the one that shows a human best is looked for."""
+"""Last episodes, among which the one that shows a human best is looked for: nobody walks in the first ones."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,7 +112,7 @@ def _write_pictures(out: Path, learned: Learned) -> None:
     place = learned.plan.places[0]
     world, dataset = World(place.spec), Dataset(place.folder.path)
     recorded = RecordedEpisodes(dataset, world)
-    shown = recorded.best_encounter(list(dataset.episodes[:SEARCHED]))
+    shown = recorded.best_encounter(list(dataset.episodes[-SEARCHED:]))
     write_film(out / "episode.webm", film_frames(recorded.film(shown), top_view(world.scene)))
     content = report_content(learned, (SCENE,))
     content = dataclasses.replace(

@@ -63,7 +63,7 @@ def gather(
     view = top_view(world.scene)
     films, scores = plan.out / "films", tuple(_scores(replies))
     driven = [entry for entry in dataset.episodes if entry.driver is Driver.POLICY][-LATEST:]
-    seen = recorded.best_encounter(list(dataset.episodes[:SEARCHED]))
+    seen = recorded.best_encounter(list(dataset.episodes[-SEARCHED:]))
     origin = dataset.provenance
     return ReportContent(
         title=f"A policy for {', '.join(each.name for each in plan.places)}",
