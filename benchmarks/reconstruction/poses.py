@@ -1,4 +1,4 @@
-"""Poses of simulated captures beside the truth: camera and scale errors.
+"""Poses of simulated captures beside the truth: camera and scale errors, and what the map's own residuals say of them.
 
 readygo scene capture SCENE --walk --out out/walk.mp4
 readygo scene poses out/walk.mp4 --marker-size-m 0.2 --out out/lobby
@@ -11,12 +11,19 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from readygo.apps.capture.compare import pose_errors
 from readygo.apps.capture.truth import read_truth
 from readygo.benchmarks.reconstruction.rows import print_row
 from readygo.common.errors import SceneError
 from readygo.services.reconstructor.job import POSED, REPORT_FILE
+from readygo.services.reconstructor.metric.drift import PoseErrors
 from readygo.services.reconstructor.poses import colmap
+from readygo.services.reconstructor.poses.covariance import pose_errors as pose_errors_of
+
+Array = npt.NDArray[np.float64]
 
 
 def measured(truth: Path, job: Path) -> dict[str, Any]:
@@ -31,8 +38,35 @@ def measured(truth: Path, job: Path) -> dict[str, Any]:
     found = colmap.read_map(model)
     errors = pose_errors(read_truth(truth), dict(zip(found.names, found.T_world_camera, strict=True)))
     report = json.loads((job / POSED / REPORT_FILE).read_text(encoding="utf-8"))
-    said = {"interval_percent": report["scale"]["interval_percent"], "scale_by": report["scale"]["source"]}
-    return {**errors.to_mapping(), **said}
+    scale = report["scale"]
+    said = {"interval_percent": scale["interval_percent"], "drift_percent": scale.get("drift_percent")}
+    residuals = pose_errors_of(model, found.names)
+    by_residuals = round(shape_rmse_m(found.T_world_camera, residuals), 5) if residuals else None
+    return {**errors.to_mapping(), "shape_rmse_by_residuals_m": by_residuals, **said, "scale_by": scale["source"]}
+
+
+def shape_rmse_m(T_world_camera: Array, errors: PoseErrors) -> float:
+    """What the residuals of a map say of its cameras' errors that no similarity takes away [m].
+
+    Args:
+        T_world_camera: Its poses [m], shape (V, 4, 4).
+        errors: Of all of them.
+    """
+    centres = T_world_camera[:, :3, 3]
+    R, t = np.swapaxes(T_world_camera[:, :3, :3], 1, 2), -np.einsum("vji,vj->vi", T_world_camera[:, :3, :3], centres)
+    # A centre is -R' t: how it moves with a rotation from the left, and with t.
+    turned = np.cross(t[:, None, :], np.eye(3))
+    moves = -np.concatenate([np.einsum("vji,vkj->vik", R, turned), np.swapaxes(R, 1, 2)], axis=2)
+    away = centres - centres.mean(axis=0)
+    same = np.eye(3)
+    frames = [np.broadcast_to(same[k], away.shape) for k in range(3)]
+    frames += [np.cross(same[k], away) for k in range(3)]
+    basis = np.linalg.qr(np.stack([column.ravel() for column in (*frames, away)], axis=1))[0]
+    count = len(centres)
+    blocks = errors.covariance.reshape(count, 6, count, 6)
+    covariance = np.einsum("aik,akbl,bjl->aibj", moves, blocks, moves, optimize=True).reshape(3 * count, 3 * count)
+    variance = np.trace(covariance) - np.trace(basis.T @ covariance @ basis)
+    return float(np.sqrt(variance / count))
 
 
 def main() -> int:

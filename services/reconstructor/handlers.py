@@ -35,6 +35,7 @@ from readygo.services.reconstructor.job import (
     open_source,
 )
 from readygo.services.reconstructor.mapping import make_map
+from readygo.services.reconstructor.metric.drift import drift, images_to_look_at
 from readygo.services.reconstructor.metric.lengths import KnownLength, in_used_images, parse_length
 from readygo.services.reconstructor.metric.markers import (
     MarkerSighting,
@@ -42,10 +43,12 @@ from readygo.services.reconstructor.metric.markers import (
     other_dictionaries,
     sightings_in,
 )
-from readygo.services.reconstructor.metric.place import Placement, place_map
-from readygo.services.reconstructor.metric.scale import square_corners_m
+from readygo.services.reconstructor.metric.place import Placement, place_map, ruler_of
+from readygo.services.reconstructor.metric.scale import TWO_SIDED_95, square_corners_m
+from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.poses import colmap
 from readygo.services.reconstructor.poses.apart import apart
+from readygo.services.reconstructor.poses.covariance import pose_errors
 from readygo.services.reconstructor.poses.pairs import image_pairs
 from readygo.services.reconstructor.poses.tags import focal_of_tags, tag_features
 from readygo.services.reconstructor.poses.verdict import Verdict
@@ -227,7 +230,7 @@ def make_posed(
     frames = json.loads((out / FRAMES / "stage.json").read_text())["found"]
     place, _ = images_of(frames, out / FRAMES)
     images = colmap.read_map(model)
-    placed = place_map(images, sightings, lengths, config.metric)
+    placed = _with_drift(place_map(images, sightings, lengths, config.metric), model, images, sightings, lengths)
     apart(colmap.write_undistorted, model, place, folder, placed.world_from_map, config.poses)
     metric = images.moved(placed.world_from_map)
     corners_m = [placed.world_from_map.apply(marker.corners) for marker in placed.markers]
@@ -238,6 +241,24 @@ def make_posed(
     report |= _placement_numbers(placed, config)
     (folder / REPORT_FILE).write_text(json.dumps(report, indent=2) + "\n")
     return report
+
+
+def _with_drift(
+    placed: Placement,
+    model: Path,
+    images: PosedImages,
+    sightings: list[MarkerSighting],
+    lengths: list[KnownLength],
+) -> Placement:
+    """The same, its scale's interval with what a bent map adds; with a note where nobody can tell."""
+    ruler = ruler_of(placed, sightings, lengths)
+    if ruler is None:
+        return placed
+    errors = apart(pose_errors, model, images_to_look_at(images.names, ruler.images))
+    if errors is None:
+        note = "the interval of the scale is that of what told it alone: how far the map is bent cannot be told"
+        return replace(placed, warnings=(*placed.warnings, note))
+    return replace(placed, scale=replace(placed.scale, drift=drift(images, errors, ruler.measure, ruler.images)))
 
 
 def _placement_numbers(placed: Placement, config: ReconstructorConfig) -> dict[str, Any]:
@@ -257,7 +278,8 @@ def _placement_numbers(placed: Placement, config: ReconstructorConfig) -> dict[s
     return {
         "scale": {"metres_per_unit": scale.metres_per_unit, "source": scale.source,
                   "low": low if measured else None, "high": high if measured else None,
-                  "interval_percent": round(196.0 * scale.sigma, 3) if measured else None},
+                  "interval_percent": round(100.0 * scale.half_interval, 3) if measured else None,
+                  "drift_percent": round(100.0 * TWO_SIDED_95 * scale.drift, 3) if measured else None},
         "up": placed.floor.source,
         "markers": markers,
         "notes": list(placed.warnings),

@@ -1,7 +1,8 @@
 """From a map in units of its own to metres, z up, with z = 0 on the floor."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,7 @@ from readygo.services.reconstructor.metric.scale import (
     TWO_SIDED_95,
     MarkerMeasure,
     Scale,
+    marker_side,
     measure_marker,
     scale_of_markers,
 )
@@ -70,6 +72,27 @@ def place_map(
     moved = world_from_map(floor, forward, origin, scale.metres_per_unit)
     warnings += [*more, *others, *_doubtful_height(images.moved(moved))]
     return Placement(world_from_map=moved, scale=scale, floor=floor, markers=tuple(measures), warnings=tuple(warnings))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ruler:
+    """What told the scale of a map."""
+
+    measure: Callable[[PosedImages], float]
+    """Its length in units of a map of the same images."""
+    images: frozenset[str]
+    """Where it was seen."""
+
+
+def ruler_of(placed: Placement, sightings: Sequence[MarkerSighting], lengths: Sequence[KnownLength]) -> Ruler | None:
+    """The best of the markers, or the first of the lengths; None where the scale was given."""
+    if placed.markers:
+        best = min(placed.markers, key=lambda measure: measure.sigma).marker
+        seen = [sighting for sighting in sightings if sighting.marker == best]
+        return Ruler(measure=partial(marker_side, sightings=seen), images=frozenset(s.image for s in seen))
+    if lengths:
+        return Ruler(measure=lambda images: measured_length(images, lengths[0])[0], images=frozenset(lengths[0].images))
+    return None
 
 
 def _measured_markers(

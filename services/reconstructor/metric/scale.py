@@ -1,5 +1,6 @@
 """Metres per unit of a map, from markers of known size or lengths that somebody measured."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -56,11 +57,18 @@ class Scale:
     """In words: markers, length, given, or none."""
     left_out: tuple[str, ...] = ()
     """Markers that were not used, and why."""
+    drift: float = 0.0
+    """Relative standard deviation of the map's size beside what told the scale, see `drift.py`."""
+
+    @property
+    def half_interval(self) -> float:
+        """Half of the interval, relative."""
+        return TWO_SIDED_95 * math.hypot(self.sigma, self.drift)
 
     @property
     def interval(self) -> tuple[float, float]:
         """Bounds of 95 % of metres per unit."""
-        half = TWO_SIDED_95 * self.sigma * self.metres_per_unit
+        half = self.half_interval * self.metres_per_unit
         return self.metres_per_unit - half, self.metres_per_unit + half
 
 
@@ -84,16 +92,12 @@ def measure_marker(images: PosedImages, sightings: Sequence[MarkerSighting], siz
     Raises:
         SceneError: If the marker cannot be measured; the message says why.
     """
-    index = {name: number for number, name in enumerate(images.names)}
-    seen = [sighting for sighting in sightings if sighting.image in index]
     name = f"marker {sightings[0].marker}"
-    if len(seen) < VIEWS_MIN:
-        raise SceneError(f"{name} is in {len(seen)} images with a pose; {VIEWS_MIN} are needed")
-    views = np.array([index[sighting.image] for sighting in seen])
-    rays = np.stack([images.rays(index[s.image], s.corners_px) for s in seen])
-    chosen = np.arange(len(seen))
+    views, rays = _seen(images, sightings)
+    if len(views) < VIEWS_MIN:
+        raise SceneError(f"{name} is in {len(views)} images with a pose; {VIEWS_MIN} are needed")
     try:
-        corners, residuals_px, covariances = _corners(images, views, rays, chosen)
+        corners, residuals_px, covariances = _corners(images, views, rays, np.arange(len(views)))
     except (ValueError, np.linalg.LinAlgError) as error:
         raise SceneError(f"{name} cannot be placed: {error}") from error
     fit = umeyama(square_corners_m(size_m), corners)
@@ -103,17 +107,32 @@ def measure_marker(images: PosedImages, sightings: Sequence[MarkerSighting], siz
     along = float(np.trace(covariances.mean(axis=0)) / 3.0)
     by_noise = noise_px * np.sqrt(2.0 * along / 4.0) / (fit.scale * size_m)
     measure = MarkerMeasure(
-        marker=seen[0].marker,
+        marker=sightings[0].marker,
         corners=corners,
         map_from_marker=fit,
         metres_per_unit=1.0 / fit.scale,
         sigma=max(float(by_noise), _bootstrap_sigma(images, views, rays, size_m)),
-        views=len(seen),
+        views=len(views),
         residual_px=float(np.sqrt((residuals_px**2).mean())),
         square_error=float(np.sqrt((off**2).mean())),
     )
     _refuse_doubtful(measure)
     return measure
+
+
+def marker_side(images: PosedImages, sightings: Sequence[MarkerSighting]) -> float:
+    """Side of a marker in units of the map; its sightings in images without a pose are ignored."""
+    views, rays = _seen(images, sightings)
+    return umeyama(square_corners_m(1.0), _corners(images, views, rays, np.arange(len(views)))[0]).scale
+
+
+def _seen(images: PosedImages, sightings: Sequence[MarkerSighting]) -> tuple[npt.NDArray[np.int64], Array]:
+    """Which images with a pose see a marker, shape (V,), and where its corners are at depth 1, shape (V, 4, 2)."""
+    index = {name: number for number, name in enumerate(images.names)}
+    seen = [sighting for sighting in sightings if sighting.image in index]
+    views = np.array([index[sighting.image] for sighting in seen], dtype=np.int64)
+    rays = [images.rays(view, sighting.corners_px) for view, sighting in zip(views.tolist(), seen, strict=True)]
+    return views, np.array(rays).reshape(-1, 4, 2)
 
 
 def _corners(

@@ -1,4 +1,4 @@
-"""The only place that knows pycolmap: features, matches, maps, undistortion and files of COLMAP models."""
+"""Features, matches, maps, undistortion and files of COLMAP models; with `covariance.py` all that knows pycolmap."""
 
 import shutil
 import signal

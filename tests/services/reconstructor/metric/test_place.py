@@ -4,7 +4,7 @@ import pytest
 from readygo.common.errors import ConfigError, SceneError
 from readygo.services.reconstructor.config import MetricConfig
 from readygo.services.reconstructor.metric.lengths import parse_length
-from readygo.services.reconstructor.metric.place import place_map
+from readygo.services.reconstructor.metric.place import place_map, ruler_of
 from tests.services.reconstructor.metric.test_lengths import ENDS, picked
 from tests.services.reconstructor.synthetic import floor_points, mapped, marker_at, ring, sighted, some_similarity
 
@@ -61,3 +61,18 @@ def test_marker_that_is_asked_for_and_not_there_is_named() -> None:
 def test_no_scale_is_refused() -> None:
     with pytest.raises(ConfigError, match="Nothing tells the scale"):
         place_map(IMAGES, [], [], MetricConfig())
+
+
+def test_ruler_is_the_best_marker_else_the_first_length_and_none_where_the_scale_was_given() -> None:
+    seen = SEEN[:5] + sighted(POSES, marker_at((0.5, 0.0, 0.0)), 1, 0.001)
+    placed = place_map(IMAGES, seen, [], MetricConfig(marker_size_m=0.2))
+    ruler = ruler_of(placed, seen, [])
+    assert ruler is not None
+    assert ruler.images == set(IMAGES.names)
+    np.testing.assert_allclose(ruler.measure(IMAGES), 0.2 * some_similarity().scale, rtol=1e-3)
+    known = parse_length(picked((0, 4, 8), float(np.linalg.norm(ENDS[1] - ENDS[0]))))
+    length = ruler_of(place_map(IMAGES, [], [known], MetricConfig()), [], [known])
+    assert length is not None
+    assert length.images == {IMAGES.names[number] for number in (0, 4, 8)}
+    np.testing.assert_allclose(length.measure(IMAGES), known.length_m * some_similarity().scale, rtol=1e-4)
+    assert ruler_of(place_map(IMAGES, [], [], MetricConfig(scale=2.0)), [], []) is None

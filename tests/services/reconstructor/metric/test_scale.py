@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from readygo.common.errors import SceneError
-from readygo.services.reconstructor.metric.scale import measure_marker, scale_of_markers
+from readygo.services.reconstructor.metric.scale import Scale, measure_marker, scale_of_markers
 from tests.services.reconstructor.synthetic import floor_points, mapped, marker_at, ring, sighted, some_similarity
 
 POSES = ring()
@@ -52,3 +52,8 @@ def test_marker_that_moved_is_refused() -> None:
 def test_marker_in_two_images_is_refused() -> None:
     with pytest.raises(SceneError, match="2 images with a pose; 3 are needed"):
         measure_marker(IMAGES, sighted(POSES, marker_at(), 0)[:2], 0.2)
+
+
+def test_interval_holds_both_the_rulers_error_and_the_drift() -> None:
+    low, high = Scale(metres_per_unit=2.0, sigma=0.003, drift=0.004, source="").interval
+    np.testing.assert_allclose([low, high], [2.0 * (1 - 1.96 * 0.005), 2.0 * (1 + 1.96 * 0.005)])

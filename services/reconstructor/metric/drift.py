@@ -1,0 +1,82 @@
+"""How far a map's size may be off beside the length that tells its scale: poses are wrong together, and bend it."""
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from readygo.services.reconstructor.posed import PosedImages
+
+Array = npt.NDArray[np.float64]
+
+CORRELATED = 3.0
+"""Poses are off by so many times what their residuals say as if matches erred independently, which those of one surface
+do not: 2.7, 2.5 and 3.5 times in three simulated films (`python -m readygo.benchmarks.reconstruction.poses`)."""
+IMAGES_MAX = 400
+"""Of larger maps so many images are looked at."""
+_NUDGE = 1e-6
+"""Change of a pose that derivatives are taken with, in radians and in units of the map's size."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PoseErrors:
+    """What the residuals of a map's matches say of the errors of its poses, as if they erred independently."""
+
+    names: tuple[str, ...]
+    """The images."""
+    covariance: Array
+    """Of all of them together: rotation vector [rad], from the left, and translation [units of the map] of
+    T_camera_world, image after image, shape (6 V, 6 V)."""
+
+
+def images_to_look_at(names: tuple[str, ...], needed: Collection[str]) -> list[str]:
+    """Images of a map, evenly spread where there are too many; those that are needed are among them."""
+    every = -(-len(names) // IMAGES_MAX)
+    return [name for number, name in enumerate(names) if number % every == 0 or name in needed]
+
+
+def drift(
+    images: PosedImages, errors: PoseErrors, measure: Callable[[PosedImages], float], needed: Collection[str]
+) -> float:
+    """Relative standard deviation of a map's size in units of a length in it.
+
+    Its size is the root mean square distance of the cameras from their middle. To first order; whatever moves, turns
+    or sizes the map as a whole changes nothing.
+
+    Args:
+        images: The map.
+        errors: Of its poses, or of those of some of its images.
+        measure: A length in a map [units of the map].
+        needed: Images whose poses change that length.
+    """
+    rows = np.array([images.names.index(name) for name in errors.names])
+    length, size = measure(images), _size(images.T_world_camera[rows])
+    steps = _NUDGE * np.array([1.0, 1.0, 1.0, size, size, size])
+    gradient = np.zeros((len(rows), 6))
+    for number, row in enumerate(rows):
+        for k, step in enumerate(steps):
+            T_world_camera = images.T_world_camera.copy()
+            T_world_camera[row] = _nudged(T_world_camera[row], k, step)
+            change = -np.log(_size(T_world_camera[rows]) / size)
+            if errors.names[number] in needed:
+                change += np.log(measure(replace(images, T_world_camera=T_world_camera)) / length)
+            gradient[number, k] = change / step
+    flat = gradient.ravel()
+    return CORRELATED * float(np.sqrt(flat @ errors.covariance @ flat))
+
+
+def _size(T_world_camera: Array) -> float:
+    centres = T_world_camera[:, :3, 3]
+    return float(np.sqrt(((centres - centres.mean(axis=0)) ** 2).sum(axis=1).mean()))
+
+
+def _nudged(T_world_camera: Array, k: int, step: float) -> Array:
+    """A pose of which a rotation (k < 3) or a translation of its inverse is changed, as `PoseErrors` has them."""
+    T_camera_world = np.linalg.inv(T_world_camera)
+    if k < 3:
+        T_camera_world[:3, :3] = Rotation.from_rotvec(step * np.eye(3)[k]).as_matrix() @ T_camera_world[:3, :3]
+    else:
+        T_camera_world[k - 3, 3] += step
+    return np.linalg.inv(T_camera_world)
