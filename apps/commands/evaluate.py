@@ -30,7 +30,7 @@ from readygo.apps.run.evaluation import (
     summarize,
 )
 from readygo.apps.run.method_files import method_hashes
-from readygo.apps.run.methods import CHECKPOINTS, named_methods, needs_renderer
+from readygo.apps.run.methods import CHECKPOINTS, named_methods, needs_renderer, other_policies
 from readygo.apps.run.origin import avatars_of_policy, check_unseen, unseen_avatars
 from readygo.apps.run.policy import policy_sha256
 from readygo.apps.run.spec import episode_count
@@ -100,7 +100,8 @@ def evaluate(
         tasks: "static" leaves the humans out, "dynamic" lets them walk, "reactive" lets the same ones make way for
             whoever drives.
         methods: Who drives: policy, expert, expert-paper, straight-line, social-force, gaussnav, splat-nav, vid2sim,
-            gnm, vint, nomad, or your own class as my_package:MyDriver or folder/file.py:MyDriver.
+            gnm, vint, nomad, further policies by the names of their folders in `checkpoints`, or your own class as
+            my_package:MyDriver or folder/file.py:MyDriver.
         split: Random streams to draw the episodes from.
         seed: Seed of the episodes.
         out: Folder for episodes.jsonl, trajectories.jsonl, summary.json, films, and pages with the failures.
@@ -123,7 +124,8 @@ def evaluate(
         control_hz: How often the policy decides [Hz], by default as often as the robot is commanded; its command is
             held in between, its memory sees every image.
         lockstep: Episodes that run side by side.
-        checkpoints: Folder with gnm_large.pth, vint.pth, nomad.pth and the policy vid2sim, where these drive.
+        checkpoints: Folder with gnm_large.pth, vint.pth, nomad.pth, the policy vid2sim and others, or runs of
+            `readygo learn`, where these drive.
         workers: Processes that drive, one per core; 0 drives in this process. Records are the same.
         listen: Endpoint of the workers' router, such as tcp/127.0.0.1:7447, for workers that are started by hand
             or on other machines (`readygo worker evaluator`); a free loopback port by default.
@@ -155,6 +157,8 @@ def evaluate(
     world = evaluation_world(scene, run_config, avatars=bodies, seed=seed, scenarios=scenarios)
     if loaded:
         check_unseen(loaded.spec, world.spec, unseen)
+        for place in other_policies(drivers, checkpoints).values():
+            check_unseen(load_policy(place).spec, world.spec, unseen)
     elif unseen:
         raise RunError("--unseen is about a policy's data: name the policy.")
     sha256 = policy_sha256(policy) if policy and out else ""
@@ -170,7 +174,7 @@ def evaluate(
             policy=loaded,
             evaluator_config=settings,
             camera=camera,
-            methods=named_methods(world, drivers, checkpoints),
+            methods=named_methods(world, drivers, checkpoints, request.hold_steps(world.config.robot.clock)),
         )
         with _progress(Console(stderr=True), total, quiet=json) as (show, say):
             elsewhere = None

@@ -70,7 +70,7 @@ def _make_drivers(world: World, plan: EvaluationPlan) -> _Drivers:
     checkpoints = Path(plan.checkpoints)
     check_method_files(plan.method_hashes, plan.methods, checkpoints)
     request = make_request(1, plan.tasks, plan.methods, world.spec.split, world.spec.seed, control_hz=plan.control_hz)
-    looks = needs_renderer(plan.methods)
+    looks, hold_steps = needs_renderer(plan.methods), request.hold_steps(world.config.robot.clock)
     if looks:
         # One of the workers that start at the same time compiles while the others wait.
         warm_rasterizer()
@@ -80,11 +80,9 @@ def _make_drivers(world: World, plan: EvaluationPlan) -> _Drivers:
         policy=world.policy(world.spec.policy) if world.spec.policy else None,
         evaluator_config=make_evaluator_config(plan.lockstep),
         camera="robot" if plan.camera == "robot" else "policy",
-        methods=named_methods(world, plan.methods, checkpoints),
+        methods=named_methods(world, plan.methods, checkpoints, hold_steps),
     )
-    drivers = {
-        method: evaluator.driver(method, request.hold_steps(world.config.robot.clock)) for method in plan.methods
-    }
+    drivers = {method: evaluator.driver(method, hold_steps) for method in plan.methods}
     return _Drivers(evaluator=evaluator, by_method=drivers)
 
 

@@ -5,14 +5,13 @@ import importlib.util
 from collections.abc import Sequence
 from pathlib import Path
 
-from readygo.apps.run.methods import NETWORKS, VID2SIM
+from readygo.apps.run.methods import NETWORKS, other_policies
 from readygo.apps.run.policy import policy_sha256
 from readygo.common.errors import RunError
-from readygo.common.policy.artifact import SPEC_FILE
 
 
 def method_hashes(methods: Sequence[str], checkpoints: Path) -> dict[str, str]:
-    """SHA-256 of the weights of networks, of the policy vid2sim, and of the files of a user's methods.
+    """SHA-256 of the weights of networks, of further policies, and of the files of a user's methods.
 
     A file that is missing, which whoever makes the method says, has none.
 
@@ -36,15 +35,14 @@ def check_method_files(expected: dict[str, str], methods: Sequence[str], checkpo
             words = "is another one here" if method in here else "is not on this machine"
             raise RunError(
                 f"The method {method} {words} than where the evaluation began; a scene and a policy travel to the "
-                f"workers, methods do not: copy it, networks and vid2sim to {checkpoints}."
+                f"workers, methods do not: copy it, networks and policies to {checkpoints}."
             )
 
 
 def _hash(method: str, checkpoints: Path) -> str:
     try:
-        if method == VID2SIM:
-            folder = checkpoints / VID2SIM
-            return policy_sha256(folder) if (folder / SPEC_FILE).is_file() else ""
+        for folder in other_policies([method], checkpoints).values():
+            return policy_sha256(folder)
         path = checkpoints / NETWORKS[method] if method in NETWORKS else _source(method)
         return _file_hash(path) if path else ""
     except OSError:

@@ -10,9 +10,10 @@ from readygo.apps.run.world import World
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.errors import PolicyError
 from readygo.common.maps.ros_map import load_unknown_cells
-from readygo.common.policy import check_policy_limits, load_policy
+from readygo.common.policy import check_policy_camera, check_policy_limits, load_policy
+from readygo.common.policy.artifact import SPEC_FILE
 from readygo.common.scenes.scene import ROBOT_MAP_FILE
-from readygo.services.evaluator import EXPERT, STRAIGHT_LINE, Driver, DriverFailure, Evaluator, MakeDriver
+from readygo.services.evaluator import EXPERT, POLICY, STRAIGHT_LINE, Driver, DriverFailure, Evaluator, MakeDriver
 from readygo.services.evaluator.baselines.discrete import DiscretePlannerDriver
 from readygo.services.evaluator.baselines.social_force import SocialForceDriver
 from readygo.services.evaluator.baselines.splat_nav import SplatMap, SplatNavDriver
@@ -53,21 +54,46 @@ class ExpertDriver:
         return [(decision.v_mps, decision.w_radps) for decision in decisions]
 
 
-def named_methods(world: World, methods: Sequence[str] = (), checkpoints: Path = CHECKPOINTS) -> dict[str, MakeDriver]:
+def other_policies(methods: Sequence[str], checkpoints: Path) -> dict[str, Path]:
+    """Folders of the methods that are policies beside the one at hand, by their names in `checkpoints`.
+
+    Args:
+        methods: Names of methods, others among them.
+        checkpoints: Folder of what was trained elsewhere: policies, or runs of `readygo learn` that have one.
+    """
+    found: dict[str, Path] = {}
+    for name in methods:
+        if name in (*BLIND, POLICY, *NETWORKS) or ":" in name:
+            continue
+        places = [place for place in (checkpoints / name, checkpoints / name / "policy") if _is_policy(place)]
+        found |= {name: places[0]} if places else {}
+    return found
+
+
+def _is_policy(folder: Path) -> bool:
+    return (folder / SPEC_FILE).is_file()
+
+
+def named_methods(
+    world: World, methods: Sequence[str] = (), checkpoints: Path = CHECKPOINTS, hold_steps: int = 1
+) -> dict[str, MakeDriver]:
     """The methods of an evaluation, besides the policy and the straight line; nothing is loaded yet.
 
     Args:
         world: Where they drive.
         methods: Those that are asked for: a user's own are named `my_package:MyDriver`.
         checkpoints: Folder of what was trained elsewhere.
+        hold_steps: Steps from one decision of a policy to the next.
     """
+    policies = other_policies((VID2SIM, *methods), checkpoints)
     known: dict[str, MakeDriver] = {
         EXPERT: lambda _: ExpertDriver(world.robot_planner),
         "expert-paper": lambda _: ExpertDriver(_paper_planner(world)),
         "social-force": lambda _: SocialForceDriver(),
         "gaussnav": lambda _: DiscretePlannerDriver(),
         "splat-nav": lambda _: SplatNavDriver(_splat_map(world)),
-        VID2SIM: lambda evaluator: _mesh_policy(evaluator, checkpoints / VID2SIM),
+        VID2SIM: lambda _: _no_mesh_policy(checkpoints / VID2SIM),
+        **{name: _policy(name, folder, hold_steps) for name, folder in policies.items()},
         **{name: _network(name, checkpoints / file) for name, file in NETWORKS.items()},
     }
     return known | {name: _custom(name) for name in methods if ":" in name}
@@ -91,16 +117,26 @@ def _paper_planner(world: World) -> RobotPlanner:
     return RobotPlanner(world.scene.maps, world.avatars, config.robot, config.episode, expert)
 
 
-def _mesh_policy(evaluator: Evaluator, folder: Path) -> Driver[Any]:
-    """The policy that learned among people that look like a game engine's."""
-    if not folder.is_dir():
-        raise PolicyError(
-            f"The method {VID2SIM} needs a policy that learned among mesh-like people, at {folder}: record and train "
-            'with [renderer] human_look = "mesh" (readygo learn SCENE --config mesh.toml), and copy RUN/policy there.'
-        )
-    policy = load_policy(folder)
-    check_policy_limits(policy.spec, evaluator.robot)
-    return PolicyDriver(policy, evaluator.eyes(policy.spec.inputs.images))
+def _no_mesh_policy(folder: Path) -> Driver[Any]:
+    """There is no policy that learned among people that look like a game engine's."""
+    raise PolicyError(
+        f"The method {VID2SIM} needs a policy that learned among mesh-like people, at {folder}: record and train "
+        'with [renderer] human_look = "mesh" (readygo learn SCENE --config mesh.toml), and copy RUN/policy there.'
+    )
+
+
+def _policy(name: str, folder: Path, hold_steps: int) -> MakeDriver:
+    def make(evaluator: Evaluator) -> Driver[Any]:
+        try:
+            policy = load_policy(folder)
+            check_policy_limits(policy.spec, evaluator.robot)
+            if evaluator.camera == "policy":
+                check_policy_camera(policy.spec, evaluator.robot)
+        except PolicyError as error:
+            raise PolicyError(f"The method {name}: {error}") from error
+        return PolicyDriver(policy, evaluator.eyes(policy.spec.inputs.images), hold_steps)
+
+    return make
 
 
 def _network(name: str, path: Path) -> MakeDriver:

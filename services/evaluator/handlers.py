@@ -160,7 +160,10 @@ class Evaluator:
             return StraightLineDriver()
         if method not in self.drivers:
             known = ", ".join((POLICY, STRAIGHT_LINE, *self.drivers))
-            raise RunError(f"There is no method {method!r}; there are {known}, and yours as my_package:MyDriver.")
+            raise RunError(
+                f"There is no method {method!r}; there are {known}, policies in the folder of "
+                "--checkpoints, and yours as my_package:MyDriver."
+            )
         return self.drivers[method](self)
 
 
