@@ -176,8 +176,23 @@ def fuses_multiply_adds() -> bool:
 
     Without the instruction, LLVM would call a library function per lane.
     """
-    triple, _, features = cpu_target.target_context.codegen().magic_tuple()
-    return "+fma" in features.split(",") or not triple.startswith(("x86_64", "i686"))
+    return "+fma" in _cpu_features() or not _is_x86()
+
+
+def register_lanes() -> int:
+    """Float32 lanes of a register of the machine that numba compiles for; 8 or 16, as kernels hold nothing smaller."""
+    return LANES if "+avx512f" in _cpu_features() else 8
+
+
+def _cpu_features() -> list[str]:
+    _, _, features = cpu_target.target_context.codegen().magic_tuple()
+    names: list[str] = features.split(",")
+    return names
+
+
+def _is_x86() -> bool:
+    triple, _, _ = cpu_target.target_context.codegen().magic_tuple()
+    return bool(triple.startswith(("x86_64", "i686")))
 
 
 def _multiply_add(doc: str, negate: int) -> Any:

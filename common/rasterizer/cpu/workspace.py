@@ -12,7 +12,7 @@ RECORD = 16
 """Float32 numbers per projected Gaussian, one cache line: centre x y [px]; -log2(e)/2 conic xx, -log2(e) conic xy,
 -log2(e)/2 conic yy; log2 opacity; red, green, blue; depth [m]; two that are unused; normal towards the camera, if it
 was asked for; one that is unused."""
-RECORD_DEPTH, RECORD_NORMAL = 9, 12
+RECORD_RED, RECORD_DEPTH, RECORD_NORMAL = 6, 9, 12
 TILE = 16
 """Pixels along a tile's side."""
 MAX_SIDE_PX = 4 * 65535

@@ -13,7 +13,9 @@ nearest first: chunks and Gaussians behind finished pixels are skipped, the othe
 
     alpha_i = min(0.99, o_i exp(-q_i / 2)),   w_i = alpha_i T_i,   T_{i+1} = T_i - w_i,   C = sum_i w_i c_i
 
-for any number of channels c: colour, depth, 1 (whose sum is one minus the transmittance) and features.
+for any number of channels c: colour, depth, 1 (whose sum is one minus the transmittance) and features. A block of 4x4
+pixels takes up to 64 entries of its tile's list at a time, in short loops one after the other: ln alpha, alpha,
+weights, four channels at a time. In one loop an entry would be a chain too long for a CPU to begin the next beside it.
 
 Backward. The lists are replayed in the same order (`blend_gradients`), entry by entry, and only in those blocks of 4x4
 pixels of which the forward pass noted that the entry changed a pixel; sums over pixels are taken once per entry. With g

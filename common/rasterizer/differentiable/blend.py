@@ -8,13 +8,13 @@ from readygo.common.kernels import inlined
 from readygo.common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
 from readygo.common.rasterizer.cpu.blend import ROUNDING, fill_tiles, log2_alpha, sort_keys
 from readygo.common.rasterizer.cpu.tiles import update_quads
-from readygo.common.rasterizer.cpu.workspace import NODE, RECORD, RECORDS, Workspace
+from readygo.common.rasterizer.cpu.workspace import NODE, RECORD, RECORD_RED, RECORDS, Workspace
 from readygo.common.rasterizer.differentiable.memory import (
-    DEPTH,
     FEATURE_GROUP,
     GROUP,
     NUMBER,
     PLANES,
+    RED,
     TRANSMITTANCE,
     Kept,
     Raster,
@@ -89,70 +89,83 @@ def exp2(t: Any) -> Any:
 
 
 @inlined
-def _blend_block(ws: Workspace, raster: Raster, place: int, entry: int, touched: int, x: Any, y: Any) -> Any:
-    """Blend those of a node's entries whose bit is set into a 4x4 block of pixels.
+def _write_alphas(ws: Workspace, entry: int, touched: int, x: Any, y: Any, alphas: Singles) -> None:
+    """Write the alphas of those of a node's entries whose bit is set in a 4x4 block, one after the other.
 
-    Returns:
-        Bits of the entries that changed a pixel, and whether a pixel is not finished.
+    Two short loops, and others for what is made of them: a CPU then works on several entries at a time, although each
+    of them is one long chain of operations.
     """
-    state, records, weights = raster.state, ws.records, raster.weights
-    transmittance, depth = load_f16(state, place), load_f16(state, place + 16 * DEPTH)
-    red, green, blue = load_f16(state, place + 16), load_f16(state, place + 32), load_f16(state, place + 48)
-    keep_weights = raster.feature_count > 0
-    kept, drawing = 0, 0
+    records, end = ws.records, 0
     while touched:
-        bit = touched & -touched
         r = np.int64(peek(ws.entry_record, entry + lowest_bit(touched))) * RECORD
-        touched ^= bit
+        touched &= touched - 1
         dx, dy = x - peek(records, r), y - peek(records, r + 1)
         t = log2_alpha(dx, dy, peek(records, r + 2), peek(records, r + 3), peek(records, r + 4), peek(records, r + 5))
+        store_f16(alphas, end, t)
+        end += 16
+    for k in range(0, end, 16):
+        t = load_f16(alphas, k)
+        store_f16(alphas, k, where(t >= LOG2_ALPHA_MIN, minimum(exp2(t), ALPHA_MAX), 0.0))
+
+
+@inlined
+def _weigh(raster: Raster, place: int, touched: int) -> Any:
+    """Take the entries whose bit is set, and whose alphas are in `raster.weights`, off the transmittances of a block.
+
+    There the weights of those that change a pixel take the place of the alphas.
+
+    Returns:
+        Bits of the entries that change a pixel, and whether a pixel is not finished.
+    """
+    weights, transmittance = raster.weights, load_f16(raster.state, place)
+    drawing, k, kept = 0, 0, 0
+    while touched:
+        bit = touched & -touched
+        touched ^= bit
         # Finished pixels stay as they are, even if their block goes on: a difference of `TRANSMITTANCE_MIN` behind an
         # alpha of 0.99 would be a hundred times larger in the gradient.
-        alpha = where(t >= LOG2_ALPHA_MIN, minimum(exp2(t), ALPHA_MAX), 0.0)
-        weight = alpha * where(transmittance >= TRANSMITTANCE_MIN, transmittance, 0.0)
+        weight = load_f16(weights, k) * where(transmittance >= TRANSMITTANCE_MIN, transmittance, 0.0)
+        transmittance = transmittance - weight
+        store_f16(weights, kept, weight)
         is_drawn = holds_somewhere(weight > 0.0)
         drawing |= bit if is_drawn else 0
-        red, green, blue, depth = (
-            fma(weight, peek(records, r + 6), red),
-            fma(weight, peek(records, r + 7), green),
-            fma(weight, peek(records, r + 8), blue),
-            fma(weight, peek(records, r + 9), depth),
-        )
-        transmittance = transmittance - weight
-        if keep_weights:
-            store_f16(weights, kept, weight)
-            kept += 16 if is_drawn else 0
-    store_f16(state, place, transmittance)
-    store_f16(state, place + 16, red)
-    store_f16(state, place + 32, green)
-    store_f16(state, place + 48, blue)
-    store_f16(state, place + 16 * DEPTH, depth)
+        kept += 16 if is_drawn else 0
+        k += 16
+    store_f16(raster.state, place, transmittance)
     return drawing, holds_somewhere(transmittance >= TRANSMITTANCE_MIN)
 
 
 @inlined
-def _blend_features(ws: Workspace, raster: Raster, place: int, entry: int, touched: int) -> None:
-    """Add the features of those of a node's entries whose bit is set, and whose weights are known, four at a time."""
-    state, features = raster.state, raster.features
-    for group in range(0, raster.feature_count, FEATURE_GROUP):
-        p = place + 16 * (PLANES + group)
-        a, b, c, d = load_f16(state, p), load_f16(state, p + 16), load_f16(state, p + 32), load_f16(state, p + 48)
-        waiting, kept = touched, 0
-        while waiting:
-            r = np.int64(peek(ws.entry_record, entry + lowest_bit(waiting))) * raster.feature_count + group
-            waiting &= waiting - 1
-            weight = load_f16(raster.weights, kept)
-            kept += 16
-            a, b, c, d = (
-                fma(weight, features[r], a),
-                fma(weight, features[r + 1], b),
-                fma(weight, features[r + 2], c),
-                fma(weight, features[r + 3], d),
-            )
-        store_f16(state, p, a)
-        store_f16(state, p + 16, b)
-        store_f16(state, p + 32, c)
-        store_f16(state, p + 48, d)
+def _add_four(
+    ws: Workspace, raster: Raster, place: int, values: Singles, first: int, stride: int, entry: int, drawing: int
+) -> None:
+    """Add four planes of those of a node's entries whose bit is set, weighted by `raster.weights`.
+
+    Args:
+        ws: Workspace.
+        raster: Weights, and the state of the tile.
+        place: Where the block's four planes begin in the state.
+        values: Numbers of the records, `stride` for each, those of the planes from the `first` on.
+        first: See `values`.
+        stride: See `values`.
+        entry: First entry of the node.
+        drawing: Bits of the entries.
+    """
+    state = raster.state
+    a, b = load_f16(state, place), load_f16(state, place + 16)
+    c, d = load_f16(state, place + 32), load_f16(state, place + 48)
+    kept = 0
+    while drawing:
+        v = np.int64(peek(ws.entry_record, entry + lowest_bit(drawing))) * stride + first
+        drawing &= drawing - 1
+        weight = load_f16(raster.weights, kept)
+        kept += 16
+        a, b = fma(weight, peek(values, v), a), fma(weight, peek(values, v + 1), b)
+        c, d = fma(weight, peek(values, v + 2), c), fma(weight, peek(values, v + 3), d)
+    store_f16(state, place, a)
+    store_f16(state, place + 16, b)
+    store_f16(state, place + 32, c)
+    store_f16(state, place + 48, d)
 
 
 @inlined
@@ -210,12 +223,15 @@ def blend(width: int, ws: Workspace, raster: Raster) -> None:
                 touched = touching(ws.entry_blocks, entry, 1 << block) & valid
                 if not touched:
                     continue
-                x, y = lane_x + (left + raster.block_x[block]), lane_y + (top + raster.block_y[block])
                 place = block * planes * 16
-                drawing, unfinished = _blend_block(ws, raster, place, entry, touched, x, y)
+                x, y = lane_x + (left + raster.block_x[block]), lane_y + (top + raster.block_y[block])
+                _write_alphas(ws, entry, touched, x, y, raster.weights)
+                drawing, unfinished = _weigh(raster, place, touched)
                 mark(raster.entry_drawn, entry, drawing, 1 << block)
-                if raster.feature_count:
-                    _blend_features(ws, raster, place, entry, drawing)
+                _add_four(ws, raster, place + 16 * RED, ws.records, RECORD_RED, RECORD, entry, drawing)
+                for k in range(0, raster.feature_count, FEATURE_GROUP):
+                    p = place + 16 * (PLANES + k)
+                    _add_four(ws, raster, p, raster.features, k, raster.feature_count, entry, drawing)
                 if not unfinished:
                     alive &= ~(1 << block)
         ws.tile_alive[tile] = alive

@@ -104,7 +104,7 @@ class Raster(NamedTuple):
     entry_drawn: npt.NDArray[np.uint16]
     """Which of the tile's 4x4 blocks an entry of a drawn node changed (bits), shape (E,)."""
     weights: Singles
-    """Weights of one list of entries in one block, shape (64 * 16,)."""
+    """Alphas, then weights of a node's entries in one block, shape (64 * 16,)."""
     state: Singles
     """What a tile's blocks need while it is blended, shape (16 * (feature_count + 7) * 16,)."""
     block_x: Singles

@@ -9,11 +9,10 @@ from typing import Any
 
 from llvmlite import ir
 from numba.core import types
-from numba.core.registry import cpu_target
 from numba.extending import intrinsic, models, register_model
 
 from readygo.common.simd.memory import per_quarter
-from readygo.common.simd.types import F16, LANES, call_llvm, f32_vector, fuses_multiply_adds
+from readygo.common.simd.types import F16, LANES, call_llvm, f32_vector, fuses_multiply_adds, register_lanes
 
 _i32 = ir.IntType(32)
 _intrinsic: Any = intrinsic
@@ -36,13 +35,8 @@ class PartialSumType(types.Type):
 PartialSum = PartialSumType()
 
 
-def _register_lanes() -> int:
-    _, _, features = cpu_target.target_context.codegen().magic_tuple()
-    return LANES if "+avx512f" in features.split(",") else 8
-
-
 def _register() -> ir.VectorType:
-    return ir.VectorType(ir.FloatType(), _register_lanes())
+    return ir.VectorType(ir.FloatType(), register_lanes())
 
 
 class _Model(models.PrimitiveModel):
@@ -59,7 +53,7 @@ def _shuffled(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
 
 def _registers(builder: Any, value: Any) -> list[Any]:
     """The F16 as registers."""
-    size = _register_lanes()
+    size = register_lanes()
     undefined = ir.Constant(f32_vector, ir.Undefined)
     return [_shuffled(builder, value, undefined, list(range(k, k + size))) for k in range(0, LANES, size)]
 
@@ -91,7 +85,7 @@ def add_product(typing_context: Any, total: Any, a: Any, b: Any) -> Any:
         value = args[0]
         for x, y in zip(*(_registers(builder, arg) for arg in args[1:]), strict=True):
             if fuses_multiply_adds():
-                value = call_llvm(builder, f"llvm.fma.v{_register_lanes()}f32", _register(), [x, y, value])
+                value = call_llvm(builder, f"llvm.fma.v{register_lanes()}f32", _register(), [x, y, value])
             else:
                 value = builder.fadd(builder.fmul(x, y), value)
         return value
@@ -133,7 +127,7 @@ def within_quarters(builder: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
 def _totals(builder: Any, sums: list[Any]) -> Any:
     zero = ir.Constant(_register(), None)
     sums = [*sums, *[zero] * (LANES - len(sums))]
-    quarters = _register_lanes() // 4
+    quarters = register_lanes() // 4
     rows = [
         within_quarters(
             builder, *(_by_quarters(builder, sums[4 * k + first : 4 * k + first + quarters]) for k in range(4))
