@@ -143,6 +143,8 @@ class LiveTrainer:
                 _log.warning("Episode %s has images of another size and is left out.", name)
                 continue
             self._keep(dataclasses.replace(committed_episode(message, outputs_of(self._config)), name=name))
+            # Much data takes minutes to read: whoever watches must not take that for a trainer that is frozen.
+            self._tell("reading")
 
     def _keep(self, episode: Episode) -> None:
         held_out = name_rank(episode.name) < self._config.validation_fraction

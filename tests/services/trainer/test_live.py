@@ -56,6 +56,21 @@ def progress(folder):
     return json.loads((folder / "progress.json").read_text())
 
 
+def test_trainer_tells_of_itself_while_it_reads_much_data(make_trainer, tmp_path, monkeypatch):
+    monkeypatch.setattr("readygo.services.trainer.live.PROGRESS_EVERY_S", 0.0)
+    told = []
+
+    def catch_up():
+        if not told:
+            for index in range(4):
+                yield "run", episode(index)
+                told.append(progress(tmp_path))
+
+    make_trainer(catch_up=catch_up).train(threading.Event())
+    assert [entry["state"] for entry in told] == ["reading"] * 4
+    assert [sum(entry["episodes"].values()) for entry in told] == [1, 2, 3, 4]
+
+
 def test_what_is_heard_is_learned_and_offered(make_trainer, fleet, tmp_path):
     shown = []
     trainer = make_trainer(show=shown.append)
