@@ -37,7 +37,7 @@ from readygo.apps.run.spec import episode_count
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import RunError
 from readygo.common.messages import Split
-from readygo.common.policy import Policy, load_policy
+from readygo.common.policy import Policy, load_policy, load_spec
 from readygo.common.robot import load_robot
 from readygo.services.evaluator import (
     EpisodeRecord,
@@ -158,7 +158,7 @@ def evaluate(
     if loaded:
         check_unseen(loaded.spec, world.spec, unseen)
         for place in other_policies(drivers, checkpoints).values():
-            check_unseen(load_policy(place).spec, world.spec, unseen)
+            check_unseen(load_spec(place), world.spec, unseen)
     elif unseen:
         raise RunError("--unseen is about a policy's data: name the policy.")
     sha256 = policy_sha256(policy) if policy and out else ""

@@ -255,10 +255,11 @@ def _with_drift(
     if ruler is None:
         return placed
     errors = apart(pose_errors, model, images_to_look_at(images.names, ruler.images))
-    if errors is None:
+    sigma = None if errors is None else drift(images, errors, ruler.measure, ruler.images)
+    if sigma is None:
         note = "the interval of the scale is that of what told it alone: how far the map is bent cannot be told"
         return replace(placed, warnings=(*placed.warnings, note))
-    return replace(placed, scale=replace(placed.scale, drift=drift(images, errors, ruler.measure, ruler.images)))
+    return replace(placed, scale=replace(placed.scale, drift=sigma))
 
 
 def _placement_numbers(placed: Placement, config: ReconstructorConfig) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """A map of cameras and points as arrays: what the mapper makes, and all that comes after it reads."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,6 +35,22 @@ class PosedImages:
     """Which image sees which point: rows of numbers of image and point, shape (M, 2)."""
     errors_px: Array
     """Mean reprojection error of each point, shape (P,) [px]."""
+
+    def only(self, names: Collection[str]) -> "PosedImages":
+        """The same map without its other images; its points stay."""
+        rows = np.array([row for row, name in enumerate(self.names) if name in names], dtype=np.int64)
+        number = np.full(len(self.names), -1)
+        number[rows] = np.arange(len(rows))
+        seen = np.column_stack([number[self.seen[:, 0]], self.seen[:, 1]])
+        return replace(
+            self,
+            names=tuple(self.names[row] for row in rows),
+            T_world_camera=self.T_world_camera[rows],
+            focal_px=self.focal_px[rows],
+            size_px=self.size_px[rows],
+            rays=lambda view, pixels: self.rays(int(rows[view]), pixels),
+            seen=seen[seen[:, 0] >= 0],
+        )
 
     def moved(self, b_from_a: Similarity) -> "PosedImages":
         """The same map in another frame, possibly of another scale."""

@@ -102,7 +102,7 @@ class LiveTrainer:
         Raises:
             PolicyError: If the loss is not finite, or the fleet cannot use the policies.
         """
-        self._take(self._catch_up())
+        self._read()
         while not (stop.is_set() or self._asked(STOP_FILE) or self._run.is_over):
             self._listen()
             if len(self._parts[0].reservoir.episodes) < self._config.live.first_episodes:
@@ -130,8 +130,14 @@ class LiveTrainer:
         while self._heard:
             self._take([self._heard.popleft()])
         if time.monotonic() - self._caught_up_s > self._config.live.catch_up_every_s:
-            self._take(self._catch_up())
+            self._read()
             self._caught_up_s = time.monotonic()
+
+    def _read(self) -> None:
+        """Take what was not heard, and say so: who watches must not take minutes of it for a trainer that is frozen."""
+        for each in self._catch_up():
+            self._take([each])
+            self._tell("reading")
 
     def _take(self, committed: Iterable[tuple[str, CommittedEpisode]]) -> None:
         for run, message in committed:
@@ -143,8 +149,6 @@ class LiveTrainer:
                 _log.warning("Episode %s has images of another size and is left out.", name)
                 continue
             self._keep(dataclasses.replace(committed_episode(message, outputs_of(self._config)), name=name))
-            # Much data takes minutes to read: whoever watches must not take that for a trainer that is frozen.
-            self._tell("reading")
 
     def _keep(self, episode: Episode) -> None:
         held_out = name_rank(episode.name) < self._config.validation_fraction

@@ -1,6 +1,6 @@
 """How far a map's size may be off beside the length that tells its scale: poses are wrong together, and bend it."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,9 @@ CORRELATED = 3.0
 """Poses are off by so many times what their residuals say as if matches erred independently, which those of one surface
 do not: 2.7, 2.5 and 3.5 times in three simulated films (`python -m readygo.benchmarks.reconstruction.poses`)."""
 IMAGES_MAX = 400
-"""Of larger maps so many images are looked at."""
+"""Of larger maps no more images are looked at: time and memory grow with their square."""
+_DRIFT_MAX = 0.05
+"""What drifts more is not held together by its matches alone: pieces that markers join have a size that they give."""
 _NUDGE = 1e-6
 """Change of a pose that derivatives are taken with, in radians and in units of the map's size."""
 
@@ -32,39 +34,46 @@ class PoseErrors:
 
 
 def images_to_look_at(names: tuple[str, ...], needed: Collection[str]) -> list[str]:
-    """Images of a map, evenly spread where there are too many; those that are needed are among them."""
-    every = -(-len(names) // IMAGES_MAX)
-    return [name for number, name in enumerate(names) if number % every == 0 or name in needed]
+    """Images of a map, where there are too many half of them evenly spread, half so of those that are needed."""
+    if len(names) <= IMAGES_MAX:
+        return list(names)
+    chosen = {*_spread(names), *_spread([name for name in names if name in needed])}
+    return [name for name in names if name in chosen]
+
+
+def _spread(names: Sequence[str]) -> Sequence[str]:
+    return names[:: max(1, -(-len(names) // (IMAGES_MAX // 2)))]
 
 
 def drift(
     images: PosedImages, errors: PoseErrors, measure: Callable[[PosedImages], float], needed: Collection[str]
-) -> float:
-    """Relative standard deviation of a map's size in units of a length in it.
+) -> float | None:
+    """Relative standard deviation of a map's size in units of a length in it; None if its matches do not tell.
 
     Its size is the root mean square distance of the cameras from their middle. To first order; whatever moves, turns
     or sizes the map as a whole changes nothing.
 
     Args:
         images: The map.
-        errors: Of its poses, or of those of some of its images.
-        measure: A length in a map [units of the map].
+        errors: Of its poses, or of those of some of its images, without the others.
+        measure: A length in a map [units of the map]; it is given the images that `errors` are of.
         needed: Images whose poses change that length.
     """
-    rows = np.array([images.names.index(name) for name in errors.names])
-    length, size = measure(images), _size(images.T_world_camera[rows])
+    images = images.only(errors.names)
+    length, size = measure(images), _size(images.T_world_camera)
     steps = _NUDGE * np.array([1.0, 1.0, 1.0, size, size, size])
-    gradient = np.zeros((len(rows), 6))
-    for number, row in enumerate(rows):
+    gradient = np.zeros((len(images.names), 6))
+    for row, name in enumerate(images.names):
         for k, step in enumerate(steps):
             T_world_camera = images.T_world_camera.copy()
             T_world_camera[row] = _nudged(T_world_camera[row], k, step)
-            change = -np.log(_size(T_world_camera[rows]) / size)
-            if errors.names[number] in needed:
+            change = -np.log(_size(T_world_camera) / size)
+            if name in needed:
                 change += np.log(measure(replace(images, T_world_camera=T_world_camera)) / length)
-            gradient[number, k] = change / step
+            gradient[row, k] = change / step
     flat = gradient.ravel()
-    return CORRELATED * float(np.sqrt(flat @ errors.covariance @ flat))
+    sigma = CORRELATED * float(np.sqrt(flat @ errors.covariance @ flat))
+    return sigma if sigma <= _DRIFT_MAX else None
 
 
 def _size(T_world_camera: Array) -> float:
