@@ -22,7 +22,7 @@ from readygo.services.reconstructor.marker_sheet import marker_pdf
 from readygo.services.reconstructor.metric.markers import DEFAULT_DICTIONARY
 from readygo.services.reconstructor.reconstruct import GAUSSIANS, STAGES, Job, reconstruct
 from readygo.services.reconstructor.stages import StageProgress
-from readygo.services.reconstructor.training.config import GaussiansConfig, Preset
+from readygo.services.reconstructor.training.config import Device, GaussiansConfig, Preset
 from readygo.services.reconstructor.training.config import preset as settings_of
 
 
@@ -99,6 +99,7 @@ def reconstruct_command(
     steps: int | None = None,
     side_px: int | None = None,
     plain: bool = False,
+    device: Device = "cpu",
     frames: int = 300,
     mapper: Literal["auto", "incremental", "global"] = "auto",
     threads: int = 0,
@@ -125,6 +126,7 @@ def reconstruct_command(
         steps: Steps of the training; those of the preset by default.
         side_px: Larger images are made smaller for the training: longer side [px]; that of the preset by default.
         plain: Leave out what makes Gaussians lie on surfaces: faster, better images, worse depths and maps.
+        device: cuda trains with gsplat's kernels on a GPU; experimental, no GPU has run it yet.
         frames: At most this many frames of a video are used.
         mapper: auto is incremental up to 200 images, global beyond.
         threads: Of the mapper; 0 takes all cores, 1 gives the same map each time.
@@ -142,7 +144,7 @@ def reconstruct_command(
         lengths=length,
         scale=scale,
     )
-    config = _config(metric, frames, mapper, threads, _gaussians(preset, steps, side_px, plain))
+    config = _config(metric, frames, mapper, threads, _gaussians(preset, steps, side_px, plain, device))
     job = Job(source=source, out=out, work=work or out.with_name(f"{out.name}.work"), license=license)
     lines = Lines(STAGES)
     try:
@@ -166,10 +168,10 @@ def _metric(**settings: Any) -> MetricConfig:
         raise ConfigError(str(error)) from error
 
 
-def _gaussians(preset: Preset, steps: int | None, side_px: int | None, plain: bool) -> GaussiansConfig:
+def _gaussians(preset: Preset, steps: int | None, side_px: int | None, plain: bool, device: Device) -> GaussiansConfig:
     """A preset with what was asked for instead."""
     settings = settings_of(preset)
-    changes: dict[str, Any] = {"steps": steps, "side_max_px": side_px}
+    changes: dict[str, Any] = {"steps": steps, "side_max_px": side_px, "device": device}
     try:
         settings = replace(settings, **{name: value for name, value in changes.items() if value is not None})
     except ValueError as error:

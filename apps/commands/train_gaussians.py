@@ -12,7 +12,7 @@ from rich.table import Table
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.extras import install_command
 from readygo.services.reconstructor.training import config as configs
-from readygo.services.reconstructor.training.config import GaussiansConfig, Preset, weak_texture
+from readygo.services.reconstructor.training.config import Device, GaussiansConfig, Preset, weak_texture
 
 
 def scene_train(
@@ -30,6 +30,7 @@ def scene_train(
     plain: bool = False,
     neighbour_distance_m: float | None = None,
     bare_walls: bool = False,
+    device: Device = "cpu",
     seed: int = 0,
     json: bool = False,
 ) -> None:
@@ -51,6 +52,7 @@ def scene_train(
         plain: Leave out what makes Gaussians lie on surfaces (PGSR): faster, better images, worse depths and maps.
         neighbour_distance_m: Unless plain, views are compared with others that are at most so far away [m].
         bare_walls: Settings for rooms with hardly any texture.
+        device: cuda trains with gsplat's kernels on a GPU; experimental, no GPU has run it yet.
         seed: Of all that is random.
         json: Print the report as JSON.
     """
@@ -60,6 +62,7 @@ def scene_train(
         batch=batch,
         side_max_px=side_px,
         hold_out=hold_out,
+        device=device,
         density={"count_max": gaussians, "method": method},
         geometry={"enabled": False if plain else None, "distance_max_m": neighbour_distance_m},
     )
@@ -113,4 +116,7 @@ def _rows(report: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append(("held out", f"{report['psnr_db']:.2f} dB, SSIM {report['ssim']:.3f}"))
         rows += [(row["image"], f"{row['psnr_db']:.2f} dB, SSIM {row['ssim']:.3f}") for row in report["held_out"]]
     rows += [(name, f"{spent_s:.1f} s") for name, spent_s in report["seconds"].items()]
-    return [*rows, ("in all", f"{total_s:.1f} s")]
+    rows.append(("in all", f"{total_s:.1f} s"))
+    if report["gpu_bytes"]:
+        rows.append(("memory of the GPU", f"{report['gpu_bytes'] / 1e9:.1f} GB"))
+    return rows

@@ -14,6 +14,7 @@ from readygo.common.extras import install_command
 from readygo.common.files import unfinished_folder
 from readygo.common.gaussians.defects import BACKGROUND, counted, told_apart, without
 from readygo.common.gaussians.files import read_gaussians
+from readygo.common.rasterizer.gpu.availability import require_kernels
 from readygo.common.scenes import Scene, SceneSource, load_scene, save_scene
 from readygo.common.scenes.manifest import file_of
 from readygo.services.reconstructor.config import ReconstructorConfig
@@ -21,6 +22,7 @@ from readygo.services.reconstructor.handlers import find_poses_in, open_job
 from readygo.services.reconstructor.job import POSE_STAGES, POSED
 from readygo.services.reconstructor.poses import colmap
 from readygo.services.reconstructor.stages import Say, StageProgress, code_digest
+from readygo.services.reconstructor.training.config import Device
 
 GAUSSIANS, SCENE = "gaussians", "scene"
 """Stages after those of the poses."""
@@ -58,7 +60,7 @@ def reconstruct(job: Job, config: ReconstructorConfig, say: Say) -> dict[str, An
         ReadygoError: If it cannot be made; the message says why, and finished stages stay.
     """
     _check_out(job)
-    check_installed()
+    check_installed(config.gaussians.device)
     with open_job(job.source, job.work, config, say) as (stages, source):
         report = find_poses_in(stages, source, config)
         trained = stages.run(
@@ -83,14 +85,19 @@ def _check_out(job: Job) -> None:
         raise SceneError(f"{job.out} exists already; choose another folder, or remove it.")
 
 
-def check_installed() -> None:
+def check_installed(device: Device = "cpu") -> None:
     """Before minutes of work, not after them.
 
+    Args:
+        device: Where Gaussians will be trained.
+
     Raises:
-        ConfigError: If a package is missing.
+        ReadygoError: If a package or the device is missing.
     """
     if any(importlib.util.find_spec(name) is None for name in ("pycolmap", "torch")):
         raise ConfigError(f"Reconstructing needs pycolmap and torch; run: {install_command('reconstruct')}")
+    if device == "cuda":
+        require_kernels("gsplat", device)
 
 
 def _training(work: Path, config: ReconstructorConfig, say: Say) -> Callable[[Path], dict[str, Any]]:
@@ -147,7 +154,7 @@ def make_scene(job: Job, report: dict[str, Any], folder: Path) -> dict[str, Any]
 
 def _kept_in_scene(job: Job, report: dict[str, Any]) -> dict[str, Any]:
     """The report without what differs from one machine or time to another: the same work gives the same scene."""
-    training = {name: value for name, value in report["training"].items() if name != "seconds"}
+    training = {name: value for name, value in report["training"].items() if name not in ("seconds", "gpu_bytes")}
     kept = {name: report[name] for name in ("kind", "verdict", "scale", "up", "markers", "notes")}
     return {**kept, "source": job.source.name, "training": training}
 

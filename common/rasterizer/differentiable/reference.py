@@ -75,7 +75,7 @@ def rasterize_with_torch(
         means_px.retain_grad()
     values = [p_C[:, 2:]]
     if sh is not None:
-        values.insert(0, _colours(sh[index], offsets[index], sh_degree))
+        values.insert(0, colours_along(sh[index], offsets[index], sh_degree))
     if features is not None:
         values.append(features[index])
     splats = _Splats(
@@ -130,8 +130,14 @@ def rotations(quats_wxyz: Tensor) -> Tensor:
     return torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)
 
 
-def _colours(sh: Tensor, offsets: Tensor, degree: int) -> Tensor:
-    """Colours along directions, not negative. The basis is that of `readygo.common.gaussians.sh_basis`."""
+def colours_along(sh: Tensor, offsets: Tensor, degree: int) -> Tensor:
+    """Colours along directions, not negative, shape (n, 3). The basis is that of `readygo.common.gaussians.sh_basis`.
+
+    Args:
+        sh: Coefficients in 3DGS order, shape (n, K, 3).
+        offsets: From the camera to the means, of any length, shape (n, 3).
+        degree: Higher degrees are left out.
+    """
     x, y, z = (offsets / torch.linalg.norm(offsets, dim=1, keepdim=True)).unbind(1)
     basis = [torch.full_like(x, SH_C0), *sh_polynomials(x, y, z)]
     used = min((degree + 1) ** 2, sh.shape[1])

@@ -1,4 +1,4 @@
-"""gsplat's kernels behind the interface of `GpuRasterizer`: the only file that knows gsplat.
+"""gsplat's kernels behind the interface of `GpuRasterizer`; this and `gsplat_values` alone know gsplat.
 
 What differs from `readygo.common.rasterizer.constants`, and what is done about it:
 
@@ -78,7 +78,7 @@ class GsplatKernels:
         device: torch.device,
         rasterization: Rasterization | None = None,
     ) -> None:
-        self._rasterization = rasterization or _gsplat_rasterization()
+        self._rasterization = rasterization or gsplat_rasterization()
         self._K = torch.tensor(K_px, dtype=torch.float32, device=device)
         self._height, self._width, self._device = height_px, width_px, device
         clouds = [*scenes, *(avatar.cloud for avatar in avatars)]
@@ -202,7 +202,7 @@ class GsplatKernels:
         return humans
 
 
-def _gsplat_rasterization() -> Rasterization:
+def gsplat_rasterization() -> Rasterization:
     """The entry of gsplat, with its kernels compiled.
 
     Raises:

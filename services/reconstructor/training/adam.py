@@ -14,7 +14,7 @@ from readygo.common.kernels import compiled
 from readygo.services.reconstructor.training.parameters import PARAMETERS, Array, Gaussians
 
 _BETAS = (0.9, 0.999)
-_EPSILON = 1e-15
+EPSILON = 1e-15
 Places = npt.NDArray[np.int32]
 
 
@@ -28,12 +28,13 @@ class Adam:
             steps: At most so many are taken.
             batch: Views a step.
         """
-        self._betas = tuple(max(1.0 - batch * (1.0 - beta), 0.0) for beta in _BETAS)
-        self._rate = math.sqrt(batch)
+        beta1, beta2 = self.betas = tuple(max(1.0 - batch * (1.0 - beta), 0.0) for beta in _BETAS)
+        self.rate = math.sqrt(batch)
+        """Factor of the learning rates."""
         count = np.arange(1, steps + 2, dtype=np.float64)
-        beta1, beta2 = self._betas
         correction = np.sqrt(1.0 - beta2**count) / (1.0 - beta1**count)
-        self._corrections = np.concatenate([[1.0], correction]).astype(np.float32)
+        self.corrections: Array = np.concatenate([[1.0], correction]).astype(np.float32)
+        """Of the moments of what was changed so often, shape (steps + 2,)."""
 
     def step(
         self,
@@ -54,7 +55,7 @@ class Adam:
         """
         begin, end = part.start, part.stop
         gaussians.updates[begin:end] += (places[:, begin:end] >= 0).any(axis=0)
-        beta1, beta2 = self._betas
+        beta1, beta2 = self.betas
         for name in PARAMETERS:
             _step(
                 gaussians.values[name],
@@ -63,8 +64,8 @@ class Adam:
                 tuple(each[name] for each in gradients),
                 places,
                 gaussians.updates,
-                self._corrections,
-                (rates[name] * self._rate).astype(np.float32),
+                self.corrections,
+                (rates[name] * self.rate).astype(np.float32),
                 np.float32(beta1),
                 np.float32(beta2),
                 begin,
@@ -89,7 +90,7 @@ def _step(
 ) -> None:
     width = values.shape[1]
     slope = np.empty(width, dtype=np.float32)
-    one, epsilon = np.float32(1), np.float32(_EPSILON)
+    one, epsilon = np.float32(1), np.float32(EPSILON)
     for n in range(begin, end):
         slope[:] = 0.0
         used = False

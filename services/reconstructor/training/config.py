@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from readygo.common.config import Range, check_ranges
 
 Preset = Literal["draft", "standard", "high"]
+Device = Literal["cpu", "cuda"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,6 +103,8 @@ class GeometryConfig:
 class GaussiansConfig:
     """How Gaussians are trained. What they come to is a function of these settings and of the posed images."""
 
+    device: Device = "cpu"
+    """`cuda` draws with gsplat's kernels."""
     steps: Annotated[int, Range(low=1)] = 7000
     batch: Annotated[int, Range(low=1, high=64)] = 2
     """Views a step; they are drawn side by side on as many cores."""

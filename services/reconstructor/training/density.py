@@ -18,7 +18,7 @@ from readygo.services.reconstructor.training.parameters import Array, Gaussians,
 _SPLIT_SHRINK = 1.6
 _COPIES_MAX = 16
 """A Gaussian becomes at most so many at once."""
-_NOISE_SLOPE, _NOISE_OPACITY = 100.0, 0.005
+NOISE_SLOPE, NOISE_OPACITY = 100.0, 0.005
 
 
 @dataclass(eq=False)
@@ -85,7 +85,7 @@ def add_noise(gaussians: Gaussians, size_m: float, rng: np.random.Generator) -> 
         size_m: The learning rate of the means times the configured noise.
         rng: Draws 3 N numbers.
     """
-    strength = size_m / (1.0 + np.exp(np.minimum(_NOISE_SLOPE * (gaussians.opacities - _NOISE_OPACITY), 80.0)))
+    strength = size_m / (1.0 + np.exp(np.minimum(NOISE_SLOPE * (gaussians.opacities - NOISE_OPACITY), 80.0)))
     noise = rng.standard_normal((len(gaussians), 3), dtype=np.float32)
     rows = np.flatnonzero(strength > 1e-6 * size_m)
     along = _axes(gaussians, rows)

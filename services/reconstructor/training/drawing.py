@@ -9,15 +9,14 @@ import torch
 
 from readygo.common.rasterizer.differentiable.autograd import Rendered, rasterize
 from readygo.services.reconstructor.training.config import GaussiansConfig, GeometryConfig
-from readygo.services.reconstructor.training.neighbours import Side, neighbour_losses
 from readygo.services.reconstructor.training.parameters import Array, Gaussians, Rows
 from readygo.services.reconstructor.training.photometric import Photometric
 from readygo.services.reconstructor.training.photos import Photo
-from readygo.services.reconstructor.training.planes import edge_weights, normal_loss, plane_features, rays_of
+from readygo.services.reconstructor.training.planes import plane_features
+from readygo.services.reconstructor.training.surfaces import between, normals_within, side_of
 
 Leaves = dict[str, torch.Tensor]
 Gradients = dict[str, Array]
-GREY = np.array([0.299, 0.587, 0.114], dtype=np.float32)
 OBSERVED_PX = 0.1
 """A view shows a Gaussian that covers so much of a whole image [px]."""
 
@@ -166,31 +165,22 @@ def _planes(leaves: Leaves, photo: Photo) -> torch.Tensor:
     return features.requires_grad_()
 
 
-def _side(rendered: Rendered, photo: Photo) -> Side:
-    T = torch.from_numpy(photo.T_world_camera.astype(np.float32))
-    rays = rays_of(photo.K_px, photo.rgb.shape[1:]) @ T[:3, :3].T
-    grey = torch.from_numpy(np.tensordot(GREY, photo.rgb, 1))
-    assert rendered.features is not None
-    K = torch.from_numpy(photo.K_px.astype(np.float32))
-    return Side(planes=rendered.features, grey=grey, K_px=K, T_world_camera=T, rays_W=rays)
-
-
 def _shape_loss(
     leaves: Leaves, rendered: Rendered, photo: Photo, geometry: Geometry, config: GeometryConfig
 ) -> tuple[torch.Tensor, Leaves | None]:
     """Normals within the view, and what its neighbour says; with the leaves that the neighbour was drawn from."""
-    side = _side(rendered, photo)
-    weights = torch.from_numpy(edge_weights(photo.rgb))
-    loss = config.normal * normal_loss(side.planes, rendered.alpha, side.rays_W, weights)
-    if geometry.neighbour is None:
+    assert rendered.features is not None
+    rgb = torch.from_numpy(photo.rgb)
+    side = side_of(rendered.features, rgb, photo.K_px, photo.T_world_camera)
+    loss, neighbour = normals_within(side, rendered.alpha, rgb, config), geometry.neighbour
+    if neighbour is None:
         return loss, None
     other_leaves = {name: leaf.detach().requires_grad_() for name, leaf in leaves.items() if name != "sh"}
-    other_leaves["features"] = _planes(other_leaves, geometry.neighbour)
-    other = _side(draw(other_leaves, geometry.neighbour, 0, gradients=True), geometry.neighbour)
-    far_px, differs = neighbour_losses(
-        side, other, noise_px=config.noise_px, patches_max=config.patches_max, rng=geometry.rng
-    )
-    return loss + config.consistent * far_px + config.ncc * differs, other_leaves
+    other_leaves["features"] = _planes(other_leaves, neighbour)
+    drawn = draw(other_leaves, neighbour, 0, gradients=True).features
+    assert drawn is not None
+    other = side_of(drawn, torch.from_numpy(neighbour.rgb), neighbour.K_px, neighbour.T_world_camera)
+    return loss + between(side, other, config, geometry.rng), other_leaves
 
 
 def _parameter_gradients(leaves: Leaves, photo: Photo, settings: GaussiansConfig) -> tuple[Rows, Gradients]:

@@ -1,6 +1,10 @@
 """What memory a training takes, told before it begins."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+import torch
 
 from readygo.common.errors import RunError
 from readygo.services.reconstructor.training.config import GaussiansConfig
@@ -31,6 +35,22 @@ def check_memory(posed: Posed, settings: GaussiansConfig) -> None:
         )
 
 
+@contextmanager
+def gpu_memory(settings: GaussiansConfig) -> Iterator[None]:
+    """Word what torch says where the memory of a GPU runs out.
+
+    Raises:
+        RunError: In its place.
+    """
+    try:
+        yield
+    except torch.OutOfMemoryError as error:
+        raise RunError(
+            f"The GPU's memory ran out with at most {settings.density.count_max:,} Gaussians: close what else uses it "
+            "and run the same command again, or begin anew with a smaller --preset, or lower --gaussians and --side-px."
+        ) from error
+
+
 def needed_bytes(posed: Posed, settings: GaussiansConfig) -> int:
     """Memory of a training with as many Gaussians as it may have."""
     surfaces, batch = settings.geometry.enabled, settings.batch
@@ -38,6 +58,8 @@ def needed_bytes(posed: Posed, settings: GaussiansConfig) -> int:
     of_pixel = SURFACE_PIXEL_VIEW_BYTES if surfaces else PIXEL_VIEW_BYTES
     width, height = largest_px(posed, settings)
     photos = min(3 * width * height * len(posed.views), KEPT_BYTES)
+    if settings.device == "cuda":
+        return PROCESS_BYTES + photos + settings.density.count_max * GAUSSIAN_BYTES
     gaussians = settings.density.count_max * (GAUSSIAN_BYTES + batch * of_view)
     return PROCESS_BYTES + photos + batch * width * height * of_pixel + gaussians
 

@@ -77,7 +77,7 @@ class Side:
     def sampled(self, image: Tensor, p_px: Tensor) -> Tensor:
         """An image (H, W) between its pixels, shape (n, m) for pixels (n, m, 2)."""
         height, width = image.shape
-        grid = 2.0 * p_px / torch.tensor([width, height], dtype=p_px.dtype) - 1.0
+        grid = 2.0 * p_px / p_px.new_tensor([width, height]) - 1.0
         return grid_sample(image[None, None], grid[None], align_corners=False, padding_mode="border")[0, 0]
 
 
@@ -97,7 +97,8 @@ def there_and_back(one: Side, other: Side, noise_px: float) -> tuple[Tensor, Ten
     seen = other.sampled(other_known.to(seen_m.dtype), p_px) > 0.99
     ray_O = torch.cat([p_px, torch.ones_like(p_px[..., :1])], dim=-1) @ torch.linalg.inv(other.K_px).T
     back_px, back_z = one.pixels(other.p_WC + (ray_O * seen_m[..., None]) @ other.R_WC.T)
-    v, u = torch.meshgrid(*(torch.arange(side, dtype=p_px.dtype) + 0.5 for side in depth_m.shape), indexing="ij")
+    centres = (torch.arange(side, dtype=p_px.dtype, device=p_px.device) + 0.5 for side in depth_m.shape)
+    v, u = torch.meshgrid(*centres, indexing="ij")
     offset = back_px - torch.stack([u, v], dim=-1)
     away_px = torch.sqrt(offset.square().sum(dim=-1) + 1e-12)
     return away_px, known & seen & inside & (back_z > NEAR_M) & (away_px.detach() < noise_px)
@@ -121,10 +122,10 @@ def neighbour_losses(
         return zero, zero
     weights = torch.exp(-away_px.detach())
     geometric = (weights * away_px)[counts].mean()
-    rows = np.flatnonzero(counts.reshape(-1).numpy())
+    rows = np.flatnonzero(counts.reshape(-1).cpu().numpy())
     if len(rows) > patches_max:
         rows = np.sort(rng.choice(rows, patches_max, replace=False))
-    chosen = torch.from_numpy(rows)
+    chosen = torch.from_numpy(rows).to(counts.device)
     differences = patch_differences(one, other, chosen)
     kept = differences.detach() < NCC_MAX
     if not bool(kept.any()):
@@ -151,7 +152,7 @@ def patch_differences(one: Side, other: Side, pixels: Tensor) -> Tensor:
     planar = R_OC - t_O[None, :, None] * (normals_C / distance_m[:, None])[:, None, :]
     homography = other.K_px @ planar @ torch.linalg.inv(one.K_px)
     centres = torch.stack([pixels % width, pixels // width], dim=1).to(planes.dtype) + 0.5
-    side = torch.arange(PATCH_PX, dtype=planes.dtype) - PATCH_PX // 2
+    side = torch.arange(PATCH_PX, dtype=planes.dtype, device=planes.device) - PATCH_PX // 2
     dv, du = torch.meshgrid(side, side, indexing="ij")
     p_px = centres[:, None] + torch.stack([du.reshape(-1), dv.reshape(-1)], dim=1)
     mapped = torch.cat([p_px, torch.ones_like(p_px[..., :1])], dim=2) @ homography.mT

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import torch
 
 from readygo.common.kernels import compiled
 
@@ -58,6 +59,32 @@ class Photometric:
             absolute += _add_l1(x, y, ssim_weight, image.size, out)
         ssim = similarity / image.size
         return (1.0 - ssim_weight) * absolute / image.size + ssim_weight * (1.0 - ssim), ssim, slope
+
+
+def photometric_loss(image: torch.Tensor, photo: torch.Tensor, ssim_weight: float) -> torch.Tensor:
+    """The same loss for torch to derive, on any device.
+
+    The window is a product of two banded matrices: no convolution, which may round to TF32 on a GPU.
+
+    Args:
+        image: In 0..1, shape (3, H, W).
+        photo: The same of the photo.
+        ssim_weight: The weight w.
+    """
+    down, across = _band(image.shape[1], image), _band(image.shape[2], image)
+    x, y, xx, yy, xy = down @ torch.stack([image, photo, image * image, photo * photo, image * photo]) @ across
+    numerator = (2.0 * x * y + _C1) * (2.0 * (xy - x * y) + _C2)
+    ssim = numerator / ((x * x + y * y + _C1) * (xx - x * x + yy - y * y + _C2))
+    loss: torch.Tensor = (1.0 - ssim_weight) * (image - photo).abs().mean() + ssim_weight * (1.0 - ssim.mean())
+    return loss
+
+
+def _band(side_px: int, like: torch.Tensor) -> torch.Tensor:
+    """The window around every pixel of a line, a row each, shape (n, n)."""
+    numbers = torch.arange(side_px, device=like.device)
+    taps = numbers[None] - numbers[:, None] + TAPS // 2
+    weights = torch.from_numpy(WINDOW).to(like)[taps.clamp(0, TAPS - 1)]
+    return torch.where((taps >= 0) & (taps < TAPS), weights, 0.0)
 
 
 def psnr_db(image: npt.NDArray[np.float32], photo: npt.NDArray[np.float32]) -> float:

@@ -17,6 +17,9 @@ from readygo.services.reconstructor.poses import colmap
 
 KEPT_BYTES = 2 << 30
 """Photos that need more than this are read from disk each time that they are used."""
+BRIGHTNESS = np.float32(1 / 255)
+"""Of a step of a pixel's value."""
+Floats = npt.NDArray[np.float64]
 _POINTS_MIN, _VIEWS_MIN = 30, 3
 _EXTENT = 1.1
 """The scene's extent is this times the largest distance of a camera from their mean."""
@@ -120,17 +123,31 @@ class PhotoStore:
         keeps = 3 * sum(width * height for width, height in sizes) <= KEPT_BYTES
         self._kept = {number: self._read(number) for number in numbers} if keeps else {}
 
-    def __getitem__(self, number: int) -> Photo:
-        """The photo of a view."""
+    @property
+    def keeps(self) -> bool:
+        """Whether the photos fit into memory."""
+        return bool(self._kept)
+
+    def pixels(self, number: int) -> npt.NDArray[np.uint8]:
+        """The photo of a view as it is read, shape (H, W, 3)."""
         pixels = self._kept.get(number)
-        pixels = self._read(number) if pixels is None else pixels
+        return self._read(number) if pixels is None else pixels
+
+    def camera(self, number: int, size_px: tuple[int, int]) -> tuple[Floats, Floats]:
+        """`K_px` of a view whose photo has so many rows and columns, and `T_world_camera`."""
         views = self._posed.views
         K = views.K_px[number].copy()
-        K[:2] *= (np.array(pixels.shape[1::-1]) / views.sizes_px[number])[:, None]
+        K[:2] *= (np.array(size_px[::-1]) / views.sizes_px[number])[:, None]
+        return K, views.T_world_camera[number]
+
+    def __getitem__(self, number: int) -> Photo:
+        """The photo of a view."""
+        pixels = self.pixels(number)
+        K, T = self.camera(number, pixels.shape[:2])
         planes = np.empty((3, *pixels.shape[:2]), dtype=np.float32)
         for channel in range(3):
-            np.multiply(pixels[:, :, channel], np.float32(1 / 255), out=planes[channel])
-        return Photo(number=number, rgb=planes, K_px=K, T_world_camera=views.T_world_camera[number])
+            np.multiply(pixels[:, :, channel], BRIGHTNESS, out=planes[channel])
+        return Photo(number=number, rgb=planes, K_px=K, T_world_camera=T)
 
     def items(self) -> Iterator[tuple[str, Photo]]:
         """Names of the images, and their photos."""

@@ -33,9 +33,15 @@ def plane_features(means_m: Tensor, quats_wxyz: Tensor, scales_m: Tensor, camera
     return torch.cat([normals, distance_m], dim=1) * sign
 
 
-def rays_of(K_px: npt.NDArray[np.float64], size_px: tuple[int, int], *, dtype: torch.dtype = torch.float32) -> Tensor:
+def rays_of(
+    K_px: npt.NDArray[np.float64],
+    size_px: tuple[int, int],
+    *,
+    dtype: torch.dtype = torch.float32,
+    device: torch.device | None = None,
+) -> Tensor:
     """Rays of the pixels' centres at depth 1 in the camera's frame, shape (H, W, 3)."""
-    v, u = torch.meshgrid(*(torch.arange(side, dtype=dtype) + 0.5 for side in size_px), indexing="ij")
+    v, u = torch.meshgrid(*(torch.arange(side, dtype=dtype, device=device) + 0.5 for side in size_px), indexing="ij")
     x, y = (u - K_px[0, 2]) / K_px[0, 0], (v - K_px[1, 2]) / K_px[1, 1]
     return torch.stack([x, y, torch.ones_like(x)], dim=2)
 
@@ -72,7 +78,7 @@ def depth_normals(depth_m: Tensor, rays: Tensor) -> Tensor:
     return torch.nn.functional.pad(inner, (0, 0, 1, 1, 1, 1))
 
 
-def edge_weights(photo: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def edge_weights(photo: Tensor) -> Tensor:
     """How flat a photo is, as normals of depths tell little at edges: (1 - g)^2 with g its gradient in 0..1.
 
     Args:
@@ -81,13 +87,11 @@ def edge_weights(photo: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     Returns:
         Shape (H, W), 0 at the border.
     """
-    across = np.abs(photo[:, 1:-1, 2:] - photo[:, 1:-1, :-2]).mean(axis=0)
-    down = np.abs(photo[:, 2:, 1:-1] - photo[:, :-2, 1:-1]).mean(axis=0)
-    steep = np.maximum(across, down)
-    steep = (steep - steep.min()) / max(float(np.ptp(steep)), 1e-8)
-    weights = np.zeros(photo.shape[1:], dtype=np.float32)
-    weights[1:-1, 1:-1] = np.square(1.0 - steep)
-    return weights
+    across = (photo[:, 1:-1, 2:] - photo[:, 1:-1, :-2]).abs().mean(dim=0)
+    down = (photo[:, 2:, 1:-1] - photo[:, :-2, 1:-1]).abs().mean(dim=0)
+    steep = torch.maximum(across, down)
+    steep = (steep - steep.min()) / (steep.max() - steep.min()).clamp(min=1e-8)
+    return torch.nn.functional.pad((1.0 - steep).square(), (1, 1, 1, 1))
 
 
 def normal_loss(planes: Tensor, alpha: Tensor, rays_W: Tensor, weights: Tensor) -> Tensor:

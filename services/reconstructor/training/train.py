@@ -3,13 +3,10 @@
 import hashlib
 import json
 import math
-import os
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -22,30 +19,17 @@ from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.common.gaussians.ply import save_ply
 from readygo.services.reconstructor.stages import Stages, worded
-from readygo.services.reconstructor.training.adam import Adam
 from readygo.services.reconstructor.training.batches import batch_views
 from readygo.services.reconstructor.training.between import points_between
 from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
 from readygo.services.reconstructor.training.config import GaussiansConfig
-from readygo.services.reconstructor.training.density import (
-    Sightings,
-    add_noise,
-    changed_density,
-    limit_stretch,
-    make_faint,
-    reset_opacities,
-)
-from readygo.services.reconstructor.training.drawing import (
-    OBSERVED_PX,
-    Geometry,
-    ViewGradients,
-    leaves_of,
-    observed,
-    view_gradients,
-)
+from readygo.services.reconstructor.training.cpu import CpuEngine
+from readygo.services.reconstructor.training.density import Sightings, changed_density, make_faint, reset_opacities
+from readygo.services.reconstructor.training.drawing import OBSERVED_PX
+from readygo.services.reconstructor.training.engine import Engine, ViewTask
 from readygo.services.reconstructor.training.exposures import Exposures
 from readygo.services.reconstructor.training.interruption import interruption
-from readygo.services.reconstructor.training.memory import check_memory
+from readygo.services.reconstructor.training.memory import check_memory, gpu_memory
 from readygo.services.reconstructor.training.neighbours import choose_neighbours
 from readygo.services.reconstructor.training.parameters import Gaussians, initial_gaussians
 from readygo.services.reconstructor.training.photos import PhotoStore, Posed, open_posed, split_views
@@ -90,7 +74,7 @@ def train_gaussians(posed_folder: Path, out_folder: Path, settings: GaussiansCon
     Returns:
         The report: `psnr_db` and `ssim` (means of the held-out images, None without any), `held_out` (by image),
         `gaussians`, `unseen` (how many were left out in the end as no training image shows them), `images`, `seconds`
-        (by stage), `settings`.
+        (by stage), `gpu_bytes` (most memory of a GPU that tensors held since the last start), `settings`.
 
     Raises:
         ReadygoError: If the model or its images cannot be used, numbers stop being finite, memory or the disk do not
@@ -104,8 +88,16 @@ def train_gaussians(posed_folder: Path, out_folder: Path, settings: GaussiansCon
         if done is not None:
             return done
         check_memory(posed, settings)
-        with worded(out_folder):
-            return _Training(posed, out_folder, settings, identity, progress).run()
+        with worded(out_folder), gpu_memory(settings), closing(_engine_of(settings)) as engine:
+            return _Training(posed, out_folder, settings, identity, progress, engine).run()
+
+
+def _engine_of(settings: GaussiansConfig) -> Engine:
+    if settings.device == "cpu":
+        return CpuEngine(settings)
+    from readygo.services.reconstructor.training.cuda import cuda_engine
+
+    return cuda_engine(settings)
 
 
 def _identity(posed: Posed, settings: GaussiansConfig) -> str:
@@ -129,11 +121,13 @@ def _finished(folder: Path, identity: str) -> dict[str, Any] | None:
 class _Training:
     """A training under way."""
 
-    def __init__(self, posed: Posed, folder: Path, settings: GaussiansConfig, identity: str, tell: Tell) -> None:
+    def __init__(
+        self, posed: Posed, folder: Path, settings: GaussiansConfig, identity: str, tell: Tell, engine: Engine
+    ) -> None:
         self._posed, self._folder, self._settings, self._identity, self._tell = posed, folder, settings, identity, tell
+        self._engine = engine
         self._train, self._held = split_views(len(posed.views), settings.hold_out)
         self._schedule = Schedule(settings, posed.extent_m)
-        self._adam = Adam(settings.steps, settings.batch)
         self._seconds: dict[str, float] = {}
         self._step, self._loss, self._saved_step = 0, math.nan, 0
         self._unseen = 0
@@ -150,16 +144,16 @@ class _Training:
         if found is None:
             points_m, points_rgb = self._points()
             opacity = _OPACITY[self._settings.density.method]
-            self._gaussians = initial_gaussians(points_m, points_rgb, self._settings.sh_degree, opacity)
+            gaussians = initial_gaussians(points_m, points_rgb, self._settings.sh_degree, opacity)
             self._exposures = Exposures.none(len(self._posed.views))
-            self._seen = Sightings.none(len(self._gaussians))
+            self._engine.load(gaussians, Sightings.none(len(gaussians)))
             return
         numbers, arrays = found
         self._step = self._saved_step = int(numbers["step"])
         self._seconds = dict(numbers["seconds"])
         self._exposures = Exposures(arrays.pop("exposures"), arrays.pop("exposure_moments"))
-        self._seen = Sightings(arrays.pop("seen_gradient"), arrays.pop("seen_views"))
-        self._gaussians = Gaussians.from_state(arrays)
+        seen = Sightings(arrays.pop("seen_gradient"), arrays.pop("seen_views"))
+        self._engine.load(Gaussians.from_state(arrays), seen)
 
     def _points(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint8]]:
         """Where Gaussians begin, and their colours."""
@@ -174,21 +168,20 @@ class _Training:
         threads = torch.get_num_threads()
         torch.set_num_threads(1)
         try:
-            cores = min(self._settings.batch, len(os.sched_getaffinity(0)))
-            with interruption() as interrupted, ThreadPoolExecutor(cores) as pool:
-                self._steps(pool, cores, interrupted)
+            with interruption() as interrupted:
+                self._steps(interrupted)
                 with self._clock("density"):
-                    unseen = self._hidden(pool, self._photos_of(1), 1)
-                    self._gaussians, self._unseen = self._gaussians.select(~unseen), int(unseen.sum())
-                    self._check_some_left()
+                    unseen = self._hidden(self._photos_of(1), 1)
+                    self._load(self._engine.arrays()[0].select(~unseen))
+                    self._unseen = int(unseen.sum())
         finally:
             torch.set_num_threads(threads)
         return self._finish()
 
-    def _steps(self, pool: ThreadPoolExecutor, cores: int, interrupted: Callable[[], bool]) -> None:
+    def _steps(self, interrupted: Callable[[], bool]) -> None:
         saved_s = told_s = time.monotonic()
         while self._step < self._settings.steps:
-            self._one_step(pool, cores)
+            self._one_step()
             self._step += 1
             if self._step % self._settings.preview_every == 0:
                 self._preview()
@@ -202,43 +195,37 @@ class _Training:
                 self._say()
                 told_s = now_s
 
-    def _one_step(self, pool: ThreadPoolExecutor, cores: int) -> None:
-        step, schedule = self._step, self._schedule
+    def _one_step(self) -> None:
+        step, schedule, engine = self._step, self._schedule, self._engine
         with self._clock("photos"):
             photos = self._photos_of(schedule.fraction(step))
         numbers = batch_views(self._train, step, self._settings.batch, self._settings.seed)
         with self._clock("views"):
-            leaves, degree = leaves_of(self._gaussians), schedule.sh_degree(step)
-
-            def one(slot: int) -> ViewGradients:
-                number, geometry = numbers[slot], self._geometry(photos, numbers[slot], slot)
-                exposure = self._exposures.values[number]
-                return view_gradients(leaves, photos[number], exposure, degree, self._settings, geometry)
-
-            views = list(pool.map(one, range(len(numbers))))
+            tasks = [self._task(number, slot) for slot, number in enumerate(numbers)]
+            views = engine.views(photos, tasks, schedule.sh_degree(step))
         self._loss = float(np.mean([view.loss for view in views]))
         if not math.isfinite(self._loss):
             self._stop_at_nan(f"images {', '.join(self._posed.views.images[number] for number in numbers)}")
         with self._clock("optimiser"):
-            self._change(pool, cores, views)
+            engine.change(schedule.rates(step))
             if self._settings.exposure:
                 gradients = [view.exposure for view in views]
                 self._exposures.step(numbers, gradients, self._settings.rates.exposures, self._train)
         with self._clock("density"):
             if schedule.trims(step):
-                hidden = self._hidden(pool, photos, self._settings.geometry.trim_views)
-                make_faint(self._gaussians, hidden, self._settings.density)
+                hidden = self._hidden(photos, self._settings.geometry.trim_views)
+                self._edit(lambda gaussians: make_faint(gaussians, hidden, self._settings.density))
             self._change_density()
 
-    def _geometry(self, photos: PhotoStore, number: int, slot: int) -> Geometry | None:
-        """What a view's surfaces are compared with in this step."""
-        config = self._settings.geometry
+    def _task(self, number: int, slot: int) -> ViewTask:
+        """What the view at a place of this step's batch is asked."""
+        exposure, config = self._exposures.values[number], self._settings.geometry
         if not config.enabled or self._step < config.begin * self._settings.steps:
-            return None
+            return ViewTask(number=number, exposure=exposure, rng=None, neighbour=None)
         rng = np.random.default_rng((self._settings.seed, self._step, 2, slot))
         others = self._neighbours[number]
-        neighbour = photos[others[rng.integers(len(others))]] if others else None
-        return Geometry(neighbour=neighbour, rng=rng)
+        neighbour = others[rng.integers(len(others))] if others else None
+        return ViewTask(number=number, exposure=exposure, rng=rng, neighbour=neighbour)
 
     def _photos_of(self, fraction: int) -> PhotoStore:
         if self._photos is None or fraction != self._fraction:
@@ -247,52 +234,44 @@ class _Training:
             self._fraction = fraction
         return self._photos
 
-    def _change(self, pool: ThreadPoolExecutor, cores: int, views: list[ViewGradients]) -> None:
-        count = len(self._gaussians)
-        places = np.full((len(views), count), -1, dtype=np.int32)
-        for place, view in zip(places, views, strict=True):
-            place[view.rows] = np.arange(len(view.rows), dtype=np.int32)
-            self._seen.add(view.moved_rows, view.moved)
-        ends = [count * part // cores for part in range(cores + 1)]
-        gradients, rates = [view.gradients for view in views], self._schedule.rates(self._step)
-
-        def one(part: slice) -> None:
-            self._adam.step(self._gaussians, gradients, places, rates, part)
-
-        list(pool.map(one, (slice(a, b) for a, b in pairwise(ends))))
-        limit_stretch(self._gaussians, self._settings.density.stretch_max)
-
     def _change_density(self) -> None:
         density, schedule, step = self._settings.density, self._schedule, self._step
         rng = np.random.default_rng((self._settings.seed, step))
         if density.method == "mcmc":
-            add_noise(self._gaussians, schedule.means_rate_m(step) * density.noise, rng)
+            self._engine.add_noise(schedule.means_rate_m(step) * density.noise, rng)
         if schedule.changes_density(step):
-            self._check_finite()
-            self._gaussians = changed_density(self._gaussians, self._seen, density, self._posed.extent_m, rng)
-            self._check_some_left()
-            self._seen = Sightings.none(len(self._gaussians))
+            gaussians, seen = self._engine.arrays()
+            self._check_finite(gaussians)
+            self._load(changed_density(gaussians, seen, density, self._posed.extent_m, rng))
         if schedule.resets_opacities(step):
-            reset_opacities(self._gaussians, density)
+            self._edit(lambda gaussians: reset_opacities(gaussians, density))
 
-    def _hidden(self, pool: ThreadPoolExecutor, photos: PhotoStore, views_min: int) -> npt.NDArray[np.bool_]:
+    def _load(self, gaussians: Gaussians) -> None:
+        """Go on with Gaussians that nothing has seen yet."""
+        self._check_some_left(gaussians)
+        self._engine.load(gaussians, Sightings.none(len(gaussians)))
+
+    def _edit(self, change: Callable[[Gaussians], None]) -> None:
+        """Change the Gaussians in place."""
+        gaussians, seen = self._engine.arrays()
+        change(gaussians)
+        self._engine.load(gaussians, seen)
+
+    def _hidden(self, photos: PhotoStore, views_min: int) -> npt.NDArray[np.bool_]:
         """Which Gaussians fewer training views show, shape (N,)."""
-        leaves, views = leaves_of(self._gaussians), np.zeros(len(self._gaussians), dtype=np.int64)
         # What is small on a reduced image may be what a whole one needs.
         pixels_min = OBSERVED_PX / self._fraction**2
-        for rows in pool.map(lambda number: observed(leaves, photos[number], pixels_min), self._train):
-            views[rows] += 1
-        return views < views_min
+        return self._engine.seen_by(photos, self._train, pixels_min) < views_min
 
-    def _check_some_left(self) -> None:
-        if not len(self._gaussians):
+    def _check_some_left(self, gaussians: Gaussians) -> None:
+        if not len(gaussians):
             raise RunError(
                 f"Step {self._step}: no Gaussian is left: all were faint, large for how far the cameras are apart "
                 f"({self._posed.extent_m:.3g} m), or seen by too few images; look at the poses, or at the settings."
             )
 
-    def _check_finite(self) -> None:
-        for name, value in self._gaussians.values.items():
+    def _check_finite(self, gaussians: Gaussians) -> None:
+        for name, value in gaussians.values.items():
             if not np.isfinite(value).all():
                 self._stop_at_nan(name)
 
@@ -305,7 +284,7 @@ class _Training:
 
     def _preview(self) -> None:
         with self._clock("measuring"):
-            scores = measure(self._gaussians, self._held_photos(8), self._settings.sh_degree)
+            scores = measure(self._engine.arrays()[0], self._held_photos(8), self._settings.sh_degree)
             if not scores:
                 return
             self._psnr_db = float(np.mean([score.psnr_db for score in scores]))
@@ -318,24 +297,26 @@ class _Training:
 
     def _save(self) -> None:
         with self._clock("checkpoints"):
-            self._check_finite()
+            gaussians, seen = self._engine.arrays()
+            self._check_finite(gaussians)
             arrays = {
-                **self._gaussians.state(),
+                **gaussians.state(),
                 "exposures": self._exposures.values,
                 "exposure_moments": self._exposures.moments,
-                "seen_gradient": self._seen.gradient,
-                "seen_views": self._seen.views,
+                "seen_gradient": seen.gradient,
+                "seen_views": seen.views,
             }
             save_checkpoint(self._folder, self._identity, {"step": self._step, "seconds": self._seconds}, arrays)
             self._saved_step = self._step
 
     def _finish(self) -> dict[str, Any]:
-        self._check_finite()
+        gaussians = self._engine.arrays()[0]
+        self._check_finite(gaussians)
         with self._clock("measuring"):
-            scores = measure(self._gaussians, self._held_photos(len(self._held)), self._settings.sh_degree)
+            scores = measure(gaussians, self._held_photos(len(self._held)), self._settings.sh_degree)
             for score in scores:
                 write_picture(self._folder / PREVIEWS / "held_out" / f"{Path(score.image).stem}.png", score)
-        save_ply(self._gaussians.cloud(), self._folder / CLOUD_FILE)
+        save_ply(gaussians.cloud(), self._folder / CLOUD_FILE)
         report = self._report(scores)
         write_whole(self._folder / REPORT_FILE, json.dumps(report, indent=1) + "\n", raises=RunError)
         (self._folder / CHECKPOINT_FILE).unlink(missing_ok=True)
@@ -347,10 +328,11 @@ class _Training:
             "psnr_db": float(np.mean([score.psnr_db for score in scores])) if scores else None,
             "ssim": float(np.mean([score.ssim for score in scores])) if scores else None,
             "held_out": rows,
-            "gaussians": len(self._gaussians),
+            "gaussians": len(self._engine),
             "unseen": self._unseen,
             "images": len(self._train),
             "seconds": {name: round(spent_s, 2) for name, spent_s in self._seconds.items()},
+            "gpu_bytes": self._engine.gpu_bytes,
             "settings": section_to_mapping(self._settings),
             "identity": self._identity,
         }
@@ -360,7 +342,7 @@ class _Training:
             TrainingProgress(
                 step=self._step,
                 steps=self._settings.steps,
-                gaussians=len(self._gaussians),
+                gaussians=len(self._engine),
                 loss=self._loss,
                 psnr_db=self._psnr_db,
                 seconds=sum(self._seconds.values()),

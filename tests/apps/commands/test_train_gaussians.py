@@ -14,6 +14,7 @@ from readygo.commands import COMMANDS
         (["scene", "train", "nowhere", "--out", "out"], "nowhere needs images/ and a COLMAP model"),
         (["scene", "train", "nowhere", "--out", "out", "--steps", "0"], "steps must be at least 1"),
         (["scene", "train", "nowhere", "--out", "out", "--gaussians", "5"], "count_max must be at least 100"),
+        (["scene", "train", "nowhere", "--out", "out", "--device", "tpu"], "tpu"),
     ],
 )
 def test_mistakes_end_in_one_line(

@@ -94,3 +94,14 @@ def test_missing_package_is_told_before_anything_is_done(tmp_path: Path, monkeyp
     with pytest.raises(ConfigError, match=r"needs pycolmap and torch; run: .*reconstruct"):
         reconstruct(job, CONFIG, lambda _: None)
     assert not job.work.exists()
+
+
+def test_missing_gpu_is_told_before_anything_is_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def none(kernels: str, device: str) -> None:
+        raise ConfigError(f"{kernels} on {device}: there is none")
+
+    monkeypatch.setattr(module, "require_kernels", none)
+    job = Job(source=tmp_path / "walk.mp4", out=tmp_path / "lobby", work=tmp_path / "work")
+    with pytest.raises(ConfigError, match="gsplat on cuda: there is none"):
+        reconstruct(job, replace(CONFIG, gaussians=replace(CONFIG.gaussians, device="cuda")), lambda _: None)
+    assert not job.work.exists()

@@ -46,6 +46,6 @@ class ReferenceRasterization:
 def stand_in_for_gsplat(monkeypatch: pytest.MonkeyPatch) -> ReferenceRasterization:
     """Have the backend gsplat draw with the reference, on any machine."""
     fake = ReferenceRasterization()
-    monkeypatch.setattr(gsplat_kernels, "_gsplat_rasterization", lambda: fake)
+    monkeypatch.setattr(gsplat_kernels, "gsplat_rasterization", lambda: fake)
     monkeypatch.setattr(rasterizer, "require_kernels", lambda kernels, device: None)
     return fake

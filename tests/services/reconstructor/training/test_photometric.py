@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from readygo.services.reconstructor.training.photometric import Photometric, psnr_db
+from readygo.services.reconstructor.training.photometric import Photometric, photometric_loss, psnr_db
 
 
 def reference_loss(image: torch.Tensor, photo: torch.Tensor, weight: float) -> tuple[torch.Tensor, torch.Tensor]:
@@ -38,6 +38,22 @@ def test_loss_and_its_derivative_are_those_of_the_definition(weight: float) -> N
     assert ssim == pytest.approx(float(wanted_ssim.detach()), abs=1e-5)
     assert x.grad is not None
     np.testing.assert_allclose(slope, x.grad.numpy(), atol=1e-5 * float(x.grad.abs().max()))
+
+
+@pytest.mark.parametrize("weight", [0.0, 0.2, 1.0])
+def test_loss_that_torch_derives_is_that_of_the_definition(weight: float) -> None:
+    rng = np.random.default_rng(2)
+    x = torch.tensor(rng.random((3, 9, 37)), dtype=torch.float32, requires_grad=True)
+    photo = torch.tensor(rng.random((3, 9, 37)), dtype=torch.float32)
+    exact = x.detach().double().requires_grad_()
+    wanted, _ = reference_loss(exact, photo.double(), weight)
+    wanted.backward()
+    loss = photometric_loss(x, photo, weight)
+    loss.backward()
+    assert float(loss.detach()) == pytest.approx(float(wanted.detach()), abs=1e-5)
+    assert x.grad is not None
+    assert exact.grad is not None
+    np.testing.assert_allclose(x.grad.numpy(), exact.grad.numpy(), atol=1e-5 * float(exact.grad.abs().max()))
 
 
 def test_nothing_of_one_image_is_left_for_the_next() -> None:

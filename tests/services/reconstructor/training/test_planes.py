@@ -86,7 +86,7 @@ def test_gradients_of_features_are_those_of_differences() -> None:
 def test_a_flat_wall_has_no_normal_loss_and_a_wrong_normal_has_one() -> None:
     rays, flat = rays_of(K, SIZE_PX, dtype=torch.float64), torch.ones(SIZE_PX, dtype=torch.float64)
     planes = torch.tensor([*NORMAL, DISTANCE_M]).expand(*SIZE_PX, 4)
-    weights = torch.tensor(edge_weights(np.full((3, *SIZE_PX), 0.5, dtype=np.float32)), dtype=torch.float64)
+    weights = edge_weights(torch.full((3, *SIZE_PX), 0.5, dtype=torch.float64))
     assert float(normal_loss(planes, flat, rays, weights)) < 1e-9
     turned = planes.clone()
     turned[..., 0] += 0.2 * torch.linspace(-1, 1, SIZE_PX[1], dtype=torch.float64)
@@ -94,7 +94,7 @@ def test_a_flat_wall_has_no_normal_loss_and_a_wrong_normal_has_one() -> None:
 
 
 def test_edges_of_a_photo_have_no_weight() -> None:
-    photo = np.zeros((3, *SIZE_PX), dtype=np.float32)
+    photo = torch.zeros((3, *SIZE_PX))
     photo[:, :, 16:] = 1.0
     weights = edge_weights(photo)
     assert weights[10, 15] == weights[10, 16] == 0.0

@@ -1,0 +1,90 @@
+"""Training on the CPU: the views of a step side by side on as many cores."""
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.services.reconstructor.training.adam import Adam
+from readygo.services.reconstructor.training.config import GaussiansConfig
+from readygo.services.reconstructor.training.density import Sightings, add_noise, limit_stretch
+from readygo.services.reconstructor.training.drawing import Geometry, ViewGradients, leaves_of, observed, view_gradients
+from readygo.services.reconstructor.training.engine import ViewLoss, ViewTask
+from readygo.services.reconstructor.training.parameters import Array, Gaussians
+from readygo.services.reconstructor.training.photos import PhotoStore
+
+
+class CpuEngine:
+    """Trains with `readygo.common.rasterizer.differentiable`; see `engine.Engine`."""
+
+    def __init__(self, settings: GaussiansConfig) -> None:
+        self._settings = settings
+        self._adam = Adam(settings.steps, settings.batch)
+        self._cores = min(settings.batch, len(os.sched_getaffinity(0)))
+        self._pool = ThreadPoolExecutor(self._cores)
+        self._views: list[ViewGradients] = []
+
+    def load(self, gaussians: Gaussians, seen: Sightings) -> None:
+        """Go on with other Gaussians."""
+        self._gaussians, self._seen, self._views = gaussians, seen, []
+
+    def arrays(self) -> tuple[Gaussians, Sightings]:
+        """What it holds, not a copy."""
+        return self._gaussians, self._seen
+
+    def __len__(self) -> int:
+        """Number of Gaussians."""
+        return len(self._gaussians)
+
+    def views(self, photos: PhotoStore, tasks: Sequence[ViewTask], sh_degree: int) -> list[ViewLoss]:
+        """Losses of the views of a step; their gradients are kept for `change`."""
+        leaves = leaves_of(self._gaussians)
+
+        def one(task: ViewTask) -> ViewGradients:
+            geometry = None
+            if task.rng is not None:
+                neighbour = None if task.neighbour is None else photos[task.neighbour]
+                geometry = Geometry(neighbour=neighbour, rng=task.rng)
+            return view_gradients(leaves, photos[task.number], task.exposure, sh_degree, self._settings, geometry)
+
+        self._views = list(self._pool.map(one, tasks))
+        return [ViewLoss(loss=view.loss, exposure=view.exposure) for view in self._views]
+
+    def change(self, rates: dict[str, Array]) -> None:
+        """Take the step that the last views want, at these rates of the columns of each parameter."""
+        count = len(self._gaussians)
+        places = np.full((len(self._views), count), -1, dtype=np.int32)
+        for place, view in zip(places, self._views, strict=True):
+            place[view.rows] = np.arange(len(view.rows), dtype=np.int32)
+            self._seen.add(view.moved_rows, view.moved)
+        ends = [count * part // self._cores for part in range(self._cores + 1)]
+        gradients = [view.gradients for view in self._views]
+
+        def one(part: slice) -> None:
+            self._adam.step(self._gaussians, gradients, places, rates, part)
+
+        list(self._pool.map(one, (slice(a, b) for a, b in pairwise(ends))))
+        limit_stretch(self._gaussians, self._settings.density.stretch_max)
+
+    def add_noise(self, size_m: float, rng: np.random.Generator) -> None:
+        """Move faint Gaussians at random; see `density.add_noise`."""
+        add_noise(self._gaussians, size_m, rng)
+
+    def seen_by(self, photos: PhotoStore, numbers: Sequence[int], pixels_min: float) -> npt.NDArray[np.int64]:
+        """In how many of these views each Gaussian covers more than so many pixels, shape (N,)."""
+        leaves, views = leaves_of(self._gaussians), np.zeros(len(self._gaussians), dtype=np.int64)
+        for rows in self._pool.map(lambda number: observed(leaves, photos[number], pixels_min), numbers):
+            views[rows] += 1
+        return views
+
+    @property
+    def gpu_bytes(self) -> int:
+        """It uses no GPU."""
+        return 0
+
+    def close(self) -> None:
+        """Give back the threads."""
+        self._pool.shutdown()

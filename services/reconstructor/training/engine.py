@@ -1,0 +1,66 @@
+"""What draws the Gaussians of a training and changes them: on the CPU (`cpu`), or on a GPU (`cuda`)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.services.reconstructor.training.density import Sightings
+from readygo.services.reconstructor.training.parameters import Array, Gaussians
+from readygo.services.reconstructor.training.photos import PhotoStore
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ViewTask:
+    """A view of a step."""
+
+    number: int
+    exposure: Array
+    """Logarithms of the image's gains, and offsets, shape (2, 3)."""
+    rng: np.random.Generator | None
+    """Chooses patches of surfaces; None: surfaces are not compared in this step."""
+    neighbour: int | None
+    """Number of the view that surfaces are compared with; None: there is none, only normals within the view count."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ViewLoss:
+    """What a view says of the Gaussians."""
+
+    loss: float
+    exposure: Array
+    """Derivatives by the logarithms of the image's gains and by its offsets, shape (2, 3)."""
+
+
+class Engine(Protocol):
+    """Holds the Gaussians of a training, their optimiser's state, and how views have seen them."""
+
+    def load(self, gaussians: Gaussians, seen: Sightings) -> None:
+        """Go on with other Gaussians."""
+
+    def arrays(self) -> tuple[Gaussians, Sightings]:
+        """What it holds; whoever changes it loads it."""
+
+    def __len__(self) -> int:
+        """Number of Gaussians."""
+
+    def views(self, photos: PhotoStore, tasks: Sequence[ViewTask], sh_degree: int) -> list[ViewLoss]:
+        """Losses of the views of a step; their gradients are kept for `change`."""
+
+    def change(self, rates: dict[str, Array]) -> None:
+        """Take the step that the last views want, at these rates of the columns of each parameter."""
+
+    def add_noise(self, size_m: float, rng: np.random.Generator) -> None:
+        """Move faint Gaussians at random; see `density.add_noise`."""
+
+    def seen_by(self, photos: PhotoStore, numbers: Sequence[int], pixels_min: float) -> npt.NDArray[np.int64]:
+        """In how many of these views each Gaussian covers more than so many pixels, shape (N,)."""
+
+    @property
+    def gpu_bytes(self) -> int:
+        """Most memory of a GPU that was used at once; 0 without one."""
+
+    def close(self) -> None:
+        """Give back threads and memory."""

@@ -1,0 +1,41 @@
+"""The loss of a view's surfaces: normals within it, and what a neighbour says of them."""
+
+import numpy as np
+import numpy.typing as npt
+import torch
+
+from readygo.services.reconstructor.training.config import GeometryConfig
+from readygo.services.reconstructor.training.neighbours import Side, neighbour_losses
+from readygo.services.reconstructor.training.planes import edge_weights, normal_loss, rays_of
+
+Tensor = torch.Tensor
+Floats = npt.NDArray[np.float64]
+_GREY = (0.299, 0.587, 0.114)
+
+
+def side_of(planes: Tensor, rgb: Tensor, K_px: Floats, T_world_camera: Floats) -> Side:
+    """A view as it is compared with others.
+
+    Args:
+        planes: Blended `plane_features`, shape (H, W, 4).
+        rgb: The photo, on the same device, shape (3, H, W).
+        K_px: Shape (3, 3).
+        T_world_camera: Shape (4, 4).
+    """
+    T, K, grey = (
+        torch.tensor(np.asarray(array, dtype=np.float32), device=planes.device)
+        for array in (T_world_camera, K_px, _GREY)
+    )
+    rays_W = rays_of(K_px, (rgb.shape[1], rgb.shape[2]), device=planes.device) @ T[:3, :3].T
+    return Side(planes=planes, grey=torch.tensordot(grey, rgb, 1), K_px=K, T_world_camera=T, rays_W=rays_W)
+
+
+def normals_within(side: Side, alpha: Tensor, rgb: Tensor, config: GeometryConfig) -> Tensor:
+    """Weighted loss of the normals of a view, whose photo is `rgb` (3, H, W)."""
+    return config.normal * normal_loss(side.planes, alpha, side.rays_W, edge_weights(rgb))
+
+
+def between(side: Side, other: Side, config: GeometryConfig, rng: np.random.Generator) -> Tensor:
+    """Weighted losses of a view and its neighbour; `rng` chooses patches."""
+    far_px, differs = neighbour_losses(side, other, noise_px=config.noise_px, patches_max=config.patches_max, rng=rng)
+    return config.consistent * far_px + config.ncc * differs
