@@ -8,12 +8,12 @@ import numpy.typing as npt
 import torch
 
 from readygo.common.rasterizer.differentiable.autograd import Rendered, rasterize
-from readygo.services.reconstructor.training.config import GaussiansConfig, GeometryConfig
+from readygo.services.reconstructor.training.config import GaussiansConfig
 from readygo.services.reconstructor.training.parameters import Array, Gaussians, Rows
 from readygo.services.reconstructor.training.photometric import Photometric
 from readygo.services.reconstructor.training.photos import Photo
-from readygo.services.reconstructor.training.planes import plane_features
-from readygo.services.reconstructor.training.surfaces import between, normals_within, side_of
+from readygo.services.reconstructor.training.plane_kernels import add_feature_slopes, write_features
+from readygo.services.reconstructor.training.surface_slopes import PlaneView, surface_slopes
 
 Leaves = dict[str, torch.Tensor]
 Gradients = dict[str, Array]
@@ -125,13 +125,14 @@ def view_gradients(
     with np.errstate(over="ignore", invalid="ignore"):
         by_exposure = np.stack([(slope * planes * gains).sum(axis=(1, 2)), slope.sum(axis=(1, 2))])
     assert rendered.rgb is not None
-    losses, slopes = [rendered.rgb], [torch.from_numpy(slope * gains).permute(1, 2, 0)]
+    images, slopes = [rendered.rgb], [torch.from_numpy(slope * gains).permute(1, 2, 0)]
     other_leaves: Leaves | None = None
     if geometry is not None:
-        shape_loss, other_leaves = _shape_loss(leaves, rendered, photo, geometry, settings.geometry)
-        losses, slopes = [*losses, shape_loss], [*slopes, torch.ones(())]
-        loss += float(shape_loss.detach())
-    torch.autograd.backward(losses, slopes)  # type: ignore[no-untyped-call]
+        assert rendered.features is not None
+        shape_loss, by_planes, other_leaves = _shape_loss(leaves, rendered, photo, geometry, settings)
+        images, slopes = [*images, rendered.features], [*slopes, torch.from_numpy(by_planes).permute(1, 2, 0)]
+        loss += shape_loss
+    torch.autograd.backward(images, slopes)  # type: ignore[no-untyped-call]
     rows, gradients = _parameter_gradients(leaves, photo, settings)
     if other_leaves is not None and geometry is not None and geometry.neighbour is not None:
         other = _parameter_gradients(other_leaves, geometry.neighbour, settings)
@@ -159,28 +160,36 @@ def observed(leaves: Leaves, photo: Photo, pixels_min: float = OBSERVED_PX) -> R
 
 
 def _planes(leaves: Leaves, photo: Photo) -> torch.Tensor:
-    with torch.no_grad():
-        camera_m = torch.from_numpy(photo.T_world_camera[:3, 3].astype(np.float32))
-        features = plane_features(leaves["means_m"], leaves["quats_wxyz"], leaves["scales_m"], camera_m)
-    return features.requires_grad_()
+    means, quats, scales = (leaves[name].detach().numpy() for name in ("means_m", "quats_wxyz", "scales_m"))
+    features = np.empty((len(means), 4), dtype=np.float32)
+    write_features(means, quats, scales, photo.T_world_camera[:3, 3].copy(), features)
+    return torch.from_numpy(features).requires_grad_()
 
 
 def _shape_loss(
-    leaves: Leaves, rendered: Rendered, photo: Photo, geometry: Geometry, config: GeometryConfig
-) -> tuple[torch.Tensor, Leaves | None]:
-    """Normals within the view, and what its neighbour says; with the leaves that the neighbour was drawn from."""
-    assert rendered.features is not None
-    rgb = torch.from_numpy(photo.rgb)
-    side = side_of(rendered.features, rgb, photo.K_px, photo.T_world_camera)
-    loss, neighbour = normals_within(side, rendered.alpha, rgb, config), geometry.neighbour
+    leaves: Leaves, rendered: Rendered, photo: Photo, geometry: Geometry, settings: GaussiansConfig
+) -> tuple[float, Array, Leaves | None]:
+    """The loss of surfaces, its derivatives by the view's planes, and the leaves of its neighbour with theirs."""
+    one, alpha = _plane_view(rendered, photo), rendered.alpha.detach().numpy()
+    neighbour = geometry.neighbour
     if neighbour is None:
-        return loss, None
+        loss, by_planes, _ = surface_slopes(one, None, alpha, settings.geometry, geometry.rng)
+        return loss, by_planes, None
     other_leaves = {name: leaf.detach().requires_grad_() for name, leaf in leaves.items() if name != "sh"}
     other_leaves["features"] = _planes(other_leaves, neighbour)
-    drawn = draw(other_leaves, neighbour, 0, gradients=True).features
-    assert drawn is not None
-    other = side_of(drawn, torch.from_numpy(neighbour.rgb), neighbour.K_px, neighbour.T_world_camera)
-    return loss + between(side, other, config, geometry.rng), other_leaves
+    drawn = draw(other_leaves, neighbour, 0, gradients=True)
+    other = _plane_view(drawn, neighbour)
+    loss, by_planes, by_others = surface_slopes(one, other, alpha, settings.geometry, geometry.rng)
+    assert drawn.features is not None
+    assert by_others is not None
+    drawn.features.backward(torch.from_numpy(by_others).permute(1, 2, 0))  # type: ignore[no-untyped-call]
+    return loss, by_planes, other_leaves
+
+
+def _plane_view(rendered: Rendered, photo: Photo) -> PlaneView:
+    assert rendered.features is not None
+    planes: Array = rendered.features.detach().permute(2, 0, 1).contiguous().numpy()
+    return PlaneView(photo=photo, planes=planes)
 
 
 def _parameter_gradients(leaves: Leaves, photo: Photo, settings: GaussiansConfig) -> tuple[Rows, Gradients]:
@@ -208,14 +217,10 @@ def _parameter_gradients(leaves: Leaves, photo: Photo, settings: GaussiansConfig
 
 def _add_plane_gradients(slopes: Gradients, leaves: Leaves, rows: Rows, photo: Photo) -> None:
     """What normals and distances of planes want of means and quaternions."""
-    index = torch.from_numpy(rows)
-    means, quats, scales = (leaves[name].detach()[index] for name in ("means_m", "quats_wxyz", "scales_m"))
-    camera_m = torch.from_numpy(photo.T_world_camera[:3, 3].astype(np.float32))
-    wanted = (means.requires_grad_(), quats.requires_grad_())
-    features = plane_features(*wanted, scales, camera_m)
-    by_means, by_quats = torch.autograd.grad(features, wanted, torch.from_numpy(slopes["features"]))
-    slopes["means_m"] = slopes["means_m"] + by_means.numpy()
-    slopes["quats_wxyz"] = slopes["quats_wxyz"] + by_quats.numpy()
+    means, quats, scales = (leaves[name].detach().numpy() for name in ("means_m", "quats_wxyz", "scales_m"))
+    camera_m = photo.T_world_camera[:3, 3].copy()
+    by_features, by_means, by_quats = (slopes[name] for name in ("features", "means_m", "quats_wxyz"))
+    add_feature_slopes(means, quats, scales, camera_m, rows, by_features, by_means, by_quats)
 
 
 def _add_regular(slopes: Gradients, scales: Array, count: int, settings: GaussiansConfig) -> None:

@@ -12,7 +12,7 @@ import torch
 from readygo.common.rasterizer.differentiable.reference import rotations
 
 Tensor = torch.Tensor
-_FACING_MIN = 0.05
+FACING_MIN = 0.05
 """Of a plane that is seen flatter than this (cosine, weighted with its opacity) there is no depth."""
 
 
@@ -57,7 +57,7 @@ def plane_depth(planes: Tensor, rays_W: Tensor) -> tuple[Tensor, Tensor]:
         Depths [m], 1 where there is none, shape (H, W); a mask.
     """
     facing = -(planes[..., :3] * rays_W).sum(dim=-1)
-    known = (facing > _FACING_MIN) & (planes[..., 3] > 0)
+    known = (facing > FACING_MIN) & (planes[..., 3] > 0)
     return torch.where(known, planes[..., 3] / torch.where(known, facing, 1.0), 1.0), known
 
 

@@ -10,7 +10,7 @@ from readygo.services.reconstructor.training.planes import edge_weights, normal_
 
 Tensor = torch.Tensor
 Floats = npt.NDArray[np.float64]
-_GREY = (0.299, 0.587, 0.114)
+GREY = (0.299, 0.587, 0.114)
 
 
 def side_of(planes: Tensor, rgb: Tensor, K_px: Floats, T_world_camera: Floats) -> Side:
@@ -24,7 +24,7 @@ def side_of(planes: Tensor, rgb: Tensor, K_px: Floats, T_world_camera: Floats) -
     """
     T, K, grey = (
         torch.tensor(np.asarray(array, dtype=np.float32), device=planes.device)
-        for array in (T_world_camera, K_px, _GREY)
+        for array in (T_world_camera, K_px, GREY)
     )
     rays_W = rays_of(K_px, (rgb.shape[1], rgb.shape[2]), device=planes.device) @ T[:3, :3].T
     return Side(planes=planes, grey=torch.tensordot(grey, rgb, 1), K_px=K, T_world_camera=T, rays_W=rays_W)

@@ -1,0 +1,382 @@
+"""The losses of `planes` and `neighbours` with their derivatives, pixel by pixel: torch takes dozens of passes.
+
+Planes are (4, H, W): blended normals towards the camera in the world's axes, and distances. A depth of 0 says that
+there is none. A camera is 18 numbers: fx, fy, cx, cy, the rows of R_WC, p_WC, 1/fx, 1/fy.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.kernels import compiled, inlined
+
+Image = npt.NDArray[np.float32]
+Planes = npt.NDArray[np.float32]
+Camera = npt.NDArray[np.float64]
+CAMERA = 18
+_FX, _FY, _CX, _CY, _R, _P, _PER_FX, _PER_FY = 0, 1, 2, 3, 4, 13, 16, 17
+_EPSILON = 1e-12
+
+
+@inlined
+def _ray(camera: Camera, u: float, v: float) -> tuple[float, float, float]:
+    """Of a point of the image [px], at depth 1, in the world."""
+    x, y = (u - camera[_CX]) * camera[_PER_FX], (v - camera[_CY]) * camera[_PER_FY]
+    return (
+        camera[_R] * x + camera[_R + 1] * y + camera[_R + 2],
+        camera[_R + 3] * x + camera[_R + 4] * y + camera[_R + 5],
+        camera[_R + 6] * x + camera[_R + 7] * y + camera[_R + 8],
+    )
+
+
+@inlined
+def _into(camera: Camera, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """A direction of the world in a camera."""
+    return (
+        camera[_R] * x + camera[_R + 3] * y + camera[_R + 6] * z,
+        camera[_R + 1] * x + camera[_R + 4] * y + camera[_R + 7] * z,
+        camera[_R + 2] * x + camera[_R + 5] * y + camera[_R + 8] * z,
+    )
+
+
+@inlined
+def _out_of(camera: Camera, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """A direction of a camera in the world."""
+    return (
+        camera[_R] * x + camera[_R + 1] * y + camera[_R + 2] * z,
+        camera[_R + 3] * x + camera[_R + 4] * y + camera[_R + 5] * z,
+        camera[_R + 6] * x + camera[_R + 7] * y + camera[_R + 8] * z,
+    )
+
+
+@compiled(error_model="numpy", nogil=True)
+def plane_depths(planes: Planes, camera: Camera, facing_min: float, depth_m: Image) -> None:
+    """Depths of the planes along the optical axis [m]; see `planes.plane_depth`."""
+    height, width = depth_m.shape
+    for v in range(height):
+        for u in range(width):
+            rx, ry, rz = _ray(camera, u + 0.5, v + 0.5)
+            facing = -(planes[0, v, u] * rx + planes[1, v, u] * ry + planes[2, v, u] * rz)
+            distance = planes[3, v, u]
+            depth_m[v, u] = distance / facing if facing > facing_min and distance > 0.0 else 0.0
+
+
+@compiled(error_model="numpy", nogil=True)
+def add_depth_slopes(planes: Planes, camera: Camera, depth_m: Image, by_depth: Image, out: Planes) -> None:
+    """Add what derivatives by depths are by the planes."""
+    height, width = depth_m.shape
+    for v in range(height):
+        for u in range(width):
+            slope, depth = by_depth[v, u], depth_m[v, u]
+            if depth == 0.0 or slope == 0.0:
+                continue
+            rx, ry, rz = _ray(camera, u + 0.5, v + 0.5)
+            facing = -(planes[0, v, u] * rx + planes[1, v, u] * ry + planes[2, v, u] * rz)
+            by_normal = slope * depth / facing
+            out[0, v, u] += by_normal * rx
+            out[1, v, u] += by_normal * ry
+            out[2, v, u] += by_normal * rz
+            out[3, v, u] += slope / facing
+
+
+@inlined
+def _known(depth: Any) -> float:
+    return depth if depth > 0.0 else 1.0
+
+
+@inlined
+def _add_along(by_depth: Image, depth_m: Image, v: int, u: int, slope: float) -> None:
+    if depth_m[v, u] > 0.0:
+        by_depth[v, u] += slope
+
+
+@compiled(error_model="numpy", nogil=True)
+def normal_slopes(
+    planes: Planes,
+    alpha: Image,
+    weights: Image,
+    camera: Camera,
+    depth_m: Image,
+    scale: float,
+    by_depth: Image,
+    out: Planes,
+) -> float:
+    """`scale` times the sum that `planes.normal_loss` is the mean of.
+
+    Args:
+        planes: Shape (4, H, W).
+        alpha: Shape (H, W).
+        weights: See `planes.edge_weights`.
+        camera: Of the view.
+        depth_m: See `plane_depths`.
+        scale: Of the loss.
+        by_depth: Is added to.
+        out: Derivatives by the planes, but for those through depths, are added to it.
+    """
+    height, width = depth_m.shape
+    # From one column, and one row, to the next.
+    hx, hy, hz = camera[_R] * camera[_PER_FX], camera[_R + 3] * camera[_PER_FX], camera[_R + 6] * camera[_PER_FX]
+    gx, gy, gz = camera[_R + 1] * camera[_PER_FY], camera[_R + 4] * camera[_PER_FY], camera[_R + 7] * camera[_PER_FY]
+    total = 0.0
+    for v in range(1, height - 1):
+        for u in range(1, width - 1):
+            weight = scale * weights[v, u]
+            if depth_m[v, u] == 0.0 or weight == 0.0:
+                continue
+            rx, ry, rz = _ray(camera, u + 0.5, v + 0.5)
+            right, left = _known(depth_m[v, u + 1]), _known(depth_m[v, u - 1])
+            above, below = _known(depth_m[v - 1, u]), _known(depth_m[v + 1, u])
+            ax, ay, az = (
+                (rx + hx) * right - (rx - hx) * left,
+                (ry + hy) * right - (ry - hy) * left,
+                (rz + hz) * right - (rz - hz) * left,
+            )
+            bx, by, bz = (
+                (rx - gx) * above - (rx + gx) * below,
+                (ry - gy) * above - (ry + gy) * below,
+                (rz - gz) * above - (rz + gz) * below,
+            )
+            cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+            per_length = 1.0 / max(math.sqrt(cx * cx + cy * cy + cz * cz), _EPSILON)
+            nx, ny, nz = cx * per_length, cy * per_length, cz * per_length
+            here = alpha[v, u]
+            x, y, z = nx * here - planes[0, v, u], ny * here - planes[1, v, u], nz * here - planes[2, v, u]
+            total += weight * (abs(x) + abs(y) + abs(z))
+            sx, sy, sz = weight * np.sign(x), weight * np.sign(y), weight * np.sign(z)
+            out[0, v, u] -= sx
+            out[1, v, u] -= sy
+            out[2, v, u] -= sz
+            along = nx * sx + ny * sy + nz * sz
+            factor = here * per_length
+            sx, sy, sz = factor * (sx - nx * along), factor * (sy - ny * along), factor * (sz - nz * along)
+            # The cross product's derivatives by its factors.
+            px, py, pz = by * sz - bz * sy, bz * sx - bx * sz, bx * sy - by * sx
+            qx, qy, qz = sy * az - sz * ay, sz * ax - sx * az, sx * ay - sy * ax
+            _add_along(by_depth, depth_m, v, u + 1, px * (rx + hx) + py * (ry + hy) + pz * (rz + hz))
+            _add_along(by_depth, depth_m, v, u - 1, -(px * (rx - hx) + py * (ry - hy) + pz * (rz - hz)))
+            _add_along(by_depth, depth_m, v - 1, u, qx * (rx - gx) + qy * (ry - gy) + qz * (rz - gz))
+            _add_along(by_depth, depth_m, v + 1, u, -(qx * (rx + gx) + qy * (ry + gy) + qz * (rz + gz)))
+    return total
+
+
+@inlined
+def _between(place: float, size: int) -> tuple[int, int, float, float]:
+    """The two numbers of pixels beside a place [px], the share of the second, and how it grows with the place."""
+    x = place - 0.5
+    if x <= 0.0:
+        return 0, 0, 0.0, 0.0
+    if x >= size - 1:
+        return size - 1, size - 1, 0.0, 0.0
+    first = int(x)
+    return first, first + 1, x - first, 1.0
+
+
+@compiled(error_model="numpy", nogil=True)
+def return_slopes(
+    depth_m: Image,
+    other_depth_m: Image,
+    camera: Camera,
+    other: Camera,
+    near_m: float,
+    noise_px: float,
+    away_px: Image,
+    by_depth: Image,
+    by_other: Image,
+) -> tuple[int, float]:
+    """How many pixels count in `neighbours.there_and_back`, and their weighted distances summed up.
+
+    Args:
+        depth_m: Of the view, see `plane_depths`.
+        other_depth_m: Of its neighbour.
+        camera: Of the view.
+        other: Of its neighbour.
+        near_m: Nearer points do not count.
+        noise_px: Pixels that come back farther away do not count.
+        away_px: Gets the distances [px], inf where they do not count.
+        by_depth: The sum's derivatives by the view's depths are added to it; weights count as constants.
+        by_other: Those by its neighbour's.
+    """
+    height, width = depth_m.shape
+    rows, columns = other_depth_m.shape
+    ox, oy, oz = camera[_P] - other[_P], camera[_P + 1] - other[_P + 1], camera[_P + 2] - other[_P + 2]
+    sx, sy, sz = _into(other, ox, oy, oz)
+    tx, ty, tz = _into(camera, -ox, -oy, -oz)
+    count, total = 0, 0.0
+    for v in range(height):
+        for u in range(width):
+            away_px[v, u] = np.inf
+            depth = depth_m[v, u]
+            if depth == 0.0:
+                continue
+            rx, ry, rz = _ray(camera, u + 0.5, v + 0.5)
+            dx, dy, dz = _into(other, rx, ry, rz)
+            x, y, z = sx + dx * depth, sy + dy * depth, sz + dz * depth
+            if z <= near_m:
+                continue
+            per_z = 1.0 / z
+            ru, rv = x * per_z, y * per_z
+            pu, pv = ru * other[_FX] + other[_CX], rv * other[_FY] + other[_CY]
+            if pu < 0.0 or pv < 0.0 or pu > columns or pv > rows:
+                continue
+            c0, c1, cu, grows_u = _between(pu, columns)
+            l0, l1, cv, grows_v = _between(pv, rows)
+            e00, e01, e10, e11 = (
+                other_depth_m[l0, c0],
+                other_depth_m[l0, c1],
+                other_depth_m[l1, c0],
+                other_depth_m[l1, c1],
+            )
+            w00, w01, w10, w11 = (1.0 - cv) * (1.0 - cu), (1.0 - cv) * cu, cv * (1.0 - cu), cv * cu
+            missing = (
+                (w00 if e00 == 0.0 else 0.0)
+                + (w01 if e01 == 0.0 else 0.0)
+                + (w10 if e10 == 0.0 else 0.0)
+                + (w11 if e11 == 0.0 else 0.0)
+            )
+            if missing >= 0.01:
+                continue
+            f00, f01, f10, f11 = _known(e00), _known(e01), _known(e10), _known(e11)
+            seen = w00 * f00 + w01 * f01 + w10 * f10 + w11 * f11
+            # The point that the neighbour sees there, in the view's camera.
+            wx, wy, wz = _out_of(other, ru * seen, rv * seen, seen)
+            qx, qy, qz = _into(camera, wx, wy, wz)
+            qx, qy, qz = qx + tx, qy + ty, qz + tz
+            if qz <= near_m:
+                continue
+            per_qz = 1.0 / qz
+            off_u = qx * per_qz * camera[_FX] + camera[_CX] - (u + 0.5)
+            off_v = qy * per_qz * camera[_FY] + camera[_CY] - (v + 0.5)
+            away = math.sqrt(off_u * off_u + off_v * off_v + _EPSILON)
+            if away >= noise_px:
+                continue
+            away_px[v, u] = away
+            count += 1
+            weight = math.exp(-away)
+            total += weight * away
+            slope = weight / away * per_qz
+            a, b = slope * off_u * camera[_FX], slope * off_v * camera[_FY]
+            wx, wy, wz = _out_of(camera, a, b, -(a * qx + b * qy) * per_qz)
+            yx, yy, yz = _into(other, wx, wy, wz)
+            by_seen = yx * ru + yy * rv + yz
+            if e00 > 0.0:
+                by_other[l0, c0] += by_seen * w00
+            if e01 > 0.0:
+                by_other[l0, c1] += by_seen * w01
+            if e10 > 0.0:
+                by_other[l1, c0] += by_seen * w10
+            if e11 > 0.0:
+                by_other[l1, c1] += by_seen * w11
+            slope_u = grows_u * ((1.0 - cv) * (f01 - f00) + cv * (f11 - f10)) * other[_FX]
+            slope_v = grows_v * ((1.0 - cu) * (f10 - f00) + cu * (f11 - f01)) * other[_FY]
+            by_ru, by_rv = yx * seen + by_seen * slope_u, yy * seen + by_seen * slope_v
+            by_depth[v, u] += (by_ru * (dx - ru * dz) + by_rv * (dy - rv * dz)) * per_z
+    return count, total
+
+
+@inlined
+def _sample(image: Image, u: float, v: float) -> tuple[float, float, float]:
+    """An image between its pixels, and how it grows with the place [1/px]; beyond its border that goes on."""
+    height, width = image.shape
+    c0, c1, cu, grows_u = _between(u, width)
+    l0, l1, cv, grows_v = _between(v, height)
+    f00, f01, f10, f11 = image[l0, c0], image[l0, c1], image[l1, c0], image[l1, c1]
+    upper, lower = f00 + cu * (f01 - f00), f10 + cu * (f11 - f10)
+    return (
+        upper + cv * (lower - upper),
+        grows_u * ((1.0 - cv) * (f01 - f00) + cv * (f11 - f10)),
+        grows_v * (lower - upper),
+    )
+
+
+@compiled(error_model="numpy", nogil=True)
+def patch_slopes(
+    planes: Planes,
+    grey: Image,
+    other_grey: Image,
+    camera: Camera,
+    other: Camera,
+    chosen: npt.NDArray[np.int64],
+    away_px: Image,
+    side_px: int,
+    differs_max: float,
+    work: npt.NDArray[np.float64],
+    slopes: npt.NDArray[np.float64],
+) -> tuple[int, float]:
+    """How many patches count in `neighbours.neighbour_losses`, and their weighted 1 - NCC^2 summed up.
+
+    Args:
+        planes: Of the view, shape (4, H, W).
+        grey: Its photo, shape (H, W).
+        other_grey: That of its neighbour.
+        camera: Of the view.
+        other: Of its neighbour.
+        chosen: Numbers of the pixels in the middle of the patches, row by row, shape (n,).
+        away_px: See `return_slopes`; tells the weights.
+        side_px: Of the patches, odd.
+        differs_max: Patches that differ more do not count.
+        work: Memory, shape (3, side_px^2).
+        slopes: Gets the sum's derivatives by the planes of the chosen pixels, shape (n, 4).
+    """
+    height, width = grey.shape
+    ox, oy, oz = camera[_P] - other[_P], camera[_P + 1] - other[_P + 1], camera[_P + 2] - other[_P + 2]
+    tx, ty, tz = _into(other, ox, oy, oz)
+    half, taps = side_px // 2, side_px * side_px
+    count, total = 0, 0.0
+    for n in range(len(chosen)):
+        v, u = chosen[n] // width, chosen[n] % width
+        for k in range(4):
+            slopes[n, k] = 0.0
+        distance = float(planes[3, v, u])
+        # The plane in the view's camera, m . q = -1.
+        mx, my, mz = _into(camera, planes[0, v, u] / distance, planes[1, v, u] / distance, planes[2, v, u] / distance)
+        mean_a, mean_b, i = 0.0, 0.0, 0
+        for dv in range(-half, half + 1):
+            for du in range(-half, half + 1):
+                a = grey[min(max(v + dv, 0), height - 1), min(max(u + du, 0), width - 1)]
+                x, y = (u + du + 0.5 - camera[_CX]) * camera[_PER_FX], (v + dv + 0.5 - camera[_CY]) * camera[_PER_FY]
+                toward = mx * x + my * y + mz
+                wx, wy, wz = _out_of(camera, x, y, 1.0)
+                px, py, pz = _into(other, wx, wy, wz)
+                px, py, pz = px - tx * toward, py - ty * toward, pz - tz * toward
+                pz = pz if abs(pz) > 1e-6 else 1e-6
+                per_pz = 1.0 / pz
+                ru, rv = px * per_pz, py * per_pz
+                b, grows_u, grows_v = _sample(other_grey, ru * other[_FX] + other[_CX], rv * other[_FY] + other[_CY])
+                # How b changes with m . q.
+                grows_u, grows_v = grows_u * other[_FX], grows_v * other[_FY]
+                work[0, i], work[1, i] = a, b
+                work[2, i] = (grows_u * (ru * tz - tx) + grows_v * (rv * tz - ty)) * per_pz
+                mean_a += a
+                mean_b += b
+                i += 1
+        mean_a, mean_b = mean_a / taps, mean_b / taps
+        product, square_a, square_b = 0.0, 0.0, 0.0
+        for i in range(taps):
+            a, b = work[0, i] - mean_a, work[1, i] - mean_b
+            work[0, i], work[1, i] = a, b
+            product += a * b
+            square_a += a * a
+            square_b += b * b
+        product, square_a, square_b = product / taps, square_a / taps, square_b / taps
+        below = square_a * square_b + 1e-8
+        differs = 1.0 - product * product / below
+        if not differs < differs_max:
+            continue
+        weight = math.exp(-away_px[v, u])
+        count += 1
+        total += weight * differs
+        by_product, by_square = -2.0 * product / below, product * product / (below * below) * square_a
+        bx, by, bz, i = 0.0, 0.0, 0.0, 0
+        for dv in range(-half, half + 1):
+            for du in range(-half, half + 1):
+                slope = (by_product * work[0, i] + 2.0 * by_square * work[1, i]) / taps * work[2, i]
+                bx += slope * ((u + du + 0.5 - camera[_CX]) * camera[_PER_FX])
+                by += slope * ((v + dv + 0.5 - camera[_CY]) * camera[_PER_FY])
+                bz += slope
+                i += 1
+        wx, wy, wz = _out_of(camera, weight * bx / distance, weight * by / distance, weight * bz / distance)
+        slopes[n, 0], slopes[n, 1], slopes[n, 2] = wx, wy, wz
+        slopes[n, 3] = -weight * (bx * mx + by * my + bz * mz) / distance
+    return count, total
