@@ -13,7 +13,7 @@ from readygo.services.reconstructor.training.config import GaussiansConfig
 from readygo.services.reconstructor.training.density import Sightings, add_noise, limit_stretch
 from readygo.services.reconstructor.training.drawing import Geometry, ViewGradients, leaves_of, observed, view_gradients
 from readygo.services.reconstructor.training.engine import ViewLoss, ViewTask
-from readygo.services.reconstructor.training.parameters import Array, Gaussians
+from readygo.services.reconstructor.training.parameters import Array, Change, Gaussians
 from readygo.services.reconstructor.training.photos import PhotoStore
 
 
@@ -34,6 +34,18 @@ class CpuEngine:
     def arrays(self) -> tuple[Gaussians, Sightings]:
         """What it holds, not a copy."""
         return self._gaussians, self._seen
+
+    def shapes(self) -> tuple[dict[str, Array], Sightings]:
+        """All arrays of the parameters, not copies."""
+        return self._gaussians.values, self._seen
+
+    def rebuild(self, change: Change) -> None:
+        """Go on with what a change makes of them, and no view has seen yet."""
+        self.load(self._gaussians.changed(change), Sightings.none(len(change)))
+
+    def not_finite(self) -> str | None:
+        """A parameter that has a number that is not finite."""
+        return next((name for name, value in self._gaussians.values.items() if not np.isfinite(value).all()), None)
 
     def __len__(self) -> int:
         """Number of Gaussians."""

@@ -1,11 +1,12 @@
 """Training on a GPU: gsplat draws and derives, torch does the rest. The losses and rules are those of the CPU.
 
-Gaussians are added and removed on the CPU, every `density.every` steps. Sums of gradients come in another order each
-time, so two runs differ in their last digits, and soon in more.
+Where Gaussians are added and removed is found on the CPU, every `density.every` steps. Sums of gradients come in
+another order each time, so two runs differ in their last digits, and soon in more.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +20,7 @@ from readygo.services.reconstructor.training.adam import EPSILON, Adam
 from readygo.services.reconstructor.training.config import GaussiansConfig
 from readygo.services.reconstructor.training.density import NOISE_OPACITY, NOISE_SLOPE, Sightings
 from readygo.services.reconstructor.training.engine import ViewLoss, ViewTask
-from readygo.services.reconstructor.training.parameters import PARAMETERS, Array, Gaussians
+from readygo.services.reconstructor.training.parameters import PARAMETERS, SHAPES, Array, Change, Gaussians
 from readygo.services.reconstructor.training.photometric import photometric_loss
 from readygo.services.reconstructor.training.photos import BRIGHTNESS, PhotoStore
 from readygo.services.reconstructor.training.planes import plane_features
@@ -96,6 +97,31 @@ class CudaEngine:
         )
         seen = Sightings(_array(self._gradient), _array(self._views))
         return Gaussians(values, first, second, _array(self._updates)), seen
+
+    def shapes(self) -> tuple[dict[str, Array], Sightings]:
+        """Copies of what decides where Gaussians are added and removed."""
+        arrays = {name: _array(self._values[name]) for name in SHAPES}
+        return arrays, Sightings(_array(self._gradient), _array(self._views))
+
+    @torch.no_grad()
+    def rebuild(self, change: Change) -> None:
+        """Go on with what a change makes of them, and no view has seen yet; colours and moments stay on the device."""
+        source, kept = torch.from_numpy(change.source).to(self._device), self._on_device(~change.fresh)
+        self._values = {
+            **{name: self._on_device(getattr(change, name)) for name in SHAPES},
+            "sh": self._values["sh"].detach()[source],
+        }
+        for value in self._values.values():
+            value.requires_grad_()
+        for part in (self._first, self._second):
+            for name in PARAMETERS:
+                part[name] = part[name][source] * kept[:, None]
+        self._updates = self._updates[source] * kept
+        self._gradient, self._views = torch.zeros_like(self._updates), torch.zeros_like(self._updates)
+
+    def not_finite(self) -> str | None:
+        """A parameter that has a number that is not finite."""
+        return next((name for name, value in self._values.items() if not bool(value.isfinite().all())), None)
 
     def __len__(self) -> int:
         """Number of Gaussians."""
@@ -244,7 +270,7 @@ class CudaEngine:
             self._kept[number] = view
         return view
 
-    def _on_device(self, array: Array) -> Tensor:
+    def _on_device(self, array: npt.NDArray[Any]) -> Tensor:
         return torch.tensor(array, device=self._device)
 
 

@@ -4,6 +4,7 @@ Sources: Kerbl et al., 3D Gaussian Splatting, 2023 (clone, split, prune, reset);
 gradients); Kheradmand et al., 3D Gaussian Splatting as Markov Chain Monte Carlo, 2024 (relocation, noise).
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import comb
 
@@ -13,7 +14,7 @@ import numpy.typing as npt
 from readygo.common.rasterizer.differentiable.order import spatial_order
 from readygo.common.rasterizer.differentiable.reference import rotations
 from readygo.services.reconstructor.training.config import DensityConfig
-from readygo.services.reconstructor.training.parameters import Array, Gaussians, Rows
+from readygo.services.reconstructor.training.parameters import Array, Change, Gaussians, Rows
 
 _SPLIT_SHRINK = 1.6
 _COPIES_MAX = 16
@@ -42,14 +43,23 @@ class Sightings:
 
 
 def changed_density(
-    gaussians: Gaussians, seen: Sightings, config: DensityConfig, extent_m: float, rng: np.random.Generator
-) -> Gaussians:
-    """Add and remove Gaussians by the configured method; the result is in spatial order."""
+    shapes: Mapping[str, Array], seen: Sightings, config: DensityConfig, extent_m: float, rng: np.random.Generator
+) -> Change:
+    """Add and remove Gaussians by the configured method; the result is in spatial order.
+
+    Args:
+        shapes: Arrays by the names of `SHAPES`.
+        seen: What views said of them.
+        config: How.
+        extent_m: Of the scene.
+        rng: Draws places, and who is copied.
+    """
+    same = Change.none(shapes)
     if config.method == "mcmc":
-        changed = _grown(_relocated(gaussians, config, rng), config, rng)
+        changed = _grown(_relocated(same, config, rng), config, rng)
     else:
-        changed = _pruned(_densified(gaussians, seen, config, extent_m, rng), config, extent_m)
-    return changed.select(spatial_order(changed.values["means_m"]))
+        changed = _pruned(_densified(same, seen, config, extent_m, rng), config, extent_m)
+    return changed.select(spatial_order(changed.means_m))
 
 
 def make_faint(gaussians: Gaussians, rows: npt.NDArray[np.bool_], config: DensityConfig) -> None:
@@ -88,74 +98,75 @@ def add_noise(gaussians: Gaussians, size_m: float, rng: np.random.Generator) -> 
     strength = size_m / (1.0 + np.exp(np.minimum(NOISE_SLOPE * (gaussians.opacities - NOISE_OPACITY), 80.0)))
     noise = rng.standard_normal((len(gaussians), 3), dtype=np.float32)
     rows = np.flatnonzero(strength > 1e-6 * size_m)
-    along = _axes(gaussians, rows)
+    along = _axes(gaussians.values["quats_wxyz"][rows], gaussians.values["log_scales"][rows])
     covariance = along @ along.transpose(0, 2, 1)
     gaussians.values["means_m"][rows] += np.einsum("nij,nj->ni", covariance, noise[rows] * strength[rows, None])
 
 
-def _axes(gaussians: Gaussians, rows: Rows) -> Array:
+def _axes(quats_wxyz: Array, log_scales: Array) -> Array:
     """Principal axes as columns, as long as the standard deviations [m], shape (n, 3, 3)."""
     import torch
 
-    R: Array = rotations(torch.from_numpy(gaussians.values["quats_wxyz"][rows])).numpy()
-    return R * np.exp(gaussians.values["log_scales"][rows])[:, None, :]
+    R: Array = rotations(torch.from_numpy(quats_wxyz)).numpy()
+    return R * np.exp(log_scales)[:, None, :]
 
 
 def _densified(
-    gaussians: Gaussians, seen: Sightings, config: DensityConfig, extent_m: float, rng: np.random.Generator
-) -> Gaussians:
+    same: Change, seen: Sightings, config: DensityConfig, extent_m: float, rng: np.random.Generator
+) -> Change:
     """Clone small and split large ones whose projections want to be elsewhere; those with the most of it first."""
     gradient = seen.gradient / np.maximum(seen.views, 1.0)
-    room = max(config.count_max - len(gaussians), 0)
+    room = max(config.count_max - len(same), 0)
     wanted = np.flatnonzero(gradient >= config.gradient_min)
     wanted = np.sort(wanted[np.argsort(-gradient[wanted], kind="stable")[:room]])
-    large = gaussians.scales_m[wanted].max(axis=1) > config.split_scale * extent_m
+    large = same.scales_m[wanted].max(axis=1) > config.split_scale * extent_m
     split, clone = wanted[large], wanted[~large]
-    added = [_sampled(gaussians, rows, rng) for rows in (clone, split, split)]
+    added = [_sampled(same, rows, rng) for rows in (clone, split, split)]
     for part in added[1:]:
-        part["log_scales"] -= np.float32(np.log(_SPLIT_SHRINK))
-    keep = np.ones(len(gaussians), dtype=bool)
+        part.log_scales -= np.float32(np.log(_SPLIT_SHRINK))
+    keep = np.ones(len(same), dtype=bool)
     keep[split] = False
-    values = {name: np.concatenate([part[name] for part in added]) for name in gaussians.values}
-    return gaussians.select(keep).joined(values)
+    return same.select(keep).joined(added[0].joined(added[1]).joined(added[2]))
 
 
-def _sampled(gaussians: Gaussians, rows: Rows, rng: np.random.Generator) -> dict[str, Array]:
+def _sampled(same: Change, rows: Rows, rng: np.random.Generator) -> Change:
     """Copies, each at a place drawn from its Gaussian: copies in one place would stay together."""
-    values = {name: value[rows] for name, value in gaussians.values.items()}
+    copies = same.select(rows)
+    copies.fresh[:] = True
     noise = rng.standard_normal((len(rows), 3), dtype=np.float32)
-    values["means_m"] += np.einsum("nij,nj->ni", _axes(gaussians, rows), noise)
-    return values
+    copies.means_m += np.einsum("nij,nj->ni", _axes(copies.quats_wxyz, copies.log_scales), noise)
+    return copies
 
 
-def _pruned(gaussians: Gaussians, config: DensityConfig, extent_m: float) -> Gaussians:
-    small = gaussians.scales_m.max(axis=1) <= config.scale_max * extent_m
-    return gaussians.select(small & (gaussians.opacities >= config.opacity_min))
+def _pruned(changed: Change, config: DensityConfig, extent_m: float) -> Change:
+    small = changed.scales_m.max(axis=1) <= config.scale_max * extent_m
+    return changed.select(small & (changed.opacities >= config.opacity_min))
 
 
-def _relocated(gaussians: Gaussians, config: DensityConfig, rng: np.random.Generator) -> Gaussians:
+def _relocated(same: Change, config: DensityConfig, rng: np.random.Generator) -> Change:
     """Move the faint ones to where others are, which share their opacity with them."""
-    opacities = gaussians.opacities
+    opacities = same.opacities
     alive = opacities > config.opacity_min
     dead = np.flatnonzero(~alive)
     if not len(dead) or not alive.any():
-        return gaussians
+        return same
     chosen = _drawn(opacities * alive, len(dead), rng)
-    _share(gaussians, chosen)
-    for value in gaussians.values.values():
-        value[dead] = value[chosen]
-    gaussians.forget(dead)
-    return gaussians
+    _share(same, chosen)
+    source = np.arange(len(same))
+    source[dead] = chosen
+    moved = same.select(source)
+    moved.fresh[dead] = True
+    return moved
 
 
-def _grown(gaussians: Gaussians, config: DensityConfig, rng: np.random.Generator) -> Gaussians:
+def _grown(changed: Change, config: DensityConfig, rng: np.random.Generator) -> Change:
     """Add copies of some, drawn by opacity, which share their opacity with them."""
-    wanted = min(config.count_max, int(np.ceil(len(gaussians) * (1.0 + config.growth)))) - len(gaussians)
+    wanted = min(config.count_max, int(np.ceil(len(changed) * (1.0 + config.growth)))) - len(changed)
     if wanted <= 0:
-        return gaussians
-    chosen = _drawn(gaussians.opacities, wanted, rng)
-    _share(gaussians, chosen)
-    return gaussians.joined({name: value[chosen] for name, value in gaussians.values.items()})
+        return changed
+    chosen = _drawn(changed.opacities, wanted, rng)
+    _share(changed, chosen)
+    return changed.joined(changed.select(chosen))
 
 
 def _drawn(weights: Array, count: int, rng: np.random.Generator) -> Rows:
@@ -165,15 +176,15 @@ def _drawn(weights: Array, count: int, rng: np.random.Generator) -> Rows:
     return chosen
 
 
-def _share(gaussians: Gaussians, chosen: Rows) -> None:
+def _share(change: Change, chosen: Rows) -> None:
     """Make the chosen ones fainter and smaller so that as many copies of them as were drawn look as each did alone."""
     rows, drawn = np.unique(chosen, return_counts=True)
     copies = np.minimum(drawn + 1, _COPIES_MAX)
-    opacity, shrink = shared_opacity(gaussians.opacities[rows].astype(np.float64), copies)
+    opacity, shrink = shared_opacity(change.opacities[rows].astype(np.float64), copies)
     opacity = np.clip(opacity, 0.005, 1.0 - 1e-6)
-    gaussians.values["logits"][rows, 0] = np.log(opacity / (1.0 - opacity))
-    gaussians.values["log_scales"][rows] += np.log(shrink)[:, None].astype(np.float32)
-    gaussians.forget(rows)
+    change.logits[rows, 0] = np.log(opacity / (1.0 - opacity))
+    change.log_scales[rows] += np.log(shrink)[:, None].astype(np.float32)
+    change.fresh[rows] = True
 
 
 def shared_opacity(

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.services.reconstructor.training.density import Sightings
-from readygo.services.reconstructor.training.parameters import Array, Gaussians
+from readygo.services.reconstructor.training.parameters import Array, Change, Gaussians
 from readygo.services.reconstructor.training.photos import PhotoStore
 
 
@@ -42,6 +42,15 @@ class Engine(Protocol):
 
     def arrays(self) -> tuple[Gaussians, Sightings]:
         """What it holds; whoever changes it loads it."""
+
+    def shapes(self) -> tuple[dict[str, Array], Sightings]:
+        """What decides where Gaussians are added and removed: arrays by the names of `SHAPES`, to be read only."""
+
+    def rebuild(self, change: Change) -> None:
+        """Go on with what a change makes of them, and no view has seen yet."""
+
+    def not_finite(self) -> str | None:
+        """A parameter that has a number that is not finite."""
 
     def __len__(self) -> int:
         """Number of Gaussians."""

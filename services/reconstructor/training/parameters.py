@@ -13,7 +13,10 @@ from readygo.common.gaussians.spherical_harmonics import SH_C0
 
 Array = npt.NDArray[np.float32]
 Rows = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
 PARAMETERS = ("means_m", "quats_wxyz", "log_scales", "logits", "sh")
+SHAPES = ("means_m", "quats_wxyz", "log_scales", "logits")
+"""What decides where Gaussians are added and removed."""
 _NEIGHBOURS = 3
 
 
@@ -48,12 +51,14 @@ class Gaussians:
         ]
         return Gaussians(parts[0], parts[1], parts[2], self.updates[index])
 
-    def joined(self, values: dict[str, Array]) -> "Gaussians":
-        """These, and then fresh ones."""
-        other = Gaussians.fresh(values)
-        pairs = ((self.values, other.values), (self.first, other.first), (self.second, other.second))
-        parts = [{name: np.concatenate([a[name], b[name]]) for name in PARAMETERS} for a, b in pairs]
-        return Gaussians(parts[0], parts[1], parts[2], np.concatenate([self.updates, other.updates]))
+    def changed(self, change: "Change") -> "Gaussians":
+        """What a change makes of them."""
+        values = {name: getattr(change, name) for name in SHAPES}
+        values["sh"] = self.values["sh"][change.source]
+        moments = [{name: array[change.source] for name, array in part.items()} for part in (self.first, self.second)]
+        gaussians = Gaussians(values, moments[0], moments[1], self.updates[change.source])
+        gaussians.forget(np.flatnonzero(change.fresh))
+        return gaussians
 
     def forget(self, rows: Rows) -> None:
         """Begin anew with the optimiser's state of some of them."""
@@ -65,8 +70,7 @@ class Gaussians:
     @property
     def opacities(self) -> Array:
         """Peak opacities, shape (N,)."""
-        opacities: Array = np.float32(1) / (np.float32(1) + np.exp(-self.values["logits"][:, 0]))
-        return opacities
+        return opacities_of(self.values["logits"])
 
     @property
     def scales_m(self) -> Array:
@@ -95,6 +99,59 @@ class Gaussians:
         """The inverse of `state`."""
         parts = [{name: state[f"{part}_{name}"] for name in PARAMETERS} for part in ("value", "first", "second")]
         return cls(parts[0], parts[1], parts[2], state["updates"])
+
+
+@dataclass(eq=False)
+class Change:
+    """Which M Gaussians the ones there are become."""
+
+    source: Rows
+    """Of which each has the colours, and the optimiser's state, shape (M,)."""
+    fresh: Bools
+    """Those whose state begins anew, shape (M,)."""
+    means_m: Array
+    """Shape (M, 3)."""
+    quats_wxyz: Array
+    """Shape (M, 4)."""
+    log_scales: Array
+    """Shape (M, 3)."""
+    logits: Array
+    """Shape (M, 1)."""
+
+    def __len__(self) -> int:
+        return len(self.source)
+
+    @classmethod
+    def none(cls, shapes: Mapping[str, Array]) -> "Change":
+        """All stay as they are: arrays by the names of SHAPES, which are copied."""
+        count = len(shapes["logits"])
+        arrays = {name: shapes[name].copy() for name in SHAPES}
+        return cls(source=np.arange(count), fresh=np.zeros(count, dtype=bool), **arrays)
+
+    def select(self, index: Rows | Bools) -> "Change":
+        """Some of them."""
+        return Change(**{name: getattr(self, name)[index] for name in self.__dataclass_fields__})
+
+    def joined(self, other: "Change") -> "Change":
+        """These, and then others."""
+        names = self.__dataclass_fields__
+        return Change(**{name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names})
+
+    @property
+    def opacities(self) -> Array:
+        """Peak opacities, shape (M,)."""
+        return opacities_of(self.logits)
+
+    @property
+    def scales_m(self) -> Array:
+        """Standard deviations along the principal axes [m], shape (M, 3)."""
+        return np.exp(self.log_scales)
+
+
+def opacities_of(logits: Array) -> Array:
+    """Peak opacities, shape (N,) for (N, 1)."""
+    opacities: Array = np.float32(1) / (np.float32(1) + np.exp(-logits[:, 0]))
+    return opacities
 
 
 def initial_gaussians(

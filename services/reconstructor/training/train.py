@@ -172,8 +172,9 @@ class _Training:
                 self._steps(interrupted)
                 with self._clock("density"):
                     unseen = self._hidden(self._photos_of(1), 1)
-                    self._load(self._engine.arrays()[0].select(~unseen))
-                    self._unseen = int(unseen.sum())
+                    gaussians, self._unseen = self._engine.arrays()[0].select(~unseen), int(unseen.sum())
+                    self._check_some_left(len(gaussians))
+                    self._engine.load(gaussians, Sightings.none(len(gaussians)))
         finally:
             torch.set_num_threads(threads)
         return self._finish()
@@ -240,16 +241,12 @@ class _Training:
         if density.method == "mcmc":
             self._engine.add_noise(schedule.means_rate_m(step) * density.noise, rng)
         if schedule.changes_density(step):
-            gaussians, seen = self._engine.arrays()
-            self._check_finite(gaussians)
-            self._load(changed_density(gaussians, seen, density, self._posed.extent_m, rng))
+            self._check_finite()
+            change = changed_density(*self._engine.shapes(), density, self._posed.extent_m, rng)
+            self._check_some_left(len(change))
+            self._engine.rebuild(change)
         if schedule.resets_opacities(step):
             self._edit(lambda gaussians: reset_opacities(gaussians, density))
-
-    def _load(self, gaussians: Gaussians) -> None:
-        """Go on with Gaussians that nothing has seen yet."""
-        self._check_some_left(gaussians)
-        self._engine.load(gaussians, Sightings.none(len(gaussians)))
 
     def _edit(self, change: Callable[[Gaussians], None]) -> None:
         """Change the Gaussians in place."""
@@ -263,17 +260,17 @@ class _Training:
         pixels_min = OBSERVED_PX / self._fraction**2
         return self._engine.seen_by(photos, self._train, pixels_min) < views_min
 
-    def _check_some_left(self, gaussians: Gaussians) -> None:
-        if not len(gaussians):
+    def _check_some_left(self, count: int) -> None:
+        if not count:
             raise RunError(
                 f"Step {self._step}: no Gaussian is left: all were faint, large for how far the cameras are apart "
                 f"({self._posed.extent_m:.3g} m), or seen by too few images; look at the poses, or at the settings."
             )
 
-    def _check_finite(self, gaussians: Gaussians) -> None:
-        for name, value in gaussians.values.items():
-            if not np.isfinite(value).all():
-                self._stop_at_nan(name)
+    def _check_finite(self) -> None:
+        name = self._engine.not_finite()
+        if name is not None:
+            self._stop_at_nan(name)
 
     def _stop_at_nan(self, what: str) -> None:
         kept = f"the state of step {self._saved_step} is kept" if self._saved_step else "nothing was saved yet"
@@ -297,8 +294,8 @@ class _Training:
 
     def _save(self) -> None:
         with self._clock("checkpoints"):
+            self._check_finite()
             gaussians, seen = self._engine.arrays()
-            self._check_finite(gaussians)
             arrays = {
                 **gaussians.state(),
                 "exposures": self._exposures.values,
@@ -310,8 +307,8 @@ class _Training:
             self._saved_step = self._step
 
     def _finish(self) -> dict[str, Any]:
+        self._check_finite()
         gaussians = self._engine.arrays()[0]
-        self._check_finite(gaussians)
         with self._clock("measuring"):
             scores = measure(gaussians, self._held_photos(len(self._held)), self._settings.sh_degree)
             for score in scores:

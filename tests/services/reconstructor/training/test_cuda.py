@@ -13,7 +13,7 @@ from readygo.services.reconstructor.training import cuda, train
 from readygo.services.reconstructor.training.config import DensityConfig, GaussiansConfig, GeometryConfig
 from readygo.services.reconstructor.training.cpu import CpuEngine
 from readygo.services.reconstructor.training.cuda import CudaEngine, cuda_engine
-from readygo.services.reconstructor.training.density import Sightings
+from readygo.services.reconstructor.training.density import Sightings, changed_density
 from readygo.services.reconstructor.training.engine import Engine, ViewTask
 from readygo.services.reconstructor.training.parameters import Gaussians
 from readygo.services.reconstructor.training.photos import PhotoStore, open_posed
@@ -135,6 +135,37 @@ def test_arrays_come_back_as_they_were_loaded() -> None:
     np.testing.assert_array_equal(back_seen.views, seen.views)
     back.values["means_m"][:] = 0.0
     assert engine.arrays()[0].values["means_m"].any()
+
+
+@pytest.mark.parametrize("settings", [MCMC, PLAIN], ids=["mcmc", "gradients"])
+def test_gaussians_are_added_and_removed_as_on_the_cpu(settings: GaussiansConfig) -> None:
+    rebuilt = []
+    for engine in (CpuEngine(settings), in_cuda(settings)):
+        gaussians = disturbed()
+        gaussians.values["logits"][:20] = -9.0
+        gaussians.updates[:] = np.arange(150)
+        gaussians.first["sh"] += gaussians.updates[:, None]
+        seen = Sightings.none(len(gaussians))
+        seen.add(np.arange(40, 70), np.ones(30, dtype=np.float32))
+        engine.load(gaussians, seen)
+        engine.rebuild(changed_density(*engine.shapes(), settings.density, 5.0, np.random.default_rng(0)))
+        rebuilt.append(engine.arrays())
+    (one, one_seen), (other, other_seen) = rebuilt
+    for name, array in one.state().items():
+        np.testing.assert_array_equal(other.state()[name], array)
+    assert 0 < (one.updates == 0).sum() < len(one)
+    assert not other_seen.views.any()
+    assert len(other_seen.gradient) == len(one_seen.gradient) == len(one)
+
+
+def test_numbers_that_are_not_finite_are_named() -> None:
+    for engine in (CpuEngine(PLAIN), in_cuda(PLAIN)):
+        gaussians = disturbed()
+        engine.load(gaussians, Sightings.none(len(gaussians)))
+        assert engine.not_finite() is None
+        gaussians.values["log_scales"][3, 1] = np.inf
+        engine.load(gaussians, Sightings.none(len(gaussians)))
+        assert engine.not_finite() == "log_scales"
 
 
 @pytest.mark.parametrize("settings", [MCMC, SURFACES], ids=["mcmc", "surfaces"])

@@ -37,18 +37,24 @@ def sightings(gradients: list[float]) -> Sightings:
     return seen
 
 
+def changed_by(
+    gaussians: Gaussians, seen: Sightings, config: DensityConfig, extent_m: float, rng: np.random.Generator
+) -> Gaussians:
+    return gaussians.changed(changed_density(gaussians.values, seen, config, extent_m, rng))
+
+
 CONFIG = DensityConfig(gradient_min=1.0, count_max=100, split_scale=0.05)
 
 
 def test_small_ones_that_want_to_move_are_cloned() -> None:
-    changed = changed_density(some_gaussians(4), sightings([0, 2, 0, 3]), CONFIG, 1.0, np.random.default_rng(0))
+    changed = changed_by(some_gaussians(4), sightings([0, 2, 0, 3]), CONFIG, 1.0, np.random.default_rng(0))
     assert len(changed) == 6
     assert len(np.unique(changed.values["means_m"], axis=0)) == 4 + 2
 
 
 def test_large_ones_become_two_smaller_ones() -> None:
     gaussians = some_gaussians(3, scale_m=0.09)
-    changed = changed_density(gaussians, sightings([0, 2, 0]), CONFIG, 1.0, np.random.default_rng(0))
+    changed = changed_by(gaussians, sightings([0, 2, 0]), CONFIG, 1.0, np.random.default_rng(0))
     assert len(changed) == 4
     assert np.sum(np.isclose(changed.scales_m[:, 0], 0.09 / 1.6)) == 2
     assert not (changed.values["means_m"] == gaussians.values["means_m"][1]).all(axis=1).any()
@@ -58,13 +64,13 @@ def test_faint_and_huge_ones_go() -> None:
     gaussians = some_gaussians(4)
     gaussians.values["logits"][0] = -8.0
     gaussians.values["log_scales"][1] = 0.0
-    assert len(changed_density(gaussians, sightings([0, 0, 0, 0]), CONFIG, 1.0, np.random.default_rng(0))) == 2
+    assert len(changed_by(gaussians, sightings([0, 0, 0, 0]), CONFIG, 1.0, np.random.default_rng(0))) == 2
 
 
 def test_those_that_want_it_most_are_added_within_the_budget() -> None:
     config = DensityConfig(gradient_min=1.0, count_max=101)
     gaussians = some_gaussians(100)
-    changed = changed_density(gaussians, sightings([*np.linspace(2, 3, 100)]), config, 1.0, np.random.default_rng(0))
+    changed = changed_by(gaussians, sightings([*np.linspace(2, 3, 100)]), config, 1.0, np.random.default_rng(0))
     assert len(changed) == 101
 
 
@@ -80,7 +86,7 @@ def test_mcmc_moves_the_dead_to_the_living_and_grows_to_the_budget() -> None:
     gaussians = some_gaussians(100)
     dead = gaussians.values["means_m"][:10].copy()
     gaussians.values["logits"][:10] = -8.0
-    changed = changed_density(gaussians, Sightings.none(100), config, 1.0, np.random.default_rng(0))
+    changed = changed_by(gaussians, Sightings.none(100), config, 1.0, np.random.default_rng(0))
     assert len(changed) == 105
     assert changed.opacities.min() > 0.005
     assert not (changed.values["means_m"][:, None] == dead[None]).all(axis=2).any()
@@ -93,9 +99,30 @@ def test_what_is_made_faint_is_moved_within_a_budget_and_else_removed(
     config, gaussians = DensityConfig(method=method, growth=0.0), some_gaussians(4)
     places = gaussians.values["means_m"][1:3].copy()
     make_faint(gaussians, np.array([False, True, True, False]), config)
-    changed = changed_density(gaussians, Sightings.none(4), config, 1.0, np.random.default_rng(0))
+    changed = changed_by(gaussians, Sightings.none(4), config, 1.0, np.random.default_rng(0))
     assert len(changed) == count
     assert not (changed.values["means_m"][:, None] == places[None]).all(axis=2).any()
+
+
+@pytest.mark.parametrize("method", ["mcmc", "gradients"])
+def test_state_stays_with_those_that_are_not_changed(method: Literal["mcmc", "gradients"]) -> None:
+    config = DensityConfig(method=method, gradient_min=1.0, growth=0.3)
+    gaussians = some_gaussians(6)
+    gaussians.values["logits"][5] = -8.0
+    gaussians.updates[:] = np.arange(1, 7)
+    for part in (gaussians.first, gaussians.second):
+        for array in part.values():
+            array += gaussians.updates[:, None]
+    colours = gaussians.values["sh"].copy()
+    changed = changed_by(gaussians, sightings([0, 2, 0, 0, 0, 0]), config, 1.0, np.random.default_rng(1))
+    of = np.array([int(np.flatnonzero((colours == row).all(axis=1))[0]) for row in changed.values["sh"]])
+    assert set(of) <= set(range(5))
+    old = changed.updates > 0
+    np.testing.assert_array_equal(changed.updates[old], of[old] + 1)
+    assert 2 <= old.sum() < len(changed)
+    for part in (changed.first, changed.second):
+        for array in part.values():
+            np.testing.assert_array_equal(array, np.broadcast_to(changed.updates[:, None], array.shape))
 
 
 @pytest.mark.parametrize("copies", [1, 2, 5])

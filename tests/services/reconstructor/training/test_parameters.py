@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from readygo.services.reconstructor.training.parameters import Gaussians, initial_gaussians
+from readygo.services.reconstructor.training.parameters import Change, Gaussians, initial_gaussians
 
 POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [5, 5, 5]])
 
@@ -24,7 +24,13 @@ def test_state_of_the_optimiser_follows_selected_gaussians_and_fresh_ones_have_n
     gaussians.first["logits"][:, 0] = np.arange(5)
     gaussians.updates[:] = np.arange(5)
     chosen = gaussians.select(np.array([3, 1]))
-    both = chosen.joined(chosen.values)
+    same = Change.none(chosen.values)
+    copies = same.select(np.array([1, 0]))
+    copies.fresh[:] = True
+    copies.logits += 1.0
+    both = chosen.changed(same.joined(copies))
+    np.testing.assert_allclose(both.values["logits"][2:], chosen.values["logits"][::-1] + 1.0)
+    np.testing.assert_array_equal(both.values["means_m"][2:], chosen.values["means_m"][::-1])
     np.testing.assert_array_equal(both.updates, [3, 1, 0, 0])
     np.testing.assert_array_equal(both.first["logits"][:, 0], [3, 1, 0, 0])
     both.forget(np.array([0]))
