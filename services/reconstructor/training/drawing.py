@@ -236,13 +236,16 @@ def _add_regular(slopes: Gradients, scales: Array, count: int, settings: Gaussia
 
 def _merged(one: tuple[Rows, Gradients], other: tuple[Rows, Gradients]) -> tuple[Rows, Gradients]:
     """Sums of rows of two views of the same Gaussians."""
-    rows = np.union1d(one[0], other[0])
+    place = np.zeros(max(part.max(initial=-1) for part in (one[0], other[0])) + 1, dtype=np.int64)
+    place[one[0]], place[other[0]] = 1, 1
+    rows = np.flatnonzero(place)
+    place[rows] = np.arange(len(rows))
     total = {}
     for name, values in one[1].items():
         total[name] = np.zeros((len(rows), values.shape[1]), dtype=np.float32)
-        for part_rows, part in (one, other):
-            if name in part:
-                total[name][np.searchsorted(rows, part_rows)] += part[name]
+        total[name][place[one[0]]] = values
+        if name in other[1]:
+            total[name][place[other[0]]] += other[1][name]
     return rows, total
 
 

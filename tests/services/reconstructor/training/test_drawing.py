@@ -85,6 +85,18 @@ def test_surfaces_change_shapes_of_what_the_neighbour_shows_and_no_colours() -> 
     assert np.abs(shaped.gradients["quats_wxyz"][place] - plain.gradients["quats_wxyz"]).max() > 1e-6
 
 
+def test_view_that_shows_nothing_still_says_what_its_neighbour_wants() -> None:
+    gaussians = true_gaussians()
+    away = np.eye(4)
+    away[2, 3] = 50.0
+    blind = replace(photo_of(2), T_world_camera=away)
+    geometry = Geometry(neighbour=photo_of(3), rng=np.random.default_rng(0))
+    found = view_gradients(leaves_of(gaussians), blind, np.zeros((2, 3), np.float32), 0, SURFACES, geometry)
+    assert not len(found.moved_rows)
+    assert found.gradients["sh"].shape == (len(found.rows), 3)
+    assert not found.gradients["sh"].any()
+
+
 def test_flattening_pulls_the_shortest_axis_alone() -> None:
     gaussians = true_gaussians()
     gaussians.values["log_scales"][:, 1] -= 1.0
