@@ -56,6 +56,7 @@ def blend_values(
     T_world_camera: Floats,
     K_px: Floats,
     size_px: tuple[int, int],
+    absolute: bool = False,
 ) -> Blended:
     """Blend values of N Gaussians in one view, differentiable by all tensors.
 
@@ -69,6 +70,7 @@ def blend_values(
         T_world_camera: Camera pose, OpenCV axes, shape (4, 4).
         K_px: Intrinsics [px] without skew, shape (3, 3).
         size_px: Rows and columns.
+        absolute: Also sum up the pixels' absolute derivatives by the projected means.
     """
     # A value of zero that every pixel wants to grow: its derivative is the Gaussian's weight, and no other one changes.
     probe = means_m.new_zeros((len(means_m), 1)).requires_grad_()
@@ -89,7 +91,7 @@ def blend_values(
         sh_degree=None,
         packed=False,
         tile_size=TILE_PX,
-        absgrad=True,
+        absgrad=absolute,
         render_mode="RGB",
     )
     means_px = meta["means2d"]

@@ -63,6 +63,11 @@ class DensityConfig:
     regular: Annotated[float, Range(low=0.0)] = 0.01
     """Weights of the mean opacity and the mean scale in the loss; `mcmc` only."""
 
+    @property
+    def needs_absolute(self) -> bool:
+        """Whether anything is decided by absolute gradients."""
+        return self.absolute and self.method == "gradients"
+
     def __post_init__(self) -> None:
         check_ranges(self)
 

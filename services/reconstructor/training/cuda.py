@@ -187,10 +187,12 @@ class CudaEngine:
         view = self._view(photos, task.number)
         rgb = view.pixels * float(BRIGHTNESS)
         exposure = torch.tensor(task.exposure, device=self._device, requires_grad=True)
-        values, surfaces = self._values, task.rng is not None
+        values = self._values
         sh = values["sh"].reshape(len(self), -1, 3)
         columns = [colours_along(sh, values["means_m"] - view.camera_m, sh_degree)]
-        drawn = self._drawn(values, view, torch.cat([*columns, self._planes(view)], dim=1) if surfaces else columns[0])
+        if task.rng is not None:
+            columns.append(self._planes(view))
+        drawn = self._drawn(values, view, torch.cat(columns, dim=1), absolute=self._settings.density.needs_absolute)
         shown = drawn.values[..., :3].permute(2, 0, 1)
         image = shown * exposure[0, :, None, None].exp() + exposure[1, :, None, None]
         loss = photometric_loss(image, rgb, self._settings.ssim_weight)
@@ -216,7 +218,7 @@ class CudaEngine:
         shown = drawn.weight > 0
         self._used |= shown if other is None else shown | (other.weight > 0)
         height, width = view.size_px
-        u, v = drawn.gradient_px(absolute=self._settings.density.absolute).unbind(1)
+        u, v = drawn.gradient_px(absolute=self._settings.density.needs_absolute).unbind(1)
         # For an image of 2x2 units.
         self._gradient += torch.where(shown, torch.hypot(0.5 * width * u, 0.5 * height * v), 0.0)
         self._views += shown
@@ -244,7 +246,7 @@ class CudaEngine:
         scales_m = values["log_scales"].detach().exp()
         return plane_features(values["means_m"], values["quats_wxyz"], scales_m, view.camera_m)
 
-    def _drawn(self, shapes: Tensors, view: _View, values: Tensor) -> Blended:
+    def _drawn(self, shapes: Tensors, view: _View, values: Tensor, *, absolute: bool = False) -> Blended:
         return blend_values(
             self._rasterization,
             means_m=shapes["means_m"],
@@ -255,6 +257,7 @@ class CudaEngine:
             T_world_camera=view.T_world_camera,
             K_px=view.K_px,
             size_px=view.size_px,
+            absolute=absolute,
         )
 
     def _view(self, photos: PhotoStore, number: int) -> _View:

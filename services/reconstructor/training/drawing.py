@@ -75,8 +75,8 @@ def leaves_of(gaussians: Gaussians) -> Leaves:
     return {name: torch.from_numpy(array) for name, array in arrays.items()}
 
 
-def draw(leaves: Leaves, photo: Photo, sh_degree: int, *, gradients: bool = False) -> Rendered:
-    """Draw the view of a photo."""
+def draw(leaves: Leaves, photo: Photo, sh_degree: int, *, gradients: bool = False, absolute: bool = False) -> Rendered:
+    """Draw the view of a photo; `absolute` gradients of the projected means take a tenth of the time."""
     return rasterize(
         **leaves,
         T_world_camera=torch.from_numpy(photo.T_world_camera),
@@ -85,7 +85,7 @@ def draw(leaves: Leaves, photo: Photo, sh_degree: int, *, gradients: bool = Fals
         width_px=photo.rgb.shape[2],
         sh_degree=sh_degree,
         sparse_gradients=gradients,
-        absolute_gradients=gradients,
+        absolute_gradients=absolute,
     )
 
 
@@ -117,7 +117,8 @@ def view_gradients(
     leaves = {name: leaf.detach().requires_grad_() for name, leaf in leaves.items()}
     if geometry is not None:
         leaves["features"] = _planes(leaves, photo)
-    rendered = draw(leaves, photo, sh_degree, gradients=True)
+    absolute = settings.density.needs_absolute
+    rendered = draw(leaves, photo, sh_degree, gradients=True, absolute=absolute)
     planes = planes_of(rendered)
     gains, offsets = np.exp(exposure[0])[:, None, None], exposure[1][:, None, None]
     loss, _, slope = _LOSSES.of(planes.shape[1:])(planes * gains + offsets, photo.rgb, settings.ssim_weight)
@@ -144,7 +145,7 @@ def view_gradients(
         rows=rows,
         gradients=gradients,
         moved_rows=moved_rows,
-        moved=_moved(rendered, planes.shape, settings.density.absolute),
+        moved=_moved(rendered, planes.shape, absolute),
         exposure=by_exposure,
     )
 

@@ -32,7 +32,9 @@ def gaussians(count: int = 40) -> dict[str, torch.Tensor]:
 
 
 def blended(parameters: dict[str, torch.Tensor]) -> Blended:
-    return blend_values(DifferentiableRasterization(), **parameters, T_world_camera=pose(), K_px=K, size_px=SIZE_PX)
+    return blend_values(
+        DifferentiableRasterization(), **parameters, T_world_camera=pose(), K_px=K, size_px=SIZE_PX, absolute=True
+    )
 
 
 def test_values_and_gradients_are_those_of_the_reference() -> None:
