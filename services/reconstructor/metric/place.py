@@ -70,7 +70,8 @@ def place_map(
     origin = images.T_world_camera[0, :3, 3] if marker is None else marker.corners.mean(axis=0)
     forward = images.T_world_camera[0, :3, 2] if marker is None else marker.map_from_marker.R[:, 0]
     moved = world_from_map(floor, forward, origin, scale.metres_per_unit)
-    warnings += [*more, *others, *_doubtful_height(images.moved(moved))]
+    doubted = "marker's size, and that it lies flat" if measures else "lengths" if lengths else "scale that was given"
+    warnings += [*more, *others, *_doubtful_height(images.moved(moved), doubted)]
     return Placement(world_from_map=moved, scale=scale, floor=floor, markers=tuple(measures), warnings=tuple(warnings))
 
 
@@ -183,10 +184,8 @@ def _floor(
     return floor, None, ["no floor plane was found: up and z = 0 are rough; put a marker on the floor"]
 
 
-def _doubtful_height(images: PosedImages) -> list[str]:
+def _doubtful_height(images: PosedImages, doubted: str) -> list[str]:
     height_m = float(np.median(images.T_world_camera[:, 2, 3]))
     if _HANDHELD_M[0] <= height_m <= _HANDHELD_M[1]:
         return []
-    return [
-        f"cameras are {height_m:.2f} m above the floor in the median: check the marker's size, and that it lies flat"
-    ]
+    return [f"cameras are {height_m:.2f} m above the floor in the median: check the {doubted}"]

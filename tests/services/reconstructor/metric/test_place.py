@@ -51,6 +51,11 @@ def test_marker_of_the_wrong_size_is_found_by_a_second_length() -> None:
 def test_cameras_at_a_strange_height_make_the_size_doubtful() -> None:
     placed = place_map(IMAGES, SEEN, [], MetricConfig(marker_size_m=0.02))
     assert any("check the marker's size" in note for note in placed.warnings)
+    given = place_map(IMAGES, [], [], MetricConfig(scale=0.1 / some_similarity().scale))
+    assert any(note.endswith("check the scale that was given") for note in given.warnings)
+    length = parse_length(picked((0, 4, 8), 0.1 * float(np.linalg.norm(ENDS[1] - ENDS[0]))))
+    measured = place_map(IMAGES, [], [length], MetricConfig())
+    assert any(note.endswith("check the lengths") for note in measured.warnings)
 
 
 def test_marker_that_is_asked_for_and_not_there_is_named() -> None:
