@@ -238,7 +238,11 @@ def make_posed(
         folder / PICTURE_FILE, draw_map(metric, {m.marker: c for m, c in zip(placed.markers, corners_m, strict=True)})
     )
     report = {"verdict": {**asdict(verdict), "registered_share": verdict.registered_share, "drift": verdict.drift}}
-    report |= _placement_numbers(placed, config)
+    numbers = _placement_numbers(placed, config)
+    if frames.get("unused"):
+        names = ", ".join(frames["unused"])
+        numbers["notes"].append(f"not used, as they cannot be read or are no photos like the others: {names}")
+    report |= numbers
     (folder / REPORT_FILE).write_text(json.dumps(report, indent=2) + "\n")
     return report
 

@@ -1,5 +1,8 @@
 """Folders of photos."""
 
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +18,24 @@ ENDINGS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp")
 PHOTOS_MIN = 3
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Photo:
+    """A photo that is used."""
+
+    path: Path
+    size_px: tuple[int, int]
+    """Rows and columns."""
+    share: float
+    """Its width as share of the file's."""
+    focal_px: float
+    """As EXIF tells it; 0: it does not."""
+
+    @property
+    def camera(self) -> str:
+        """Folder of the photos of its size."""
+        return f"{self.size_px[1]}x{self.size_px[0]}"
+
+
 def photo_files(folder: Path) -> list[Path]:
     """The photos of a folder by name; hidden files are none."""
     return sorted(path for path in folder.iterdir() if path.suffix.lower() in ENDINGS and path.name[0] != ".")
@@ -23,44 +44,66 @@ def photo_files(folder: Path) -> list[Path]:
 def prepare_photos(source: Path, folder: Path, config: FramesConfig) -> dict[str, Any]:
     """Write the photos of a folder, turned upright and not larger than wanted, as `folder`/NAME.jpg.
 
-    Photos of different sizes come from different cameras: each size has a folder of its own.
+    Photos of different sizes come from different cameras: each size has a folder of its own. Pictures that are no
+    photos of the place, as far as the others tell, are left out; see `_strays`.
 
     Returns:
-        What was found: photos, kept, size, unreadable files, the focal length [px] if EXIF tells one of all, and of
-        each photo the image that is used, with its width as share of the photo's.
+        What was found: photos, kept, size, unused files, the focal length [px] if EXIF tells one of all, and of each
+        photo the image that is used, with its width as share of the photo's.
 
     Raises:
         SceneError: If there are too few.
     """
     files = photo_files(source)
-    kept, unreadable, focals_px = [], [], set()
-    shares: dict[str, float] = {}
-    for path in files:
-        # imread turns images as EXIF says.
-        bgr = cv2.imread(str(path))
-        if bgr is None:
-            unreadable.append(path.name)
-            continue
-        small = shrunk(np.asarray(bgr, dtype=np.uint8), config.side_max_px)
-        height, width = small.shape[:2]
-        kept.append((path.stem, small.shape[:2]))
-        shares[path.name] = width / bgr.shape[1]
-        focal_35mm = read_exif(path).get("focal_35mm")
-        focals_px.add(round(focal_of_35mm(focal_35mm, width, height), 2) if focal_35mm else 0.0)
-        write_jpeg(folder / f"{width}x{height}" / f"{path.stem}.jpg", small)
+    read = [photo for path in files if (photo := _written(path, folder, config.side_max_px)) is not None]
+    strays = _strays(read)
+    for camera in {photo.camera for photo in strays}:
+        shutil.rmtree(folder / camera)
+    kept = [photo for photo in read if photo not in strays]
     if len(kept) < PHOTOS_MIN:
         raise SceneError(f"{source} holds {len(kept)} readable photos; {PHOTOS_MIN} are needed, better 50 or more.")
-    if len({name for name, _ in kept}) < len(kept):
+    if len({photo.path.stem for photo in kept}) < len(kept):
         raise SceneError(f"{source} holds photos whose names differ in their endings only; rename them.")
-    sizes = sorted({size for _, size in kept})
+    sizes = sorted({photo.size_px for photo in kept})
     if len(sizes) == 1:
         _flatten(folder)
-    focal_px = focals_px.pop() if len(focals_px) == 1 else 0.0
+    focals_px = {photo.focal_px for photo in kept}
     size_px = [list(size[::-1]) for size in sizes]
-    names = [stem if len(sizes) == 1 else f"{size[1]}x{size[0]}/{stem}" for stem, size in kept]
-    photos = {path: (f"{name}.jpg", share) for name, (path, share) in zip(names, shares.items(), strict=True)}
+    used = {
+        photo.path.name: photo.path.stem if len(sizes) == 1 else f"{photo.camera}/{photo.path.stem}" for photo in kept
+    }
     return {"frames": len(files), "kept": len(kept), "size_px": size_px[0] if len(sizes) == 1 else size_px,
-            "unreadable": unreadable, "focal_px": focal_px, "photos": photos}  # fmt: skip
+            "unused": [path.name for path in files if path.name not in used],
+            "focal_px": focals_px.pop() if len(focals_px) == 1 else 0.0,
+            "photos": {photo.path.name: (f"{used[photo.path.name]}.jpg", photo.share) for photo in kept}}  # fmt: skip
+
+
+def _written(path: Path, folder: Path, side_max_px: int) -> _Photo | None:
+    """Write a photo to the folder of its size; None if it cannot be read."""
+    # imread turns images as EXIF says.
+    bgr = cv2.imread(str(path))
+    if bgr is None:
+        return None
+    small = shrunk(np.asarray(bgr, dtype=np.uint8), side_max_px)
+    height, width = small.shape[:2]
+    focal_35mm = read_exif(path).get("focal_35mm")
+    focal_px = round(focal_of_35mm(focal_35mm, width, height), 2) if focal_35mm else 0.0
+    photo = _Photo(path=path, size_px=(height, width), share=width / bgr.shape[1], focal_px=focal_px)
+    write_jpeg(folder / photo.camera / f"{path.stem}.jpg", small)
+    return photo
+
+
+def _strays(photos: Sequence[_Photo]) -> list[_Photo]:
+    """Pictures without a focal length whose size hardly any has, where EXIF tells that of all of the other sizes."""
+    by_size: dict[tuple[int, int], list[_Photo]] = {}
+    for photo in photos:
+        by_size.setdefault(photo.size_px, []).append(photo)
+    groups = list(by_size.values())
+    rare = [group for group in groups if len(group) < PHOTOS_MIN and not any(photo.focal_px for photo in group)]
+    others = [photo for group in groups if group not in rare for photo in group]
+    if len(others) < PHOTOS_MIN or not all(photo.focal_px for photo in others):
+        return []
+    return [photo for group in rare for photo in group]
 
 
 def _flatten(folder: Path) -> None:

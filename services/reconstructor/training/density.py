@@ -27,7 +27,7 @@ class Sightings:
     """What the views since the last change said of N Gaussians."""
 
     gradient: Array
-    """Sum of the absolute gradients of their projected means, shape (N,)."""
+    """Sum of the gradients of their projected means, absolute ones if those decide anything, shape (N,)."""
     views: Array
     """In how many views they had weight, shape (N,)."""
 

@@ -14,7 +14,7 @@ PROCESS_BYTES = 450_000_000
 """Of Python with its libraries and kernels."""
 GAUSSIAN_BYTES, GAUSSIAN_VIEW_BYTES, SURFACE_GAUSSIAN_VIEW_BYTES = 1000, 500, 850
 """Of a Gaussian with its moments and its share of a checkpoint; and in each view of a step, without and with surfaces.
-Measured as these and the next ones are: peaks of three steps on 71 images, 9,000 and 150,000 Gaussians."""
+Measured as these and the next ones are: peaks of three steps on 70 images, 9,000 and 150,000 Gaussians."""
 PIXEL_VIEW_BYTES, SURFACE_PIXEL_VIEW_BYTES = 350, 650
 MEMINFO, LIMIT, USED = Path("/proc/meminfo"), Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory.current")
 

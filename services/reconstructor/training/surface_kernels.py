@@ -21,17 +21,6 @@ _EPSILON = 1e-12
 
 
 @inlined
-def _ray(camera: Camera, u: float, v: float) -> tuple[float, float, float]:
-    """Of a point of the image [px], at depth 1, in the world."""
-    x, y = (u - camera[_CX]) * camera[_PER_FX], (v - camera[_CY]) * camera[_PER_FY]
-    return (
-        camera[_R] * x + camera[_R + 1] * y + camera[_R + 2],
-        camera[_R + 3] * x + camera[_R + 4] * y + camera[_R + 5],
-        camera[_R + 6] * x + camera[_R + 7] * y + camera[_R + 8],
-    )
-
-
-@inlined
 def _into(camera: Camera, x: float, y: float, z: float) -> tuple[float, float, float]:
     """A direction of the world in a camera."""
     return (
@@ -49,6 +38,14 @@ def _out_of(camera: Camera, x: float, y: float, z: float) -> tuple[float, float,
         camera[_R + 3] * x + camera[_R + 4] * y + camera[_R + 5] * z,
         camera[_R + 6] * x + camera[_R + 7] * y + camera[_R + 8] * z,
     )
+
+
+@inlined
+def _ray(camera: Camera, u: float, v: float) -> tuple[float, float, float]:
+    """Of a point of the image [px], at depth 1, in the world."""
+    x, y = (u - camera[_CX]) * camera[_PER_FX], (v - camera[_CY]) * camera[_PER_FY]
+    ray: tuple[float, float, float] = _out_of(camera, x, y, 1.0)
+    return ray
 
 
 @compiled(error_model="numpy", nogil=True)

@@ -23,7 +23,7 @@ def test_photos_are_turned_and_made_smaller_and_their_focal_length_is_known(tmp_
     (source / "broken.png").write_bytes(b"no image")
     found = prepare_photos(source, tmp_path / "out", FramesConfig(side_max_px=320))
     assert cv2.imread(str(tmp_path / "out" / "0.jpg")).shape == (320, 240, 3)
-    assert (found["kept"], found["size_px"], found["unreadable"]) == (3, [240, 320], ["broken.png"])
+    assert (found["kept"], found["size_px"], found["unused"]) == (3, [240, 320], ["broken.png"])
     assert abs(found["focal_px"] - 26 / 43.2666 * 400) < 0.1
     assert found["photos"] == {f"{number}.jpg": (f"{number}.jpg", 0.5) for number in range(3)}
 
@@ -35,6 +35,25 @@ def test_each_size_is_a_camera_of_its_own(tmp_path: Path) -> None:
     assert found["size_px"] == [[480, 640], [640, 480]] or found["size_px"] == [[640, 480], [480, 640]]
     assert (tmp_path / "out" / "480x640" / "2.jpg").is_file()
     assert found["photos"]["2.jpg"] == ("480x640/2.jpg", 1.0)
+
+
+def test_picture_of_another_size_without_a_focal_length_is_left_out(tmp_path: Path) -> None:
+    for number in range(3):
+        photo(tmp_path / f"{number}.jpg", begin=exif("<", 1, 26))
+    photo(tmp_path / "poster.jpg", 500, 300)
+    photo(tmp_path / "upright.jpg", 480, 640, begin=exif("<", 1, 26))
+    found = prepare_photos(tmp_path, tmp_path / "out", FramesConfig())
+    assert (found["kept"], found["unused"]) == (4, ["poster.jpg"])
+    assert found["focal_px"] > 0
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["480x640", "640x480"]
+
+
+def test_pictures_of_another_size_stay_where_nothing_tells_them_from_photos(tmp_path: Path) -> None:
+    for number in range(3):
+        photo(tmp_path / f"{number}.jpg", begin=exif("<", 1, 26) if number else b"")
+    photo(tmp_path / "other.jpg", 500, 300)
+    found = prepare_photos(tmp_path, tmp_path / "out", FramesConfig())
+    assert (found["kept"], found["unused"]) == (4, [])
 
 
 def test_too_few_photos_are_refused(tmp_path: Path) -> None:

@@ -57,30 +57,30 @@ def test_slopes_by_depths_become_slopes_by_planes() -> None:
         np.testing.assert_allclose(found[k], wanted, atol=1e-3 * np.abs(wanted).max())
 
 
-@pytest.mark.parametrize("number", [0, 1])
-def test_slopes_of_what_comes_back_are_differences_where_weights_are_one(number: int) -> None:
+def test_slopes_by_the_views_depths_are_differences_of_its_own_pixels() -> None:
     # The kernel's sum has weights exp(-away), which count as constants: a pixel's slope is its weight's share.
-    pair, step = [depths(0).astype(np.float64), depths(1).astype(np.float64)], 1e-5
-    _, away, by_one, by_other = returned(*pair)
-    if number == 0:
-        for v, u in ((5, 9), (20, 30), (14, 16)):
-            ends = []
-            for sign in (-1, 1):
-                moved = pair[0].copy()
-                moved[v, u] += sign * step
-                ends.append(returned(moved, pair[1])[1][v, u])
-            wanted = np.exp(-away[v, u]) * (float(ends[1]) - float(ends[0])) / (2 * step)
-            assert by_one[v, u] == pytest.approx(wanted, rel=0.02, abs=0.02)
-        return
-    v, u = 15, 18
-    change = []
+    one, other, step = depths(0).astype(np.float64), depths(1).astype(np.float64), 1e-5
+    _, away, by_one, _ = returned(one, other)
+    for v, u in ((5, 9), (20, 30), (14, 16)):
+        ends = []
+        for sign in (-1, 1):
+            moved = one.copy()
+            moved[v, u] += sign * step
+            ends.append(float(returned(moved, other)[1][v, u]))
+        assert by_one[v, u] == pytest.approx(np.exp(-away[v, u]) * (ends[1] - ends[0]) / (2 * step), rel=0.02, abs=0.02)
+
+
+def test_slopes_by_the_neighbours_depths_are_differences_of_all_that_see_them() -> None:
+    one, other, step = depths(0).astype(np.float64), depths(1).astype(np.float64), 1e-3
+    _, away, _, by_other = returned(one, other)
+    ends = []
     for sign in (-1, 1):
-        moved = pair[1].copy()
-        moved[v, u] += sign * 1e-3
-        change.append(returned(pair[0], moved)[1])
-    both = np.isfinite(change[0]) & np.isfinite(change[1])
-    wanted = float((np.exp(-away[both].astype(np.float64)) * (change[1][both] - change[0][both])).sum() / 2e-3)
-    assert by_other[v, u] == pytest.approx(wanted, rel=0.05, abs=0.05)
+        moved = other.copy()
+        moved[15, 18] += sign * step
+        ends.append(returned(one, moved)[1])
+    both = np.isfinite(ends[0]) & np.isfinite(ends[1])
+    wanted = (np.exp(-away[both].astype(np.float64)) * (ends[1][both] - ends[0][both])).sum() / (2 * step)
+    assert by_other[15, 18] == pytest.approx(wanted, rel=0.05, abs=0.05)
     assert wanted != 0.0
 
 
