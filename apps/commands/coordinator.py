@@ -11,6 +11,7 @@ from readygo.apps.observe.settings import OBSERVING, Observing
 from readygo.apps.run.config import with_priority
 from readygo.apps.run.folder import RunFolder
 from readygo.common.bus.identity import COORDINATOR
+from readygo.common.dataset.aside import set_aside_lines
 from readygo.common.errors import RunError
 
 
@@ -22,6 +23,7 @@ def coordinator(
     connect: str = "",
     priority: int | None = None,
     certs: Path | None = None,
+    strict: bool = False,
     metrics: Annotated[str, OBSERVING] = "",
     log_format: Annotated[LogFormat, OBSERVING] = "text",
     traces: Annotated[str, OBSERVING] = "",
@@ -37,6 +39,7 @@ def coordinator(
         connect: In place of `listen`: a router that is there already (`readygo router`), for several runs of one fleet.
         priority: Workers of several runs do those with a higher one first, -1000..1000; as before, or 0.
         certs: Folder with the coordinator's certificate, for a tls/ endpoint.
+        strict: Exit with 2 if an episode was set aside: it failed again and again, and the next index took its place.
         metrics: HOST:PORT where Prometheus finds this process; port 0 takes a free one, which the log names.
         log_format: "json" writes one JSON object a line.
         traces: Where OpenTelemetry's spans go: an OTLP endpoint such as http://collector:4318, or a folder.
@@ -48,7 +51,7 @@ def coordinator(
             spec, wanted = folder.load()
             folder.save(with_priority(spec, priority), wanted)
     observing = Observing(metrics=metrics, log_format=log_format, traces=traces)
-    lead_run(folder, listen or connect, joins=bool(connect), certs=certs, observing=observing)
+    lead_run(folder, listen or connect, joins=bool(connect), certs=certs, strict=strict, observing=observing)
 
 
 def check_endpoints(listen: str, connect: str) -> None:
@@ -60,10 +63,26 @@ def check_endpoints(listen: str, connect: str) -> None:
         )
 
 
-def lead_run(folder: RunFolder, endpoint: str, *, joins: bool, certs: Path | None, observing: Observing) -> None:
-    """Lead a run, and say what came of it; see `lead`."""
+def report_set_aside(data: Path, *, strict: bool) -> None:
+    """Warn of every episode that a run gave up.
+
+    Raises:
+        RunError: If there is one and `strict` is set.
+    """
+    lines = set_aside_lines(data)
+    for line in lines:
+        sys.stderr.write(f"Warning: {line}\n")
+    if lines and strict:
+        raise RunError(f"{len(lines)} episodes of {data} were set aside, which --strict does not allow.")
+
+
+def lead_run(
+    folder: RunFolder, endpoint: str, *, joins: bool, certs: Path | None, observing: Observing, strict: bool = False
+) -> None:
+    """Lead a run, and say what came of it; see `lead` and `report_set_aside`."""
     run = folder.load()[0].run
     begin_logging(observing.log_format, run=run, role=COORDINATOR, worker=COORDINATOR)
     with Observer(observing, run=run, role=COORDINATOR, name=COORDINATOR, state=folder.state) as observer:
         status = lead(folder, endpoint, joins=joins, certs=certs, observer=observer)
     sys.stderr.write(f"{status.committed} episodes, {status.samples} samples, in the shards of their recorders.\n")
+    report_set_aside(folder.path, strict=strict)

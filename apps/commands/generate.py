@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from readygo.apps.cli import Bare, Group
-from readygo.apps.commands.coordinator import check_endpoints, lead_run
+from readygo.apps.commands.coordinator import check_endpoints, lead_run, report_set_aside
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.fleet.run import Show, begin, record
 from readygo.apps.fleet.slurm import check_slurm
@@ -76,6 +76,7 @@ def generate(
     on: Annotated[Place, RUNNING] = "local",
     slurm: Annotated[str, RUNNING] = "",
     watch: Annotated[bool, RUNNING] = False,
+    strict: Annotated[bool, RUNNING] = False,
     json: Annotated[bool, RUNNING] = False,
     metrics: Annotated[str, OBSERVING] = "",
     log_format: Annotated[LogFormat, OBSERVING] = "text",
@@ -124,6 +125,7 @@ def generate(
             `readygo coordinator` goes on if this command ends.
         slurm: Options of sbatch, such as "--partition=short --time=2:00:00".
         watch: Show the run on a page while it goes on, as `readygo monitor` does.
+        strict: Exit with 2 if an episode was set aside: it failed again and again, and the next index took its place.
         json: Print the summary as JSON.
         metrics: HOST:PORT where Prometheus finds this process, and HOST where it finds the others, each at a port of
             its own; .readygo/targets in the data folder has all of them.
@@ -141,6 +143,7 @@ def generate(
         certs=certs,
         hosts=on == "hosts",
         watch=watch,
+        strict=strict,
         observing=Observing(metrics=metrics, log_format=log_format, traces=traces),
     )
     if again is not None:
@@ -185,6 +188,8 @@ class Where:
     hosts: bool
     """True for workers and recorders on other machines alone."""
     watch: bool = False
+    strict: bool = False
+    """True if an episode that was set aside is a failure."""
     observing: Observing = NOTHING
 
 
@@ -225,7 +230,14 @@ def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool
         begin(spec, out, episodes)
         sys.stderr.write(f"{join}\n")
         with page:
-            lead_run(RunFolder(out), where.endpoint, joins=where.joins, certs=where.certs, observing=where.observing)
+            lead_run(
+                RunFolder(out),
+                where.endpoint,
+                joins=where.joins,
+                certs=where.certs,
+                strict=where.strict,
+                observing=where.observing,
+            )
         return
     with page, progress_bar(first_words=join, quiet=json) as show:
         summary = record(
@@ -242,6 +254,7 @@ def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool
     clarity = run_clarity(spec, out)
     if json:
         sys.stdout.write(json_module.dumps({**summary, "clarity": clarity.to_mapping()}) + "\n")
+        report_set_aside(out, strict=where.strict)
         return
     console = Console(stderr=True, highlight=False, soft_wrap=True)
     console.print(f"{summary['episodes']} episodes, {summary['samples']} samples in {out} ({summary['wall_s']:.1f} s).")
@@ -249,6 +262,7 @@ def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool
         console.print(f"  rejected {count}: {reason}", markup=False)
     for text in clarity.warnings():
         console.print(f"Warning: {text}", markup=False)
+    report_set_aside(out, strict=where.strict)
     console.print(f"Next: readygo validate {out} && readygo train {out} --out policy", markup=False)
     console.print(f"What it covers: readygo coverage {out} --out coverage", markup=False)
 

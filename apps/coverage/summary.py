@@ -7,6 +7,7 @@ from typing import Any
 
 from readygo.apps.pictures.side_by_side import camera_name
 from readygo.common.dataset import Dataset, recorded_clarity
+from readygo.common.dataset.aside import read_set_aside
 from readygo.common.images.names import cameras_of
 from readygo.common.robot import RobotConfig
 
@@ -42,6 +43,7 @@ def dataset_summary(dataset: Dataset, data: Path) -> dict[str, Any]:
         "human_visible_fraction": round(float(truth["human_visible"].mean()), 3),
         "human_distance_min_m": round(float(with_human.min()), 3) if len(with_human) else None,
         "clarity": recorded_clarity(dataset).to_mapping(),
+        "set_aside": read_set_aside(data),
         "replans": int(truth["replanned"].sum()),
         "content_hash": dataset.content_hash,
         **dict(sorted(recorded.items())),
@@ -75,6 +77,8 @@ def summary_lines(summary: Mapping[str, Any]) -> dict[str, str]:
         "made by": _made_by(summary),
         "content hash": summary["content_hash"],
     }
+    if summary["set_aside"]:
+        lines["set aside"] = f"episodes {', '.join(map(str, summary['set_aside']))}: see `readygo validate`"
     return lines | _others(summary)
 
 

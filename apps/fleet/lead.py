@@ -18,7 +18,7 @@ from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import check_version
 from readygo.apps.run.recorders import prepare_folders
 from readygo.apps.run.recovery import recover
-from readygo.common.bus import Bus
+from readygo.common.bus import Bus, Member
 from readygo.common.bus.identity import COORDINATOR
 from readygo.common.errors import RunError
 from readygo.common.messages import StatusReply, StatusRequest
@@ -80,11 +80,11 @@ def lead(
 
 
 def _until_over(bus: Bus, coordinator: coordination.Coordinator, lead_on: Callable[[], None]) -> StatusReply:
-    present: set[tuple[str, str]] = set()
+    present: set[Member] = set()
 
-    def changed(role: str, name: str, alive: bool) -> None:
-        log.info("%s %s %s", role, name, "has joined" if alive else "has left")
-        (present.add if alive else present.discard)((role, name))
+    def changed(member: Member, alive: bool) -> None:
+        log.info("%s %s %s", member.role, member.name, "has joined" if alive else "has left")
+        (present.add if alive else present.discard)(member)
 
     coordination.attach(bus, coordinator)
     bus.watch(changed)

@@ -24,6 +24,7 @@ from readygo.apps.run.world import World
 from readygo.common.bus import Bus, InProcessBus
 from readygo.common.bus.identity import COORDINATOR, RECORDER
 from readygo.common.bus.zenoh_bus import free_endpoint
+from readygo.common.dataset.aside import read_set_aside
 from readygo.common.errors import BusError, RunError
 from readygo.common.fleet import Worker, claim_any
 from readygo.common.messages import ClaimStatus, RunSpec, StatusReply, StatusRequest, topics
@@ -100,7 +101,7 @@ def record(
         if status.failed:
             raise RunError(f"{status.failed} ({status.committed} of {status.wanted} episodes are recorded.)")
         check_recorded(folder)
-    return _summary(out, status, samples_before, time.monotonic() - begin_s)
+    return _summary(folder, status, samples_before, time.monotonic() - begin_s)
 
 
 def begin(spec: RunSpec, out: Path, episodes: int) -> None:
@@ -273,7 +274,7 @@ def _recorded(folder: RunFolder, wanted: int) -> tuple[int, int]:
     return episodes, samples
 
 
-def _summary(out: Path, status: StatusReply, samples_before: int, wall_s: float) -> dict[str, Any]:
+def _summary(folder: RunFolder, status: StatusReply, samples_before: int, wall_s: float) -> dict[str, Any]:
     return {
         "episodes": status.committed,
         "samples": status.samples,
@@ -281,7 +282,8 @@ def _summary(out: Path, status: StatusReply, samples_before: int, wall_s: float)
         "samples_per_s": round((status.samples - samples_before) / wall_s, 1),
         "rejected": status.rejected,
         "kept": status.kept,
+        "set_aside": read_set_aside(folder.path),
         "requeued": status.requeued,
         "cpu_s": {stage: round(seconds, 2) for stage, seconds in status.cpu_s.items()},
-        "data": str(out),
+        "data": str(folder.path),
     }

@@ -7,7 +7,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -23,7 +23,7 @@ from readygo.apps.observe.health import showing_health
 from readygo.apps.observe.logs import LogFormat, begin_logging
 from readygo.apps.observe.observer import Observer
 from readygo.apps.observe.settings import OBSERVING, Observing
-from readygo.apps.run.aside import keep_scenario
+from readygo.apps.run.aside import keep_scenario, note_set_aside
 from readygo.apps.run.config import config_of
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import check_same_make, files_of, numeric_class
@@ -33,6 +33,7 @@ from readygo.common.bus import Bus
 from readygo.common.bus.identity import ALL, COORDINATOR, RECORDER, TRAINER
 from readygo.common.bus.zenoh_bus import ZenohBus
 from readygo.common.dataset.provenance import Provenance
+from readygo.common.dataset.writer import is_shard_of
 from readygo.common.errors import BusError, ReadygoError, RunError
 from readygo.common.fleet import Worker, pull
 from readygo.common.messages import RunSpecRequest, topics
@@ -228,15 +229,26 @@ def make_coordinator(folder: RunFolder, *, recorded_here: bool = True) -> coordi
     spec, wanted = folder.load()
     config = config_of(spec)
     witness = Witness(folder)
+    ledger = coordination.Ledger(folder.ledger, spec.stages)
+    note_set_aside(folder, ledger.census.set_aside())
+
+    def set_aside(index: int, reason: str, results: Mapping[str, bytes]) -> str:
+        note_set_aside(folder, ledger.census.set_aside())
+        return keep_scenario(folder, index, reason, results)
+
     return coordination.Coordinator(
         spec=spec,
         wanted=wanted,
-        ledger=coordination.Ledger(folder.ledger, spec.stages),
+        ledger=ledger,
         blobs=coordination.BlobStore(folder.blobs, files_of(spec)),
         config=config.coordinator,
         check_policy=partial(check_offer, config=config),
-        holds=lambda report: not recorded_here or witness.holds_episode(report.recorder, report.shard, report.index),
-        set_aside=partial(keep_scenario, folder),
+        holds=lambda report: (
+            witness.holds_episode(report.recorder, report.shard, report.index)
+            if recorded_here
+            else is_shard_of(report.shard, report.recorder)
+        ),
+        set_aside=set_aside,
     )
 
 
@@ -319,9 +331,10 @@ def _work(bus: Bus, role: str, name: str, leave: Callable[[], bool], observer: O
         warm_once()
     works = observer.works(stage_works(world, bus, "" if role == ALL else role))
     world.forget_avatars()
-    bus.announce(role, name)
+    session = bus.announce(role, name)
     numeric = numeric_class(world.config, world.spec.policy)
-    return pull(bus, Worker(name=name, numeric_class=numeric, works=works), leave=leave)
+    me = Worker(name=name, numeric_class=numeric, works=works, role=role, session=session)
+    return pull(bus, me, leave=leave)
 
 
 def _world(bus: Bus, role: str) -> "World":

@@ -17,6 +17,7 @@ from readygo.apps.learn.cores import Split, shared_out
 from readygo.apps.learn.plan import Place, Plan
 from readygo.apps.learn.training import Training, write_trainer_config
 from readygo.apps.run.recovery import recover
+from readygo.common.bus import Member
 from readygo.common.bus.identity import ALL, COORDINATOR, TRAINER
 from readygo.common.bus.zenoh_bus import ZenohBus, free_endpoint
 from readygo.common.errors import BusError, RunError
@@ -227,9 +228,9 @@ class Crew:
         own = {(place, member.name) for place, fleet in self._fleets.items() for member in fleet.members}
         return self._collectors - own
 
-    def _note_presence(self, place: str, role: str, name: str, alive: bool) -> None:
-        if role in COLLECTORS:
-            (self._collectors.add if alive else self._collectors.discard)((place, name))
+    def _note_presence(self, place: str, member: Member, alive: bool) -> None:
+        if member.role in COLLECTORS:
+            (self._collectors.add if alive else self._collectors.discard)((place, member.name))
 
     def _collect(self, fleet: Fleet, wanted: int) -> None:
         names = [member.name for member in fleet.members if member.role == ALL]

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from readygo.apps.monitor.history import History
 from readygo.apps.monitor.track import Pictures, Track, pictures_of, replans_of
-from readygo.common.bus import Bus
+from readygo.common.bus import Bus, Member
 from readygo.common.messages import Driver, EpisodeKey, Outcome, RunSpec, StatusReply, topics
 from readygo.common.messages.live import (
     LiveCommit,
@@ -160,7 +160,8 @@ class Watch:
             row = (status.samples, status.committed, waiting, leased, rejected, status.requeued)
             self.progress.add(self.heard_s - self.begun_s, row)
 
-    def _on_presence(self, bus: Bus, role: str, name: str, alive: bool) -> None:
+    def _on_presence(self, bus: Bus, member: Member, alive: bool) -> None:
+        role, name = member.role, member.name
         with self.lock:
             if (role, name) not in self.workers:
                 self._make_room()

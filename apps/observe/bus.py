@@ -4,7 +4,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack
 from typing import Any, Protocol, TypeVar
 
-from readygo.common.bus import Bus
+from readygo.common.bus import Bus, Member
 from readygo.common.messages.topics import Live, Stream, Topic
 
 Request = TypeVar("Request")
@@ -72,11 +72,11 @@ class WatchedBus:
         """See `Bus.subscribe`."""
         self._bus.subscribe(stream, handler)
 
-    def announce(self, role: str, name: str, *, turn: int = 0, replaced: Callable[[], object] | None = None) -> None:
+    def announce(self, role: str, name: str, *, turn: int = 0, replaced: Callable[[], object] | None = None) -> str:
         """See `Bus.announce`."""
-        self._bus.announce(role, name, turn=turn, replaced=replaced)
+        return self._bus.announce(role, name, turn=turn, replaced=replaced)
 
-    def watch(self, changed: Callable[[str, str, bool], None]) -> None:
+    def watch(self, changed: Callable[[Member, bool], None]) -> None:
         """See `Bus.watch`."""
         self._bus.watch(changed)
 

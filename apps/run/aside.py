@@ -1,13 +1,33 @@
 """Episodes that a run has given up: what is kept of them, so that somebody can look at what went wrong."""
 
+import json
 from collections.abc import Mapping
 
 from readygo.apps.run.folder import RunFolder
-from readygo.common.errors import ReadygoError
+from readygo.common.dataset.aside import SET_ASIDE
+from readygo.common.errors import ReadygoError, RunError
 from readygo.common.files import write_whole
 from readygo.common.messages import HumanPlanReply, decode
 from readygo.common.messages.stages import HUMAN_PLAN
 from readygo.services.planner.humans.scenario_file import save_scenarios
+
+
+def note_set_aside(folder: RunFolder, given_up: Mapping[int, str]) -> None:
+    """Write which episodes a dataset lacks because the run gave them up, see `read_set_aside`.
+
+    Args:
+        folder: Of the run.
+        given_up: Reasons by index, as the ledger has them.
+
+    Raises:
+        RunError: If the folder cannot be written.
+    """
+    file = folder.path / SET_ASIDE
+    if given_up:
+        reasons = {str(index): reason for index, reason in given_up.items()}
+        write_whole(file, json.dumps(reasons, indent=2) + "\n", raises=RunError)
+    else:
+        file.unlink(missing_ok=True)
 
 
 def keep_scenario(folder: RunFolder, index: int, reason: str, results: Mapping[str, bytes]) -> str:

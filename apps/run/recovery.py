@@ -7,22 +7,22 @@ episode that lies in several shards the first one by name keeps its copy, the ot
 
 import json
 import logging
-import re
 import zlib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from readygo.apps.run.config import config_of
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.recorders import keep_retired
-from readygo.common.dataset.committed import episode_indices
+from readygo.common.dataset.committed import episode_indices, episode_keys
 from readygo.common.dataset.index import DATA_END_SIZE, ShardIndex, index_path, load_index, mapped, tail_offset
 from readygo.common.dataset.records import RECORD_HEADER
-from readygo.common.dataset.writer import PART_SUFFIX, recorder_of_shard, shard_name
+from readygo.common.dataset.writer import PART_SUFFIX, is_shard_of, recorder_of_shard, shard_name
 from readygo.common.errors import DatasetError, DiskError, RunError
 from readygo.common.files import write_whole
 from readygo.common.messages import EpisodeKey, RunSpec, Stage
-from readygo.services.coordinator import Ledger
+from readygo.services.coordinator import Ledger, Written
 from readygo.services.recorder.salvage import drop_episodes, next_number
 
 log = logging.getLogger(__name__)
@@ -97,6 +97,8 @@ def recover(folder: RunFolder, *, every_byte: bool = False, recorded_here: bool 
         keep_retired(folder, ledger)
         lost = _give_back(ledger, folder, named, recorded_here=recorded_here)
         findings.lost = sorted(lost - _adopted(ledger, named, spec))
+        if recorded_here:
+            _entrust_open_shards(ledger, folder, spec)
         if findings.rebuilt:
             indices = [index for shard in _shards(folder, f"{SHARDS}*") for index in _indices(shard)]
             ledger.fill_gaps(max(indices, default=-1), wanted)
@@ -140,7 +142,7 @@ class Witness:
 
         False for a name that none of its shards can have: whoever may report might report anything.
         """
-        if not re.fullmatch(rf"shard-{re.escape(recorder)}-\d{{5,}}\.mcap", shard):
+        if not is_shard_of(shard, recorder):
             return False
         name, folder = shard, self._folder.place_of(recorder)
         open_shards = sorted(folder.glob(f"shard-{recorder}-*.mcap{PART_SUFFIX}"), reverse=True)
@@ -314,9 +316,14 @@ def _adopted(ledger: Ledger, sound: Mapping[str, ShardIndex], spec: RunSpec) -> 
                 continue
             found.add(key.index)
             if key.index not in known:
-                ledger.adopt(
-                    key.index, recorder_of_shard(name), name, int(episode["sample_count"]), shard.ending(row).policy
+                written = Written(
+                    recorder=recorder_of_shard(name),
+                    attempt=int(episode["attempt"]),
+                    shard=name,
+                    samples=int(episode["sample_count"]),
+                    policy=shard.ending(row).policy,
                 )
+                ledger.adopt(key.index, written)
     return found
 
 
@@ -335,6 +342,18 @@ def _give_back(ledger: Ledger, folder: RunFolder, sound: Mapping[str, ShardIndex
             ledger.miss(missing)
             lost |= set(missing)
     return lost
+
+
+def _entrust_open_shards(ledger: Ledger, folder: RunFolder, spec: RunSpec) -> None:
+    """Have recorders tell what their open shards hold, also of what the ledger has lost."""
+    recorders = set(config_of(spec).coordinator.recorders) - ledger.retired()
+    for part in _shards(folder, f"{SHARDS}{PART_SUFFIX}"):
+        recorder = recorder_of_shard(part.name)
+        if recorder not in recorders:
+            continue
+        for key in episode_keys(part):
+            if (key.seed, key.split) == (spec.seed, spec.split):
+                ledger.entrust(key.index, recorder)
 
 
 def _missing(episodes: Mapping[int, int], shard: ShardIndex | None) -> list[int]:

@@ -34,7 +34,7 @@ from readygo.benchmarks.fleet.model import Times, predict
 from readygo.benchmarks.fleet.rates import synthetic_spec, time_coordinator
 from readygo.benchmarks.rasterizer.render import machine
 from readygo.benchmarks.recording.dataset import make_image, make_requests
-from readygo.common.bus.identity import COORDINATOR, RECORDER
+from readygo.common.bus.identity import ALL, COORDINATOR, RECORDER
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.fleet import Inputs, StageResult, Worker, append_episode, pull
 from readygo.common.messages import ClaimReply, Split, StatusReply, topics
@@ -237,8 +237,9 @@ def _sleep_one(endpoint: str, token: str, name: str, images: list[bytes]) -> Non
     bus = ZenohBus(endpoint, spec.run, token)
     plan, draw = partial(_plan, SYNTHETIC.plan_s / SYNTHETIC.plan_stages), partial(_draw, bus, images)
     works = {stage: draw if stage.records else plan for stage in reversed(spec.stages)}
-    bus.announce("all", name)
-    pull(bus, Worker(name=name, numeric_class="none", works=works), leave=lambda: False)
+    session = bus.announce(ALL, name)
+    worker = Worker(name=name, numeric_class="none", works=works, role=ALL, session=session)
+    pull(bus, worker, leave=lambda: False)
     bus.close()
 
 

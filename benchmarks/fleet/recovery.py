@@ -24,7 +24,7 @@ from readygo.apps.run.folder import RunFolder
 from readygo.benchmarks.fleet.chaos import SETTINGS
 from readygo.benchmarks.fleet.site import Site
 from readygo.benchmarks.rasterizer.render import machine
-from readygo.common.bus import Bus
+from readygo.common.bus import Bus, Member
 from readygo.common.errors import BusError, ReadygoError
 from readygo.common.messages import CommittedEpisode, StatusRequest, topics
 
@@ -76,10 +76,10 @@ class Watch:
             return -1, 0
         return status.requeued, sum(status.leased.values())
 
-    def _changed(self, role: str, name: str, alive: bool) -> None:
+    def _changed(self, member: Member, alive: bool) -> None:
         with self._news:
             if alive:
-                self.came_s[name] = time.monotonic()
+                self.came_s[member.name] = time.monotonic()
             self._news.notify_all()
 
     def _committed(self, episode: CommittedEpisode) -> None:

@@ -33,6 +33,17 @@ class Identity:
         return role_of(self.name)
 
 
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A worker that is on the bus."""
+
+    role: str
+    name: str
+    """Differs between workers of one role."""
+    session: str
+    """Differs between the lives of one worker, see `Bus.announce`."""
+
+
 def role_of(name: str) -> str:
     """The role of a common name."""
     return name.partition(".")[0]

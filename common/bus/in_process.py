@@ -1,10 +1,12 @@
 """The bus within one process: no bytes, requests are calls."""
 
+import itertools
 import logging
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
+from readygo.common.bus.identity import Member
 from readygo.common.bus.inbox import Inbox, Mailbox
 from readygo.common.bus.teller import Teller
 from readygo.common.errors import BusError, PeerError, ReadygoError, reason
@@ -23,8 +25,9 @@ class _Room:
 
     handlers: dict[str, Callable[[Any], Any]] = field(default_factory=dict)
     mailboxes: list[tuple[str, Mailbox[Any]]] = field(default_factory=list)
-    watchers: list[Callable[[str, str, bool], None]] = field(default_factory=list)
-    present: list[tuple[str, str]] = field(default_factory=list)
+    watchers: list[Callable[[Member, bool], None]] = field(default_factory=list)
+    present: list[Member] = field(default_factory=list)
+    sessions: Iterator[int] = field(default_factory=itertools.count)
 
 
 class InProcessBus:
@@ -77,21 +80,23 @@ class InProcessBus:
         """Hear `stream`; see `Bus.subscribe`."""
         self._add(self._room.mailboxes, (stream.name, Mailbox(self._inbox, handler)))
 
-    def announce(self, role: str, name: str, *, turn: int = 0, replaced: Callable[[], object] | None = None) -> None:
+    def announce(self, role: str, name: str, *, turn: int = 0, replaced: Callable[[], object] | None = None) -> str:
         """Say that a worker is alive; see `Bus.announce`. Nobody can be cut off."""
         self._teller.me = role, name
-        self._room.present.append((role, name))
-        self._tell(role, name, True)
-        self._leave.append(lambda: self._depart(role, name))
+        member = Member(role, name, str(next(self._room.sessions)))
+        self._room.present.append(member)
+        self._tell(member, True)
+        self._leave.append(lambda: self._depart(member))
+        return member.session
 
-    def watch(self, changed: Callable[[str, str, bool], None]) -> None:
+    def watch(self, changed: Callable[[Member, bool], None]) -> None:
         """Hear of workers; see `Bus.watch`."""
 
-        def told(role: str, name: str, alive: bool) -> None:
-            self._inbox.put(lambda: changed(role, name, alive))
+        def told(member: Member, alive: bool) -> None:
+            self._inbox.put(lambda: changed(member, alive))
 
-        for role, name in self._room.present:
-            told(role, name, True)
+        for member in self._room.present:
+            told(member, True)
         self._add(self._room.watchers, told)
 
     def close(self) -> None:
@@ -104,10 +109,10 @@ class InProcessBus:
         members.append(member)
         self._leave.append(lambda: members.remove(member))
 
-    def _depart(self, role: str, name: str) -> None:
-        self._room.present.remove((role, name))
-        self._tell(role, name, False)
+    def _depart(self, member: Member) -> None:
+        self._room.present.remove(member)
+        self._tell(member, False)
 
-    def _tell(self, role: str, name: str, alive: bool) -> None:
+    def _tell(self, member: Member, alive: bool) -> None:
         for watcher in tuple(self._room.watchers):
-            watcher(role, name, alive)
+            watcher(member, alive)

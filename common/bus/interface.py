@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection
 from typing import Protocol, TypeVar
 
+from readygo.common.bus.identity import Member
 from readygo.common.messages.topics import Live, Stream, Topic
 
 Request = TypeVar("Request")
@@ -61,7 +62,7 @@ class Bus(Protocol):
         """
         ...
 
-    def announce(self, role: str, name: str, *, turn: int = 0, replaced: Callable[[], object] | None = None) -> None:
+    def announce(self, role: str, name: str, *, turn: int = 0, replaced: Callable[[], object] | None = None) -> str:
         """Say that worker `name` of `role` is alive, until the bus is closed or the process dies.
 
         Args:
@@ -71,13 +72,16 @@ class Bus(Protocol):
             replaced: Called, on any thread, when one of a higher turn is there: this one was cut off, taken for dead,
                 and is reached again.
 
+        Returns:
+            The session: what tells this presence from earlier and later ones of the same role and name.
+
         Raises:
             BusError: If another process has the name.
         """
         ...
 
-    def watch(self, changed: Callable[[str, str, bool], None]) -> None:
-        """Call `changed(role, name, alive)` for every worker that is there, comes or goes."""
+    def watch(self, changed: Callable[[Member, bool], None]) -> None:
+        """Call `changed(member, alive)` for every worker that is there, comes or goes."""
         ...
 
     def close(self) -> None:

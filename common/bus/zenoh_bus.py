@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 import zenoh
 
 from readygo.common.bus.envelope import opened, seal
-from readygo.common.bus.identity import ANYBODY, Identity
+from readygo.common.bus.identity import ANYBODY, Identity, Member
 from readygo.common.bus.inbox import Inbox, Mailbox
 from readygo.common.bus.rights import refusal
 from readygo.common.bus.teller import Teller
@@ -255,20 +255,22 @@ class ZenohBus:
             return
         handler(message)
 
-    def announce(self, role: str, name: str, *, turn: int = 0, replaced: Callable[[], object] | None = None) -> None:
+    def announce(self, role: str, name: str, *, turn: int = 0, replaced: Callable[[], object] | None = None) -> str:
         """Say that a worker is alive; see `Bus.announce`. One that has just died may still seem to be there."""
+        session = uuid.uuid4().hex
         key = self._prefix + presence(role, name)
-        self._claim(key, f"Another {role} of the run is called {name!r}: choose another --name.")
+        self._claim(key, session, f"Another {role} of the run is called {name!r}: choose another --name.")
         if replaced is not None:
             self._watch_for_successors(key, turn, replaced)
         self._teller.me = role, name
-        self._declared.append(self._session.liveliness().declare_token(key))
+        self._declared.append(self._session.liveliness().declare_token(f"{key}/{session}"))
         # Once this question is answered, the router knows the token: whoever asks from now on sees it.
-        self._tokens(key)
+        self._tokens(f"{key}/{session}")
+        return session
 
-    def _claim(self, key: str, taken: str) -> None:
+    def _claim(self, key: str, session: str, taken: str) -> None:
         """Be the only one below `key`: who sees another one's token beside its own takes it back, and tries again."""
-        own, deadline_s = f"{key}/{uuid.uuid4().hex}", time.monotonic() + _GONE_S
+        own, deadline_s = f"{key}/claim/{session}", time.monotonic() + _GONE_S
         while True:
             if not self._tokens(f"{key}/**"):
                 token = self._session.liveliness().declare_token(own)
@@ -296,17 +298,16 @@ class ZenohBus:
         replies = self._session.liveliness().get(keys, timeout=_GONE_S)
         return {str(reply.ok.key_expr) for reply in replies if reply.ok}
 
-    def watch(self, changed: Callable[[str, str, bool], None]) -> None:
+    def watch(self, changed: Callable[[Member, bool], None]) -> None:
         """Hear of workers; see `Bus.watch`."""
 
         def on_sample(sample: zenoh.Sample) -> None:
-            role, name = str(sample.key_expr).rsplit("/", 2)[1:]
+            member = Member(*str(sample.key_expr).rsplit("/", 3)[1:])
             alive = sample.kind == zenoh.SampleKind.PUT
-            self._inbox.put(lambda: changed(role, name, alive))
+            self._inbox.put(lambda: changed(member, alive))
 
-        self._declared.append(
-            self._session.liveliness().declare_subscriber(self._prefix + presence("*", "*"), on_sample, history=True)
-        )
+        keys = f"{self._prefix}{presence('*', '*')}/*"
+        self._declared.append(self._session.liveliness().declare_subscriber(keys, on_sample, history=True))
 
     def close(self) -> None:
         """Finish what has arrived, then leave the network."""

@@ -11,6 +11,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
+from readygo.common.dataset.aside import set_aside_lines
 from readygo.common.dataset.episode_checks import EpisodeChecks, Limits
 from readygo.common.dataset.index import (
     DATA_END_SIZE,
@@ -124,6 +125,7 @@ class _FolderCheck:
         parts = sum(len(list(place.glob("shard-*.mcap.part"))) for place in shard_folders(self._folder))
         if parts:
             self._notes.append(f"{parts} shards are open (.part): still written, or left by a crash.")
+        self._notes += set_aside_lines(self._folder)
         return Report(
             folder=self._folder,
             shard_count=shard_count,

@@ -8,6 +8,7 @@ the one before it, in the order in which they were appended.
 
 import errno
 import os
+import re
 import struct
 import zlib
 from collections import Counter
@@ -52,6 +53,11 @@ def shard_name(recorder: str, number: int) -> str:
 def recorder_of_shard(name: str) -> str:
     """The recorder of a shard, finished or not, by its file name."""
     return name.removeprefix("shard-").rsplit("-", 1)[0]
+
+
+def is_shard_of(name: str, recorder: str) -> bool:
+    """True if a recorder may call a finished shard so."""
+    return re.fullmatch(rf"shard-{re.escape(recorder)}-[0-9]{{5,}}\.mcap", name) is not None
 
 
 def sync_folder(folder: Path) -> None:

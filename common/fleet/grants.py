@@ -61,21 +61,28 @@ class Grants:
         request = GrantRequest(recorder=self._recorder, index=index, attempt=attempt)
         return self._bus.request(topics.GRANT, request, timeout_s=self._timeout_s).status
 
-    def pending(self) -> tuple[int, ...]:
-        """Indices that the coordinator believes to be granted to this recorder and not yet durable.
+    def pending(self) -> dict[int, int]:
+        """Attempts, by index, that the coordinator believes to be granted to this recorder and not yet durable.
 
         Raises:
             BusError: If the coordinator does not answer.
         """
         request = PendingRequest(recorder=self._recorder)
-        return self._bus.request(topics.PENDING, request, timeout_s=self._timeout_s).indices
+        reply = self._bus.request(topics.PENDING, request, timeout_s=self._timeout_s)
+        return dict(zip(reply.indices, reply.attempts, strict=True))
 
     def claim_done(self, report: DoneRequest) -> bool:
-        """Report an episode as durable right now; False if it is in another recorder's shard.
+        """Report an episode right now that a crash left in an open shard; False if this recorder may not keep it.
+
+        The grant is asked for again: without one, the coordinator has given the episode to others, or has lost what it
+        knew of it, and has it recorded again.
 
         Raises:
             BusError: If the coordinator does not answer.
         """
+        return self.ask(report.index, report.attempt) is not VerdictStatus.STALE and self._done(report)
+
+    def _done(self, report: DoneRequest) -> bool:
         verdict = self._bus.request(topics.DONE, report, timeout_s=self._timeout_s)
         return verdict.status is not VerdictStatus.STALE
 
@@ -87,7 +94,7 @@ class Grants:
         """Send what waits; False if the coordinator does not answer, the rest then waits on.
 
         Raises:
-            RunError: If the coordinator has given away an episode that this recorder has made durable.
+            RunError: If the coordinator refuses an episode that this recorder has made durable.
         """
         while self._waiting:
             report = self._waiting[0]
@@ -101,13 +108,13 @@ class Grants:
             if not held:
                 assert isinstance(report, DoneRequest)
                 raise RunError(
-                    f"Episode {report.index} is in {report.shard}, but the coordinator gave it to another recorder; "
-                    "remove one of the two shards and run the same command again."
+                    f"Episode {report.index} is in {report.shard}, but the coordinator does not count it: it was given "
+                    "to another recorder, or this one was given up. Run the same command again: one copy is kept."
                 )
         return True
 
     def _send(self, report: DoneRequest | LostRequest) -> bool:
         if isinstance(report, DoneRequest):
-            return self.claim_done(report)
+            return self._done(report)
         self._bus.request(topics.LOST, report, timeout_s=self._timeout_s)
         return True

@@ -56,6 +56,10 @@ class Worker:
     numeric_class: str
     works: Mapping[Stage, Work]
     """What it does for a stage, in the order in which it asks for them."""
+    role: str = ""
+    """As what it is announced on the bus; empty if it is not."""
+    session: str = ""
+    """What `Bus.announce` gave: its leases end with it."""
 
 
 def claim_any(bus: Bus, worker: Worker) -> ClaimStatus:
@@ -68,7 +72,9 @@ def claim_any(bus: Bus, worker: Worker) -> ClaimStatus:
         RunError: If the coordinator refuses the worker's numeric class.
     """
     for stage, work in worker.works.items():
-        request = ClaimRequest(worker=worker.name, numeric_class=worker.numeric_class)
+        request = ClaimRequest(
+            worker=worker.name, numeric_class=worker.numeric_class, role=worker.role, session=worker.session
+        )
         claim = bus.request(topics.claim(stage.name), request)
         if claim.status is ClaimStatus.REFUSED:
             raise RunError(

@@ -118,6 +118,10 @@ class ClaimRequest:
     worker: str
     numeric_class: str = ""
     """What the bits of this worker's results depend on: backend, package versions, architecture."""
+    role: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
+    """As what it announced itself on the bus."""
+    session: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
+    """Of its presence there, see `Bus.announce`: its leases end with that; empty where they end by time alone."""
 
     def __post_init__(self) -> None:
         if not 0 < len(self.worker) <= NAME_MAX:
@@ -216,6 +220,10 @@ class DoneRequest:
     policy: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
     """The offered policy that drove, see `EpisodeHeader.policy`."""
 
+    def __post_init__(self) -> None:
+        if self.sample_count < 1:
+            raise ValueError(f"a durable episode has samples, got a count of {self.sample_count}.")
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LostRequest:
@@ -225,6 +233,8 @@ class LostRequest:
     index: int
     reason: str
     """Empty: the episode is made again. Otherwise the run fails with this text (a full disk, for example)."""
+    attempt: int = field(default=-1, metadata=OMITTED_WHEN_DEFAULT)
+    """That was granted; without it nothing is taken back."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -246,6 +256,9 @@ class PendingRequest:
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PendingReply:
     """Indices that were granted to the recorder and not reported done."""
+
+    attempts: tuple[int, ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
+    """Under which attempts, in the order of `indices`."""
 
     indices: tuple[int, ...]
 

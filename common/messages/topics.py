@@ -169,7 +169,11 @@ def render(renderer: str) -> Topic[RenderRequest, RenderReply]:
 
 
 def presence(role: str, name: str) -> str:
-    """The liveliness token of a worker; "*" stands for any role or name. Below it is the one who has the name."""
+    """Where a worker's liveliness tokens lie; "*" stands for any role or name.
+
+    `{session}` below it says that the worker is there, `claim/{session}` that it has or wants the name, and
+    `turn/{number}` which of those who had it one after the other it is.
+    """
     return f"alive/{role}/{name}"
 
 

@@ -2,11 +2,9 @@
 
 from collections.abc import Sequence
 
-from readygo.common.messages import Stage, VerdictStatus
+from readygo.common.messages import Stage
 from readygo.services.coordinator.database import Database
-
-ASIDE = "set aside: "
-"""Begins the reason of an episode that was given up, unlike those that a stage rejected."""
+from readygo.services.coordinator.protocol import ASIDE
 
 
 class Census:
@@ -27,6 +25,13 @@ class Census:
         return self._database.count(
             "SELECT count(*) FROM episode WHERE state = 'rejected' AND reason LIKE ?", f"{ASIDE}%"
         )
+
+    def set_aside(self) -> dict[int, str]:
+        """Why each episode that was given up was, by index."""
+        rows = self._database.all(
+            "SELECT idx, reason FROM episode WHERE state = 'rejected' AND reason LIKE ? ORDER BY idx", f"{ASIDE}%"
+        )
+        return {index: reason.removeprefix(ASIDE) for index, reason in rows}
 
     def loads(self) -> dict[str, int]:
         """Episodes that are on their way to a recorder, by its name."""
@@ -54,9 +59,11 @@ class Census:
             f"SELECT count(*) FROM episode WHERE state IN ('waiting', 'leased') AND stage IN ({marks})", *later
         )
 
-    def leases(self) -> list[tuple[str, str, int, int]]:
-        """Worker, stage, index and attempt of every lease."""
-        return self._database.all("SELECT worker, stage, idx, attempt FROM episode WHERE state = 'leased' ORDER BY idx")
+    def leases(self) -> list[tuple[str, str, str, int, int]]:
+        """Role and name of the worker, stage, index and attempt of every lease."""
+        return self._database.all(
+            "SELECT role, worker, stage, idx, attempt FROM episode WHERE state = 'leased' ORDER BY idx"
+        )
 
     def leased(self) -> dict[str, int]:
         """Episodes that a worker holds, by stage."""
@@ -97,12 +104,13 @@ class Census:
         """The offered policy that drove, empty for none, of every durable episode by its index."""
         return dict(self._database.all("SELECT idx, driven_by FROM episode WHERE state = 'committed' ORDER BY idx"))
 
-    def granted(self, recorder: str) -> tuple[int, ...]:
-        """Indices granted to a recorder and not yet reported durable."""
-        rows = self._database.all(
-            "SELECT idx FROM episode WHERE state = 'granted' AND recorder = ? ORDER BY idx", recorder
+    def granted(self, recorder: str) -> dict[int, int]:
+        """Attempts that were granted to a recorder and are not yet reported durable, by index."""
+        return dict(
+            self._database.all(
+                "SELECT idx, attempt FROM episode WHERE state = 'granted' AND recorder = ? ORDER BY idx", recorder
+            )
         )
-        return tuple(row[0] for row in rows)
 
     def granted_recorders(self) -> set[str]:
         """Recorders that hold grants."""
@@ -112,23 +120,6 @@ class Census:
         """The recorder that an episode was last leased, granted or committed to; empty if it was to none."""
         row = self._database.one("SELECT recorder FROM episode WHERE idx = ?", index)
         return str(row[0]) if row else ""
-
-    def holder(self, index: int, attempt: int) -> str:
-        """The worker that holds an episode under this attempt; empty if none does."""
-        row = self._database.one(
-            "SELECT worker FROM episode WHERE idx = ? AND attempt = ? AND state = 'leased'", index, attempt
-        )
-        return str(row[0]) if row else ""
-
-    def expected(self, index: int, attempt: int) -> VerdictStatus:
-        """OK if samples of this attempt may come, DONE if the episode is durable, else STALE."""
-        row = self._database.one("SELECT state, attempt, stage FROM episode WHERE idx = ?", index)
-        if row is None or row[0] == "rejected":
-            return VerdictStatus.STALE
-        if row[0] == "committed":
-            return VerdictStatus.DONE
-        held = row[0] in ("leased", "granted") and row[1:] == (attempt, self._stages[-1].name)
-        return VerdictStatus.OK if held else VerdictStatus.STALE
 
     def shards(self) -> dict[str, dict[int, int]]:
         """Samples of every durable episode by its index, by the shard that it is in."""

@@ -2,20 +2,22 @@
 
 One SQLite file (write-ahead log). Episodes are the rows; a run of N episodes always has exactly N rows that are not
 rejected, opened in the order of their indices, so the committed ones are the N smallest accepted indices and nothing is
-ever made in vain.
+ever made in vain. `protocol` has the rules; this module applies them in transactions.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
 from readygo.common.messages import Stage, VerdictStatus
 from readygo.common.messages.stages import EXPERT_LINE
-from readygo.services.coordinator.census import ASIDE, Census
+from readygo.services.coordinator.census import Census
 from readygo.services.coordinator.database import Database
+from readygo.services.coordinator.episodes import Episodes
 from readygo.services.coordinator.notes import Notes
 from readygo.services.coordinator.policies import Policies
+from readygo.services.coordinator.protocol import NO_HOLDER, Episode, Holder, Protocol, State, Written
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +55,8 @@ class Ledger:
         """
         self.path = path
         self._database = Database(path)
-        self._stages = tuple(stages)
+        self._protocol = Protocol(stages)
+        self._episodes = Episodes(self._database)
         self.census = Census(self._database, stages)
         """What may be asked of the episodes."""
         self.policies = Policies(self._database)
@@ -80,10 +83,7 @@ class Ledger:
             total = self._database.count("SELECT count(*) FROM episode")
             rejected = self._database.count("SELECT count(*) FROM episode WHERE state = 'rejected'")
             missing = max(0, wanted - (total - rejected))
-            self._database.run_each(
-                "INSERT INTO episode (idx, stage, state) VALUES (?, ?, 'waiting')",
-                [(following + k, self._stages[0].name) for k in range(missing)],
-            )
+            self._episodes.open(range(following, following + missing), self._protocol.first)
         return missing
 
     def drop_episodes(self, wanted: int) -> None:
@@ -113,132 +113,78 @@ class Ledger:
             AND idx <= (SELECT max(idx) FROM episode WHERE state IN ('granted', 'committed'))"""
         )
 
-    def claim(self, stage: Stage, worker: str, deadline_s: float, recorder: str = "") -> Lease | None:
+    def claim(self, stage: Stage, holder: Holder, deadline_s: float, recorder: str = "") -> Lease | None:
         """Lease the waiting episode of smallest index at `stage`, if there is one, to be given to a recorder.
 
         With the stage that records comes the policy that is assigned to the episode, else the newest one.
         """
-        with self._database.lock:
-            row = self._database.one(
-                """UPDATE episode SET state = 'leased', attempt = attempt + 1, worker = ?, deadline_s = ?, recorder = ?,
-                policy = CASE WHEN ? THEN
-                    coalesce(assigned, (SELECT sha256 FROM policy ORDER BY version DESC LIMIT 1), '') ELSE '' END
-                WHERE idx = (SELECT idx FROM episode WHERE state = 'waiting' AND stage = ? ORDER BY idx LIMIT 1)
-                RETURNING idx, attempt, policy""",
-                worker,
-                deadline_s,
-                recorder,
-                stage.records,
-                stage.name,
-            )
-            if row is None:
+        with self._database.together():
+            episode = self._episodes.first_waiting(stage.name)
+            leased = episode and self._protocol.lease(episode, holder, recorder)
+            if not leased:
                 return None
-            results = dict(self._database.all("SELECT stage, sha256 FROM result WHERE idx = ?", row[0]))
-        return Lease(index=row[0], attempt=row[1], inputs=tuple(results[name] for name in stage.needs), policy=row[2])
+            self._episodes.store(leased)
+            policy = self._episodes.begin_lease(leased.index, deadline_s, with_policy=stage.records)
+            results = self._results(leased.index)
+        inputs = tuple(results[name] for name in stage.needs)
+        return Lease(index=leased.index, attempt=leased.attempt, inputs=inputs, policy=policy)
 
     def renew(self, index: int, attempt: int, deadline_s: float) -> bool:
         """Prolong a lease; False if the attempt does not hold it any more."""
-        return self._database.held(
-            "UPDATE episode SET deadline_s = ? WHERE idx = ? AND attempt = ? AND state = 'leased' RETURNING idx",
-            deadline_s,
-            index,
-            attempt,
-        )
+        return self._episodes.renew(index, attempt, deadline_s)
 
     def advance(self, stage: Stage, index: int, attempt: int, sha256: str, *, reason: str = "") -> bool:
         """Store a stage's result and pass the episode on; False if the attempt does not hold the lease.
 
         A `reason` says that the stage rejected the episode, which is kept nevertheless.
         """
-        following = self._stages[self._stages.index(stage) + 1]
         with self._database.together():
-            held = self._database.held(
-                """UPDATE episode SET stage = ?, state = 'waiting', worker = '',
-                reason = CASE WHEN ? = '' THEN reason ELSE ? END
-                WHERE idx = ? AND attempt = ? AND state = 'leased' AND stage = ? RETURNING idx""",
-                following.name,
-                reason,
-                reason,
-                index,
-                attempt,
-                stage.name,
-            )
+            held = self._change(index, lambda episode: self._protocol.advance(episode, stage.name, attempt, reason))
             if held:
                 self._database.run("INSERT OR REPLACE INTO result VALUES (?, ?, ?)", index, stage.name, sha256)
-        return held
+        return held is not None
 
     def reject(self, stage: Stage, index: int, attempt: int, reason: str) -> bool:
         """Skip an index for good; False if the attempt does not hold the lease."""
-        return self._database.held(
-            """UPDATE episode SET state = 'rejected', reason = ?, worker = ''
-            WHERE idx = ? AND attempt = ? AND state = 'leased' AND stage = ? RETURNING idx""",
-            reason,
-            index,
-            attempt,
-            stage.name,
-        )
+        rejected = self._change(index, lambda episode: self._protocol.reject(episode, stage.name, attempt, reason))
+        return rejected is not None
 
     def fail(self, stage: Stage, index: int, attempt: int) -> int | None:
-        """Begin an episode anew after a worker's error; returns its failures so far, None if not held.
+        """Begin an episode again after a worker's error; returns its failures so far, None if not held."""
+        failed = self._change(index, lambda episode: self._protocol.fail(episode, stage.name, attempt))
+        return failed.failures if failed else None
 
-        From the first stage: what earlier ones have made may be what the worker cannot read.
-        """
-        row = self._database.one(
-            """UPDATE episode SET state = 'waiting', failures = failures + 1, worker = '', stage = ?
-            WHERE idx = ? AND attempt = ? AND state = 'leased' AND stage = ? RETURNING failures""",
-            self._stages[0].name,
-            index,
-            attempt,
-            stage.name,
-        )
-        return None if row is None else int(row[0])
-
-    def begin_anew(self, index: int) -> None:
+    def restart(self, index: int) -> None:
         """Have an episode pass all stages again that waits or that a worker holds."""
-        self._database.run(
-            "UPDATE episode SET state = 'waiting', worker = '', stage = ? "
-            "WHERE idx = ? AND state IN ('waiting', 'leased')",
-            self._stages[0].name,
-            index,
-        )
+        self._change(index, self._protocol.restart)
 
     def set_aside(self, index: int, reason: str) -> dict[str, str]:
-        """Give an episode up that waits; the next index takes its place.
+        """Give up an episode that waits; the next index takes its place.
 
         Returns:
             Hashes of the results that it came to, by stage.
         """
         with self._database.together():
-            results = dict(self._database.all("SELECT stage, sha256 FROM result WHERE idx = ?", index))
-            self._database.run(
-                "UPDATE episode SET state = 'rejected', reason = ? WHERE idx = ? AND state = 'waiting'",
-                ASIDE + reason,
-                index,
-            )
+            results = self._results(index)
+            self._change(index, lambda episode: self._protocol.set_aside(episode, reason))
             self._database.run("DELETE FROM result WHERE idx = ?", index)
         return results
 
     def take_from(self, recorder: str) -> int:
         """Have others record what is on its way to a recorder and not durable; returns how many episodes that are."""
-        rows = self._database.all(
-            """UPDATE episode SET state = 'waiting', worker = ''
-            WHERE state IN ('leased', 'granted') AND recorder = ? AND stage = ? RETURNING idx""",
-            recorder,
-            self._stages[-1].name,
+        return self._change_each(
+            self._episodes.of_recorder(recorder),
+            lambda episode: self._with_results(self._protocol.take_from(episode, recorder)),
         )
-        return len(rows)
 
     def retire(self, recorder: str) -> int:
         """Give a recorder up with all that it has: its episodes are made again; returns how many those are."""
         with self._database.together():
-            rows = self._database.all(
-                """UPDATE episode SET state = 'waiting', worker = '', stage = ?
-                WHERE state IN ('leased', 'granted', 'committed') AND recorder = ? RETURNING idx""",
-                self._stages[0].name,
-                recorder,
+            count = self._change_each(
+                self._episodes.of_recorder(recorder), lambda episode: self._protocol.retire(episode, recorder)
             )
             self.notes.put(_RETIRED + recorder)
-        return len(rows)
+        return count
 
     def retired(self) -> set[str]:
         """The recorders that were given up."""
@@ -246,73 +192,55 @@ class Ledger:
 
     def grant(self, index: int, attempt: int, recorder: str) -> VerdictStatus:
         """Let a recorder make an episode durable: OK, STALE or DONE."""
-        row = self._database.one(
-            """UPDATE episode SET state = 'granted', recorder = ? WHERE idx = ? AND attempt = ? AND stage = ?
-            AND (state = 'leased' OR (state = 'granted' AND recorder = ?)) RETURNING idx""",
-            recorder,
-            index,
-            attempt,
-            self._stages[-1].name,
-            recorder,
-        )
-        if row is not None:
-            return VerdictStatus.OK
-        durable = self._database.held("SELECT idx FROM episode WHERE idx = ? AND state = 'committed'", index)
-        return VerdictStatus.DONE if durable else VerdictStatus.STALE
+        with self._database.together():
+            episode = self._episodes.get(index)
+            if episode is None:
+                return VerdictStatus.STALE
+            granted, verdict = self._protocol.grant(episode, recorder, attempt)
+            if granted:
+                self._episodes.store(granted)
+        return verdict
 
-    def commit(self, index: int, recorder: str, shard: str, samples: int, policy: str = "") -> list[str] | None:
+    def commit(self, index: int, written: Written) -> list[str] | None:
         """Note that an episode is durable.
 
-        Args:
-            index: Of the episode.
-            recorder: Who has it.
-            shard: In which file.
-            samples: How many it has.
-            policy: The offered policy that drove.
-
         Returns:
-            Hashes of results that nobody needs any more; None if another recorder has made the episode durable.
+            Hashes of results that nobody needs any more; None if the episode was not granted to this recorder under
+            this attempt.
         """
-        with self._database.together():
-            held = self._database.held(
-                """UPDATE episode SET state = 'committed', stage = ?, recorder = ?, shard = ?, samples = ?,
-                driven_by = ?, worker = ''
-                WHERE idx = ? AND NOT (state = 'committed' AND recorder != ?) RETURNING idx""",
-                self._stages[-1].name,
-                recorder,
-                shard,
-                samples,
-                policy,
-                index,
-                recorder,
-            )
-            if not held:
-                return None
-            # Episodes whose results are equal share the blob.
-            unshared = """SELECT DISTINCT sha256 FROM result WHERE idx = ?
-                AND sha256 NOT IN (SELECT sha256 FROM result WHERE idx != ?)"""
-            hashes = [row[0] for row in self._database.all(unshared, index, index)]
-            self._database.run("DELETE FROM result WHERE idx = ?", index)
-        return hashes
+        return self._commit(index, lambda episode: self._protocol.commit(episode, written))
 
-    def take_back(self, index: int, recorder: str) -> bool:
-        """Undo a grant whose episode did not become durable; False if the recorder does not hold one.
+    def expected(self, index: int, attempt: int) -> VerdictStatus:
+        """OK if samples of this attempt may come, DONE if the episode is durable, else STALE."""
+        episode = self._episodes.get(index)
+        return self._protocol.expected(episode, attempt) if episode else VerdictStatus.STALE
 
-        What is left of its results are those of an attempt that was recorded: without them it is begun anew.
-        """
-        return self._database.held(
-            """UPDATE episode SET state = 'waiting', worker = '',
-            stage = CASE WHEN EXISTS (SELECT 1 FROM result WHERE result.idx = episode.idx) THEN stage ELSE ? END
-            WHERE idx = ? AND state = 'granted' AND recorder = ? RETURNING idx""",
-            self._stages[0].name,
-            index,
-            recorder,
+    def holder(self, index: int, attempt: int) -> Holder:
+        """The worker that holds an episode under this attempt; `NO_HOLDER` if none does."""
+        episode = self._episodes.get(index)
+        return episode.holder if episode and self._protocol.holds(episode, attempt) else NO_HOLDER
+
+    def completes(self, stage: Stage, index: int, attempt: int) -> bool:
+        """True if a worker may report on this attempt: it holds the episode, or held it until a recorder took over."""
+        episode = self._episodes.get(index)
+        return episode is not None and self._protocol.completes(episode, stage.name, attempt)
+
+    def take_back(self, index: int, recorder: str, attempt: int) -> bool:
+        """Undo a grant whose episode did not become durable; False if the recorder does not hold one."""
+        taken = self._change(
+            index, lambda episode: self._with_results(self._protocol.take_back(episode, recorder, attempt))
         )
+        return taken is not None
 
-    def adopt(self, index: int, recorder: str, shard: str, samples: int, policy: str) -> None:
-        """Note an episode as durable that a shard holds, whatever is known of it."""
-        self._database.run("INSERT OR IGNORE INTO episode (idx, stage, state) VALUES (?, '', 'waiting')", index)
-        self.commit(index, recorder, shard, samples, policy)
+    def adopt(self, index: int, written: Written) -> None:
+        """Note an episode as durable that a finished shard holds, whatever is known of it."""
+        self._episodes.open([index], self._protocol.first)
+        self._commit(index, lambda episode: self._protocol.adopt(episode, written))
+
+    def entrust(self, index: int, recorder: str) -> None:
+        """Have a recorder tell of an episode that an open shard of it seems to hold, whatever is known of it."""
+        self._episodes.open([index], self._protocol.first)
+        self._change(index, lambda episode: self._protocol.entrust(episode, recorder))
 
     def begin_rebuild(self) -> None:
         """Note that the ledger is being made anew, until `fill_gaps`: a kill in between leaves it `unfinished`."""
@@ -329,10 +257,7 @@ class Ledger:
         Some of them were rejected, and will be again: the run is not longer than `wanted` for that.
         """
         with self._database.together():
-            self._database.run_each(
-                "INSERT OR IGNORE INTO episode (idx, stage, state) VALUES (?, ?, 'waiting')",
-                [(index, self._stages[0].name) for index in range(last + 1)],
-            )
+            self._episodes.open(range(last + 1), self._protocol.first)
             if self.census.committed()[0] >= wanted:
                 # A run has no more open indices than episodes: all others were rejected.
                 self._database.run(
@@ -343,45 +268,76 @@ class Ledger:
 
     def doubt(self, shard: str) -> None:
         """Have the recorder of a shard say again which of its episodes are durable."""
-        self._database.run("UPDATE episode SET state = 'granted' WHERE state = 'committed' AND shard = ?", shard)
+        self._change_each(self._episodes.in_shard(shard), self._protocol.doubt)
 
     def miss(self, indices: Sequence[int]) -> None:
-        """Begin episodes anew that were durable and are no more."""
-        with self._database.together():
-            self._database.run_each(
-                "UPDATE episode SET state = 'waiting', worker = '', stage = ? WHERE idx = ? AND state = 'committed'",
-                [(self._stages[0].name, index) for index in indices],
-            )
+        """Begin episodes again that were durable and are no more."""
+        episodes = [episode for index in indices if (episode := self._episodes.get(index))]
+        durable = [episode for episode in episodes if episode.state is State.COMMITTED]
+        self._change_each(durable, self._protocol.forget)
 
     def requeue_expired(self, now_s: float) -> int:
         """End the leases whose time is over; returns how many."""
-        return self._requeue("deadline_s < ?", now_s)
+        return self._change_each(self._episodes.leased(before_s=now_s), self._protocol.expire)
 
-    def requeue_worker(self, worker: str) -> list[tuple[int, int]]:
-        """End the leases of a worker that is gone; returns their indices, and how many workers each has outlived."""
-        return self._database.all(
-            """UPDATE episode SET state = 'waiting', worker = '', deaths = deaths + 1
-            WHERE state = 'leased' AND worker = ? RETURNING idx, deaths""",
-            worker,
-        )
+    def requeue_holder(self, holder: Holder) -> list[tuple[int, int]]:
+        """End the leases of a worker's life that ended.
+
+        Returns:
+            Their indices, and how many holders each has outlived at its stage.
+        """
+        with self._database.together():
+            ended = [
+                lost for lease in self._episodes.held_by(holder) if (lost := self._protocol.lose_holder(lease, holder))
+            ]
+            for episode in ended:
+                self._episodes.store(episode)
+        return [(episode.index, episode.deaths) for episode in ended]
 
     def requeue_all(self) -> None:
         """End every lease: a new fleet starts on an old ledger."""
-        self._requeue("true")
+        self._change_each(self._episodes.leased(), self._protocol.expire)
 
     def assign(self, policies: Mapping[int, str]) -> None:
         """Open exactly these indices, each for the policy that shall drive it; empty is for none of the offered ones.
 
         Indices that are open already stay as they are.
         """
-        with self._database.together():
-            self._database.run_each(
-                "INSERT OR IGNORE INTO episode (idx, stage, state, assigned) VALUES (?, ?, 'waiting', ?)",
-                [(index, self._stages[0].name, sha256) for index, sha256 in policies.items()],
-            )
+        self._episodes.open(policies, self._protocol.first, assigned=policies)
 
-    def _requeue(self, condition: str, *values: object) -> int:
-        statement = (
-            f"UPDATE episode SET state = 'waiting', worker = '' WHERE state = 'leased' AND {condition} RETURNING 1"
-        )
-        return len(self._database.all(statement, *values))
+    def _commit(self, index: int, rule: Callable[[Episode], Episode | None]) -> list[str] | None:
+        with self._database.together():
+            if self._change(index, rule) is None:
+                return None
+            # Episodes whose results are equal share the blob.
+            unshared = """SELECT DISTINCT sha256 FROM result WHERE idx = ?
+                AND sha256 NOT IN (SELECT sha256 FROM result WHERE idx != ?)"""
+            hashes = [row[0] for row in self._database.all(unshared, index, index)]
+            self._database.run("DELETE FROM result WHERE idx = ?", index)
+        return hashes
+
+    def _with_results(self, episode: Episode | None) -> Episode | None:
+        """An episode that waits for its last stage again: at the first one if its results were dropped meanwhile."""
+        if episode is None or self._results(episode.index):
+            return episode
+        return self._protocol.forget(episode)
+
+    def _results(self, index: int) -> dict[str, str]:
+        return dict(self._database.all("SELECT stage, sha256 FROM result WHERE idx = ?", index))
+
+    def _change(self, index: int, rule: Callable[[Episode], Episode | None]) -> Episode | None:
+        """Apply a rule to an episode; the changed one, None where the rule refuses or the index is not open."""
+        with self._database.together():
+            episode = self._episodes.get(index)
+            changed = rule(episode) if episode else None
+            if changed:
+                self._episodes.store(changed)
+        return changed
+
+    def _change_each(self, episodes: Sequence[Episode], rule: Callable[[Episode], Episode | None]) -> int:
+        """Apply a rule to episodes; returns how many it changed."""
+        with self._database.together():
+            changed = [after for before in episodes if (after := rule(before))]
+            for episode in changed:
+                self._episodes.store(episode)
+        return len(changed)

@@ -58,10 +58,12 @@ _ADDED = {
     "driven_by": "TEXT NOT NULL DEFAULT ''",
     "assigned": "TEXT",
     "deaths": "INTEGER NOT NULL DEFAULT 0",
+    "role": "TEXT NOT NULL DEFAULT ''",
+    "session": "TEXT NOT NULL DEFAULT ''",
 }
 """Columns of `episode` that ledgers of earlier versions lack: the policy leased with the present attempt, the one that
-drove the durable attempt, the one that shall drive whatever is the newest, and how many workers ended while they held
-the episode."""
+drove the durable attempt, the one that shall drive whatever is the newest, how many workers ended while they held
+the episode at its present stage, and with `worker` the life of the process that holds it, see `protocol.Holder`."""
 
 
 def open_database(path: Path) -> sqlite3.Connection:

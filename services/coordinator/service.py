@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TypeVar
 
-from readygo.common.bus import Bus
+from readygo.common.bus import Bus, Member
 from readygo.common.bus.identity import ALL, MONITOR, OPERATOR, RECORDER, TRAINER
 from readygo.common.messages import (
     ClaimReply,
@@ -22,6 +22,7 @@ from readygo.common.messages import (
 )
 from readygo.services.coordinator import handlers
 from readygo.services.coordinator.coordinator import Coordinator
+from readygo.services.coordinator.protocol import Holder
 from readygo.services.coordinator.upkeep import note_absent, requeue_lost
 
 Request = TypeVar("Request")
@@ -52,11 +53,13 @@ def attach(bus: Bus, coordinator: Coordinator) -> None:
     bus.serve(topics.STATUS, partial(handlers.handle_status, coordinator))
     bus.serve(topics.FLEET, partial(handlers.handle_fleet, coordinator))
 
-    def changed(role: str, name: str, alive: bool) -> None:
-        coordinator.roster.note_presence(role, name, alive=alive)
-        if name in coordinator.recorders:
-            coordinator.note_recorder(name, alive=alive)
-        elif not alive and requeue_lost(coordinator, worker=name):
+    def changed(member: Member, alive: bool) -> None:
+        there = coordinator.roster.note_presence(member.role, member.name, member.session, alive=alive)
+        holder = Holder(worker=member.name, role=member.role, session=member.session)
+        if member.role == RECORDER:
+            if member.name in coordinator.recorders:
+                coordinator.note_recorder(member.name, alive=there)
+        elif not alive and requeue_lost(coordinator, holder=holder):
             bus.publish(topics.WAKE, Wake())
 
     bus.watch(changed)
@@ -64,22 +67,23 @@ def attach(bus: Bus, coordinator: Coordinator) -> None:
 
 def _claimed(coordinator: Coordinator, stage: Stage, request: ClaimRequest) -> ClaimReply:
     reply = handlers.handle_claim(coordinator, stage, request)
-    coordinator.roster.note_heard(request.worker)
+    coordinator.roster.note_heard(request.role, request.worker)
     if reply.episode is not None:
-        coordinator.roster.note_lease(reply.episode.index, reply.attempt)
+        coordinator.roster.note_lease(request.role, request.worker, reply.episode.index, reply.attempt)
     return reply
 
 
 def _renewed(coordinator: Coordinator, request: RenewRequest) -> Verdict:
-    coordinator.roster.note_heard(request.worker)
-    return handlers.handle_renew(coordinator, request)
+    verdict = handlers.handle_renew(coordinator, request)
+    if verdict.status is VerdictStatus.OK:
+        coordinator.roster.note_renewed(request.index, request.attempt)
+    return verdict
 
 
 def _completed(bus: Bus, coordinator: Coordinator, stage: Stage, request: CompleteRequest) -> Verdict:
     verdict = handlers.handle_complete(coordinator, stage, request)
-    coordinator.roster.note_heard(request.worker)
     if verdict.status is VerdictStatus.OK:
-        coordinator.roster.note_done(request.worker, stage.name, request.index, failed=bool(request.failed))
+        coordinator.roster.note_done(stage.name, request.index, request.attempt, failed=bool(request.failed))
         skipped = request.rejected and stage.on_rejection is OnRejection.SKIP
         line = coordinator.spec.stages
         if request.failed or skipped:

@@ -3,6 +3,7 @@
 from readygo.common.errors import DiskError
 from readygo.services.coordinator.coordinator import LEDGER, Coordinator
 from readygo.services.coordinator.giving_up import set_aside
+from readygo.services.coordinator.protocol import Holder
 
 
 def note_absent(coordinator: Coordinator) -> None:
@@ -17,13 +18,13 @@ def note_absent(coordinator: Coordinator) -> None:
         coordinator.note_trouble(f"absence of {stage.name}", words if absent_s > coordinator.config.absent_s else "")
 
 
-def requeue_lost(coordinator: Coordinator, *, worker: str | None = None) -> bool:
-    """End the leases that ran out, or those of a worker that is gone; True if there were any.
+def requeue_lost(coordinator: Coordinator, *, holder: Holder | None = None) -> bool:
+    """End the leases that ran out, or those of a worker's life that ended; True if there were any.
 
     A disk that takes nothing is no reason to end: it is told as trouble, and the leases are freed when it does again.
     """
     try:
-        ended = _requeue_expired(coordinator) if worker is None else _requeue_worker(coordinator, worker)
+        ended = _requeue_expired(coordinator) if holder is None else _requeue_holder(coordinator, holder)
         # Nothing but a write tells that the disk takes writes again.
         if ended or LEDGER in coordinator.troubles:
             coordinator.ledger.notes.add("requeued", ended)
@@ -38,8 +39,8 @@ def _requeue_expired(coordinator: Coordinator) -> int:
     return coordinator.ledger.requeue_expired(coordinator.clock())
 
 
-def _requeue_worker(coordinator: Coordinator, worker: str) -> int:
-    ended = coordinator.ledger.requeue_worker(worker)
+def _requeue_holder(coordinator: Coordinator, holder: Holder) -> int:
+    ended = coordinator.ledger.requeue_holder(holder)
     for index, deaths in ended:
         if deaths >= coordinator.config.deaths_max:
             set_aside(coordinator, index, f"{deaths} workers ended while they held it")

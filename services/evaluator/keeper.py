@@ -61,7 +61,7 @@ class Keeper:
         """Say that an episode is on disk as a whole; `Grants.flush` sends it."""
         if self.grants.ask(index, attempt) is VerdictStatus.OK:
             records = [self.results.records[key] for key in self._keys(index)]
-            steps = sum(self.clock.steps(record.result.duration_s) for record in records)
+            steps = max(1, sum(self.clock.steps(record.result.duration_s) for record in records))
             self.grants.report(
                 DoneRequest(
                     recorder=self.recorder, index=index, attempt=attempt, shard=RECORDS_FILE, sample_count=steps

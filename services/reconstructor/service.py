@@ -26,7 +26,7 @@ def attach(bus: Bus, desk: Desk) -> None:
     """Give out a desk's job, and again when the worker that has it is gone."""
     bus.serve(topics.RECONSTRUCTION_CLAIM, desk.claim)
     bus.serve(topics.RECONSTRUCTION_REPORT, desk.report)
-    bus.watch(lambda role, name, alive: desk.seen(name, alive=alive) if role == RECONSTRUCTOR else None)
+    bus.watch(lambda member, alive: desk.seen(member.name, alive=alive) if member.role == RECONSTRUCTOR else None)
 
 
 def pull_jobs(bus: Bus, name: str, stop: threading.Event) -> None:

@@ -4,6 +4,7 @@ import logging
 import re
 import threading
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,6 +37,8 @@ from readygo.services.recorder.shards import Shards
 
 _log = logging.getLogger(__name__)
 
+RECONCILE_S = 10.0
+"""How often the recorder asks which grants it holds: a grant whose answer came too late is answered for [s]."""
 FULL_S = 1.0
 """A disk that took nothing is tried again after this time [s]."""
 
@@ -92,7 +95,8 @@ class Recorder:
         self._buffers = EpisodeBuffers(config.buffer_mib * 2**20)
         self._grants = Grants(bus, name, config.coordinator_timeout_s)
         self._run: tuple[int, Split] | None = None
-        self._reconciled = False
+        self._reconciled, self._reconciled_s = False, 0.0
+        """Whether every grant was answered for, and when that was looked at last."""
         self._trouble = ""
         """Why the disk takes nothing."""
         self._tried_s = 0.0
@@ -120,8 +124,7 @@ class Recorder:
                 return AppendReply(status=AppendStatus.RETRY, detail=f"recorder {self.name} is closed")
             if episode.index in self._shards.durable:
                 self._check_run(episode)
-                self._tell_again(self._shards.durable[episode.index], request.attempt)
-                return self._finished(episode.index, AppendStatus.DUP)
+                return self._tell_again(self._shards.durable[episode.index], request.attempt)
             if (unexpected := self._unexpected(request)) is not None:
                 return unexpected
             self._check_run(episode)
@@ -142,11 +145,20 @@ class Recorder:
             trouble=self._trouble,
         )
 
-    def _tell_again(self, durable: Durable, attempt: int) -> None:
-        """Another attempt at a durable episode shows that the coordinator does not know of it (any more)."""
-        if attempt != durable.attempt:
-            self._grants.report(self._done_report(durable))
+    def _tell_again(self, durable: Durable, attempt: int) -> AppendReply:
+        """Answer for an attempt at a durable episode: the coordinator may have lost what it knew of it.
+
+        Then the attempt is granted, and the episode that is there is reported under it: its samples are the same.
+        """
+        try:
+            verdict = self._grants.ask(durable.episode.index, attempt)
+        except BusError as error:
+            self._reconciled = False
+            return AppendReply(status=AppendStatus.RETRY, detail=str(error))
+        if verdict is VerdictStatus.OK:
+            self._grants.report(self._done_report(durable, attempt))
             self._grants.flush()
+        return self._finished(durable.episode.index, AppendStatus.DUP)
 
     def _unexpected(self, request: AppendRequest) -> AppendReply | None:
         """The answer to an attempt that is new here unless the coordinator has leased it; None if samples may come."""
@@ -178,6 +190,8 @@ class Recorder:
         with self._lock:
             if not self._grants.flush():
                 return False
+            if time.monotonic() - self._reconciled_s > RECONCILE_S:
+                self._reconciled = False
             if not self._reconciled and not self._cleared_up():
                 return False
             return self._grants.flush()
@@ -246,7 +260,8 @@ class Recorder:
         """Wait for the disk: grants are kept, and their episodes written when it takes them."""
         if not self._trouble:
             _log.warning("%s", error)
-        if self._grants.trouble(str(error)):
+        # Others take over what is granted and not reported: what is durable is reported first.
+        if self._grants.flush() and self._grants.trouble(str(error)):
             self._buffers.clear()
         self._trouble, self._tried_s = str(error), time.monotonic()
         self._reconciled = False
@@ -286,18 +301,25 @@ class Recorder:
             raise
         except RunError as failure:
             self._buffers.drop(chunk.episode.index)
-            self._grants.report(LostRequest(recorder=self.name, index=chunk.episode.index, reason=str(failure)))
+            self._grants.report(self._lost_report(chunk.episode.index, chunk.attempt, str(failure)))
             self._grants.flush()
             raise
-        self._grants.report(self._done_report(durable))
+        self._grants.report(self._done_report(durable, durable.attempt))
         self._grants.flush()
         self._shards.finish_full()
 
-    def _done_report(self, durable: Durable) -> DoneRequest:
+    def _lost_report(self, index: int, attempt: int, reason: str = "") -> LostRequest:
+        return LostRequest(recorder=self.name, index=index, attempt=attempt, reason=reason)
+
+    def _salvage_report(self, durable: Durable, pending: Mapping[int, int]) -> DoneRequest:
+        """An episode that a crash left, under the attempt that is granted now: its samples are the same."""
+        return self._done_report(durable, pending.get(durable.episode.index, durable.attempt))
+
+    def _done_report(self, durable: Durable, attempt: int) -> DoneRequest:
         return DoneRequest(
             recorder=self.name,
             index=durable.episode.index,
-            attempt=durable.attempt,
+            attempt=attempt,
             shard=durable.shard,
             sample_count=durable.sample_count,
             policy=durable.policy,
@@ -305,17 +327,18 @@ class Recorder:
 
     def _reconcile(self) -> None:
         """Save open shards, and answer for every grant that the coordinator believes this recorder holds."""
-        self._shards.salvage(lambda durable: self._grants.claim_done(self._done_report(durable)))
         pending = self._grants.pending()
-        self._reconciled = True
-        for index in pending:
+        self._shards.salvage(lambda durable: self._grants.claim_done(self._salvage_report(durable, pending)))
+        pending = self._grants.pending()
+        self._reconciled, self._reconciled_s = True, time.monotonic()
+        for index, attempt in pending.items():
             buffer = self._buffers.get(index)
             if index in self._shards.durable:
-                self._grants.report(self._done_report(self._shards.durable[index]))
-            elif buffer is not None and buffer.complete:
+                self._grants.report(self._done_report(self._shards.durable[index], attempt))
+            elif buffer is not None and buffer.complete and buffer.attempt == attempt:
                 self._record(index)
             else:
-                self._grants.report(LostRequest(recorder=self.name, index=index, reason=""))
+                self._grants.report(self._lost_report(index, attempt))
 
     def _check_run(self, episode: EpisodeKey) -> None:
         """Indices name episodes within one run only."""

@@ -1,5 +1,7 @@
 """Requests of recorders -> replies: which samples may come, and which episodes are durable."""
 
+import logging
+
 from readygo.common.errors import RunError
 from readygo.common.messages import (
     DoneRequest,
@@ -14,6 +16,9 @@ from readygo.common.messages import (
 )
 from readygo.services.coordinator.coordinator import REASON_MAX, Coordinator
 from readygo.services.coordinator.proofs import not_the_holder
+from readygo.services.coordinator.protocol import Written
+
+log = logging.getLogger(__name__)
 
 
 def handle_expect(coordinator: Coordinator, request: ExpectRequest) -> Verdict:
@@ -24,7 +29,7 @@ def handle_expect(coordinator: Coordinator, request: ExpectRequest) -> Verdict:
         return Verdict(status=VerdictStatus.STALE, reason=reason)
     if wrong := _of_another_recorder(coordinator, request.recorder, key.index):
         return wrong
-    status = coordinator.ledger.census.expected(key.index, request.attempt)
+    status = coordinator.ledger.expected(key.index, request.attempt)
     if status is VerdictStatus.OK and not coordinator.proofs.proves(request.lease, key.index, request.attempt):
         return not_the_holder(key.index, request.attempt)
     late = status is VerdictStatus.STALE
@@ -40,24 +45,35 @@ def handle_grant(coordinator: Coordinator, request: GrantRequest) -> Verdict:
 
 
 def handle_done(coordinator: Coordinator, request: DoneRequest) -> Verdict:
-    """An episode is durable; STALE if it is in another recorder's shard already.
+    """An episode is durable; STALE if it was not granted to the recorder under this attempt.
 
     Raises:
         RunError: If it is not where the recorder says.
     """
+    if unknown := _unknown_recorder(coordinator, request.recorder):
+        return unknown
     if not coordinator.holds(request):
         raise RunError(f"Episode {request.index} is not in {request.shard} of recorder {request.recorder}.")
-    hashes = coordinator.ledger.commit(
-        request.index, request.recorder, request.shard, request.sample_count, request.policy
+    written = Written(
+        recorder=request.recorder,
+        attempt=request.attempt,
+        shard=request.shard,
+        samples=request.sample_count,
+        policy=request.policy,
     )
-    for sha256 in hashes or ():
+    hashes = coordinator.ledger.commit(request.index, written)
+    if hashes is None:
+        reason = f"attempt {request.attempt} of episode {request.index} is not granted to {request.recorder}"
+        log.warning("done refused: %s", reason)
+        return Verdict(status=VerdictStatus.STALE, reason=reason)
+    for sha256 in hashes:
         coordinator.blobs.drop(sha256)
-    return Verdict(status=VerdictStatus.STALE if hashes is None else VerdictStatus.OK)
+    return Verdict(status=VerdictStatus.OK)
 
 
 def handle_lost(coordinator: Coordinator, request: LostRequest) -> Verdict:
     """A granted episode did not become durable."""
-    held = coordinator.ledger.take_back(request.index, request.recorder)
+    held = coordinator.ledger.take_back(request.index, request.recorder, request.attempt)
     if held and request.reason:
         coordinator.failed = request.reason[:REASON_MAX]
     return Verdict(status=VerdictStatus.OK)
@@ -74,7 +90,8 @@ def handle_trouble(coordinator: Coordinator, request: TroubleRequest) -> Verdict
 
 def handle_pending(coordinator: Coordinator, request: PendingRequest) -> PendingReply:
     """Which grants does the recorder hold?"""
-    return PendingReply(indices=coordinator.ledger.census.granted(request.recorder))
+    granted = coordinator.ledger.census.granted(request.recorder)
+    return PendingReply(indices=tuple(granted), attempts=tuple(granted.values()))
 
 
 def _of_another_recorder(coordinator: Coordinator, recorder: str, index: int) -> Verdict | None:

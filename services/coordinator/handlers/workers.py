@@ -22,6 +22,7 @@ from readygo.services.coordinator.coordinator import LEDGER, REASON_MAX, Coordin
 from readygo.services.coordinator.giving_up import after_rejection, set_aside
 from readygo.services.coordinator.ledger import Lease
 from readygo.services.coordinator.proofs import not_the_holder
+from readygo.services.coordinator.protocol import Holder
 
 log = logging.getLogger(__name__)
 
@@ -40,13 +41,14 @@ def handle_claim(coordinator: Coordinator, stage: Stage, request: ClaimRequest) 
     if coordinator.paused or (stage == coordinator.spec.stages[0] and _planned_ahead(coordinator)):
         return ClaimReply(status=ClaimStatus.WAIT)
     deadline_s = coordinator.clock() + coordinator.config.lease_s
+    holder = Holder(worker=request.worker, role=request.role, session=request.session)
     try:
         recorder = coordinator.choose_recorder() if stage.records else ""
-        while lease := coordinator.ledger.claim(stage, request.worker, deadline_s, recorder):
+        while lease := coordinator.ledger.claim(stage, holder, deadline_s, recorder):
             if (inputs := _inputs(coordinator, lease)) is not None:
                 coordinator.given[recorder] += 1
                 return _lease_reply(coordinator, recorder, lease, inputs)
-            coordinator.ledger.begin_anew(lease.index)
+            coordinator.ledger.restart(lease.index)
     except DiskError as error:
         coordinator.note_trouble(LEDGER, str(error))
     return ClaimReply(status=ClaimStatus.WAIT)
@@ -70,6 +72,8 @@ def _completed(coordinator: Coordinator, stage: Stage, request: CompleteRequest)
     ledger = coordinator.ledger
     if other := _held_by_another(coordinator, request):
         return other
+    if not ledger.completes(stage, request.index, request.attempt):
+        return Verdict(status=VerdictStatus.STALE)
     ledger.notes.add(f"cpu_s/{stage.name}", request.cpu_s)
     rejected = request.rejected[:REASON_MAX]
     if request.failed:
@@ -106,11 +110,10 @@ def _kept(coordinator: Coordinator, result: bytes) -> str:
 
 def _held_by_another(coordinator: Coordinator, request: RenewRequest | CompleteRequest) -> Verdict | None:
     """What is said to somebody who speaks for a lease that another worker holds."""
-    holder = coordinator.ledger.census.holder(request.index, request.attempt)
-    if not holder:
-        return None
-    proved = coordinator.proofs.proves(request.lease, request.index, request.attempt)
-    return None if proved and holder == request.worker else not_the_holder(request.index, request.attempt)
+    if not coordinator.proofs.proves(request.lease, request.index, request.attempt):
+        return not_the_holder(request.index, request.attempt)
+    holder = coordinator.ledger.holder(request.index, request.attempt)
+    return None if holder.worker in ("", request.worker) else not_the_holder(request.index, request.attempt)
 
 
 def _verdict(held: bool) -> Verdict:

@@ -13,7 +13,7 @@ from readygo.common.bus.zenoh_bus import ZenohBus
 from readygo.common.errors import BusError
 from readygo.common.fleet.repeat import repeating
 from readygo.common.messages import StatusRequest, topics
-from readygo.services.coordinator import Coordinator, handle_status
+from readygo.services.coordinator import Coordinator, Written, handle_status
 from tests.apps.commands.run_at_work import coordinator, folder
 
 __all__ = ["coordinator", "folder"]
@@ -28,7 +28,7 @@ def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_status_says_how_far_the_run_is(
     folder: RunFolder, coordinator: Coordinator, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    coordinator.ledger.commit(0, "rec0", "shard", 40)
+    coordinator.ledger.adopt(0, Written(recorder="rec0", attempt=1, shard="shard", samples=40))
     status(folder.path)
     said = capsys.readouterr().out
     assert "1 of 3 episodes, 40 samples" in said

@@ -15,6 +15,7 @@ from readygo.apps.learn.crew import DEAF_MAX, FROZEN_S, PACE_S, Crew, Reach
 from readygo.apps.learn.plan import Budget, Plan, learn_settings, make_plan
 from readygo.apps.learn.training import Training
 from readygo.apps.run.folder import RunFolder
+from readygo.common.bus import Member
 from readygo.common.errors import BusError, RunError
 from readygo.common.messages import Command, StatusReply
 
@@ -124,22 +125,22 @@ def test_guests_are_given_time_to_finish_their_episodes_unless_it_is_stopped(
     listening = partial(Crew, plan, Split(2, 1), Reach(listen="tls/lab1:7447", certs=Path("certs"), hosts=True))
     place = plan.places[0].name
     with listening() as crew:
-        crew._note_presence(place, "all", "all0", True)
-        crew._note_presence(place, "recorder", "rec0", True)
+        crew._note_presence(place, Member("all", "all0", "s"), True)
+        crew._note_presence(place, Member("recorder", "rec0", "s"), True)
     looks = iter(range(3))
 
     def look(_: float) -> None:
         if next(looks) == 2:
-            crew._note_presence(place, "all", "guest", False)
+            crew._note_presence(place, Member("all", "guest", "s"), False)
 
     with monkeypatch.context() as patched:
         patched.setattr(crew_module.time, "sleep", look)
         with listening() as crew:
-            crew._note_presence(place, "all", "guest", True)
+            crew._note_presence(place, Member("all", "guest", "s"), True)
     assert next(looks, None) is None
     monkeypatch.setattr(crew_module, "STOP_S", 0.0)
     with pytest.raises(KeyboardInterrupt), listening() as crew:  # noqa: PT012
-        crew._note_presence(place, "all", "guest", True)
+        crew._note_presence(place, Member("all", "guest", "s"), True)
         raise KeyboardInterrupt
 
 

@@ -11,7 +11,7 @@ from readygo.apps.run.folder import RunFolder
 from readygo.common.errors import RunError
 from readygo.common.messages import FileRef, PolicyRef, RunSpec
 from readygo.common.messages.stages import DRIVE_LINE
-from readygo.services.coordinator import BlobStore, Ledger
+from readygo.services.coordinator import BlobStore, Holder, Ledger, Written
 from tests.common.messages.run_specs import SPEC
 
 LIVE = dataclasses.replace(
@@ -36,8 +36,8 @@ def data(tmp_path: Path) -> Path:
         for head in (b"1", b"2")
     ]
     ledger.open_episodes(4)
-    ledger.commit(0, "rec0", "shard", 10)
-    ledger.commit(2, "rec0", "shard", 10, offered[1].sha256)
+    ledger.adopt(0, Written(recorder="rec0", attempt=1, shard="shard", samples=10))
+    ledger.adopt(2, Written(recorder="rec0", attempt=1, shard="shard", samples=10, policy=offered[1].sha256))
     ledger.close()
     return folder.path
 
@@ -52,7 +52,7 @@ def test_durable_episodes_are_opened_with_their_policies_and_nothing_else(data: 
     assert (spec, count) == (LIVE, 2)
     assert RunFolder(tmp_path / "again").load() == (LIVE, 2)
     assert ledger.open_episodes(2) == 0
-    leases = [ledger.claim(DRIVE_LINE[0], "w", 10.0) for _ in range(3)]
+    leases = [ledger.claim(DRIVE_LINE[0], Holder(worker="w"), 10.0) for _ in range(3)]
     assert [lease.index for lease in leases if lease] == [0, 2]
     (policy,) = ledger.policies.all()
     assert BlobStore(RunFolder(tmp_path / "again").blobs).get(policy.files[0].sha256) == b"2"
@@ -62,7 +62,7 @@ def test_durable_episodes_are_opened_with_their_policies_and_nothing_else(data: 
 def test_folder_that_has_grown_since_is_followed(data: Path, tmp_path: Path) -> None:
     prepare_again(data, tmp_path / "again")
     grown = Ledger(RunFolder(data).ledger, DRIVE_LINE)
-    grown.commit(1, "rec0", "shard", 10)
+    grown.adopt(1, Written(recorder="rec0", attempt=1, shard="shard", samples=10))
     grown.close()
     _, count, ledger = _prepared(data, tmp_path / "again")
     assert count == 3

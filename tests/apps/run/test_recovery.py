@@ -331,7 +331,7 @@ def test_ledger_is_not_made_anew_without_the_shards_of_other_machines(
 def _start_on_a_full_disk(folder: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     """Lose the ledger, and have a start get no further than to make an empty one."""
     _lose_ledger(folder)
-    Ledger(folder.ledger, LINE).close()
+    Ledger(folder.ledger).close()
 
 
 def _end_while_it_is_made_anew(folder: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -212,7 +212,7 @@ def test_watcher_sees_who_is_there_and_who_comes_and_goes(server: Bus, join: Joi
     seen: list[tuple[str, str, bool]] = []
     early = join()
     early.announce("animator", "a1")
-    server.watch(lambda *event: seen.append(event))
+    server.watch(lambda member, alive: seen.append((member.role, member.name, alive)))
     wait_for(lambda: seen == [("animator", "a1", True)])
     late = join()
     late.announce("renderer", "r1")
@@ -272,3 +272,17 @@ def test_nobody_hears_what_nobody_subscribed_to(server: Bus, client: Bus) -> Non
     client.subscribe(NEWS, lambda news: None)
     server.announce("renderer", "r0")
     server.tell(FLASH, lambda: pytest.fail("made for nobody"))
+
+
+def test_each_life_of_a_worker_has_a_session_of_its_own(join: Join) -> None:
+    server = join()
+    seen: list[tuple[str, bool]] = []
+    server.watch(lambda member, alive: seen.append((member.session, alive)))
+    sessions = []
+    for _ in range(2):
+        worker = join()
+        sessions.append(worker.announce("renderer", "r1"))
+        worker.close()
+    first, second = sessions
+    assert first != second
+    wait_for(lambda: seen == [(first, True), (first, False), (second, True), (second, False)])

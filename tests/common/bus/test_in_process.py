@@ -67,7 +67,7 @@ def test_who_has_left_hears_nothing_more_and_is_not_there() -> None:
     bus.publish(news, BlobReply(size=1, data=b""))
     guest.close()
     bus.publish(news, BlobReply(size=2, data=b""))
-    bus.watch(lambda *event: present.append(event))
+    bus.watch(lambda member, alive: present.append((member.role, member.name, alive)))
     bus.close()
     assert [message.size for message in heard] == [1]
     assert present == [("renderer", "r1", True)]

@@ -143,7 +143,7 @@ def test_who_does_not_get_a_name_is_not_seen_to_come_and_go() -> None:
     router = Router(free_endpoint())
     watcher, first, second = (ZenohBus(router.endpoint, "test") for _ in range(3))
     seen: list[tuple[str, str, bool]] = []
-    watcher.watch(lambda *change: seen.append(change))
+    watcher.watch(lambda member, alive: seen.append((member.role, member.name, alive)))
     first.announce("renderer", "r1")
     with pytest.raises(BusError, match="Another renderer of the run is called 'r1'"):
         second.announce("renderer", "r1")

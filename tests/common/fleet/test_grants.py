@@ -23,9 +23,9 @@ def grants(coordinator: FakeCoordinator) -> Grants:
 def test_grant_is_pending_until_it_is_reported(coordinator: FakeCoordinator, grants: Grants) -> None:
     assert grants.ask(4, 2) is VerdictStatus.OK
     assert coordinator.granted == {4: 2}
-    assert grants.pending() == (4,)
+    assert grants.pending() == {4: 2}
     assert grants.claim_done(_done(4))
-    assert grants.pending() == ()
+    assert grants.pending() == {}
 
 
 def test_refused_grant_says_why(coordinator: FakeCoordinator, grants: Grants) -> None:
@@ -61,6 +61,6 @@ def test_episode_that_is_in_another_recorders_shard_is_an_error_once(
     coordinator.stale_done = {0}
     assert not grants.claim_done(_done(0))
     grants.report(_done(0))
-    with pytest.raises(RunError, match="Episode 0 is in shard, but the coordinator gave it to another recorder"):
+    with pytest.raises(RunError, match="Episode 0 is in shard, but the coordinator does not count it"):
         grants.flush()
     assert grants.flush()

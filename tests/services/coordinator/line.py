@@ -73,8 +73,9 @@ class Line:
         request = OfferRequest(files=tuple(PolicyFile(name=name, data=data) for name, data in files.items()))
         return self.bus.request(topics.OFFER, request)
 
-    def claim(self, stage: Stage, worker: str = "w", numeric_class: str = "this") -> ClaimReply:
-        request = ClaimRequest(worker=worker, numeric_class=numeric_class)
+    def claim(self, stage: Stage, worker: str = "w", numeric_class: str = "this", **life: str) -> ClaimReply:
+        """Claim an episode; `life` is role and session of the worker."""
+        request = ClaimRequest(worker=worker, numeric_class=numeric_class, **life)
         return self.bus.request(topics.claim(stage.name), request)
 
     def complete(self, stage: Stage, claim: ClaimReply, **fields: object) -> VerdictStatus:

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from readygo.common.messages import FileRef, PolicyRef, Stage, VerdictStatus
-from readygo.services.coordinator import Ledger
+from readygo.services.coordinator import Holder, Ledger, Written
 from readygo.services.coordinator.schema import open_database
 
 FILM = Stage(name="film", role="camera", records=True)
@@ -31,14 +31,14 @@ def test_ledger_of_before_there_were_policies_goes_on(tmp_path: Path) -> None:
     path = tmp_path / "ledger.sqlite"
     ledger = Ledger(path, (FILM,))
     ledger.open_episodes(2)
-    ledger.commit(1, "rec0", "shard", 10)
+    ledger.adopt(1, Written(recorder="rec0", attempt=1, shard="shard", samples=10))
     ledger.close()
     whole = _columns(path)
     _strip(path)
     again = Ledger(path, (FILM,))
     assert again.census.driven_by() == {1: ""}
     offered = again.policies.offer(POLICY, 1)
-    lease = again.claim(FILM, "w", 10.0)
+    lease = again.claim(FILM, Holder(worker="w"), 10.0, "rec0")
     assert lease is not None
     assert (lease.index, lease.policy) == (0, offered.sha256)
     assert again.grant(0, lease.attempt, "rec0") is VerdictStatus.OK

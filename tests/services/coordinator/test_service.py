@@ -3,7 +3,7 @@ import time
 from collections.abc import Callable
 
 from readygo.common.bus import InProcessBus
-from readygo.common.messages import Command, ControlRequest, StatusReply, Wake, topics
+from readygo.common.messages import Command, ControlRequest, StatusReply, VerdictStatus, Wake, topics
 from readygo.common.messages.stages import HUMAN_PLAN, RENDER
 from readygo.services.coordinator import tick
 from tests.services.coordinator.line import Line
@@ -11,8 +11,8 @@ from tests.services.coordinator.line import Line
 
 def test_worker_that_leaves_the_bus_frees_its_leases(line: Line) -> None:
     worker = InProcessBus(line.bus)
-    worker.announce("human-planner", "w")
-    held = line.claim(HUMAN_PLAN, "w")
+    session = worker.announce("human-planner", "w")
+    held = line.claim(HUMAN_PLAN, "w", role="human-planner", session=session)
     worker.close()
     deadline_s = time.monotonic() + 5.0
     while line.status().requeued == 0:
@@ -61,6 +61,17 @@ def test_recorder_that_is_gone_is_told_until_it_comes_back(line: Line) -> None:
     again.announce("recorder", "rec0")
     _wait_until(lambda: line.status().trouble == "")
     again.close()
+
+
+def test_name_of_another_role_ends_no_lease_and_is_no_recorder(line: Line) -> None:
+    claim = line.claim(HUMAN_PLAN, "desk-1", role="human-planner", session="first")
+    for role, name in (("animator", "desk-1"), ("animator", "rec0"), ("human-planner", "desk-2")):
+        other = InProcessBus(line.bus)
+        other.announce(role, name)
+        other.close()
+    _wait_until(lambda: line.coordinator.roster.size == 0)
+    assert line.status().trouble == ""
+    assert line.complete(HUMAN_PLAN, claim, worker="desk-1", result=b"x") is VerdictStatus.OK
 
 
 def _wait_until(true: Callable[[], bool]) -> None:

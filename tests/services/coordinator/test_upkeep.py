@@ -7,8 +7,8 @@ from readygo.common.messages import (
     ClaimStatus,
     VerdictStatus,
 )
-from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN
-from readygo.services.coordinator import requeue_lost
+from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN, RENDER, ROBOT_PLAN
+from readygo.services.coordinator import Holder, requeue_lost
 from tests.services.coordinator.line import Line
 
 
@@ -24,10 +24,14 @@ def test_expired_lease_is_given_to_another_and_late_work_is_stale(line: Line) ->
     assert line.status().requeued == 1
 
 
+def _life(worker: str, session: str = "first") -> Holder:
+    return Holder(worker=worker, role="human-planner", session=session)
+
+
 def test_dead_workers_leases_are_free_at_once(line: Line) -> None:
-    line.claim(HUMAN_PLAN, "dead")
-    alive = line.claim(HUMAN_PLAN, "alive")
-    requeue_lost(line.coordinator, worker="dead")
+    line.claim(HUMAN_PLAN, "dead", role="human-planner", session="first")
+    alive = line.claim(HUMAN_PLAN, "alive", role="human-planner", session="first")
+    requeue_lost(line.coordinator, holder=_life("dead"))
     again = line.claim(HUMAN_PLAN, "alive")
     assert again.episode is not None
     assert (again.episode.index, again.attempt) == (0, 2)
@@ -37,9 +41,34 @@ def test_dead_workers_leases_are_free_at_once(line: Line) -> None:
 def test_episode_that_kills_its_workers_is_set_aside(tmp_path: Path) -> None:
     line = Line(tmp_path, deaths_max=2)
     for _ in range(2):
-        line.claim(HUMAN_PLAN, "doomed")
-        requeue_lost(line.coordinator, worker="doomed")
+        line.claim(HUMAN_PLAN, "doomed", role="human-planner", session="first")
+        requeue_lost(line.coordinator, holder=_life("doomed"))
     assert line.status().rejected == {"set aside: 2 workers ended while they held it": 1}
+
+
+def test_lease_ends_with_the_very_life_of_the_worker_that_took_it(line: Line) -> None:
+    held = line.claim(HUMAN_PLAN, "desk-1", role="human-planner", session="second")
+    unannounced = line.claim(HUMAN_PLAN, "desk-2")
+    others = (
+        Holder(worker="desk-1", role="animator", session="second"),
+        Holder(worker="desk-1", role="human-planner", session="first"),
+        Holder(worker="desk-2", role="human-planner", session="second"),
+        Holder(worker="desk-2"),
+    )
+    assert not any(requeue_lost(line.coordinator, holder=other) for other in others)
+    for claim, worker in ((held, "desk-1"), (unannounced, "desk-2")):
+        assert line.complete(HUMAN_PLAN, claim, worker=worker, result=b"x") is VerdictStatus.OK
+
+
+def test_deaths_at_earlier_stages_are_forgotten(tmp_path: Path) -> None:
+    line = Line(tmp_path, wanted=1, deaths_max=2)
+    for stage in (HUMAN_PLAN, ANIMATE, ROBOT_PLAN, RENDER):
+        line.claim(stage, "preempted", role="all", session=stage.name)
+        requeue_lost(line.coordinator, holder=Holder(worker="preempted", role="all", session=stage.name))
+        assert line.status().rejected == {}
+        line.pass_on(*((stage,) if stage is not RENDER else ()))
+    line.record(line.claim(RENDER))
+    assert line.status().finished
 
 
 def test_full_disk_of_the_ledger_is_waited_for(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -59,6 +59,8 @@ class FakeCoordinator:
 
     def _grant(self, request: GrantRequest) -> Verdict:
         self._answer("grant")
+        if request.index in self.done_indices:
+            return Verdict(status=VerdictStatus.DONE)
         status = self.verdicts.get(request.index, VerdictStatus.OK)
         if status is VerdictStatus.OK:
             self.granted[request.index] = request.attempt
@@ -81,4 +83,6 @@ class FakeCoordinator:
 
     def _pending(self, request: PendingRequest) -> PendingReply:
         self._answer("pending")
-        return PendingReply(indices=tuple(sorted(self.granted)))
+        return PendingReply(
+            indices=tuple(sorted(self.granted)), attempts=tuple(self.granted[index] for index in sorted(self.granted))
+        )

@@ -36,9 +36,7 @@ class LeasingCoordinator(FakeCoordinator):
             raise BusError(f"Nobody answered {topic}.")
 
     def _grant(self, request: GrantRequest) -> Verdict:
-        if request.index in self.done_indices:
-            return Verdict(status=VerdictStatus.DONE)
-        if request.attempt != self.attempts[request.index]:
+        if request.index not in self.done_indices and request.attempt != self.attempts[request.index]:
             return Verdict(status=VerdictStatus.STALE)
         return super()._grant(request)
 

@@ -129,7 +129,7 @@ def test_report_is_sent_until_it_is_acknowledged(make_recorder, coordinator) -> 
 def test_episode_given_away_after_its_grant_is_an_error(make_recorder, coordinator) -> None:
     recorder = make_recorder()
     coordinator.stale_done = {0}
-    with pytest.raises(RunError, match="remove one of the two shards"):
+    with pytest.raises(RunError, match="the coordinator does not count it"):
         send(recorder, append_requests(0))
 
 

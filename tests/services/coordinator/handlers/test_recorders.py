@@ -40,8 +40,11 @@ def test_granted_episode_does_not_expire_and_is_listed_as_pending(line: Line) ->
     line.now_s = 1000.0
     requeue_lost(line.coordinator)
     assert line.claim(RENDER).status is ClaimStatus.WAIT
-    assert line.bus.request(topics.PENDING, PendingRequest(recorder="rec0")).indices == (0,)
-    line.bus.request(topics.LOST, LostRequest(recorder="rec0", index=0, reason=""))
+    pending = line.bus.request(topics.PENDING, PendingRequest(recorder="rec0"))
+    assert (pending.indices, pending.attempts) == ((0,), (claim.attempt,))
+    line.bus.request(topics.LOST, LostRequest(recorder="rec0", index=0, reason="", attempt=claim.attempt - 1))
+    assert line.claim(RENDER).status is ClaimStatus.WAIT
+    line.bus.request(topics.LOST, LostRequest(recorder="rec0", index=0, reason="", attempt=claim.attempt))
     assert line.claim(RENDER).status is ClaimStatus.LEASE
 
 
@@ -94,21 +97,55 @@ def test_recorders_trouble_is_told_until_it_is_over(line: Line) -> None:
 
 def test_recorder_that_cannot_write_ends_the_run_with_its_words(line: Line) -> None:
     line.plan()
-    line.grant(line.claim(RENDER))
-    lost = LostRequest(recorder="rec0", index=0, reason="No space left.")
+    claim = line.claim(RENDER)
+    line.grant(claim)
+    lost = LostRequest(recorder="rec0", index=0, reason="No space left.", attempt=claim.attempt)
     assert line.bus.request(topics.LOST, lost).status is VerdictStatus.OK
     assert line.status().failed == "No space left."
     assert line.claim(RENDER).status is ClaimStatus.DONE
 
 
-def test_second_recorders_copy_of_a_durable_episode_is_stale(line: Line) -> None:
-    line.plan()
+def test_done_is_believed_of_the_granted_recorder_and_attempt_alone(tmp_path: Path) -> None:
+    line = line_to_two_recorders(tmp_path)
+    claim, other = line.claim(RENDER), line.claim(RENDER)
+    assert (claim.recorder, other.recorder) == ("rec0", "east")
+
+    def done(index: int = 0, recorder: str = "rec0", attempt: int = claim.attempt) -> tuple[VerdictStatus, str]:
+        request = DoneRequest(recorder=recorder, index=index, attempt=attempt, shard="s", sample_count=10)
+        verdict = line.bus.request(topics.DONE, request)
+        return verdict.status, verdict.reason
+
+    assert done() == (VerdictStatus.STALE, "attempt 4 of episode 0 is not granted to rec0"), "leased, not granted"
+    line.grant(claim)
+    assert done(recorder="east")[0] is VerdictStatus.STALE
+    assert done(attempt=99)[0] is VerdictStatus.STALE
+    assert done(attempt=claim.attempt - 1)[0] is VerdictStatus.STALE
+    assert done(index=3)[0] is VerdictStatus.STALE, "waits"
+    assert done(index=10**9)[0] is VerdictStatus.STALE, "is not open"
+    assert done(recorder="nobody") == (VerdictStatus.STALE, "the run has no recorder 'nobody'")
+    assert line.status().committed == 0
+    assert done() == (VerdictStatus.OK, "")
+    assert done() == (VerdictStatus.OK, "")
+    assert done(recorder="east")[0] is VerdictStatus.STALE
+    assert line.status().samples == 10
+
+
+def test_recorder_that_was_given_up_is_believed_no_more(tmp_path: Path) -> None:
+    line = line_to_two_recorders(tmp_path)
     claim = line.claim(RENDER)
     line.grant(claim)
-    assert line.done(claim) is VerdictStatus.OK
-    other = DoneRequest(recorder="rec1", index=0, attempt=1, shard="t", sample_count=10)
-    assert line.bus.request(topics.DONE, other).status is VerdictStatus.STALE
-    assert line.done(claim) is VerdictStatus.OK
+    line.coordinator.ledger.retire("rec0")
+    line.coordinator.recorders = ("east",)
+    assert line.done(claim) is VerdictStatus.STALE
+    assert line.grant(claim) is VerdictStatus.STALE
+    assert line.bus.request(topics.PENDING, PendingRequest(recorder="rec0")).indices == ()
+    assert line.status().committed == 0
+
+
+@pytest.mark.parametrize("count", [0, -5])
+def test_durable_episode_has_samples(count: int) -> None:
+    with pytest.raises(ValueError, match="a durable episode has samples"):
+        DoneRequest(recorder="rec0", index=0, attempt=1, shard="s", sample_count=count)
 
 
 def test_grant_is_for_the_stage_that_records_only(line: Line) -> None:
