@@ -18,6 +18,7 @@ from readygo.benchmarks.fleet.site import LAUNCHER, Site
 from readygo.common.dataset.places import own_folders
 from readygo.common.errors import BusError, ReadygoError, RunError
 from readygo.common.messages import StatusRequest, topics
+from readygo.common.messages.fleet import FleetRequest
 
 SHORTEST_S = 0.3
 """Of freezes and full disks."""
@@ -40,6 +41,7 @@ class Kind(enum.Enum):
     LOSE_DISK = "a recorder's own disk is lost, and it is given up"
     FULL_DISK = "the disk is full for a while"
     HOSTILE = "hostile messages"
+    TWICE_NAMED = "processes of other roles take the workers' names, and leave"
 
 
 WEIGHTS = {
@@ -57,6 +59,7 @@ WEIGHTS = {
     Kind.LOSE_DISK: 1,
     Kind.FULL_DISK: 10,
     Kind.HOSTILE: 14,
+    Kind.TWICE_NAMED: 14,
 }
 """How much more often than others a kind comes up."""
 
@@ -243,6 +246,24 @@ def _take_all(descriptor: int) -> None:
                 end += block
 
 
+def _take_names(site: Site, fault: Fault) -> Trace:
+    """Have processes come and go that are called as the fleet's, in roles that these have not."""
+    try:
+        bus = site.join()
+        workers = bus.request(topics.FLEET, FleetRequest(), timeout_s=1.0).workers
+    except ReadygoError as error:
+        return _nothing(str(error))
+    bus.close()
+    roles = sorted({*(worker.role for worker in workers), "stranger"})
+    for worker in workers:
+        guest = site.join()
+        for role in roles:
+            if role != worker.role:
+                guest.announce(role, worker.name)
+        guest.close()
+    return Trace(words=f"{len(workers)} names in {len(roles)} roles")
+
+
 def _lie(site: Site, fault: Fault) -> Trace:
     if not site.durable():
         return _nothing("no worker has said yet of which numeric class the run is")
@@ -274,4 +295,5 @@ ACTIONS: Mapping[Kind, Callable[[Site, Fault], Trace]] = {
     Kind.LOSE_DISK: _lose_disk,
     Kind.FULL_DISK: _fill_disk,
     Kind.HOSTILE: _lie,
+    Kind.TWICE_NAMED: _take_names,
 }

@@ -119,6 +119,9 @@ def _reports(bus: Bus, spec: RunSpec, rng: random.Random) -> list[Lie]:
             ),
         ),
         ("done outside", _sender(bus, topics.DONE, dataclasses.replace(done, shard="../../etc/passwd"), _not_ok)),
+        ("done of an attempt to come", _sender(bus, topics.DONE, dataclasses.replace(done, attempt=99), _not_ok)),
+        ("done of nobody", _sender(bus, topics.DONE, dataclasses.replace(done, recorder="nobody"), _not_ok)),
+        ("done without samples", _sender(bus, topics.DONE, {**dataclasses.asdict(done), "sample_count": -5}, _not_ok)),
         ("done of nothing", _sender(bus, topics.DONE, dataclasses.replace(done, index=10**6), _not_ok)),
         (
             "grant to nobody",

@@ -82,21 +82,21 @@ def main(
         timeout_s: Time for all of it [s].
     """
     deadline_s = time.monotonic() + timeout_s
-    with tempfile.TemporaryDirectory() as name, _hosts(Path(name)) as hosts:
+    with tempfile.TemporaryDirectory() as name, hosts_on_a_bridge(Path(name)) as hosts:
         alone = Path(name) / "alone"
         what = [scene, "--episodes", str(episodes), *(["--static"] if static else [])]
-        _readygo("generate", *what, "--out", str(alone), "--workers", "0")
+        readygo("generate", *what, "--out", str(alone), "--workers", "0")
         expected = Dataset([alone]).content_hash
         _issue(Path(name) / "authority", hosts)
         data, shards = hosts[0].root / "data", hosts[2].root / "shards"
         with _fleet(hosts, what, data, shards, deadline_s) as coordinator:
             ledger = RunFolder(data).ledger
-            _wait(lambda: ledger.exists() and _committed(ledger) > 0, coordinator, deadline_s)
-            print(f"{_committed(ledger)} episodes are durable: host 2 is cut off for {cut_s:g} s")
-            _link(hosts[1], "down")
+            _wait(lambda: ledger.exists() and committed(data) > 0, coordinator, deadline_s)
+            print(f"{committed(data)} episodes are durable: host 2 is cut off for {cut_s:g} s")
+            set_link(hosts[1], "down")
             time.sleep(cut_s)
-            _link(hosts[1], "up")
-            print(f"healed, {_committed(ledger)} episodes are durable")
+            set_link(hosts[1], "up")
+            print(f"healed, {committed(data)} episodes are durable")
             _wait(lambda: coordinator.poll() is not None, None, deadline_s)
         found = Dataset([shards]).content_hash
         same = "the same" if found == expected else "ANOTHER"
@@ -132,15 +132,16 @@ def _fleet(
 
 
 def _issue(authority: Path, hosts: Sequence[Host]) -> None:
-    _readygo("certs", "init", str(authority))
+    readygo("certs", "init", str(authority))
     names = (["coordinator"], ["all"], ["all", "recorder.rec0"])
     for host, own in zip(hosts, names, strict=True):
         where = ["--authority", str(authority), "--out", str(host.certs), "--host", host.address]
-        _readygo("certs", "issue", *own, *where)
+        readygo("certs", "issue", *own, *where)
 
 
 @contextlib.contextmanager
-def _hosts(folder: Path) -> Iterator[tuple[Host, ...]]:
+def hosts_on_a_bridge(folder: Path) -> Iterator[tuple[Host, ...]]:
+    """Three hosts that reach each other; they are gone afterwards."""
     hosts = tuple(Host(number, folder / f"host{number}") for number in (1, 2, 3))
     _remove(hosts)
     try:
@@ -169,7 +170,8 @@ def _interface(host: Host) -> str:
     return f"rg-veth{host.number}"
 
 
-def _link(host: Host, state: str) -> None:
+def set_link(host: Host, state: str) -> None:
+    """Cut a host off ("down"), or join it again ("up")."""
     _ip("link", "set", _interface(host), state)
 
 
@@ -177,12 +179,14 @@ def _ip(*arguments: str) -> None:
     subprocess.run(["ip", *arguments], check=True)
 
 
-def _readygo(*arguments: str) -> None:
+def readygo(*arguments: str) -> None:
+    """Run a command here, to its end."""
     subprocess.run([sys.executable, "-m", "readygo", *arguments], check=True)
 
 
-def _committed(ledger: Path) -> int:
-    book = Ledger(ledger)
+def committed(data: Path) -> int:
+    """Durable episodes by the ledger of a data folder."""
+    book = Ledger(RunFolder(data).ledger)
     try:
         return book.census.committed()[0]
     finally:

@@ -40,5 +40,5 @@ def test_episodes_that_were_set_aside_are_warned_of_and_fail_a_strict_run(
     warning = "Warning: Episode 0 was set aside, the next index took its place: stage film failed: no floor"
     coordinator(folder.path, listen=free_endpoint())
     assert capsys.readouterr().err.splitlines()[-1] == warning
-    with pytest.raises(RunError, match="1 episodes of .* were set aside, which --strict does not allow"):
+    with pytest.raises(RunError, match=r"1 episodes of .* were set aside, which --strict does not allow"):
         coordinator(folder.path, listen=free_endpoint(), strict=True)

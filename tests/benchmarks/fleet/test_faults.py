@@ -77,3 +77,9 @@ def test_stopped_worker_goes_on_and_killed_ones_are_named(site: Site, monkeypatc
         assert process.wait() == -signal.SIGKILL
     monkeypatch.setattr(site, "processes", dict)
     assert bring_about(site, _fault(Kind.FREEZE_ROUTER)).later
+
+
+def test_names_of_a_fleet_that_is_not_there_are_not_taken(site: Site) -> None:
+    trace = bring_about(site, _fault(Kind.TWICE_NAMED))
+    assert trace.skipped
+    assert trace.later

@@ -34,11 +34,11 @@ def test_hosts_reach_each_other_until_one_is_cut_off(tmp_path: Path, monkeypatch
         said = subprocess.run(command, check=False, capture_output=True, text=True).stderr
         return "ConnectionRefusedError" in said
 
-    with three_hosts._hosts(tmp_path) as (first, second, _):
+    with three_hosts.hosts_on_a_bridge(tmp_path) as (first, second, _):
         assert refused(second, first)
-        three_hosts._link(second, "down")
+        three_hosts.set_link(second, "down")
         assert not refused(second, first)
-        three_hosts._link(second, "up")
+        three_hosts.set_link(second, "up")
         assert refused(second, first)
     assert (
         "readygo-test" not in subprocess.run(["ip", "netns", "list"], check=True, capture_output=True, text=True).stdout
