@@ -25,6 +25,7 @@ from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.recovery import recover
 from readygo.apps.run.stages import stage_works
 from readygo.apps.run.world import World
+from readygo.common.bus import Member
 from readygo.common.bus.zenoh_bus import Router, free_endpoint
 from readygo.common.certificates import issue, make_authority
 from readygo.common.dataset import Dataset
@@ -217,8 +218,16 @@ def test_coordinator_that_was_replaced_while_it_was_cut_off_stops_when_it_is_bac
     router = open_router(["rec0"], listen, certs=certs, token="")
     cable = Cable(listen)
     bus = join(listen, RUN, "operator", certs=certs)
+    leaders: set[str] = set()
     there: list[bool] = []
-    bus.watch(lambda role, name, alive: there.append(alive))
+    """Whether the run has a coordinator, whenever that changes."""
+
+    def changed(member: Member, alive: bool) -> None:
+        (leaders.add if alive else leaders.discard)(member.session)
+        if not there or there[-1] != bool(leaders):
+            there.append(bool(leaders))
+
+    bus.watch(changed)
     first = pool.submit(lead, folder, cable.endpoint, joins=True, certs=certs)
     wait_for(lambda: there == [True])
     cable.whole.clear()
