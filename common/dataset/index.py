@@ -11,7 +11,6 @@ import io
 import json
 import mmap
 import os
-import zipfile
 from collections.abc import Iterator, Sequence, Sized
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -25,11 +24,12 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Metadata
 
+from readygo.common.arrays import load_npz
 from readygo.common.dataset.chunk import OUTPUT_DTYPE, SAMPLE_DTYPE, EpisodeChunk, read_chunk
 from readygo.common.dataset.provenance import RECORD_NAME, Provenance, provenance_from_strings
 from readygo.common.dataset.records import MAGIC, RECORD_HEADER, Record, chunk_span, is_intact, iter_records
 from readygo.common.dataset.schemas import Ending
-from readygo.common.errors import DatasetError
+from readygo.common.errors import DatasetError, ReadygoError
 from readygo.common.messages.episode import EpisodeKey, Split
 from readygo.common.messages.plan import Driver, Outcome
 from readygo.common.messages.samples import FurtherCamera
@@ -67,6 +67,7 @@ CAMERA_DTYPE = np.dtype(
 """A camera besides the first one, in one episode."""
 ENDING_DTYPE = np.dtype([("outcome", "S24"), ("driver", "S16"), ("policy", "S64")])
 """An `Ending`."""
+_RECORDS = (EPISODE_DTYPE, SAMPLE_DTYPE, CAMERA_DTYPE, ENDING_DTYPE, OUTPUT_DTYPE)
 FOOTER_SIZE = RECORD_HEADER.size + 8 + 8 + 4 + len(MAGIC)
 DATA_END_SIZE = RECORD_HEADER.size + 4
 _OUTPUT_PREFIX = "output_"
@@ -292,13 +293,15 @@ def write_index(index: ShardIndex, path: Path, *, fsync: bool = False) -> None:
 def read_index(path: Path) -> ShardIndex | None:
     """An index file; None if it is missing, damaged or of another format."""
     try:
-        with np.load(path, allow_pickle=False) as arrays:
-            header = json.loads(arrays["header"].tobytes())
-            episodes, samples = arrays["episodes"], arrays["samples"]
-            names = [name for name in arrays.files if name.startswith(_OUTPUT_PREFIX)]
-            outputs = {name.removeprefix(_OUTPUT_PREFIX): arrays[name] for name in names}
-            endings = arrays[_ENDINGS] if _ENDINGS in arrays.files else _usual_endings(len(episodes))
-            cameras = arrays[_CAMERAS] if _CAMERAS in arrays.files else _no_cameras(episodes)
+        # Nothing in it is compressed.
+        arrays = load_npz(path, None, bytes_max=path.stat().st_size, raises=DatasetError, records=_RECORDS)
+        header = json.loads(arrays["header"].tobytes())
+        episodes, samples = arrays["episodes"], arrays["samples"]
+        outputs = {
+            name.removeprefix(_OUTPUT_PREFIX): rows for name, rows in arrays.items() if name.startswith(_OUTPUT_PREFIX)
+        }
+        endings = arrays[_ENDINGS] if _ENDINGS in arrays else _usual_endings(len(episodes))
+        cameras = arrays[_CAMERAS] if _CAMERAS in arrays else _no_cameras(episodes)
         if header["format"] != INDEX_FORMAT or (episodes.dtype, samples.dtype) != (EPISODE_DTYPE, SAMPLE_DTYPE):
             return None
         if (endings.dtype, endings.shape) != (ENDING_DTYPE, episodes.shape):
@@ -318,7 +321,7 @@ def read_index(path: Path) -> ShardIndex | None:
             drawn=tuple(header.get("drawn", ())),
             outputs=outputs,
         )
-    except (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, DatasetError, zipfile.BadZipFile):
+    except (OSError, ReadygoError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
 
 

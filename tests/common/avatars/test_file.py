@@ -168,7 +168,7 @@ def test_corrupted_array_is_refused(tmp_path: Path) -> None:
 def test_single_array_file_is_refused(tmp_path: Path) -> None:
     with (tmp_path / "array.npz").open("wb") as stream:
         np.save(stream, np.zeros(3))
-    with pytest.raises(AvatarError, match="not a NumPy archive"):
+    with pytest.raises(AvatarError, match="not a readable NumPy archive"):
         load_avatar(tmp_path / "array.npz")
 
 
