@@ -41,7 +41,7 @@ def message(samples, **fields):
         "K_px": (1.0,) * 9,
         "outcome": Outcome.HUMAN_COLLISION,
         "driver": Driver.POLICY,
-        "policy": "hash",
+        "policy": "ab" * 32,
     }
     return CommittedEpisode(header=EpisodeHeader(**(header | fields)), attempt=1, samples=tuple(samples))
 
