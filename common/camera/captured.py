@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.errors import SceneError
+from readygo.common.files import read_regular
 
 FILE_BYTES_MAX = 1 << 26
 """Larger files are not read: more than 100,000 cameras."""
@@ -74,9 +75,7 @@ def load_views(path: str | Path) -> CapturedViews:
     """
     path = Path(path)
     try:
-        if path.stat().st_size > FILE_BYTES_MAX:
-            raise SceneError(f"{path} is larger than {FILE_BYTES_MAX >> 20} MiB: these are not a scene's cameras.")
-        rows = json.loads(path.read_bytes())
+        rows = json.loads(read_regular(path, bytes_max=FILE_BYTES_MAX))
     except (OSError, ValueError, RecursionError) as error:
         reason = getattr(error, "strerror", None) or error
         raise SceneError(f"{path} cannot be read: {reason}; without it, the scene has no cameras.") from error

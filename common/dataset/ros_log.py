@@ -12,6 +12,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 from readygo.common.errors import DatasetError
+from readygo.common.files import open_regular
 
 PART_SUFFIX = ".part"
 
@@ -94,7 +95,7 @@ def read_record(path: Path, name: str) -> dict[str, Any]:
         DatasetError: If this is no log, it was cut off, or it has no such record.
     """
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             for record in make_reader(file).iter_metadata():
                 if record.name == name:
                     return {key: json.loads(value) for key, value in record.metadata.items()}

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.errors import AvatarError
+from readygo.common.images.encoded import PICTURES, decode_pixels
 
 GLB_MAGIC = b"glTF"
 _JSON_CHUNK, _BIN_CHUNK = 0x4E4F534A, 0x004E4942
@@ -101,7 +102,7 @@ class GltfFile:
             data = self._view(entry["bufferView"]) if "bufferView" in entry else self._resource(str(entry["uri"]))
         except (KeyError, IndexError, TypeError, OSError, ValueError):
             return None
-        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if len(data) else None
+        pixels = decode_pixels(data, cv2.IMREAD_UNCHANGED, formats=PICTURES)
         if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
             return None
         if pixels.dtype == np.uint16:

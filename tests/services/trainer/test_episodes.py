@@ -41,7 +41,7 @@ def message(samples, **fields):
         "K_px": (1.0,) * 9,
         "outcome": Outcome.HUMAN_COLLISION,
         "driver": Driver.POLICY,
-        "policy": "hash",
+        "policy": "ab" * 32,
     }
     return CommittedEpisode(header=EpisodeHeader(**(header | fields)), attempt=1, samples=tuple(samples))
 
@@ -53,7 +53,7 @@ def test_committed_episode_keeps_what_training_needs():
     assert episode.xyyaw[0].tolist() == [1, 2, 0]
     assert episode.expert.shape == (3, 2, 2)
     assert (episode.driver, episode.outcome, episode.static) == (Driver.POLICY, Outcome.HUMAN_COLLISION, False)
-    assert episode.policy == "hash"
+    assert episode.policy == "ab" * 32
 
 
 def test_episode_of_which_the_expert_was_not_asked_everywhere_has_no_advice():
