@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from readygo.apps.learn.plan import Plan
+from readygo.common.documents import read_json
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.services.trainer import best_recipe
@@ -63,7 +64,7 @@ def read_training(folder: Path, since_s: float = 0.0) -> Training:
     """
     path = folder / PROGRESS_FILE
     try:
-        told_s, told = path.stat().st_mtime, json.loads(path.read_text())
+        told_s, told = path.stat().st_mtime, read_json(path)
     except (OSError, ValueError):
         return Training()
     rates = [entry["rate"] for entry in told["success"].values() if entry["rate"] is not None]
@@ -88,7 +89,7 @@ def read_history(folder: Path) -> list[dict[str, Any]]:
         folder: The trainer's.
     """
     try:
-        history: list[dict[str, Any]] = json.loads((folder / PROGRESS_FILE).read_text())["history"]
+        history: list[dict[str, Any]] = read_json(folder / PROGRESS_FILE)["history"]
     except (OSError, ValueError):
         return []
     return history

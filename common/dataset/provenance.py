@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 from readygo.common.camera import SensorConfig
 from readygo.common.camera.recorded import with_whole_camera
 from readygo.common.config import section_from_mapping, section_to_mapping
+from readygo.common.documents import parse_json
 from readygo.common.errors import DatasetError
 from readygo.common.messages.coordination import RunSpec
 from readygo.common.robot.config import RobotConfig
@@ -157,7 +158,7 @@ def provenance_from_strings(strings: Mapping[str, str]) -> Provenance:
         DatasetError: If it is of another format.
     """
     try:
-        mapping = {key: json.loads(value) for key, value in strings.items()}
+        mapping = {key: parse_json(value) for key, value in strings.items()}
     except ValueError as error:
         raise DatasetError(f"the metadata cannot be read: {error}") from error
     if mapping.get("format") != FORMAT:

@@ -11,6 +11,7 @@ from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
+from readygo.common.documents import parse_json
 from readygo.common.errors import DatasetError
 
 PART_SUFFIX = ".part"
@@ -97,7 +98,7 @@ def read_record(path: Path, name: str) -> dict[str, Any]:
         with path.open("rb") as file:
             for record in make_reader(file).iter_metadata():
                 if record.name == name:
-                    return {key: json.loads(value) for key, value in record.metadata.items()}
+                    return {key: parse_json(value) for key, value in record.metadata.items()}
     except (OSError, McapError, ValueError, struct.error) as error:
         raise DatasetError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}.") from error
     raise DatasetError(f"{path} has no record {name!r}: no `readygo drive --log` wrote it.")

@@ -55,7 +55,7 @@ def gltf_human(
         with np.errstate(all="ignore"):  # damaged numbers are found by the checks that follow
             figure = read_figure(file)
         materials, notes = read_materials(file, figure.parts)
-    except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError, MemoryError) as error:
         raise AvatarError(f"{path} is not valid glTF ({type(error).__name__}: {error}).") from error
     if not any(len(part.triangles) for part in figure.parts):
         raise AvatarError(f"{path} has no skinned triangles.")

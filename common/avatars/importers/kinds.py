@@ -1,12 +1,12 @@
 """What a file is, by its content."""
 
 import enum
-import json
 import zipfile
 from pathlib import Path
 
 from readygo.common.avatars.file import FORMAT
-from readygo.common.avatars.importers.gltf_file import GLB_MAGIC
+from readygo.common.avatars.importers.gltf_file import GLB_MAGIC, GLTF_BYTES_MAX
+from readygo.common.documents import read_json
 from readygo.common.errors import AvatarError
 
 
@@ -62,6 +62,6 @@ def _kind_of_archive(path: Path) -> FileKind:
 
 def _is_gltf_json(path: Path) -> bool:
     try:
-        return "asset" in json.loads(path.read_bytes())
+        return "asset" in read_json(path, bytes_max=GLTF_BYTES_MAX)
     except ValueError:
         return False

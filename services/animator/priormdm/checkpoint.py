@@ -1,7 +1,6 @@
 """Reads the user's model: state dict, args.json, feature statistics, text embedding."""
 
 import hashlib
-import json
 import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from readygo.common.documents import read_json
 from readygo.common.errors import ConfigError
 from readygo.services.animator.priormdm.config import PriorMdmConfig
 from readygo.services.animator.priormdm.features import FEATURE_COUNT
@@ -135,7 +135,7 @@ def _args_path(config: PriorMdmConfig) -> Path:
 
 def _read_args(path: Path) -> dict[str, Any]:
     try:
-        args = json.loads(path.read_text())
+        args = read_json(path)
     except OSError as error:
         raise ConfigError(
             f"priormdm needs the args.json that was released with the weights; {path} cannot be read: "

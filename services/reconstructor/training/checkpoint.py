@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.documents import parse_json
 from readygo.common.errors import RunError
 from readygo.common.files import unfinished
 
@@ -43,7 +44,7 @@ def load_checkpoint(folder: Path, identity: str) -> tuple[dict[str, Any], Arrays
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
-        numbers = json.loads(str(arrays.pop("meta")))
+        numbers = parse_json(str(arrays.pop("meta")))
     except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
         raise RunError(f"{path} cannot be read ({error}); delete it to begin anew.") from error
     if numbers.get("format") != FORMAT or numbers.get("identity") != identity:
