@@ -114,7 +114,7 @@ class Provenance:
         Raises:
             ConfigError: If its settings are not those of a robot.
         """
-        mapping = with_whole_camera(self.config or {}).get("robot")
+        mapping = self._sections.get("robot")
         return None if mapping is None else section_from_mapping(RobotConfig, mapping)
 
     @property
@@ -124,8 +124,15 @@ class Provenance:
         Raises:
             ConfigError: If its settings are not those of a sensor.
         """
-        renderer = with_whole_camera(self.config or {}).get("renderer", {})
+        renderer = self._sections.get("renderer", {})
         return section_from_mapping(SensorConfig, renderer.get("sensor", {}))
+
+    @property
+    def _sections(self) -> dict[str, Any]:
+        try:
+            return with_whole_camera(self.config or {})
+        except (AttributeError, LookupError, TypeError) as error:
+            raise ConfigError(f"The recorded settings are none ({error!r}).") from error
 
 
 def _part(cls: type[Part], mapping: Mapping[str, Any]) -> Part:

@@ -155,7 +155,9 @@ def _check_settings(folder: Path, settings: Mapping[str, Any], today: Today) -> 
 
 
 def _read_settings(folder: Path) -> dict[str, Any]:
-    settings: dict[str, Any] = read_json(folder / SETTINGS_FILE)
+    settings = read_json(folder / SETTINGS_FILE)
+    if not isinstance(settings, dict) or not isinstance(settings.get(METHODS, {}), dict):
+        raise ValueError("it holds no settings")
     return settings
 
 

@@ -225,6 +225,6 @@ def _earlier_offers(out: Path) -> list[dict[str, Any]]:
     """The offers of a run that goes on."""
     try:
         offers: list[dict[str, Any]] = read_json(out / PROGRESS_FILE)["offers"]
-    except (OSError, ValueError, KeyError):
+    except (OSError, ValueError, LookupError, TypeError):
         return []
     return offers

@@ -74,6 +74,12 @@ class GltfFile:
         found: Sequence[Json] = self.json.get(kind, [])
         return found
 
+    @property
+    def extensions(self) -> Json:
+        """Those of the whole file."""
+        found = self.json.get("extensions", {})
+        return found if isinstance(found, dict) else {}
+
     def primitives(self, mesh: int) -> Sequence[Json]:
         """The parts of a mesh.
 
