@@ -91,11 +91,11 @@ class RobotLog:
         # NaN is not smaller.
         if len(xyyaw) < 2 or not (np.abs(xyyaw) <= NUMBER_MAX).all():
             raise DatasetError(
-                f"{topic} of {self._path} has {len(xyyaw)} poses, or some that are not finite or beyond {NUMBER_MAX:g} m."
+                f"{topic} of {self._path} has {len(xyyaw)} poses, or some not finite or beyond {NUMBER_MAX:g} m."
             )
         if times[-1] - times[0] > DURATION_MAX_S * 10**9 or not 0 <= times[0] <= times[-1] < 2**63:
             raise DatasetError(
-                f"{topic} of {self._path} lasts longer than {DURATION_MAX_S // 3600} hours; cut the log, or mend its clock."
+                f"{topic} of {self._path} lasts longer than {DURATION_MAX_S // 3600} hours; cut it, or mend its clock."
             )
         xyyaw[:, 2] = np.unwrap(xyyaw[:, 2])
         return Odometry(time_ns=np.array(times, dtype=np.int64), xyyaw=xyyaw)

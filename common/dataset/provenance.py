@@ -13,7 +13,7 @@ from readygo.common.camera import SensorConfig
 from readygo.common.camera.recorded import with_whole_camera
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.documents import parse_json
-from readygo.common.errors import DatasetError
+from readygo.common.errors import ConfigError, DatasetError
 from readygo.common.messages.coordination import RunSpec
 from readygo.common.robot.config import RobotConfig
 

@@ -45,9 +45,9 @@ def _line(name: str, counts: Counts) -> str:
     found = f"{counts.tracebacks} tracebacks, {counts.crashes} crashes, {counts.above_memory} above 1 GB, "
     found += f"{counts.above_time} above 5 s"
     rate = f"{1000 * counts.seconds / max(counts.inputs, 1):.2f} ms, peak {counts.peak_mb:.0f} MB"
-    return (
-        f"{name:<28} {counts.inputs:>8,}  accepted {counts.accepted:>7,}, refused {counts.refused:>7,}; {found}; {rate}"
-    )
+    begin = f"{name:<28} {counts.inputs:>8,}  accepted {counts.accepted:>7,}, refused {counts.refused:>7,}"
+    kinds = [f"    {count:>6,}  {words}\n" for words, count in counts.findings.items()]
+    return f"{begin}; {found}; {rate}\n{''.join(kinds)}"
 
 
 def main() -> int:

@@ -217,28 +217,28 @@ def _rigid_parts(
 def _part(file: GltfFile, primitive: Json, space: Array, index: Index, weight: Array) -> Part:
     attributes = primitive["attributes"]
 
-    def optional(name: str) -> npt.NDArray[Any] | None:
+    def optional(name: str, *sizes: int) -> npt.NDArray[Any] | None:
         values = file.accessor(attributes[name]).astype(np.float64) if name in attributes else None
-        return values if values is None or len(values) == count else None
+        return values if values is None or (len(values) == count and values.shape[1] in sizes) else None
 
     positions = file.accessor(attributes["POSITION"]).astype(np.float64)
     count = len(positions)
-    if not np.isfinite(positions).all() or len(index) != count:
+    if positions.shape[1] != 3 or not np.isfinite(positions).all() or len(index) != count:
         raise AvatarError(f"{file.path}: vertices that are not finite, or not one weight each; the file is damaged.")
     corners = file.accessor(primitive["indices"])[:, 0] if "indices" in primitive else np.arange(count)
     triangles = corners[: len(corners) // 3 * 3].reshape(-1, 3).astype(np.int64)
     if triangles.max(initial=0) >= count:
         raise AvatarError(f"{file.path}: triangles name vertices beyond the {count} of their mesh.")
-    normals = optional("NORMAL")
+    normals = optional("NORMAL", 3)
     if normals is not None:
         normals = normals @ np.linalg.inv(space[:3, :3])
-    colours = optional("COLOR_0")
+    colours = optional("COLOR_0", 3, 4)
     if colours is not None and colours.shape[1] == 3:
         colours = np.concatenate([colours, np.ones((count, 1))], axis=1)
     return Part(
         positions=positions @ space[:3, :3].T + space[:3, 3],
         normals=normals,
-        uv=optional("TEXCOORD_0"),
+        uv=optional("TEXCOORD_0", 2),
         colours=colours,
         bone_index=index,
         bone_weight=weight,
