@@ -25,6 +25,7 @@ from readygo.apps.run.origin import settings_of_policy
 from readygo.apps.run.policy import policy_sha256
 from readygo.common.camera import CameraConfig
 from readygo.common.errors import BusError, ConfigError, RunError
+from readygo.common.files import read_regular
 from readygo.common.images.encoded import decode_pixels
 from readygo.common.images.names import RGB, cameras_of
 from readygo.common.policy import Policy, load_policy
@@ -244,7 +245,7 @@ def _goal_image(policy: Policy, path: Path | None) -> npt.NDArray[np.uint8] | No
     if path is None:
         return None
     try:
-        pixels = decode_pixels(path.read_bytes(), cv2.IMREAD_COLOR)
+        pixels = decode_pixels(read_regular(path), cv2.IMREAD_COLOR)
     except OSError as error:
         raise ConfigError(f"--goal-image {path} cannot be read: {error.strerror}.") from error
     if pixels is None:

@@ -26,6 +26,7 @@ from readygo.common.documents import read_json
 from readygo.common.drawing.files import Picture
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
+from readygo.common.images.encoded import read_pixels
 from readygo.common.messages import Split
 from readygo.common.scenes import Scene, load_scene
 from readygo.common.scenes.scene import REPORT_FILE
@@ -192,7 +193,7 @@ def photo_and_image(path: Path) -> Picture:
     Raises:
         RunError: If it cannot be read.
     """
-    bgr = cv2.imread(str(path))
+    bgr = read_pixels(path, cv2.IMREAD_COLOR)
     if bgr is None:
         raise RunError(f"{path} cannot be read.")
     both = cv2.cvtColor(bgr[:, : bgr.shape[1] // 3 * 2], cv2.COLOR_BGR2RGB)

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from readygo.common.files import open_regular
+
 OPEN_MAX = 128
 """Shards that are mapped at the same time; each holds a file descriptor."""
 
@@ -52,6 +54,6 @@ class ShardFiles:
             return self._maps[shard]
         while len(self._maps) >= OPEN_MAX:
             self._maps.popitem(last=False)[1].close()
-        with self._shards[shard].open("rb") as file:
+        with open_regular(self._shards[shard]) as file:
             self._maps[shard] = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         return self._maps[shard]

@@ -8,7 +8,6 @@ Source: nerfstudio-project/gsplat, `examples/simple_trainer.py`; nerfstudio-proj
 `save_dataparser_transform` (both Apache-2.0).
 """
 
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +19,7 @@ import numpy.typing as npt
 from readygo.common.documents import read_json
 from readygo.common.errors import SceneError
 from readygo.common.extras import install_command
+from readygo.common.files import open_zip
 from readygo.common.gaussians.activations import opacities_from_logits, scales_from_logs
 from readygo.common.gaussians.cloud import GaussianCloud
 from readygo.common.gaussians.ply import SH_REST_COUNTS
@@ -121,10 +121,13 @@ def _load(path: Path) -> Mapping[str, Any]:
 def _refuse_inflated(path: Path) -> None:
     """Raise SceneError for archives that unpack to more than their size; torch stores its tensors as they are."""
     try:
-        with zipfile.ZipFile(path) as archive:
+        with open_zip(path) as archive:
             entries = archive.infolist()
-    except (zipfile.BadZipFile, ValueError, NotImplementedError) as error:
-        raise SceneError(f"{path} is truncated or damaged: {error}; copy it again.") from error
+    except OSError:
+        raise
+    except Exception as error:  # a damaged archive raises almost anything
+        line = " ".join(str(error).split())[:300] or type(error).__name__
+        raise SceneError(f"{path} is truncated or damaged: {line}; copy it again.") from error
     if not any(entry.filename.endswith("data.pkl") for entry in entries):
         raise SceneError(f"{path} is a zip archive without a torch checkpoint in it; unpack it first.")
     if sum(entry.file_size for entry in entries) > path.stat().st_size:

@@ -17,6 +17,7 @@ import msgpack
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import NUMBERS
 from readygo.common.errors import MessageError
 
 Message = TypeVar("Message")
@@ -28,10 +29,7 @@ ITEMS_MAX = 100_000
 _LIST_MAX = 20_000
 _STR_MAX = 16 * 2**20
 _DIMENSIONS_MAX = 4
-_DTYPES = {
-    msgpack.packb([code, []])[:-1]: np.dtype(code)
-    for code in ("|b1", "|u1", "|i1", "<u2", "<i2", "<u4", "<i4", "<u8", "<i8", "<f2", "<f4", "<f8")
-}
+_DTYPES = {msgpack.packb([code, []])[:-1]: np.dtype(code) for code in NUMBERS}
 """What arrays may begin with. NumPy is given no other name: the one of a time of 0 seconds ends the process."""
 _DTYPE_END = 5
 _LIST_HEAD, _UNSIGNED_HEAD = 0x90, 0x80

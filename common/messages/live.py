@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.messages.checks import check_array
+from readygo.common.messages.checks import check_array, check_sha256
 from readygo.common.messages.codec import OMITTED_WHEN_DEFAULT
 from readygo.common.messages.episode import EpisodeKey
 from readygo.common.messages.plan import Driver, Outcome
@@ -130,6 +130,9 @@ class LiveCommit:
     sample_count: int
     shard: str
 
+    def __post_init__(self) -> None:
+        check_sha256("policy", self.policy, empty=True)
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LiveLoss:
@@ -159,3 +162,6 @@ class LiveEvaluation:
     outcome: Outcome
     duration_s: float
     """Simulated time until the episode ended [s]."""
+
+    def __post_init__(self) -> None:
+        check_sha256("policy", self.policy, empty=True)

@@ -1,4 +1,6 @@
+import os
 import threading
+import zipfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -7,7 +9,7 @@ import numpy as np
 import pytest
 
 from readygo.common.errors import ReadygoError, SceneError
-from readygo.common.files import unfinished, unfinished_folder, write_whole
+from readygo.common.files import open_regular, open_zip, read_regular, unfinished, unfinished_folder, write_whole
 
 
 def test_processes_that_write_the_same_file_do_not_meet(tmp_path: Path) -> None:
@@ -113,3 +115,33 @@ def test_folder_that_cannot_be_written_is_one_clear_line(tmp_path: Path) -> None
             unfinished_folder(tmp_path / "file" / "pack", raises=raises),
         ):
             pass
+
+
+def test_regular_files_are_read_and_nothing_else_is_waited_for(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"some bytes")
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to(tmp_path / "pipe")
+    assert read_regular(tmp_path / "a") == read_regular(tmp_path / "a", bytes_max=10) == b"some bytes"
+    with open_regular(tmp_path / "a") as stream:
+        assert stream.read() == b"some bytes"
+    for name in ("pipe", "link", "/dev/zero", "/dev/null"):
+        with pytest.raises(OSError, match="it is a pipe or a device, no regular file"):
+            read_regular(tmp_path / name)
+    with pytest.raises(IsADirectoryError):
+        open_regular(tmp_path)
+    with pytest.raises(FileNotFoundError):
+        open_regular(tmp_path / "absent")
+    with pytest.raises(OSError, match="no file can have this name"):
+        open_regular("a\0b")
+    with pytest.raises(OSError, match="it has 10 bytes, more than the 9 that are read"):
+        read_regular(tmp_path / "a", bytes_max=9)
+
+
+def test_archive_is_opened_and_its_entries_read(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr("large", bytes(3 * 2**20))
+    with open_zip(tmp_path / "a.zip") as archive:
+        assert archive.read("large") == bytes(3 * 2**20)
+    (tmp_path / "b.zip").write_bytes(b"no archive")
+    with pytest.raises(zipfile.BadZipFile), open_zip(tmp_path / "b.zip"):
+        pass

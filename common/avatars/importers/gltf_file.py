@@ -17,7 +17,7 @@ import numpy.typing as npt
 from readygo.common.documents import parse_json
 from readygo.common.errors import AvatarError
 from readygo.common.files import read_regular
-from readygo.common.images.encoded import PIXELS_MAX, encoded_size_px
+from readygo.common.images.encoded import PICTURES, PIXELS_MAX, decode_pixels, encoded_size_px
 
 GLB_MAGIC = b"glTF"
 GLTF_BYTES_MAX = 128 * 2**20
@@ -152,7 +152,7 @@ class GltfFile:
             data = self._view(entry["bufferView"]) if "bufferView" in entry else self._resource(str(entry["uri"]))
         except (LookupError, TypeError, ValueError, AttributeError, OverflowError):
             return None
-        size_px = encoded_size_px(data) or _webp_size_px(data)
+        size_px = encoded_size_px(data)
         if size_px is None or math.prod(size_px) < 1:
             return None
         if math.prod(size_px) > PIXELS_MAX:
@@ -160,10 +160,7 @@ class GltfFile:
                 f"{self.path}: image {number} is {size_px[1]}x{size_px[0]} px, more than {PIXELS_MAX:,}; shrink it."
             )
         self._take("pixels of textures", math.prod(size_px))
-        try:
-            pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-        except cv2.error:
-            return None
+        pixels = decode_pixels(data, cv2.IMREAD_UNCHANGED, formats=PICTURES)
         if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
             return None
         if pixels.dtype == np.uint16:
@@ -217,19 +214,3 @@ def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes]:
     if text is None:
         raise AvatarError(f"{path} is a .glb without JSON; the file is damaged.")
     return text, binary
-
-
-def _webp_size_px(data: bytes) -> tuple[int, int] | None:
-    """Height and width that a WebP file claims; None if it is none.
-
-    Source: RFC 9649, sections 2.5 to 2.7.
-    """
-    if len(data) < 30 or data[:4] != b"RIFF" or data[8:12] != b"WEBP":
-        return None
-    kind, bits = data[12:16], int.from_bytes(data[21:25], "little")
-    if kind == b"VP8X":
-        return 1 + int.from_bytes(data[27:30], "little"), 1 + int.from_bytes(data[24:27], "little")
-    if kind == b"VP8L":
-        return 1 + (bits >> 14 & 0x3FFF), 1 + (bits & 0x3FFF)
-    width_px, height_px = struct.unpack_from("<HH", data, 26)
-    return (height_px & 0x3FFF, width_px & 0x3FFF) if kind == b"VP8 " else None

@@ -1,7 +1,6 @@
 """Reads the user's model: state dict, args.json, feature statistics, text embedding."""
 
 import hashlib
-import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from readygo.common.arrays import load_npy
 from readygo.common.documents import read_json
 from readygo.common.errors import ConfigError
 from readygo.services.animator.priormdm.config import PriorMdmConfig
@@ -20,6 +20,7 @@ from readygo.services.animator.priormdm.network import TEXT_COUNT, Mdm, NetworkS
 
 _CONSTANTS = ("sequence_pos_encoder.pe", "embed_timestep.sequence_pos_encoder.pe", "t_pos_encoder.pe")
 """Tables that follow from a formula; releases keep, lengthen or drop them."""
+_NUMBERS_BYTES_MAX = 2**16
 _FOREIGN = "clip_model."
 """The text encoder, which some checkpoints carry along."""
 
@@ -174,7 +175,7 @@ def _read_state(path: Path) -> dict[str, Tensor]:
         state = torch.load(path, map_location="cpu", weights_only=True)
     except OSError as error:
         raise ConfigError(f"priormdm.weights {path} cannot be read: {error.strerror or error}.") from error
-    except (pickle.UnpicklingError, RuntimeError, EOFError, ValueError) as error:
+    except Exception as error:  # torch raises many kinds for damaged files
         first = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
         raise ConfigError(f"priormdm.weights {path} is no plain state dict of torch: {first}") from error
     for wrapper in ("model_avg", "model"):
@@ -186,11 +187,7 @@ def _read_state(path: Path) -> dict[str, Tensor]:
 
 
 def _read_numbers(path: str, count: int, what: str) -> npt.NDArray[np.float64]:
-    try:
-        numbers = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
-        raise ConfigError(f"{what} {path} cannot be read as .npy: {reason}.") from error
-    if not isinstance(numbers, np.ndarray) or numbers.size != count or not np.isfinite(numbers).all():
+    numbers = load_npy(Path(path), bytes_max=_NUMBERS_BYTES_MAX, raises=ConfigError)
+    if numbers.size != count or numbers.dtype.kind not in "fiu" or not np.isfinite(numbers).all():
         raise ConfigError(f"{what} {path} must hold {count} finite numbers, got shape {np.shape(numbers)}.")
     return numbers.reshape(count).astype(np.float64)

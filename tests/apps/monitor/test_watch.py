@@ -18,7 +18,13 @@ def states(index: int = 0, count: int = 4) -> list[LiveState]:
 def commit(index: int, outcome: Outcome = Outcome.SUCCESS, driver: Driver = Driver.POLICY) -> LiveCommit:
     key = EpisodeKey(seed=0, split=Split.TRAIN, index=index)
     return LiveCommit(
-        episode=key, attempt=1, outcome=outcome, driver=driver, policy="ab", sample_count=4, shard="shard-rec0-00000"
+        episode=key,
+        attempt=1,
+        outcome=outcome,
+        driver=driver,
+        policy="ab" * 32,
+        sample_count=4,
+        shard="shard-rec0-00000",
     )
 
 
@@ -118,7 +124,12 @@ def test_success_losses_and_evaluations_are_kept() -> None:
     worker.tell(topics.COMMIT, commit(2, Outcome.TIMEOUT, Driver.EXPERT))
     worker.tell(topics.LOSS, LiveLoss(steps=1, samples=50, train_loss=2.0, validation_loss=3.0))
     evaluation = LiveEvaluation(
-        episode=commit(0).episode, task="static", method="policy", policy="ab", outcome=Outcome.SUCCESS, duration_s=4.0
+        episode=commit(0).episode,
+        task="static",
+        method="policy",
+        policy="ab" * 32,
+        outcome=Outcome.SUCCESS,
+        duration_s=4.0,
     )
     worker.tell(topics.EVALUATION, evaluation)
     wait_for(lambda: len(watch.evaluations) == 1 and len(watch.commits) == 3)

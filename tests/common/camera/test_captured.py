@@ -116,7 +116,7 @@ def test_missing_and_huge_files_are_refused(tmp_path):
         load_views(tmp_path / "cameras.json")
     with (tmp_path / "huge.json").open("wb") as file:
         file.truncate(10**9)
-    with pytest.raises(SceneError, match="larger than 64 MiB"):
+    with pytest.raises(SceneError, match="more than the 67108864 that are read"):
         load_views(tmp_path / "huge.json")
 
 

@@ -1,4 +1,5 @@
 import dataclasses
+import os
 import re
 from pathlib import Path
 
@@ -6,6 +7,7 @@ import numpy as np
 import pytest
 
 from readygo.common.dataset import ShardWriter, committed_episodes, encode_episode, shard_name
+from readygo.common.dataset.committed import episode_indices, episode_keys
 from readygo.common.errors import DatasetError
 from readygo.common.messages import CommittedEpisode, Driver, EpisodeKey, Outcome, Split, decode, encode
 from tests.common.dataset.episodes import PROVENANCE, make_episode, write_shard
@@ -107,3 +109,11 @@ def test_shard_that_was_finished_meanwhile_is_found_under_its_name(tmp_path: Pat
     assert next(found).header.episode.index == 0
     part.rename(part.with_suffix(""))
     assert [episode.header.episode.index for episode in found] == [3]
+
+
+def test_pipe_that_is_called_as_a_shard_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "shard-rec0-00000.mcap")
+    with pytest.raises(DatasetError, match=r"shard-rec0-00000\.mcap cannot be read: it is a pipe or a device"):
+        list(committed_episodes(tmp_path))
+    assert episode_keys(tmp_path / "shard-rec0-00000.mcap") == []
+    assert list(episode_indices(tmp_path / "shard-rec0-00000.mcap")) == []

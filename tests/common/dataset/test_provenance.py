@@ -92,7 +92,7 @@ def test_provenance_of_a_run_has_its_settings_and_seed() -> None:
     spec = RunSpec(
         run="run-0",
         scene_path="",
-        scene_hash="",
+        scene_hash="0" * 64,
         scene_files=(),
         avatars_path="",
         avatar_hashes={},

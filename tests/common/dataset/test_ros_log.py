@@ -1,3 +1,5 @@
+import os
+
 import pytest
 
 from readygo.common.dataset.ros_log import PART_SUFFIX, RosLogWriter, read_record
@@ -31,3 +33,9 @@ def test_what_is_no_log_is_refused(tmp_path):
         read_record(tmp_path / "x.mcap", "trial")
     with pytest.raises(DatasetError, match="No such file"):
         read_record(tmp_path / "none.mcap", "trial")
+
+
+def test_pipe_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "a.mcap")
+    with pytest.raises(DatasetError, match=r"a\.mcap cannot be read: it is a pipe or a device"):
+        read_record(tmp_path / "a.mcap", "x")

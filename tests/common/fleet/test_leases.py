@@ -28,7 +28,7 @@ from readygo.common.messages import (
 from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN
 
 EPISODE = EpisodeKey(seed=0, split=Split.TRAIN, index=0)
-PLAN = Blob(sha256="0", data=b"plan")
+PLAN = Blob(sha256="0" * 64, data=b"plan")
 LEASE = ClaimReply(status=ClaimStatus.LEASE, episode=EPISODE, attempt=1, ttl_s=15.0, inputs=(PLAN,))
 
 
@@ -158,7 +158,7 @@ def test_idle_worker_asks_when_it_is_woken_and_hardly_ever_else(monkeypatch: pyt
 
 def test_unanswered_input_is_no_failure_of_the_episode_but_a_refused_one_is() -> None:
     """What the coordinator does not answer says nothing of an episode; what cannot be had or read does."""
-    lease = dataclasses.replace(LEASE, inputs=(Blob(sha256="0"),))
+    lease = dataclasses.replace(LEASE, inputs=(Blob(sha256="0" * 64),))
     completed: list[CompleteRequest] = []
     bus = _bus(iter([lease, lease]), completed)
     with pytest.raises(BusError, match="Nobody answered blob"):
@@ -166,7 +166,7 @@ def test_unanswered_input_is_no_failure_of_the_episode_but_a_refused_one_is() ->
     assert completed == []
     bus.serve(topics.BLOB, lambda _: BlobReply(size=-1, data=b""))
     claim_any(bus, _worker(lambda *_: StageResult()))
-    assert completed[0].failed == "Blob 0 is not known to the run."
+    assert completed[0].failed == f"Blob {'0' * 64} is not known to the run."
 
 
 def test_input_that_cannot_be_decoded_is_a_failure_of_the_episode() -> None:

@@ -1,5 +1,7 @@
 import base64
 import json
+import struct
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -68,6 +70,14 @@ def test_image_comes_as_rgba(tmp_path: Path, depth: type) -> None:
     assert pixels.dtype == np.uint8
     assert pixels.tolist() == [[[255, 0, 0, 255]] * 3] * 2
     assert file.image(1) is None
+
+
+def test_image_of_too_many_pixels_is_not_decoded(tmp_path: Path) -> None:
+    data = bytearray(cv2.imencode(".png", np.zeros((3, 4, 3), np.uint8))[1].tobytes())
+    data[16:24] = struct.pack(">II", 20_000, 20_000)
+    data[29:33] = struct.pack(">I", zlib.crc32(data[12:29]))
+    views = [{"buffer": 0, "byteLength": len(data)}]
+    assert gltf(tmp_path / "a.gltf", bytes(data), bufferViews=views, images=[{"bufferView": 0}]).image(0) is None
 
 
 def test_buffer_beside_the_file_is_read(tmp_path: Path) -> None:

@@ -84,9 +84,21 @@ class Harmful:
 def test_pickle_that_would_run_code_is_refused(tmp_path, capsys):
     path = tmp_path / "gmm_08.pkl"
     path.write_bytes(pickle.dumps({"means": Harmful()}))
-    with pytest.raises(ConfigError, match=r"holds a builtins\.print"):
+    with pytest.raises(ConfigError, match=r"names builtins\.print"):
         load_pose_prior(path)
     assert "ran" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("file", [np.zeros(3), {"means": np.array(["x"]), "covars": np.zeros(1)}, [1, 2]])
+def test_prior_without_its_arrays_is_refused_in_one_line(tmp_path, file):
+    np.savez(tmp_path / "p.npz", **(file if isinstance(file, dict) else {"x": file}))
+    (tmp_path / "p.pkl").write_bytes(pickle.dumps(file, protocol=2))
+    with (tmp_path / "bare.npz").open("wb") as stream:
+        np.save(stream, np.zeros(3))
+    for name in ("p.npz", "p.pkl", "bare.npz"):
+        with pytest.raises(ConfigError, match=rf"{name} .*give SMPLify's gmm_08\.pkl\.$") as raised:
+            load_pose_prior(tmp_path / name)
+        assert "\n" not in str(raised.value)
 
 
 def test_prior_of_another_shape_is_refused(tmp_path):
