@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import Any, BinaryIO
 
 from mcap.exceptions import McapError
-from mcap.reader import make_reader
+from mcap.reader import SeekingReader
 from mcap.writer import CompressionType, Writer
 
 from readygo.common.documents import parse_json
@@ -99,7 +99,7 @@ def read_record(path: Path, name: str) -> dict[str, Any]:
     try:
         with open_regular(path) as file:
             # No record is longer than the file, whatever it claims.
-            reader = make_reader(file, record_size_limit=os.fstat(file.fileno()).st_size)
+            reader = SeekingReader(file, record_size_limit=os.fstat(file.fileno()).st_size)
             if reader.get_summary() is None:
                 raise McapError("it was cut off")
             for record in reader.iter_metadata():

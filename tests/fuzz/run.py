@@ -28,6 +28,7 @@ ADDRESSES_MAX = 5 * 2**29
 CPU_MAX_S = 5.0
 SILENT_MAX_S = 90.0
 """An input that is not done by then waits for something [s, wall clock]."""
+LOOK_EVERY_S = 5.0
 BATCH = 400
 KEPT_MAX = 5
 """Inputs that are kept of each kind of finding."""
@@ -202,7 +203,7 @@ def _told(reader: int, child: int, shared: mmap.mmap) -> tuple[list[dict[str, An
     said, killed, at, since_s = b"", False, -1, time.monotonic()
     with os.fdopen(reader, "rb", buffering=0) as stream:
         while True:
-            if select.select([stream], [], [], 5.0)[0]:
+            if select.select([stream], [], [], LOOK_EVERY_S)[0]:
                 piece = stream.read(1 << 16)
                 if not piece:
                     break
