@@ -44,7 +44,8 @@ def make_config(recipe: str, file: Path | None = None, **settings: Any) -> Train
 
 
 def _merged(mapping: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    both = {k: _merged(mapping[k], v) for k, v in over.items() if isinstance(v, dict) and k in mapping}
+    nested = {k: v for k, v in over.items() if isinstance(v, dict) and isinstance(mapping.get(k), dict)}
+    both = {k: _merged(mapping[k], v) for k, v in nested.items()}
     return mapping | over | both
 
 

@@ -105,6 +105,6 @@ def read_record(path: Path, name: str) -> dict[str, Any]:
             for record in reader.iter_metadata():
                 if record.name == name:
                     return {key: parse_json(value) for key, value in record.metadata.items()}
-    except (OSError, McapError, ValueError, LookupError, OverflowError, struct.error) as error:
+    except (OSError, McapError, ValueError, LookupError, OverflowError, MemoryError, struct.error) as error:
         raise DatasetError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}.") from error
     raise DatasetError(f"{path} has no record {name!r}: no `readygo drive --log` wrote it.")
