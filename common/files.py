@@ -11,7 +11,6 @@ import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO
 
 from readygo.common.errors import ReadygoError
 
@@ -19,7 +18,7 @@ _ZIP_DIRECTORY_BYTES_MAX = 2**20
 """A table of contents of 1 MB lists some 15,000 files; Python spends 20 times its size on it."""
 
 
-def open_regular(path: str | Path) -> BinaryIO:
+def open_regular(path: str | Path) -> io.BufferedReader:
     """Open a file to read it. A pipe, a device or a folder is refused; opening a pipe does not wait for a writer.
 
     Raises:

@@ -339,7 +339,7 @@ def _is_sound(index: ShardIndex) -> bool:
     texts = [
         rows[name]
         for rows in (episodes, endings, index.cameras)
-        for name in rows.dtype.names
+        for name in rows.dtype.names or ()
         if rows.dtype[name].kind == "S"
     ]
     places = [(index.samples["image_offset"], index.samples["image_length"])]

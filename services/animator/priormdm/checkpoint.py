@@ -14,6 +14,7 @@ from torch import Tensor
 from readygo.common.arrays import load_npy
 from readygo.common.documents import read_json
 from readygo.common.errors import ConfigError
+from readygo.common.files import read_regular
 from readygo.services.animator.priormdm.config import PriorMdmConfig
 from readygo.services.animator.priormdm.features import FEATURE_COUNT
 from readygo.services.animator.priormdm.network import TEXT_COUNT, Mdm, NetworkShape
@@ -93,7 +94,7 @@ def files_digest(config: PriorMdmConfig) -> str:
     paths = [config.weights, str(_args_path(config)), config.mean, config.std, config.text_embedding]
     for path in [*paths, *([config.pose_prior] if config.pose_prior else [])]:
         try:
-            total.update(hashlib.sha256(Path(path).read_bytes() if path else b"").digest())
+            total.update(hashlib.sha256(read_regular(path) if path else b"").digest())
         except OSError as error:
             raise ConfigError(f"{path} cannot be read: {error.strerror or error}.") from error
     return total.hexdigest()

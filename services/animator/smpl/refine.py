@@ -31,7 +31,7 @@ GMOF_SIGMA_M = 0.1
 """Joint errors well above this count as outliers (Geman-McClure)."""
 _PRIOR_KEYS = ("means", "covars", "weights")
 _REMEDY = "give SMPLify's gmm_08.pkl"
-_PRIOR_BYTES_MAX = 2**26
+_PRIOR_BYTES_MAX = 2**24
 """SMPLify's has 8 Gaussians in 0.3 MB."""
 
 

@@ -29,10 +29,9 @@ from readygo.common.messages import (
     decode,
     encode,
 )
-from readygo.common.messages.evaluation import EvaluationPlan
 from readygo.common.messages.live import LiveCommit, LiveEvaluation
 from readygo.common.messages.stages import EXPERT_LINE, RENDER, Stage
-from tests.common.messages.examples import header, message
+from tests.common.messages.examples import header
 
 KEY = EpisodeKey(seed=7, split=Split.VAL, index=3)
 DIGEST = "72dd964371afe90ac6a9b8b78887a4da1a4b7051cbb8305961cc47021515dae1"
@@ -161,5 +160,3 @@ def test_policy_of_what_was_recorded_is_a_hash_or_empty(policy: str) -> None:
         LiveCommit(**ended, attempt=1, driver=Driver.POLICY, policy=policy, sample_count=1, shard="s")
     with pytest.raises(ValueError, match="policy must be empty or 64"):
         LiveEvaluation(**ended, task="static", method="policy", policy=policy, duration_s=1.0)
-    with pytest.raises(ValueError, match="method_hashes of 'gnm' must be 64"):
-        dataclasses.replace(message(EvaluationPlan), method_hashes={"gnm": policy})
