@@ -96,7 +96,7 @@ def _text(data: bytes) -> str:
 def _check(value: Any) -> None:
     """Raise ValueError at what neither can be worded in a message nor become a number of ours."""
     level = [value]
-    for _ in range(DEPTH_MAX + 1):
+    for _ in range(DEPTH_MAX):
         below = []
         for item in _items(level):
             if type(item) is int:

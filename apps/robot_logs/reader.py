@@ -29,6 +29,7 @@ UNPACKED_BYTES_MAX = 256 * 2**20
 """Of a compressed chunk or message; recorders write chunks of 1 to 16 MB."""
 DURATION_MAX_S = 48 * 3600
 _WINDOW_BYTES_MAX = 2**27
+_QUATERNION_MAX = 2.0
 _WORDS_MAX = 200
 
 
@@ -220,11 +221,10 @@ def _check_size(size: int) -> None:
 
 
 def yaw_of(turn: Any) -> float:
-    """Yaw of a quaternion as ROS has it [rad]; NaN if its numbers are too large."""
-    try:
-        return math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
-    except OverflowError:
+    """Yaw of a quaternion as ROS has it [rad]; NaN of one that is far from unit length."""
+    if not all(abs(number) < _QUATERNION_MAX for number in (turn.w, turn.x, turn.y, turn.z)):
         return math.nan
+    return math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
 
 
 def _encoded(message: Any, topic: str) -> bytes:

@@ -105,7 +105,11 @@ def _check(manifest: dict[str, Any], folder: Path) -> None:
         raise SceneError(f"{folder / MANIFEST} was edited: its content_hash fits no longer; import the scene again.")
     for name, size in sizes.items():
         path = folder / name
-        found = path.stat().st_size if path.is_file() else None
+        try:
+            found = path.stat().st_size if path.is_file() else None
+        except OSError:
+            # No file can have this name.
+            found = None
         if found != size:
             state = "is missing" if found is None else f"has {found} bytes instead of {size}"
             raise SceneError(f"Scene {folder} is damaged: {name} {state}; import the scene again.")

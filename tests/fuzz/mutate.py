@@ -221,10 +221,14 @@ def json_text(data: bytes, dice: Dice) -> bytes:
     """JSON: half of the inputs stay JSON."""
     if dice.below(2):
         return text(data, dice)
-    value = json.loads(data)
-    for _ in range(1 + dice.below(3)):
-        value = tree(value, dice)
-    return json.dumps(value).encode()[:BYTES_MAX]
+    try:
+        value = json.loads(data)
+        for _ in range(1 + dice.below(3)):
+            value = tree(value, dice)
+        return json.dumps(value).encode()[:BYTES_MAX]
+    except (ValueError, OverflowError, RecursionError):
+        # It has become what JSON cannot hold.
+        return text(data, dice)
 
 
 def message_pack(data: bytes, dice: Dice) -> bytes:
@@ -236,7 +240,7 @@ def message_pack(data: bytes, dice: Dice) -> bytes:
         for _ in range(1 + dice.below(3)):
             value = tree(value, dice)
         return bytes(msgpack.packb(value))[:BYTES_MAX]
-    except (ValueError, TypeError, OverflowError, msgpack.UnpackException):
+    except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException):
         return binary(data, dice)
 
 

@@ -1,5 +1,6 @@
 """Gives a reader many inputs, in processes of limited memory and time, and counts what comes of them."""
 
+import faulthandler
 import json
 import mmap
 import os
@@ -252,6 +253,7 @@ def _work(
 
 
 def _limit() -> None:
+    faulthandler.disable()
     null = os.open(os.devnull, os.O_RDWR)
     for stream in (0, 1, 2):
         os.dup2(null, stream)
