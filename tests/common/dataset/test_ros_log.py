@@ -31,3 +31,20 @@ def test_what_is_no_log_is_refused(tmp_path):
         read_record(tmp_path / "x.mcap", "trial")
     with pytest.raises(DatasetError, match="No such file"):
         read_record(tmp_path / "none.mcap", "trial")
+
+
+def test_log_costs_no_more_than_its_bytes(tmp_path):
+    with RosLogWriter(tmp_path / "a.mcap") as log:
+        log.add_record("trial", {"a": 1})
+    data = (tmp_path / "a.mcap").read_bytes()
+    footer = len(data) - 37
+    huge = (2**62).to_bytes(8, "little")
+    for changed in (
+        data[:9] + huge + data[17:],
+        data[: footer + 9] + huge + data[footer + 17 :],
+        data[: footer + 9] + bytes(8) + data[footer + 17 :],
+        data.replace(b"trial", b"tri\xff\xff"),
+    ):
+        (tmp_path / "b.mcap").write_bytes(changed)
+        with pytest.raises(DatasetError):
+            read_record(tmp_path / "b.mcap", "trial")
