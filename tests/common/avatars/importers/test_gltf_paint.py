@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from readygo.common.avatars.importers.gltf_file import GltfFile
+from readygo.common.avatars.importers.gltf_human import gltf_human
 from readygo.common.avatars.importers.gltf_paint import (
     Material,
     bilinear,
@@ -15,6 +16,7 @@ from readygo.common.avatars.importers.gltf_paint import (
     srgb_from_linear,
 )
 from readygo.common.avatars.importers.gltf_scene import Part, read_figure
+from readygo.common.errors import AvatarError
 from tests.common.avatars.importers.humans import write_glb
 
 TRIANGLE = Part(
