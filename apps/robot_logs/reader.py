@@ -168,7 +168,7 @@ def opened(path: Path) -> Iterator[RobotLog]:
     storage_mcap.DECOMPRESSORS.update(zstd=unpack_zstd, lz4=_unpack_lz4)
     with ExitStack() as stack:
         with _damage_in_one_line(path):
-            if path.is_file():
+            if not path.is_dir():
                 # A pipe would block.
                 open_regular(path).close()
             reader = stack.enter_context(Reader(path))

@@ -130,7 +130,10 @@ class Provenance:
     @property
     def _sections(self) -> dict[str, Any]:
         try:
-            return with_whole_camera(self.config or {})
+            sections = with_whole_camera(self.config or {})
+            if not isinstance(sections.get("renderer", {}), Mapping):
+                raise TypeError("renderer")
+            return sections
         except (AttributeError, LookupError, TypeError) as error:
             raise ConfigError(f"The recorded settings are none ({error!r}).") from error
 
