@@ -126,6 +126,8 @@ def _skin(file: GltfFile, number: int) -> tuple[list[int], Array]:
     """Nodes of a skin's joints and their inverse bind matrices, shape (J, 4, 4)."""
     skin = file.items("skins")[number]
     joints = [int(joint) for joint in skin["joints"]]
+    if not all(0 <= joint < len(file.items("nodes")) for joint in joints):
+        raise AvatarError(f"{file.path}: skin {number} names joints that are no nodes; the file is damaged.")
     if "inverseBindMatrices" not in skin:
         raise AvatarError(f"{file.path}: skin {number} has no inverse bind matrices; export it again with them.")
     values = file.accessor(int(skin["inverseBindMatrices"])).astype(np.float64)

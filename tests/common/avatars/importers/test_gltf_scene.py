@@ -178,3 +178,12 @@ def test_colours_and_coordinates_of_another_size_are_left_out(tmp_path: Path) ->
     (part,) = read_figure(GltfFile(write_glb(tmp_path / "a.glb", edit=edit))).parts
     assert part.colours is None
     assert part.uv is None
+
+
+@pytest.mark.parametrize("joint", [-1, 10**6])
+def test_joints_that_are_no_nodes_are_refused(tmp_path: Path, joint: int) -> None:
+    def edit(document: dict[str, Any]) -> None:
+        document["skins"][0]["joints"][7] = joint
+
+    with pytest.raises(AvatarError, match="joints that are no nodes"):
+        read_figure(GltfFile(write_glb(tmp_path / "a.glb", edit=edit)))
