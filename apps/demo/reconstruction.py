@@ -1,6 +1,5 @@
 """`readygo demo --reconstruct`: a room of the embedded flat is filmed, reconstructed, and driven in."""
 
-import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -23,6 +22,7 @@ from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset
+from readygo.common.documents import read_json
 from readygo.common.drawing.files import Picture
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
@@ -169,7 +169,7 @@ def tiles(made: Reconstructed) -> list[tuple[str, str]]:
 
 
 def _reachable_m2(scene: Scene) -> float:
-    return float(json.loads((scene.path / REPORT_FILE).read_text())["robot"]["reachable_m2"])
+    return float(read_json(scene.path / REPORT_FILE)["robot"]["reachable_m2"])
 
 
 def _held_out(made: Reconstructed) -> str:

@@ -19,6 +19,7 @@ from readygo.apps.run.sight import chosen_images
 from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
 from readygo.common.camera import CameraConfig
+from readygo.common.documents import read_json
 from readygo.common.errors import ConfigError, RunError, SceneError
 from readygo.common.files import write_whole
 from readygo.common.images.names import kind_of
@@ -236,7 +237,7 @@ def read_state(plan: Plan) -> dict[str, Any]:
     if not plan.state_file.exists():
         return {}
     try:
-        state = json.loads(plan.state_file.read_text())
+        state = read_json(plan.state_file)
         if state["format"] != FORMAT:
             raise ValueError(f"format {state['format']!r}")
     except (OSError, ValueError, KeyError, TypeError) as error:

@@ -56,7 +56,14 @@ def parse_head(head: bytes) -> Request | None:
     if len(parts) != 3 or not parts[2].startswith("HTTP/1."):
         return None
     pairs = (line.partition(":") for line in lines if line)
-    return Request(parts[1], {name.strip().lower(): value.strip() for name, _, value in pairs})
+    headers = {name.strip().lower(): value.strip() for name, _, value in pairs}
+    try:
+        # Python's parser of addresses raises at some that are none, such as "[::1".
+        for url in (parts[1], f"//{headers.get('host', '')}", headers.get("origin", "")):
+            _ = urlsplit(url).hostname
+    except ValueError:
+        return None
+    return Request(parts[1], headers)
 
 
 def judge(request: Request, token: str, cookie_name: str) -> Answer | None:

@@ -8,6 +8,7 @@ import time
 from types import TracebackType
 from typing import Any, Literal
 
+from readygo.common.documents import parse_json
 from readygo.common.fleet.at_work import AT_WORK
 
 LogFormat = Literal["text", "json"]
@@ -60,7 +61,7 @@ def begin_logging(log_format: LogFormat, *, run: str, role: str, worker: str) ->
 def message_of(line: str) -> str:
     """What a line of a log says, of either format."""
     try:
-        return str(json.loads(line)["message"])
+        return str(parse_json(line)["message"])
     except (ValueError, KeyError, TypeError):
         return line
 

@@ -1,7 +1,6 @@
 """Every setting of a run, by section."""
 
 import dataclasses
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any, Literal
 from readygo.common.camera import CameraConfig
 from readygo.common.camera.recorded import with_whole_camera
 from readygo.common.config import section_from_mapping, section_to_mapping
+from readygo.common.documents import read_toml
 from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import ConfigError
 from readygo.common.messages import RunSpec
@@ -123,8 +123,8 @@ def read_sections(path: Path) -> dict[str, Any]:
         ConfigError: If it cannot be read.
     """
     try:
-        return tomllib.loads(path.read_text())
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        return read_toml(path)
+    except (OSError, ValueError) as error:
         raise ConfigError(f"Configuration {path} cannot be read: {error}.") from error
 
 

@@ -159,7 +159,7 @@ class RunFolder:
         """
         try:
             endpoint, token, *_ = [*(self.state / "endpoint").read_text().splitlines(), "", ""]
-        except OSError as error:
+        except (OSError, UnicodeDecodeError) as error:
             raise RunError(f"No fleet is at work on {self.path}.") from error
         return endpoint, token
 

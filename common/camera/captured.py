@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.documents import read_json
 from readygo.common.errors import SceneError
-from readygo.common.files import read_regular
 
 FILE_BYTES_MAX = 1 << 26
 """Larger files are not read: more than 100,000 cameras."""
@@ -75,8 +75,8 @@ def load_views(path: str | Path) -> CapturedViews:
     """
     path = Path(path)
     try:
-        rows = json.loads(read_regular(path, bytes_max=FILE_BYTES_MAX))
-    except (OSError, ValueError, RecursionError) as error:
+        rows = read_json(path, bytes_max=FILE_BYTES_MAX)
+    except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise SceneError(f"{path} cannot be read: {reason}; without it, the scene has no cameras.") from error
     if not isinstance(rows, list):

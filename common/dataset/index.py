@@ -11,6 +11,7 @@ import io
 import json
 import mmap
 import os
+import struct
 from collections.abc import Iterator, Sequence, Sized
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -252,7 +253,7 @@ def read_provenance(view: memoryview, record: Record) -> Provenance | None:
     """
     try:
         metadata = Metadata.read(ReadDataStream(io.BytesIO(view[record.body : record.end])))
-    except (UnicodeDecodeError, EOFError, McapError) as error:
+    except (UnicodeDecodeError, EOFError, McapError, struct.error) as error:
         raise DatasetError(f"the metadata at byte {record.offset} cannot be read") from error
     return provenance_from_strings(metadata.metadata) if metadata.name == RECORD_NAME else None
 

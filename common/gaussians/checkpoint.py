@@ -8,7 +8,6 @@ Source: nerfstudio-project/gsplat, `examples/simple_trainer.py`; nerfstudio-proj
 `save_dataparser_transform` (both Apache-2.0).
 """
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +16,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.documents import read_json
 from readygo.common.errors import SceneError
 from readygo.common.extras import install_command
-from readygo.common.files import open_zip, read_regular
+from readygo.common.files import open_zip
 from readygo.common.gaussians.activations import opacities_from_logits, scales_from_logs
 from readygo.common.gaussians.cloud import GaussianCloud
 from readygo.common.gaussians.ply import SH_REST_COUNTS
@@ -84,14 +84,14 @@ def load_data_transform(path: Path) -> DataTransform:
         SceneError: If it cannot be read, or is no rotation, translation and positive scale.
     """
     try:
-        content = json.loads(read_regular(path, bytes_max=_JSON_BYTES_MAX))
+        content = read_json(path, bytes_max=_JSON_BYTES_MAX)
         T, scale = np.array(content["transform"], np.float64), float(content["scale"])
         R = T[:3, :3]
         if T.shape not in ((3, 4), (4, 4)) or not np.isfinite(T).all() or not 0 < scale < np.inf:
             raise ValueError("it is no transform with a positive scale")
         if not np.allclose(R @ R.T, np.eye(3), atol=1e-3) or np.linalg.det(R) < 0:
             raise ValueError("its transform does not begin with a rotation")
-    except (OSError, KeyError, TypeError, ValueError, IndexError, RecursionError) as error:
+    except (OSError, KeyError, TypeError, ValueError, IndexError) as error:
         raise SceneError(f"{path} cannot be used: {error}; without it, the scene stays as it was trained.") from error
     U, _, Vt = np.linalg.svd(R)
     return DataTransform(R=U @ Vt, t=T[:3, 3], scale=scale)

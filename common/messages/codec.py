@@ -59,7 +59,7 @@ def decode(cls: type[Message], payload: bytes) -> Message:
         MessageError: If the payload is not such a message.
     """
     try:
-        plain = _unpacked(payload, getattr(cls, "ITEMS_MAX", ITEMS_MAX))
+        plain = unpack(payload, getattr(cls, "ITEMS_MAX", ITEMS_MAX))
         message: Message = _builder(cls)(plain)  # type: ignore[arg-type]
     except (ValueError, TypeError, LookupError, OverflowError, MemoryError, msgpack.UnpackException) as error:
         words = str(error) or type(error).__name__
@@ -67,8 +67,17 @@ def decode(cls: type[Message], payload: bytes) -> Message:
     return message
 
 
-def _unpacked(payload: bytes, items_max: int) -> Any:
-    """Plain values of a payload, arrays among them; the smallest bytes make the most objects, so these are counted."""
+def unpack(payload: bytes, items_max: int) -> Any:
+    """Plain values of a payload, arrays among them; the smallest bytes make the most objects, so these are counted.
+
+    Args:
+        payload: MessagePack.
+        items_max: Lists, maps and arrays that it may hold.
+
+    Raises:
+        ValueError: If it is larger than `MESSAGE_BYTES_MAX`, holds more, or is damaged; msgpack and arrays that fit no
+            shape also raise TypeError, LookupError, OverflowError, MemoryError and msgpack.UnpackException.
+    """
     if len(payload) > MESSAGE_BYTES_MAX:
         raise ValueError(f"it is larger than {MESSAGE_BYTES_MAX} bytes")
     left = items_max

@@ -1,7 +1,6 @@
 """A scene bundle on disk, read piece by piece when it is needed."""
 
 import dataclasses
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,6 +12,7 @@ import numpy.typing as npt
 
 from readygo.common.arrays import load_npy
 from readygo.common.camera.captured import CapturedViews, load_views
+from readygo.common.documents import read_json
 from readygo.common.errors import SceneError
 from readygo.common.gaussians import GaussianCloud, load_gaussians
 from readygo.common.maps import FloorMap, GridFrame, MapConfig, OccupancyMap, SightMap, load_ros_map, sight_of_cloud
@@ -123,7 +123,7 @@ class Scene:
             return None
         path = self.path / RECONSTRUCTION_FILE
         try:
-            return dict(json.loads(path.read_text(encoding="utf-8")))
+            return dict(read_json(path))
         except (OSError, ValueError, TypeError) as error:
             raise SceneError(f"{path} cannot be read: {error}; import the scene again.") from error
 

@@ -94,3 +94,14 @@ def test_unknown_keys_and_wrong_values_are_refused_by_their_path(mapping: dict[s
 def test_differences_are_named_with_both_values():
     assert section_differences(Whole(limit=1), Whole(part=Part(count=5), limit=1)) == [("part.count", 2, 5)]
     assert section_differences(Whole(), Whole()) == []
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Table:
+    a: int = 0
+
+
+@pytest.mark.parametrize("mapping", [3, [1], "text", None])
+def test_what_is_no_table_is_refused(mapping: object) -> None:
+    with pytest.raises(ConfigError, match="must be a table"):
+        section_from_mapping(_Table, mapping)

@@ -1,14 +1,14 @@
 """What a file is, by its content."""
 
 import enum
-import json
 import zipfile
 from pathlib import Path
 
 from readygo.common.avatars.file import FORMAT
-from readygo.common.avatars.importers.gltf_file import GLB_MAGIC
+from readygo.common.avatars.importers.gltf_file import GLB_MAGIC, GLTF_BYTES_MAX
+from readygo.common.documents import read_json
 from readygo.common.errors import AvatarError
-from readygo.common.files import open_regular, open_zip, read_regular
+from readygo.common.files import open_regular, open_zip
 
 _FORMAT_BYTES = 4096
 """The format stands in the first bytes of its entry."""
@@ -73,6 +73,6 @@ def _beginning(archive: zipfile.ZipFile, name: str) -> bytes:
 
 def _is_gltf_json(path: Path) -> bool:
     try:
-        return "asset" in json.loads(read_regular(path))
-    except (ValueError, TypeError, RecursionError):
+        return "asset" in read_json(path, bytes_max=GLTF_BYTES_MAX)
+    except ValueError:
         return False

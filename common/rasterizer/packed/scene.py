@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.arrays import map_npy
+from readygo.common.documents import read_json
 from readygo.common.errors import ReadygoError, SceneError
 from readygo.common.files import unfinished, unfinished_folder
 from readygo.common.gaussians import GaussianCloud, rgb_of_sh
@@ -318,7 +319,7 @@ def load_packed(folder: str | Path) -> PackedScene | None:
     """Map a packed scene read-only; None if the folder holds no valid one."""
     folder = Path(folder)
     try:
-        if json.loads((folder / "packed.json").read_text()) != {"format": FORMAT}:
+        if read_json(folder / "packed.json") != {"format": FORMAT}:
             return None
         arrays = {name: map_array(folder / f"{name}.npy") for name in _ARRAYS}
     except (OSError, ValueError, SceneError):

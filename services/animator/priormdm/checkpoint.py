@@ -1,7 +1,6 @@
 """Reads the user's model: state dict, args.json, feature statistics, text embedding."""
 
 import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ import torch
 from torch import Tensor
 
 from readygo.common.arrays import load_npy
+from readygo.common.documents import read_json
 from readygo.common.errors import ConfigError
 from readygo.common.files import read_regular
 from readygo.services.animator.priormdm.config import PriorMdmConfig
@@ -137,7 +137,7 @@ def _args_path(config: PriorMdmConfig) -> Path:
 
 def _read_args(path: Path) -> dict[str, Any]:
     try:
-        args = json.loads(path.read_text())
+        args = read_json(path)
     except OSError as error:
         raise ConfigError(
             f"priormdm needs the args.json that was released with the weights; {path} cannot be read: "

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.arrays import load_npz
+from readygo.common.documents import parse_json
 from readygo.common.errors import RunError
 from readygo.common.files import unfinished
 
@@ -44,8 +45,8 @@ def load_checkpoint(folder: Path, identity: str) -> tuple[dict[str, Any], Arrays
     remedy, size = "delete it to start the training again", path.stat().st_size
     arrays = load_npz(path, None, bytes_max=size, raises=RunError, remedy=remedy)
     try:
-        numbers = dict(json.loads(str(arrays.pop("meta"))))
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        numbers = dict(parse_json(str(arrays.pop("meta"))))
+    except (ValueError, KeyError, TypeError) as error:
         raise RunError(f"{path} cannot be read ({error}); {remedy}.") from error
     if numbers.get("format") != FORMAT or numbers.get("identity") != identity:
         raise RunError(f"{path} is of a training with other settings or images; give another --out, or delete it.")

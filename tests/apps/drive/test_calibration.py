@@ -148,3 +148,10 @@ def test_depths_and_colours_in_each_others_place_and_depths_of_another_size_are_
         rectify.depth(np.zeros((72, 128, 3), np.uint8))
     with pytest.raises(ValueError, match=r"depths of 36x64 px, and images of 72x128: have its driver align"):
         rectify.depth(depth_m[::2, ::2])
+
+
+@pytest.mark.parametrize("line", ["camera_matrix: 3", "camera_matrix:\n  data: {a: 1}", "camera_matrix: [1, 2]"])
+def test_matrix_of_another_shape_is_refused(tmp_path, line):
+    (tmp_path / "c.yaml").write_text(f"image_width: 10\nimage_height: 8\n{line}\ndistortion_model: plumb_bob\n")
+    with pytest.raises(ConfigError, match="Calibration"):
+        camera_from_file(CameraConfig(), tmp_path / "c.yaml")

@@ -1,3 +1,5 @@
+import struct
+
 import numpy as np
 import pytest
 
@@ -76,3 +78,14 @@ def test_depths_go_as_millimetres_and_come_back_in_metres(codec):
     assert found.stamp_ns == STAMP_NS
     expected = np.array([[0.5, np.inf, np.inf], [1.234, 3.0, np.inf]], np.float32)
     assert np.array_equal(found.decode(), expected)
+
+
+@pytest.mark.parametrize("number", [1e200, -1e200, float("nan"), float("inf")])
+def test_odometry_with_numbers_that_no_robot_means_is_refused(codec, number):
+    sent = bytearray(codec.write(ODOMETRY_TYPE, Odometry(stamp_ns=7, x_m=0, y_m=0, yaw_rad=0, v_mps=0, w_radps=0), 7))
+    place = sent.index(struct.pack("<4d", 0.0, 0.0, 0.0, 1.0))
+    for k in range(4):
+        changed = bytearray(sent)
+        changed[place + 8 * k : place + 8 * k + 8] = struct.pack("<d", number)
+        with pytest.raises(ValueError, match="finite"):
+            codec.read(ODOMETRY_TYPE, bytes(changed))

@@ -54,3 +54,16 @@ def test_fall_of_the_rate_is_asked_for_and_taken_back(tmp_path: Path) -> None:
     assert (tmp_path / live.DECAY_FILE).exists()
     forget_decay(tmp_path)
     assert not (tmp_path / live.DECAY_FILE).exists()
+
+
+def test_progress_of_another_shape_says_nothing(tmp_path: Path) -> None:
+    for text in (
+        "3",
+        "[" * 100_000,
+        '{"success": 1}',
+        '{"success": {}, "history": [3], "offers": []}',
+        '{"history": 3}',
+    ):
+        (tmp_path / "progress.json").write_text(text)
+        assert read_training(tmp_path) == Training()
+        assert read_history(tmp_path) == []

@@ -87,3 +87,20 @@ def test_a_browser_that_goes_away_disturbs_nobody(behind: int) -> None:
 def test_port_in_use_says_so(behind: int) -> None:
     with pytest.raises(RunError, match="choose another --host or --port"):
         Gate("127.0.0.1", behind, behind=behind)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("Host", "[::1"), ("Host", "a]b"), ("Origin", "http://[::1"), ("Origin", "[")]
+)
+def test_addresses_that_are_none_are_refused_quietly(
+    behind: int, name: str, value: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    for token in ("", "secret"):
+        gate = Gate("127.0.0.1", 0, behind=behind, token=token)
+        try:
+            status, _, _ = get(gate.port, **{name: value})
+        finally:
+            gate.close()
+        assert status in (400, 403)
+    assert not caplog.records
+    assert parse_head(b"GET //[::1 HTTP/1.1\r\nHost: localhost\r\n\r\n") is None

@@ -94,3 +94,8 @@ def test_quantised_inverse_depths_are_read_as_ros_writes_them():
 def test_compressed_depths_that_are_none_are_said(data, image_format, words):
     with pytest.raises(ValueError, match=words):
         compressed_depth_of(data, image_format)
+
+
+def test_size_that_an_encoding_cannot_have_is_refused() -> None:
+    with pytest.raises(ValueError, match="a size that"):
+        bgr_of(np.zeros(6, np.uint8), encoding="yuv422_yuy2", height_px=1, width_px=3, row_bytes=6)

@@ -92,3 +92,10 @@ def test_camera_whose_latency_falls_between_pictures_is_refused(tmp_path: Path) 
         load_run_config(run_config(tmp_path, text + "4\n"))
     with pytest.raises(ConfigError, match="camera_hz must be 20 Hz divided by a whole number, got 6"):
         load_run_config(run_config(tmp_path, "[driver]\ncamera_hz = 6\n"))
+
+
+@pytest.mark.parametrize("text", [b"a = " + b"[" * 100_000, b"a = " + b"9" * 5000, b"a = '\xff'"])
+def test_file_beyond_a_limit_is_refused_in_one_line(tmp_path: Path, text: bytes) -> None:
+    (tmp_path / "run.toml").write_bytes(text)
+    with pytest.raises(ConfigError, match=r"^Configuration .*run\.toml cannot be read: .*\.$"):
+        load_run_config(tmp_path / "run.toml")

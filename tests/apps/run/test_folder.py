@@ -141,3 +141,11 @@ def test_run_has_one_coordinator(tmp_path: Path) -> None:
         pass
     with folder.coordinated(patience_s=0.0):
         pass
+
+
+def test_endpoint_that_is_no_text_is_none(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    folder.state.mkdir()
+    (folder.state / "endpoint").write_bytes(b"tcp/\xff\n")
+    with pytest.raises(RunError, match="No fleet is at work"):
+        folder.fleet_endpoint()

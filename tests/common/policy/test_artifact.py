@@ -85,3 +85,10 @@ def test_names_that_toml_must_quote_come_back(tmp_path):
     training = {"data": {"avatars": {"Anna B.": "12", "plain_name-3": "34"}}}
     save_spec(PolicySpec(robot=RobotConfig(), training=training), tmp_path)
     assert load_spec(tmp_path).training == training
+
+
+@pytest.mark.parametrize("text", [b"a = " + b"[" * 100_000, b"a = " + b"9" * 5000, b"a = '\xff'"])
+def test_file_beyond_a_limit_is_refused_in_one_line(tmp_path, text):
+    (tmp_path / "policy.toml").write_bytes(text)
+    with pytest.raises(PolicyError, match=r"policy\.toml is no TOML file: .*; export the policy again\.$"):
+        load_spec(tmp_path)

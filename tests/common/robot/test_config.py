@@ -74,3 +74,12 @@ def test_first_of_several_cameras_is_the_one_that_others_stand_beside(tmp_path: 
 def test_missing_robot_file_is_a_config_error(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot be read"):
         load_robot(tmp_path / "none.toml")
+
+
+@pytest.mark.parametrize(
+    "text", [b"a = " + b"[" * 100_000, b"a = " + b"9" * 5000, b"a = 0x" + b"f" * 5000, b"a = '\xff'"]
+)
+def test_file_beyond_a_limit_is_refused_in_one_line(tmp_path: Path, text: bytes) -> None:
+    (tmp_path / "robot.toml").write_bytes(text)
+    with pytest.raises(ConfigError, match=r"^Robot file .*robot\.toml cannot be read: .*\.$"):
+        load_robot(tmp_path / "robot.toml")

@@ -1,11 +1,12 @@
 import math
+import os
 
 import pytest
 
 from readygo.common.errors import ConfigError
 from readygo.common.messages import HumanPlanRequest, Split
 from readygo.services.planner import HumanPlannerConfig, handle_human_plan
-from readygo.services.planner.humans.scenario_file import load_scenarios, save_scenarios
+from readygo.services.planner.humans.scenario_file import load_scenarios, read_text, save_scenarios
 from tests.services.planner.humans.scripts import ENTRY, HEAD, HUMAN, playing
 from tests.services.planner.worlds import key
 
@@ -85,3 +86,22 @@ def test_a_file_that_is_not_there_or_no_text_is_refused(tmp_path):
 def test_the_config_says_how_far_goals_move():
     with pytest.raises(ValueError, match="goal_snap_m"):
         HumanPlannerConfig(goal_snap_m=math.nan)
+
+
+@pytest.mark.parametrize("text", [b"a = " + b"[" * 100_000, b"a = " + b"9" * 5000, b"a = '\xff'"])
+def test_file_beyond_a_limit_is_refused_in_one_line(tmp_path, text):
+    (tmp_path / "s.toml").write_bytes(text)
+    with pytest.raises(ConfigError, match=r"^Scenario file .*s\.toml (is no TOML|cannot be read): .*\.$"):
+        load_scenarios(tmp_path / "s.toml")
+
+
+def test_pipe_is_no_scenario_file(tmp_path):
+    os.mkfifo(tmp_path / "s.toml")
+    with pytest.raises(ConfigError, match="no regular file"):
+        load_scenarios(tmp_path / "s.toml")
+
+
+def test_ends_of_lines_do_not_change_what_a_run_is(tmp_path):
+    (tmp_path / "a.toml").write_bytes(b"a = 1\nb = 2\n")
+    (tmp_path / "b.toml").write_bytes(b"a = 1\r\nb = 2\r\n")
+    assert read_text(tmp_path / "a.toml") == read_text(tmp_path / "b.toml")
