@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from readygo.common.messages.checks import check_printable
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FleetRequest:
@@ -19,6 +21,9 @@ class HeldLease:
     held_s: float
     """Time since the lease began, or since the coordinator did [s]."""
 
+    def __post_init__(self) -> None:
+        check_printable("stage", self.stage)
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class WorkerState:
@@ -35,6 +40,10 @@ class WorkerState:
     """Those that failed."""
     holds: tuple[HeldLease, ...]
 
+    def __post_init__(self) -> None:
+        check_printable("role", self.role, empty=True)
+        check_printable("name", self.name)
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FleetReply:
@@ -46,3 +55,7 @@ class FleetReply:
     """By role and name."""
     done_per_minute: dict[str, float]
     """Episodes that passed a stage in the last minute, by stage."""
+
+    def __post_init__(self) -> None:
+        for stage in (*self.stages, *self.done_per_minute):
+            check_printable("stages", stage)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.messages.checks import check_array
+from readygo.common.messages.checks import check_array, check_printable
 from readygo.common.messages.codec import OMITTED_WHEN_DEFAULT
 from readygo.common.messages.episode import EpisodeKey
 from readygo.common.messages.plan import Driver, Outcome
@@ -95,6 +95,9 @@ class LiveWork:
     failed: str = ""
     """The worker's error."""
 
+    def __post_init__(self) -> None:
+        check_printable("stage", self.stage)
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LiveHealth:
@@ -116,6 +119,12 @@ class LiveHealth:
     metrics: str
     """Where it shows its metrics, HOST:PORT; empty if nowhere."""
 
+    def __post_init__(self) -> None:
+        check_printable("role", self.role)
+        check_printable("name", self.name)
+        check_printable("host", self.host, empty=True)
+        check_printable("metrics", self.metrics, empty=True)
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LiveCommit:
@@ -129,6 +138,10 @@ class LiveCommit:
     """See `EpisodeHeader.policy`."""
     sample_count: int
     shard: str
+
+    def __post_init__(self) -> None:
+        check_printable("policy", self.policy, empty=True)
+        check_printable("shard", self.shard)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -159,3 +172,8 @@ class LiveEvaluation:
     outcome: Outcome
     duration_s: float
     """Simulated time until the episode ended [s]."""
+
+    def __post_init__(self) -> None:
+        check_printable("task", self.task)
+        check_printable("method", self.method)
+        check_printable("policy", self.policy, empty=True)

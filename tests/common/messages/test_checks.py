@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from readygo.common.messages.checks import check_array
+from readygo.common.messages.checks import NAME_MAX, check_array, check_printable
 
 
 @pytest.mark.parametrize("shape", [(4, 3), (None, 3), (None, None)])
@@ -21,3 +21,26 @@ def test_array_of_the_right_type_and_shape_passes(shape: tuple[int | None, ...])
 def test_other_values_are_refused_in_words(array: object, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         check_array("xyz", array, np.float32, (None, 3))
+
+
+@pytest.mark.parametrize("name", ["desk-1", "[/x]", "Zoë's desk", "a" * NAME_MAX])
+def test_printable_names_pass(name: str) -> None:
+    check_printable("name", name)
+    check_printable("name", "", empty=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("", "name must not be empty"),
+        ("\x1b[2J", r"printable characters, got '\\x1b\[2J'\."),
+        ("\x1b]0;title\x07", "printable characters"),
+        ("\x9b2J", "printable characters"),
+        ("two\nlines", "printable characters"),
+        ("\u202eright to left", "printable characters"),
+        ("a" * (NAME_MAX + 1), "at most 200"),
+    ],
+)
+def test_names_that_steer_a_terminal_are_refused(name: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        check_printable("name", name)

@@ -1,8 +1,14 @@
+import dataclasses
+
+import msgpack
 import numpy as np
 import pytest
 
+from readygo.common.errors import MessageError
 from readygo.common.messages import EpisodeKey, Outcome, Split
-from readygo.common.messages.live import LivePlan
+from readygo.common.messages.codec import decode, encode
+from readygo.common.messages.live import LiveCommit, LiveEvaluation, LiveHealth, LivePlan, LiveWork
+from tests.common.messages.examples import message
 
 EPISODE = EpisodeKey(seed=0, split=Split.TRAIN, index=0)
 
@@ -18,3 +24,26 @@ def test_plan_has_a_flag_for_every_pose() -> None:
             replanned=np.zeros(2, np.bool_),
             humans_xy_m=(),
         )
+
+
+@pytest.mark.parametrize(
+    ("cls", "field"),
+    [
+        (LiveHealth, "role"),
+        (LiveHealth, "name"),
+        (LiveHealth, "host"),
+        (LiveHealth, "metrics"),
+        (LiveWork, "stage"),
+        (LiveCommit, "shard"),
+        (LiveCommit, "policy"),
+        (LiveEvaluation, "task"),
+        (LiveEvaluation, "method"),
+        (LiveEvaluation, "policy"),
+    ],
+)
+def test_names_that_steer_a_terminal_are_refused(cls: type, field: str) -> None:
+    said = message(cls)
+    assert dataclasses.asdict(decode(cls, encode(said))) == dataclasses.asdict(said)
+    plain = msgpack.unpackb(encode(said)) | {field: "\x1b]0;title\x07"}
+    with pytest.raises(MessageError, match=f"{field} must be at most 200 printable characters"):
+        decode(cls, msgpack.packb(plain))
