@@ -7,6 +7,7 @@ import functools
 import importlib
 import inspect
 import io
+import logging
 import os
 import signal
 import sys
@@ -64,8 +65,11 @@ def run_command(commands: Mapping[str, Command], argv: Sequence[str]) -> None:
     command in the same way, with 143.
     """
     from readygo.common.errors import ReadygoError
+    from readygo.common.printable import PlainLines
 
     _mend_streams()
+    if logging.lastResort:
+        logging.lastResort.setFormatter(PlainLines())
     try:
         try:
             call = parse(commands, argv)
@@ -295,5 +299,7 @@ def _drop_output() -> None:
 
 
 def _stop(message: str, code: int) -> NoReturn:
-    sys.stderr.write(f"readygo: {message}\n")
+    from readygo.common.printable import strip_controls
+
+    sys.stderr.write(f"readygo: {strip_controls(message)}\n")
     raise SystemExit(code)

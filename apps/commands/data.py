@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.coverage.summary import dataset_summary, summary_lines
+from readygo.apps.terminal import PlainConsole
 from readygo.common.dataset import Dataset, Report, recorded_clarity
 from readygo.common.dataset import validate as validate_folder
 from readygo.common.drawing.files import write_png
@@ -36,7 +36,7 @@ def validate(data: Path, /, *, json: bool = False) -> None:
     if json:
         _print_json(_report_as_mapping(report) | {"clarity": clarity and clarity.to_mapping()})
     else:
-        console = Console(soft_wrap=True, highlight=False)
+        console = PlainConsole(soft_wrap=True)
         for defect in report.defects[:DEFECTS_SHOWN]:
             console.print(str(defect), markup=False)
         for note in report.notes:
@@ -84,7 +84,7 @@ def inspect(data: Path, /, *, sheet: Path | None = None, overlay: Path | None = 
     table = Table(show_header=False, box=None)
     for name, text in summary_lines(summary).items():
         table.add_row(name, Text(text))
-    Console(highlight=False).print(table)
+    PlainConsole().print(table)
 
 
 def _validate_with_progress(data: Path, *, quiet: bool) -> Report:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from readygo.apps.cli import Bare, Group
@@ -34,6 +33,7 @@ from readygo.apps.run.origin import avatars_of_policy, robot_of_policy
 from readygo.apps.run.policy import with_expert, with_policy
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import episode_count, make_spec
+from readygo.apps.terminal import PlainConsole
 from readygo.apps.views.recorded import run_clarity
 from readygo.common.errors import RunError
 from readygo.common.messages import RunSpec, Split, StatusReply
@@ -243,7 +243,7 @@ def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool
     if json:
         sys.stdout.write(json_module.dumps({**summary, "clarity": clarity.to_mapping()}) + "\n")
         return
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console = PlainConsole(stderr=True, soft_wrap=True)
     console.print(f"{summary['episodes']} episodes, {summary['samples']} samples in {out} ({summary['wall_s']:.1f} s).")
     for reason, count in summary["rejected"].items():
         console.print(f"  rejected {count}: {reason}", markup=False)
@@ -268,7 +268,7 @@ def progress_bar(*, first_words: str = "", quiet: bool = False) -> Iterator[Show
         MofNCompleteColumn(),
         TextColumn("{task.fields[rate]:.0f} samples/s, {task.fields[rejected]} rejected, ETA"),
         TimeRemainingColumn(),
-        TextColumn("{task.fields[trouble]}", markup=False),
+        TextColumn("{task.fields[trouble]}"),
     )
     begin_s = time.monotonic()
     samples_before: int | None = None

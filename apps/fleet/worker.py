@@ -37,6 +37,7 @@ from readygo.common.errors import BusError, ReadygoError, RunError
 from readygo.common.fleet import Worker, pull
 from readygo.common.messages import RunSpecRequest, topics
 from readygo.common.messages.reconstruction import RECONSTRUCTOR
+from readygo.common.printable import strip_controls
 from readygo.services import coordinator as coordination
 from readygo.services.recorder import Recorder
 from readygo.services.recorder import attach as attach_recorder
@@ -131,7 +132,7 @@ def worker(
         raise SystemExit(USER_MISTAKE) from error
     except ReadygoError as error:
         if log_format == "text":
-            sys.stderr.write(f"readygo: {error}\n")
+            sys.stderr.write(f"readygo: {strip_controls(str(error))}\n")
         else:
             log.critical("%s", error)
         raise SystemExit(CANNOT_WORK) from error

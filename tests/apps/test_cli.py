@@ -24,6 +24,7 @@ ERRORS = {
     "full": OSError(errno.ENOSPC, "No space left on device"),
     "bug": OSError(errno.EBADF, "Bad file descriptor"),
     "mistake": RunError("Ask for more."),
+    "hostile": RunError("coord/spec: \x1b]0;title\x07\x1b[2Jno."),
     "ctrl-c": KeyboardInterrupt(),
     "ctrl-c-with-words": KeyboardInterrupt("3 of 4 are kept."),
 }
@@ -119,6 +120,7 @@ def test_help_names_defaults_only_where_there_is_something_to_name(capsys: pytes
         ("missing", 2, "No such file or directory: lobby.ply."),
         ("full", 2, "No space left on device."),
         ("mistake", 2, "Ask for more."),
+        ("hostile", 2, "coord/spec: ]0;title[2Jno."),
         ("ctrl-c-with-words", 130, "stopped; 3 of 4 are kept."),
         ("ctrl-c", 130, "stopped; what is recorded or saved stays, run the same command again to go on."),
     ],
