@@ -23,6 +23,7 @@ from readygo.apps.drive.wires import WireName, make_wire
 from readygo.apps.run.origin import settings_of_policy
 from readygo.apps.run.policy import policy_sha256
 from readygo.apps.terminal import PlainConsole
+from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.camera import CameraConfig
 from readygo.common.errors import BusError, ConfigError, RunError
 from readygo.common.images.encoded import decode_pixels
@@ -109,6 +110,7 @@ def drive(
     Raises:
         ReadygoError: If policy, robot or calibration cannot be used.
     """
+    check_endpoint(connect, "--connect")
     loaded, console = _loaded(policy, robot), PlainConsole(soft_wrap=True)
     in_start_frame = goal_frame == "start" and not goal_topic
     config = _config(loaded, in_start_frame, goal_radius, time_limit, v_max, w_max)

@@ -34,6 +34,7 @@ from readygo.apps.run.origin import avatars_of_policy, check_unseen, unseen_avat
 from readygo.apps.run.policy import policy_sha256
 from readygo.apps.run.spec import episode_count
 from readygo.apps.terminal import PlainConsole
+from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import RunError
 from readygo.common.messages import Split
@@ -228,6 +229,8 @@ def _check_folder(out: Path | None, workers: int, listen: str, video: Sequence[s
         raise RunError("--workers keep their records in a folder: say which with --out.")
     if listen and not workers:
         raise RunError("--listen is for workers: say with --workers how many are started here, at least 1.")
+    if listen:
+        check_endpoint(listen, "--listen")
     if video and out is None:
         raise RunError("--video writes films into a folder: say which with --out.")
 

@@ -35,6 +35,7 @@ from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import episode_count, make_spec
 from readygo.apps.terminal import PlainConsole
 from readygo.apps.views.recorded import run_clarity
+from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.errors import RunError
 from readygo.common.messages import RunSpec, Split, StatusReply
 from readygo.common.policy import load_spec
@@ -193,7 +194,11 @@ def _check_where(on: Place, workers: int, *, listen: str, connect: str, slurm: s
 
     Raises:
         RunError: If some do not.
+        ConfigError: If an endpoint is none.
     """
+    for option, endpoint in (("--listen", listen), ("--connect", connect)):
+        if endpoint:
+            check_endpoint(endpoint, option)
     if on == "slurm":
         check_slurm(workers, listen)
     elif slurm:

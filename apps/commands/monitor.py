@@ -19,6 +19,7 @@ from readygo.apps.monitor.rerun_sink import RerunSink
 from readygo.apps.monitor.screen import Screen
 from readygo.apps.monitor.subject import Subject, subject_at, subjects_of
 from readygo.apps.terminal import PlainConsole
+from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.errors import RunError
 
 PAGE_TOKEN_VARIABLE = "READYGO_MONITOR_TOKEN"
@@ -63,6 +64,9 @@ def monitor(
         raise RunError(
             "--connect needs the name of the run as well: --run RUN, as `readygo generate --listen` prints it."
         )
+    if connect:
+        # The page would go on trying.
+        check_endpoint(connect, "--connect")
     if data is not None:
         subjects = subjects_of(data, scene, certs)
     else:

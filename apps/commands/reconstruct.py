@@ -13,6 +13,7 @@ from readygo.apps.commands.progress import EVERY_S
 from readygo.apps.commands.scene_report import scene_report
 from readygo.apps.fleet.reconstruction import ask_worker
 from readygo.apps.terminal import PlainConsole
+from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.errors import ConfigError
 from readygo.common.files import write_whole
 from readygo.services.reconstructor.config import FramesConfig, MetricConfig, PosesConfig, ReconstructorConfig
@@ -145,6 +146,8 @@ def reconstruct_command(
         scale=scale,
     )
     config = _config(metric, frames, mapper, threads, _gaussians(preset, steps, side_px, plain, device))
+    if listen:
+        check_endpoint(listen, "--listen")
     job = Job(source=source, out=out, work=work or out.with_name(f"{out.name}.work"), license=license)
     lines = Lines(STAGES)
     try:

@@ -28,6 +28,7 @@ from readygo.apps.run.evaluation import (
 )
 from readygo.apps.run.origin import avatars_of_policy
 from readygo.apps.terminal import PlainConsole
+from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.bus.foreign import ForeignSession
 from readygo.common.bus.zenoh_bus import Router
 from readygo.common.episode import EpisodeSimulation
@@ -99,6 +100,7 @@ def simulate_robot(
         listen: Where to open a Zenoh router.
         domain: ROS_DOMAIN_ID.
     """
+    check_endpoint(listen, "--listen")
     console = PlainConsole(soft_wrap=True)
     manners = _manners(latency_s, jitter_s, drop_share, camera_hz, compressed)
     spec = load_spec(policy) if policy else None

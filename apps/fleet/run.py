@@ -17,7 +17,7 @@ from readygo.apps.observe.observer import Observer
 from readygo.apps.observe.settings import NOTHING, Observing
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import numeric_class
-from readygo.apps.run.recorders import prepare_folders
+from readygo.apps.run.recorders import prepare_folders, recorders_of
 from readygo.apps.run.recovery import check_recorded, recover
 from readygo.apps.run.stages import LINE, Entry, stage_works
 from readygo.apps.run.world import World
@@ -183,7 +183,7 @@ def run_fleet(
     """Do the run with a fleet over Zenoh; see `places` for `workers` and `together`, and `record` for the others."""
     spec, _ = folder.load()
     token = "" if certs else given_token() or new_token()
-    recorders = _recorders(folder, spec)
+    recorders = recorders_of(folder, spec)
     router = open_router(recorders, endpoint, certs=certs, token=token)
     here, data = reached_here(endpoint), folder.path.resolve()
     fleet = Fleet(
@@ -219,14 +219,6 @@ def run_fleet(
     if status.finished:
         fleet.check_recorders()
     return status
-
-
-def _recorders(folder: RunFolder, spec: RunSpec) -> tuple[str, ...]:
-    """The run's recorders, without those that were given up."""
-    ledger = coordination.Ledger(folder.ledger, spec.stages)
-    retired = ledger.retired()
-    ledger.close()
-    return tuple(name for name in World(spec).config.coordinator.recorders if name not in retired)
 
 
 def _supervise(checks: Sequence[Callable[[], None]], bus: Bus, show: Show) -> StatusReply:

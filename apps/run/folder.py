@@ -1,8 +1,10 @@
 """A run's data folder."""
 
+import contextlib
 import dataclasses
 import fcntl
 import os
+import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -82,7 +84,7 @@ class RunFolder:
     @property
     def has_data(self) -> bool:
         """False also for what a start leaves behind that failed: nothing of it binds the next one."""
-        noted = self.ledger.exists() or self.retired.exists()
+        noted = self.retired.exists() or _has_episodes(self.ledger)
         return noted or any(self.path.glob("shard-*.mcap*")) or bool(own_folders(self.path))
 
     def check(self, spec: RunSpec) -> None:
@@ -191,6 +193,17 @@ class RunFolder:
                 f"{self.path} holds data of another run: {', '.join(different)} differ. "
                 "Choose another --out, or the settings of that run to resume it."
             )
+
+
+def _has_episodes(ledger: Path) -> bool:
+    """True if a ledger has episodes, or cannot be read."""
+    if not ledger.exists():
+        return False
+    try:
+        with contextlib.closing(sqlite3.connect(f"{ledger.resolve().as_uri()}?mode=ro", uri=True)) as database:
+            return database.execute("SELECT 1 FROM episode LIMIT 1").fetchone() is not None
+    except sqlite3.Error:
+        return True
 
 
 def _with_new_settings(spec: RunSpec) -> RunSpec:

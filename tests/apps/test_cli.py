@@ -239,3 +239,38 @@ def test_option_may_go_without_its_value_where_that_is_said(argv: list[str], sha
     call = parse(COMMANDS, ["generate", "embedded", "--out", "data", *argv])
     assert isinstance(call, functools.partial)
     assert call.keywords["disturb"] == share
+
+
+@pytest.mark.parametrize("endpoint", ["foo", "tcp/127.0.0.1:99999"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        "generate embedded --out {out} --listen",
+        "generate embedded --out {out} --on hosts --connect",
+        "coordinator {out} --listen",
+        "coordinator {out} --connect",
+        "router --listen",
+        "worker all --connect",
+        "worker recorder --run r --data {out} --connect",
+        "status --connect",
+        "status --run r --connect",
+        "pause --run r --connect",
+        "monitor --run r --connect",
+        "learn embedded --out {out} --listen",
+        "evaluate embedded --methods expert --workers 1 --out {out} --listen",
+        "reconstruct film.mp4 --out {out} --listen",
+        "simulate-robot embedded --listen",
+        "drive policy --goal 1 1 --connect",
+    ],
+)
+def test_endpoint_that_is_none_is_one_line_and_nothing_is_made(
+    command: str, endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("READYGO_TOKEN", "secret")
+    out = tmp_path / "out"
+    with pytest.raises(SystemExit) as stopped:
+        run_command(COMMANDS, [*command.format(out=out).split(), endpoint])
+    said = capsys.readouterr().err
+    assert (stopped.value.code, said.count("\n")) == (2, 1)
+    assert said.endswith(f"must be of the form tcp/HOST:PORT or tls/HOST:PORT, PORT 1..65535, got {endpoint!r}.\n")
+    assert not out.exists()

@@ -1,6 +1,7 @@
 """A run whose workers and recorder share no files with its coordinator, over mTLS, one of them cut off for a while."""
 
 import contextlib
+import dataclasses
 import shutil
 import socket
 import threading
@@ -303,3 +304,15 @@ def _cancel(listen: str, certs: Path) -> None:
     operator = join(listen, RUN, "operator", certs=certs)
     operator.request(topics.CONTROL, ControlRequest(command=Command.CANCEL))
     operator.close()
+
+
+@pytest.mark.parametrize("joins", [False, True])
+def test_endpoint_that_cannot_be_used_binds_nothing(joins: bool, tmp_path: Path) -> None:
+    folder = make_folder(tmp_path, (DRAW, FILM), wanted=3)
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        taken = f"tcp/127.0.0.1:{other.getsockname()[1]}"
+        unused = free_endpoint()
+        with pytest.raises(BusError, match="No router answers" if joins else "the port is in use"):
+            lead(folder, unused if joins else taken, joins=joins)
+    spec, _ = folder.load()
+    folder.check(dataclasses.replace(spec, seed=spec.seed + 1))

@@ -10,6 +10,7 @@ from readygo.apps.run.folder import RunFolder
 from readygo.common.errors import RunError
 from readygo.common.messages import OnRejection
 from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN, RENDER, ROBOT_PLAN
+from readygo.services.coordinator import Ledger
 from tests.common.messages.run_specs import SPEC
 
 
@@ -125,6 +126,21 @@ def test_start_that_failed_binds_nobody(tmp_path: Path) -> None:
     folder.ledger.touch()
     with pytest.raises(RunError, match="seed differ"):
         folder.check(SPEC)
+
+
+def test_ledger_without_an_episode_binds_nothing_and_one_with_an_episode_does(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    other = dataclasses.replace(SPEC, seed=SPEC.seed + 1)
+    with folder.locked():
+        folder.save(other, 3)
+    ledger = Ledger(folder.ledger)
+    folder.check(SPEC)
+    assert not folder.has_data
+    ledger.open_episodes(1)
+    with pytest.raises(RunError, match="seed differ"):
+        folder.check(SPEC)
+    ledger.close()
+    assert folder.has_data
 
 
 def test_run_has_one_coordinator(tmp_path: Path) -> None:
