@@ -144,6 +144,7 @@ def generate(
         watch=watch,
         observing=Observing(metrics=metrics, log_format=log_format, traces=traces),
     )
+    where.observing.check_installed()
     if again is not None:
         if scene:
             raise RunError("--again has the scene of the run that it makes again: name one of the two.")
