@@ -14,7 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from readygo.apps.cli import Bare, Group
 from readygo.apps.commands.coordinator import check_endpoints, lead_run
 from readygo.apps.commands.progress import SteadyProgress
-from readygo.apps.fleet.run import Show, begin, record
+from readygo.apps.fleet.run import Show, begin, check_counts, record
 from readygo.apps.fleet.slurm import check_slurm
 from readygo.apps.monitor.beside import watched
 from readygo.apps.observe.logs import LogFormat
@@ -132,6 +132,7 @@ def generate(
         traces: Where OpenTelemetry's spans of every episode go: an OTLP endpoint such as http://collector:4318, or a
             folder.
     """
+    check_counts(1 if episodes is None else episodes, workers)
     _check_where(on, workers, listen=listen, connect=connect, slurm=slurm, watch=watch)
     where = Where(
         workers=workers,

@@ -36,6 +36,15 @@ CHECK_S = 0.25
 """How often a fleet's processes are looked at, at least [s]."""
 COORDINATOR_ABSENT_S = 60.0
 EPISODES_MAX = 10_000_000
+WORKERS_MAX = 256
+
+
+def check_counts(episodes: int, workers: int) -> None:
+    """Raise RunError unless a run can have so many episodes and workers."""
+    if not 1 <= episodes <= EPISODES_MAX or not 0 <= workers <= WORKERS_MAX:
+        raise RunError(
+            f"--episodes must be 1..{EPISODES_MAX} and --workers 0..{WORKERS_MAX}, got {episodes} and {workers}."
+        )
 
 
 def record(
@@ -71,8 +80,7 @@ def record(
     Raises:
         RunError: If the run cannot be done; what is recorded stays.
     """
-    if not 1 <= episodes <= EPISODES_MAX or not 0 <= workers <= 256:
-        raise RunError(f"--episodes must be 1..{EPISODES_MAX} and --workers 0..256, got {episodes} and {workers}.")
+    check_counts(episodes, workers)
     folder = RunFolder(out)
     folder.check(spec)
     begin_s = time.monotonic()
