@@ -121,8 +121,8 @@ def parse(commands: Mapping[str, Command], argv: Sequence[str]) -> Callable[[], 
     """The command that the arguments name, ready to be called.
 
     Raises:
-        ReadygoError: If there is no such command.
-        SystemExit: If the arguments do not fit it, or ask for its help; tyro has said so.
+        ReadygoError: If there is no such command, or the arguments do not fit it.
+        SystemExit: If they ask for its help, which is printed.
     """
     from readygo.common.errors import ReadygoError
 
@@ -168,6 +168,8 @@ def _bound(function: Callable[..., object], *, prog: str, argv: Sequence[str]) -
     """A command's function with its arguments."""
     import tyro
 
+    from readygo.apps.usage import errors_in_one_line
+
     hints = typing.get_type_hints(function, include_extras=True)
     parameters = [
         parameter.replace(annotation=_with_value_name(hints[name], parameter))
@@ -185,7 +187,9 @@ def _bound(function: Callable[..., object], *, prog: str, argv: Sequence[str]) -
     bind.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}
     bind.__signature__ = inspect.Signature(shown)  # type: ignore[attr-defined]
     config = [tyro.conf.OmitArgPrefixes] if groups else []
-    return tyro.cli(bind, prog=prog, args=_with_bare_values(hints, argv), config=config)
+    named = [parameter for parameter in parameters if parameter.kind is not inspect.Parameter.POSITIONAL_ONLY]
+    with errors_in_one_line([f"--{parameter.name.replace('_', '-')}" for parameter in named]):
+        return tyro.cli(bind, prog=prog, args=_with_bare_values(hints, argv), config=config)
 
 
 def _groups(hints: Mapping[str, Any], parameters: Sequence[inspect.Parameter], words: str) -> list[inspect.Parameter]:
