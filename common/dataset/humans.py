@@ -20,7 +20,7 @@ def humans_of_shard(shard: Path) -> list[list[npt.NDArray[np.float64]]]:
     Raises:
         DatasetError: If the shard is damaged.
     """
-    episodes = []
+    episodes: list[list[npt.NDArray[np.float64]]] = []
     with mapped(shard) as view:
         for record in iter_records(view):
             if record.opcode != Opcode.CHUNK:
