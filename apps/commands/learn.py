@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from rich.console import Console
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn
 
 from readygo.apps.commands.progress import SteadyProgress
@@ -20,6 +19,7 @@ from readygo.apps.learn.plan import Budget, Plan, learn_configs, make_plan
 from readygo.apps.learn.report import write_report
 from readygo.apps.learn.supervise import Now
 from readygo.apps.monitor.beside import watched
+from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.identity import COORDINATOR
 from readygo.common.errors import RunError
 from readygo.services.evaluator import EpisodeRecord, summary_table
@@ -106,7 +106,7 @@ def learn(
     if json:
         sys.stdout.write(json_module.dumps(learned.to_mapping()) + "\n")
         return
-    console = Console(highlight=False, soft_wrap=True)
+    console = PlainConsole(soft_wrap=True)
     for name, reply in learned.replies.items():
         console.print(name, markup=False)
         console.print(summary_table(reply.summaries))

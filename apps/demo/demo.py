@@ -7,7 +7,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console
+from rich.text import Text
 
 from readygo.apps.commands.learn import live_line
 from readygo.apps.commands.reconstruct import Lines
@@ -23,6 +23,7 @@ from readygo.apps.run.config import RunConfig
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.warm import warm_all
 from readygo.apps.run.world import World
+from readygo.apps.terminal import PlainConsole
 from readygo.common.dataset import Dataset, validate
 from readygo.common.drawing.film import write_film
 from readygo.common.errors import DatasetError, RunError
@@ -41,11 +42,11 @@ SEARCHED = 20
 
 @dataclass(frozen=True, kw_only=True)
 class _Timer:
-    console: Console
+    console: PlainConsole
     begin_s: float
 
     def say(self, text: str) -> None:
-        self.console.print(f"[bold]{time.monotonic() - self.begin_s:5.0f} s[/bold]  {text}")
+        self.console.print(Text.assemble((f"{time.monotonic() - self.begin_s:5.0f} s", "bold"), f"  {text}"))
 
 
 def demo(*, out: Path = Path("demo"), minutes: float = 3.5, episodes: int = 10, reconstruct: bool = False) -> None:
@@ -61,7 +62,7 @@ def demo(*, out: Path = Path("demo"), minutes: float = 3.5, episodes: int = 10, 
     Raises:
         ReadygoError: If `out` holds files of something else, or something cannot be made.
     """
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console = PlainConsole(stderr=True, soft_wrap=True)
     timer = _Timer(console=console, begin_s=time.monotonic())
     _clear(out)
     timer.say("compiling kernels (once per machine) and building the embedded scene")

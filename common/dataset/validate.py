@@ -41,7 +41,7 @@ class Defect:
     """Name of the file."""
     kind: str
     """"file", "crc", "summary", "index", "sequence", "time", "sha256", "image", "label", "action", "motion",
-    "goal", "frame", "duplicate" or "metadata"."""
+    "goal", "frame", "duplicate", "metadata" or "missing"."""
     text: str
     """What does not hold, in words."""
 

@@ -41,6 +41,8 @@ class VerdictStatus(enum.Enum):
 
 FILE_BYTES_MAX = 2**36
 """No file of a run is larger [bytes]; the largest are scenes of some gigabytes."""
+
+
 class Command(enum.Enum):
     """What an operator wants of a run."""
 

@@ -13,7 +13,7 @@ import pytest
 from readygo.apps.commands.generate import generate
 from readygo.benchmarks.recording.memory import workers_below
 from readygo.common.dataset import Dataset, validate
-from readygo.common.errors import RunError
+from readygo.common.errors import ConfigError, RunError
 from readygo.common.scenes.embedded import ensure_embedded_scene
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -145,3 +145,24 @@ def test_port_in_use_exits_with_2_and_one_line(scene: Path, config: Path, tmp_pa
     assert (
         done.stderr == f"readygo: Cannot listen on {endpoint}: the port is in use; choose another --listen endpoint.\n"
     )
+
+
+@pytest.mark.parametrize("counts", [{"episodes": 0}, {"episodes": 10**12}, {"workers": 257}])
+def test_count_that_cannot_be_is_refused_before_anything_is_made_or_shown(
+    counts: dict[str, int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(RunError, match=r"--episodes must be 1\.\."):
+        generate("a scene that is not there", out=tmp_path / "out", **counts)  # type: ignore[arg-type]
+    assert capsys.readouterr() == ("", "")
+    assert not (tmp_path / "out").exists()
+
+
+def test_missing_packages_of_an_option_are_said_before_anything_is_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.split(".")[0] == "opentelemetry"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "opentelemetry", None)
+    with pytest.raises(ConfigError, match="--traces needs OpenTelemetry"):
+        generate("embedded", out=tmp_path / "out", traces=str(tmp_path / "spans"))
+    assert not (tmp_path / "out").exists()

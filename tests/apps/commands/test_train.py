@@ -9,16 +9,16 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from rich.console import Console
 
 from readygo.__main__ import main
 from readygo.apps.commands.train import _default_recipe, _progress, train
+from readygo.apps.terminal import PlainConsole
 from readygo.common.errors import ConfigError
 from tests.common.dataset.episodes import ROBOT, provenance_with_robot, write_shard
 
 
 def test_losses_are_shown_once_they_are_known() -> None:
-    console = Console(file=io.StringIO(), width=200, force_terminal=True, color_system=None)
+    console = PlainConsole(file=io.StringIO(), width=200, force_terminal=True, color_system=None)
     with _progress(console, quiet=False) as show:
         show(SimpleNamespace(fraction=0.1, step=0, train_loss=math.nan, validation_loss=math.nan))
         show(SimpleNamespace(fraction=0.5, step=7, train_loss=0.25, validation_loss=math.nan))
@@ -28,7 +28,7 @@ def test_losses_are_shown_once_they_are_known() -> None:
 
 
 def test_recipe_that_nobody_named_is_said() -> None:
-    console = Console(file=io.StringIO(), width=200)
+    console = PlainConsole(file=io.StringIO(), width=200)
     assert _default_recipe(SimpleNamespace(has_expert=True), console, quiet=False) == "best"
     assert _default_recipe(SimpleNamespace(has_expert=False), console, quiet=True) == "fast"
     assert console.file.getvalue() == "Recipe best: the expert was asked at every state in these data.\n"

@@ -1,4 +1,5 @@
 import dataclasses
+import socket
 import threading
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -15,7 +16,7 @@ from readygo.common.bus import Bus
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.dataset import validate
 from readygo.common.dataset.casts import read_casts
-from readygo.common.errors import RunError
+from readygo.common.errors import BusError, RunError
 from readygo.common.fleet import Inputs, StageResult, Work, Worker, pull
 from readygo.common.messages import ClaimReply, OnRejection, RunSpec, Stage, StatusReply, StatusRequest
 from readygo.services import coordinator as coordination
@@ -162,6 +163,17 @@ def test_of_two_runs_that_begin_in_a_folder_at_once_the_later_one_is_refused(
     with pytest.raises(RunError, match="holds data of another run: seed differ"):
         start(dataclasses.replace(spec, seed=spec.seed + 1), folder.path)
     assert folder.load() == (spec, 3)
+
+
+def test_endpoint_that_cannot_be_opened_binds_nothing(tmp_path: Path) -> None:
+    spec, _ = make_folder(tmp_path / "first", (DRAW, FILM), wanted=3).load()
+    folder = RunFolder(tmp_path / "second")
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        taken = f"tcp/127.0.0.1:{other.getsockname()[1]}"
+        with pytest.raises(BusError, match="the port is in use"):
+            record(spec, folder.path, episodes=3, workers=1, listen=taken)
+    assert not folder.ledger.exists()
+    begin(dataclasses.replace(spec, seed=spec.seed + 1), folder.path, 3)
 
 
 def test_run_cannot_be_made_shorter_than_what_is_recorded(tmp_path: Path) -> None:

@@ -99,6 +99,56 @@ def test_workers_that_end_again_and_again_end_the_run_with_their_last_words(aske
         workers.check()
 
 
+UNREACHABLE = "slurm_load_jobs error: Unable to contact slurm controller (connect failure)"
+
+
+def _answers(asked: Path, command: str, answer: str) -> None:
+    (asked.parent / "bin" / command).write_text(f"#!/bin/sh\necho {command} >> {asked}\n{answer}\n")
+
+
+def _fails(asked: Path, command: str) -> None:
+    _answers(asked, command, f"echo '{UNREACHABLE}' >&2\nexit 1")
+
+
+def test_workers_of_a_slurm_that_does_not_answer_count_as_being_there(
+    asked: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with _workers(asked) as workers:
+        workers.submit(2)
+        _fails(asked, "squeue")
+        for _ in range(3):
+            workers.check()
+        assert "scancel" not in asked.read_text().splitlines()
+        assert [record.getMessage() for record in caplog.records] == [
+            f"Slurm: {UNREACHABLE}; the run waits 10 min for Slurm, its workers go on."
+        ]
+        _answers(asked, "squeue", "echo")
+        _fails(asked, "sbatch")
+        workers.check()
+        _answers(asked, "sbatch", "echo 18")
+        workers.check()
+        assert asked.read_text().splitlines().count("sbatch") == 3, "it is asked for workers again"
+    assert asked.read_text().splitlines()[-3:] == ["scancel", "17", "18"]
+
+
+def test_slurm_that_does_not_answer_for_minutes_ends_the_run(asked: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    workers = _workers(asked)
+    workers.submit(2)
+    _fails(asked, "squeue")
+    workers.check()
+    _answers(asked, "squeue", "echo RUNNING")
+    workers.check()
+    _fails(asked, "squeue")
+    now_s = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now_s)
+    workers.check()
+    monkeypatch.setattr(time, "monotonic", lambda: now_s + slurm.UNANSWERED_MAX_S)
+    workers.check()
+    monkeypatch.setattr(time, "monotonic", lambda: now_s + slurm.UNANSWERED_MAX_S + 1.0)
+    with pytest.raises(RunError, match=r"controller .*; so for 10 min: run the same command again"):
+        workers.check()
+
+
 def test_end_of_the_run_cancels_what_is_left(asked: Path) -> None:
     with _workers(asked) as workers:
         workers.submit(1)

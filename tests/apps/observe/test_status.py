@@ -1,9 +1,9 @@
+import dataclasses
 import io
 import time
 
-from rich.console import Console
-
-from readygo.apps.observe.status import Look, Observed, left_s, status_table
+from readygo.apps.observe.status import Look, Observed, left_s, runs_table, status_table
+from readygo.apps.terminal import PlainConsole
 from readygo.common.bus import InProcessBus
 from readygo.common.messages import StatusReply, topics
 from readygo.common.messages.fleet import FleetReply, HeldLease, WorkerState
@@ -60,7 +60,7 @@ FLEET = FleetReply(
 
 
 def shown(observed: Observed) -> list[str]:
-    console = Console(file=io.StringIO(), width=160)
+    console = PlainConsole(file=io.StringIO(), width=160)
     console.print(status_table(observed))
     return console.file.getvalue().splitlines()  # type: ignore[attr-defined]
 
@@ -95,3 +95,16 @@ def test_cores_in_use_come_from_two_words_of_a_process() -> None:
         time.sleep(0.01)
     bus.close()
     assert look.now().cpu == {("recorder", "rec0"): 0.5}
+
+
+def test_names_are_shown_as_they_are() -> None:
+    name = "[/x] [link=http://evil.example]"
+    status = dataclasses.replace(STATUS, run=name, waiting={name: 1}, rejected={f"\x1b[2J{name}": 1})
+    fleet = FleetReply(stages=(name,), workers=(worker(name, name, 1.0, lease(8)),), done_per_minute={})
+    said = dataclasses.replace(health(1.0, 1.0), metrics=name)
+    text = "\n".join(shown(Observed(status=status, fleet=fleet, healths={(name, name): said})))
+    assert text.count(name) == 4
+    assert "\x1b" not in text
+    console = PlainConsole(file=io.StringIO(), width=160)
+    console.print(runs_table([status]))
+    assert name in console.file.getvalue()  # type: ignore[attr-defined]

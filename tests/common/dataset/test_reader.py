@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from readygo.common.dataset import Dataset
+from readygo.common.dataset.shard_files import ShardFiles
 from readygo.common.errors import DatasetError
 from readygo.common.images.images import OUTPUTS
 from tests.common.dataset.episodes import (
@@ -107,13 +108,63 @@ def test_dataset_travels_to_other_processes(two_shards) -> None:
     assert dataset.image(0) == image
 
 
+def overwrite(shard, offset, data) -> None:
+    with shard.open("r+b") as file:
+        file.seek(offset)
+        file.write(data)
+
+
+@pytest.mark.parametrize("place", range(0, 100, 9))
+def test_any_flipped_bit_of_an_episode_is_noticed_at_its_first_use(place, tmp_path) -> None:
+    shard = write_shard(tmp_path, [0, 1], outputs=("depth",), labels=True)
+    files = Dataset(tmp_path)._files
+    files.is_sound(0, 0)
+    span = files._spans[0][0]
+    offset = span.body + place * (span.end - span.body - 1) // 99
+    overwrite(shard, offset, bytes([shard.read_bytes()[offset] ^ 1 << place % 8]))
+    dataset = Dataset(tmp_path)
+    for use in (dataset.image, dataset.decode, dataset.joints_m, lambda index: dataset.output(index, "depth")):
+        with pytest.raises(DatasetError, match=r"Episode train-7-000000 in .*shard-r0-00000\.mcap is damaged"):
+            use(3)
+    assert dataset.decode(20).shape == (24, 32, 3), "other episodes are as they were"
+    with pytest.raises(DatasetError, match=r"shard-r0-00000\.mcap is damaged"):
+        dataset.humans_of(0)
+
+
+def test_shard_that_cannot_be_followed_is_damaged_from_there_on(tmp_path) -> None:
+    shard = write_shard(tmp_path, [0, 1, 2])
+    files = Dataset(tmp_path)._files
+    files.is_sound(0, 1)
+    # The length of the second chunk.
+    overwrite(shard, files._spans[0][1].body - 48, b"\xff" * 4)
+    dataset = Dataset(tmp_path)
+    per_episode = len(dataset) // 3
+    assert dataset.image(0)
+    for number in (1, 2):
+        with pytest.raises(DatasetError, match=rf"Episode train-7-00000{number} in .* is damaged"):
+            dataset.image(number * per_episode)
+
+
+def test_an_episode_is_checked_once(two_shards, monkeypatch) -> None:
+    checked = []
+    sound = ShardFiles.is_sound
+    monkeypatch.setattr(ShardFiles, "is_sound", lambda *where: checked.append(where[1:]) or sound(*where))
+    dataset = Dataset(two_shards)
+    random = np.random.default_rng(0)
+    for index in random.integers(len(dataset), size=200).tolist():
+        dataset.image(index)
+    assert sorted(checked) == sorted(set(dataset._order))
+    dataset.close()
+    copied = pickle.loads(pickle.dumps(dataset))
+    copied.image(0)
+    assert len(checked) == len(dataset.episodes), "what was checked is known to a copy as well"
+
+
 def test_damaged_image_is_named(tmp_path) -> None:
     shard = write_shard(tmp_path, [0])
     dataset = Dataset([tmp_path])
-    data = bytearray(shard.read_bytes())
-    offset = int(dataset._table.rows[3]["image_offset"])
-    data[offset : offset + 100] = bytes(100)
-    shard.write_bytes(data)
+    dataset.image(0)
+    overwrite(shard, int(dataset._table.rows[3]["image_offset"]), bytes(100))
     with pytest.raises(DatasetError, match=r"image of sample 3 in .*shard-r0-00000\.mcap is damaged"):
         dataset.decode(3)
 
@@ -179,10 +230,8 @@ def test_pickled_dataset_reads_outputs(two_rich_shards) -> None:
 def test_damaged_output_is_named(tmp_path) -> None:
     shard = write_shard(tmp_path, [0], outputs=("depth",))
     dataset = Dataset([tmp_path])
-    data = bytearray(shard.read_bytes())
-    offset = int(dataset._table.payloads["depth"][3]["offset"])
-    data[offset : offset + 100] = bytes(100)
-    shard.write_bytes(data)
+    dataset.image(0)
+    overwrite(shard, int(dataset._table.payloads["depth"][3]["offset"]), bytes(100))
     with pytest.raises(DatasetError, match=r"depth image of sample 3 in .*shard-r0-00000\.mcap is damaged"):
         dataset.decode_output(3, "depth")
 
