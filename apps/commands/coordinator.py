@@ -66,4 +66,4 @@ def lead_run(folder: RunFolder, endpoint: str, *, joins: bool, certs: Path | Non
     begin_logging(observing.log_format, run=run, role=COORDINATOR, worker=COORDINATOR)
     with Observer(observing, run=run, role=COORDINATOR, name=COORDINATOR, state=folder.state) as observer:
         status = lead(folder, endpoint, joins=joins, certs=certs, observer=observer)
-    sys.stderr.write(f"{status.committed} episodes, {status.samples} samples, in the shards of their recorders.\n")
+    sys.stderr.write(f"{status.committed:,} episodes, {status.samples:,} samples, in the shards of their recorders.\n")

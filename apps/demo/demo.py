@@ -80,7 +80,8 @@ def demo(*, out: Path = Path("demo"), minutes: float = 3.5, episodes: int = 10, 
     report = validate(data)
     if not report.ok:
         raise DatasetError(f"{data} has defects, the first: {report.defects[0]}")
-    timer.say(f"{report.sample_count} samples are recorded and sound; drawing the report")
+    images = plan.image_count(report.sample_count)
+    timer.say(f"{report.sample_count:,} samples recorded, {images:,} with an image; all sound; drawing the report")
     _write_pictures(out, learned)
     console.print(summary_table(learned.replies[plan.places[0].name].summaries))
     timer.say("done")

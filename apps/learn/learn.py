@@ -110,6 +110,8 @@ def _numbers(learned: Learned) -> RunNumbers:
     return RunNumbers(
         episodes=episodes,
         samples=samples,
+        images=learned.plan.image_count(samples),
+        learned=learned.points[-1].learned if learned.points else 0,
         wall_s=60 * learned.minutes,
         rejected=dict(rejected),
         cpu_s_by_stage=dict(cpu_s),
