@@ -126,6 +126,11 @@ class Provenance:
         renderer = with_whole_camera(self.config or {}).get("renderer", {})
         return section_from_mapping(SensorConfig, renderer.get("sensor", {}))
 
+    @property
+    def depth(self) -> str:
+        """What images of depth hold: "median", or "mean" as in runs that do not say it; see `RendererConfig.depth`."""
+        return str((self.config or {}).get("renderer", {}).get("depth", "mean"))
+
 
 def _part(cls: type[Part], mapping: Mapping[str, Any]) -> Part:
     """A dataclass of the entries of a mapping that it has fields for."""
