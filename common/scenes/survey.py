@@ -308,8 +308,9 @@ def advice(found: Survey, up: str, scale: float) -> str:
         options.append(f"--scale {likely.metres_per_unit:.3g}")
         reasons.append(likely.reason)
     if not options:
-        words = "No other axes or scale suggest themselves: is it an object? "
-        return words + "If it is a place to walk in, --crop away what surrounds it."
+        is_small = float((found.high - found.low).max()) * scale < SIZES_M[0]
+        words = "No other axes or scale suggest themselves" + (": is it an object? " if is_small else "; ")
+        return words + ("If it is a place to walk in, " if is_small else "") + "--crop away what surrounds it."
     return f"Try {' '.join(options)} ({'; '.join(reasons)})."
 
 

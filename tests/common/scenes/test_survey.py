@@ -86,7 +86,9 @@ def test_best_candidate_that_is_not_clear_is_offered_with_the_option_that_takes_
     words = advice(found, "auto", 1.0)
     assert words.startswith(f"Try --up={up} (the best candidate: 71 % of the scene is above its floor; --up=")
     assert words.endswith(" has 90 % of its score).")
-    assert "Try" not in advice(found, up, 1.0)
+    assert advice(found, up, 1.0) == "No other axes or scale suggest themselves; --crop away what surrounds it."
+    small = dataclasses.replace(found, low=np.zeros(3), high=np.ones(3))
+    assert "is it an object? If it is a place" in advice(small, up, 1.0)
 
 
 def test_real_object_is_offered_its_best_candidate(shared_data):
