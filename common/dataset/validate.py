@@ -194,7 +194,7 @@ class _FolderCheck:
             with shard.open("rb") as file:
                 reader = make_reader(file, validate_crcs=True)
                 summary = reader.get_summary()
-                # Sorting by time would take most of it.
+                # They are counted: their order costs time and changes nothing.
                 count = sum(1 for _ in reader.iter_messages(log_time_order=False))
         except (McapError, ValueError, KeyError) as error:
             self._add(shard, "summary", f"MCAP readers refuse it: {type(error).__name__}: {error}")
