@@ -4,6 +4,7 @@ PYTHON ?= $(firstword $(shell command -v python3.11 python3.12 python3.13 python
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+TRAIN := $(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["train"])'
 # What is installed: what the commands need, or what developers need as well.
 RUNTIME := $(VENV)/.runtime
 DEV := $(VENV)/.dev
@@ -42,8 +43,10 @@ docs: $(DEV)  ## Write site/index.html: guides, commands, messages and the refer
 
 setup: $(DEV)
 
+# Kernels are compiled while the large packages of the extra `train` are fetched; what fails there, the first command does.
 $(RUNTIME): pyproject.toml constraints.txt | $(VENV)
-	$(INSTALL) -e ".[train]"
+	$(INSTALL) -e .
+	@$(BIN)/readygo warm 2>$(VENV)/warm.log & $(INSTALL) $$($(TRAIN)); status=$$?; wait; exit $$status
 	@touch $(RUNTIME)
 
 $(DEV): pyproject.toml constraints.txt | $(VENV)

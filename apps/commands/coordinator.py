@@ -86,5 +86,5 @@ def lead_run(
     begin_logging(observing.log_format, run=run, role=COORDINATOR, worker=COORDINATOR)
     with Observer(observing, run=run, role=COORDINATOR, name=COORDINATOR, state=folder.state) as observer:
         status = lead(folder, endpoint, joins=joins, certs=certs, observer=observer)
-    sys.stderr.write(f"{status.committed} episodes, {status.samples} samples, in the shards of their recorders.\n")
+    sys.stderr.write(f"{status.committed:,} episodes, {status.samples:,} samples, in the shards of their recorders.\n")
     report_set_aside(folder.path, strict=strict)

@@ -108,7 +108,7 @@ def _remedy(report: Report) -> str:
 
 
 def _counts(report: Report) -> str:
-    return f"{report.episode_count} episodes, {report.sample_count} samples, {report.shard_count} shards"
+    return f"{report.episode_count:,} episodes, {report.sample_count:,} samples, {report.shard_count} shards"
 
 
 def _report_as_mapping(report: Report) -> dict[str, Any]:

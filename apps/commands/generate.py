@@ -264,7 +264,9 @@ def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool
         report_set_aside(out, strict=where.strict)
         return
     console = PlainConsole(stderr=True, soft_wrap=True)
-    console.print(f"{summary['episodes']} episodes, {summary['samples']} samples in {out} ({summary['wall_s']:.1f} s).")
+    console.print(
+        f"{summary['episodes']:,} episodes, {summary['samples']:,} samples in {out} ({summary['wall_s']:.1f} s)."
+    )
     for reason, count in summary["rejected"].items():
         console.print(f"  rejected {count}: {reason}", markup=False)
     for text in clarity.warnings():

@@ -28,4 +28,4 @@ def recover(data: Path, /, *, workers: int = 1) -> None:
         console.print("Nothing is lost or damaged.", markup=False)
     with progress_bar() as show:
         summary = record(spec, data, episodes=wanted, workers=workers, show=show)
-    console.print(f"{data} holds {summary['episodes']} episodes, {summary['samples']} samples.", markup=False)
+    console.print(f"{data} holds {summary['episodes']:,} episodes, {summary['samples']:,} samples.", markup=False)

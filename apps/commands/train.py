@@ -71,7 +71,7 @@ def train(
         data: Data folders.
         out: Folder of the policy: encoder.onnx, head.onnx, policy.toml, metrics.json, loss.png and the checkpoint.
         minutes: Processor time of each thread [min], 10 by default; counts that of earlier runs into the same folder.
-        samples: Samples that the network is shown, instead of minutes; the result is then reproducible.
+        samples: Samples to learn from, repeats counted, instead of minutes; the result is then reproducible.
         val: Data folders to validate on; by default a tenth of the episodes is held out.
         val_scene: Scene ("embedded" or a bundle) whose closed-loop success rate chooses the checkpoint; its time is
             not counted. By default the last weights are taken.
@@ -188,7 +188,8 @@ def _train_network(name: str, data: tuple[Path, ...], out: Path, settings: dict[
         return
     console = PlainConsole(soft_wrap=True)
     console.print(
-        f"{metrics['parameters']} parameters, {metrics['samples_seen']} samples in {metrics['elapsed_s']:.0f} s."
+        f"{metrics['parameters']:,} parameters, {metrics['samples_seen']:,} samples learned from in "
+        f"{metrics['elapsed_s']:.0f} s."
     )
     if "waypoint_error_m" in metrics:
         console.print(
@@ -230,8 +231,9 @@ def _report(metrics: dict[str, Any], out: Path, *, as_json: bool) -> None:
         return
     console = PlainConsole(soft_wrap=True)
     console.print(
-        f"{metrics['parameters']} parameters, {metrics['samples_seen']} samples in {metrics['elapsed_s']:.0f} s "
-        f"({metrics['samples_per_s']:.0f} samples/s); step {metrics['chosen_step']} of {metrics['steps']} chosen."
+        f"{metrics['parameters']:,} parameters, {metrics['samples_seen']:,} samples learned from in "
+        f"{metrics['elapsed_s']:.0f} s ({metrics['samples_per_s']:,.0f} samples/s); "
+        f"step {metrics['chosen_step']} of {metrics['steps']} chosen."
     )
     if metrics.get("validation_samples"):
         console.print(

@@ -217,7 +217,7 @@ def _numbers(made: Reconstructed, dataset: Dataset) -> str:
         ["error of up", f"{errors.up_deg:.2f} deg"],
         ["Gaussians", f"{report['training']['gaussians']:,}"],
         ["held-out images", f"{report['training']['psnr_db']:.2f} dB, SSIM {report['training']['ssim']:.3f}"],
-        ["recorded", f"{len(dataset.episodes)} episodes, {sum(e.sample_count for e in dataset.episodes)} samples"],
+        ["recorded", f"{len(dataset.episodes)} episodes, {sum(e.sample_count for e in dataset.episodes):,} samples"],
         *[[f"time of {escape(stage)}", f"{seconds:.0f} s"] for stage, seconds in report["seconds"].items()],
     ]
     return table((Column("What"), Column("Value", "wide")), rows)

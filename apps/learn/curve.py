@@ -19,9 +19,9 @@ class CurvePoint:
     minutes: float
     """Spent, those of earlier commands included [min]."""
     recorded: int
-    """Samples in the shards."""
+    """Samples with an image in the shards."""
     learned: int
-    """Samples that the trainer was shown."""
+    """Samples that were learned from, repeats counted."""
     policies: int
     """Policies that were offered."""
     loss: float | None = None

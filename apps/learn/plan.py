@@ -65,7 +65,7 @@ class Budget:
     minutes: float = 60.0
     """Of wall time, those of earlier commands included [min]."""
     samples: int | None = None
-    """Samples that the trainer is shown, instead of minutes: the result then does not depend on the machine's load."""
+    """Samples to learn from, repeats counted, instead of minutes: the result depends less on the machine's load."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,6 +79,10 @@ class Plan:
     budget: Budget
     avatars: Path | None
     seed: int
+
+    def image_count(self, samples: int) -> int:
+        """How many of so many recorded samples have an image, which is what training draws from; to one an episode."""
+        return samples // self.config.driver.image_every(self.config.robot.clock)
 
     @property
     def best(self) -> Path:

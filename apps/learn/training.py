@@ -45,7 +45,7 @@ class Training:
     minutes: float = 0.0
     """Processor time of each of its threads [min]."""
     samples: int = 0
-    """Samples that it was shown."""
+    """Samples that it learned from, repeats counted."""
     loss: float | None = None
     driven: float | None = None
     """Success rate of the latest episodes that policies drove: the mean of those with and without humans."""

@@ -28,8 +28,8 @@ from readygo.services.renderer.sensor.recipes import SENSOR_RECIPES, SensorName
 
 _NOT_OF_RUNS = ("learn",)
 """Sections of a configuration file that are no run's: `readygo learn` reads its own."""
-RENDERED_BEFORE = {"human_light": False, "feet_on_floor": False, "contact_shadow": False}
-"""How people were drawn by runs that do not say it."""
+RENDERED_BEFORE = {"human_light": False, "feet_on_floor": False, "contact_shadow": False, "depth": "mean"}
+"""How people were drawn, and what depth was, in runs that do not say it."""
 _RETIRED = {"episode": ("human_height_m",)}
 """Settings of earlier versions, by section."""
 
@@ -236,7 +236,8 @@ def sections_of_today(sections: Mapping[str, Any]) -> dict[str, Any]:
     """A run's recorded sections as they would be recorded today.
 
     The camera is one section, settings that nothing reads any more are gone, people are drawn as they were before there
-    was light, and before feet stood on floors, and a driver that took all images of the only rate that there was does.
+    was light, and before feet stood on floors, depth is the mean, and a driver that took all images of the only rate
+    that there was does.
     """
     today = {
         name: {key: value for key, value in section.items() if key not in _RETIRED.get(name, ())}

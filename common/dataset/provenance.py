@@ -137,6 +137,11 @@ class Provenance:
         except (AttributeError, LookupError, TypeError) as error:
             raise ConfigError(f"The recorded settings are none ({error!r}).") from error
 
+    @property
+    def depth(self) -> str:
+        """What images of depth hold: "median", or "mean" as in runs that do not say it; see `RendererConfig.depth`."""
+        return str(self._sections.get("renderer", {}).get("depth", "mean"))
+
 
 def _part(cls: type[Part], mapping: Mapping[str, Any]) -> Part:
     """A dataclass of the entries of a mapping that it has fields for."""

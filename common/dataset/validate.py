@@ -197,7 +197,8 @@ class _FolderCheck:
             with open_regular(shard) as file:
                 reader = make_reader(file, validate_crcs=True)
                 summary = reader.get_summary()
-                count = sum(1 for _ in reader.iter_messages())
+                # They are counted: their order costs time and changes nothing.
+                count = sum(1 for _ in reader.iter_messages(log_time_order=False))
         except (McapError, ValueError, KeyError) as error:
             self._add(shard, "summary", f"MCAP readers refuse it: {type(error).__name__}: {error}")
             return

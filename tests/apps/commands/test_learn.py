@@ -1,3 +1,4 @@
+import dataclasses
 import sys
 from pathlib import Path
 
@@ -10,11 +11,11 @@ from readygo.apps.learn.supervise import Now
 
 
 def test_line_says_what_is_known() -> None:
-    early = Now(fraction=0.0, minutes=0.1, recorded=1200, learned=0, policies=0, driven=None, latest=None)
-    assert line_of(early) == "0.1 min, 1,200 recorded, 0 learned, 0 policies"
+    early = Now(fraction=0, minutes=0.1, samples=6004, images=1200, learned=0, policies=0, driven=None, latest=None)
+    assert line_of(early) == "0.1 min, 6,004 samples recorded, 1,200 with an image, 0 learned from, 0 policies"
     latest = Measurement(fraction=0.1, policy="ab", episodes=8, static=0.5, dynamic=0.25)
-    late = Now(fraction=0.2, minutes=6.0, recorded=9000, learned=90_000, policies=4, driven=0.42, latest=latest)
-    assert line_of(late).endswith("4 policies, driving SR 42 %, val SR 50 / 25 %")
+    late = dataclasses.replace(early, images=30_000, learned=135_000, policies=4, driven=0.42, latest=latest)
+    assert ", 135,000 learned from (4.5 times each), 4 policies, driving SR 42 %, val SR 50 / 25 %" in line_of(late)
 
 
 @pytest.mark.parametrize(

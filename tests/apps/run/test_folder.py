@@ -49,6 +49,19 @@ def test_folder_from_before_there_were_labels_is_refused_but_with_labels_off(tmp
         folder.check(dataclasses.replace(SPEC, config=resolved_sections(with_labels)))
 
 
+def test_folder_from_before_depth_was_the_median_is_refused_but_with_the_mean(tmp_path: Path) -> None:
+    folder, config = RunFolder(tmp_path), RunConfig()
+    mean = dataclasses.replace(config, renderer=dataclasses.replace(config.renderer, depth="mean"))
+    old = dataclasses.replace(SPEC, config=copy.deepcopy(resolved_sections(config)))
+    del old.config["renderer"]["depth"]
+    with folder.locked():
+        folder.save(old, 3)
+        folder.ledger.touch()
+    folder.check(dataclasses.replace(SPEC, config=resolved_sections(mean)))
+    with pytest.raises(RunError, match=r"config \(renderer\) differ"):
+        folder.check(dataclasses.replace(SPEC, config=resolved_sections(config)))
+
+
 def test_folder_from_before_the_camera_was_one_section_can_be_gone_on_with(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path)
     config = load_run_config(None, sensor="sensor_phone_like")

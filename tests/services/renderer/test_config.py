@@ -27,11 +27,20 @@ def test_outputs_without_rgb_or_with_unknown_names_are_refused(outputs) -> None:
         {"jpeg_quality": 101},
         {"sub_frames": 1},
         {"sub_frames": 65},
+        {"depth": "nearest"},
+        {"backend": "gsplat", "outputs": ("rgb", "depth")},
     ],
 )
 def test_wrong_settings_are_refused(wrong) -> None:
     with pytest.raises(ValueError, match=next(iter(wrong))):
         RendererConfig(**wrong)
+
+
+def test_depth_is_made_of_the_median_unless_the_mean_is_asked_for() -> None:
+    kinds = ("rgb", "depth", "median_depth", "mask")
+    assert RendererConfig().rasterized(kinds) == ("rgb", "median_depth", "mask")
+    assert RendererConfig(depth="mean").rasterized(kinds) == kinds
+    assert RendererConfig(backend="gsplat", depth="mean", outputs=("rgb", "depth")).rasterized(("depth",)) == ("depth",)
 
 
 def test_settings_at_their_limits_are_taken() -> None:

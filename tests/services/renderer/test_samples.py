@@ -113,11 +113,17 @@ class AllImages:
         step, self.count = self.count, self.count + 1
         depth_m = np.full(rgb.shape[:3], step + 1.0, dtype=np.float32)
         mask = np.full(rgb.shape[:3], step % 2, dtype=np.uint8)
-        return Images(rgb=rgb, depth_m=depth_m, mask=mask if "mask" in outputs else None)
+        # The mean is twice as far as the median.
+        return Images(
+            rgb=rgb,
+            depth_m=2 * depth_m if "depth" in outputs else None,
+            median_depth_m=depth_m if "median_depth" in outputs else None,
+            mask=mask if "mask" in outputs else None,
+        )
 
 
-def with_outputs(renderer: Renderer, *outputs: str) -> Renderer:
-    changed = Renderer(renderer.scene, wearers(), renderer.robot, RendererConfig(outputs=outputs))
+def with_outputs(renderer: Renderer, *outputs: str, **settings: str) -> Renderer:
+    changed = Renderer(renderer.scene, wearers(), renderer.robot, RendererConfig(outputs=outputs, **settings))
     drawing = replace(changed.drawing, rasterizer=AllImages(renderer.drawing.rasterizer))
     changed.capture = replace(changed.capture, drawing=drawing)
     return changed
@@ -126,7 +132,7 @@ def with_outputs(renderer: Renderer, *outputs: str) -> Renderer:
 def test_samples_hold_the_outputs_that_the_config_asks_for(renderer: Renderer, episode) -> None:
     rich = with_outputs(renderer, "rgb", "depth", "mask")
     samples = list(episode_samples(rich, *episode))
-    assert rich.capture.drawing.rasterizer.asked == {("rgb", "depth", "mask")}
+    assert rich.capture.drawing.rasterizer.asked == {("rgb", "median_depth", "mask")}
     for step, sample in enumerate(samples):
         assert sample.intact
         assert list(sample.outputs) == ["depth", "mask"]
@@ -134,6 +140,15 @@ def test_samples_hold_the_outputs_that_the_config_asks_for(renderer: Renderer, e
         assert (decode_output("mask", sample.outputs["mask"]) == step % 2).all()
     plain = list(episode_samples(renderer, *episode))
     assert [sample.image for sample in samples] == [sample.image for sample in plain]
+
+
+def test_depth_is_the_mean_where_the_config_says_so_and_both_can_be_recorded(renderer: Renderer, episode) -> None:
+    rich = with_outputs(renderer, "rgb", "depth", "median_depth", depth="mean")
+    sample = next(episode_samples(rich, *episode))
+    assert rich.capture.drawing.rasterizer.asked == {("rgb", "depth", "median_depth")}
+    assert list(sample.outputs) == ["depth", "median_depth"]
+    assert (decode_output("depth", sample.outputs["depth"]) == 2.0).all()
+    assert (decode_output("median_depth", sample.outputs["median_depth"]) == 1.0).all()
 
 
 @pytest.mark.parametrize("backend", ["cpu", "reference"])
