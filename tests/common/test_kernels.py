@@ -1,10 +1,11 @@
+from pathlib import Path
 from typing import NamedTuple
 
 import numba
 import numpy as np
 import pytest
 
-from readygo.common import kernels
+from readygo.common import kernel_cache, kernels
 from readygo.common.kernel_cache import KernelCache
 from readygo.common.kernels import KernelDispatcher, compiled, inlined
 
@@ -19,9 +20,9 @@ def length(segment: Segment) -> float:
     return segment.end - segment.begin
 
 
-@compiled
-def longer(first: Segment, second: Segment) -> float:
-    return max(length(first), length(second))
+@pytest.fixture(autouse=True)
+def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernel_cache._settings, "CACHE_DIR", str(tmp_path))
 
 
 def entries(function: KernelDispatcher) -> list[bool]:
@@ -30,11 +31,19 @@ def entries(function: KernelDispatcher) -> list[bool]:
 
 
 def test_entry_for_python_is_made_when_python_calls() -> None:
-    assert longer(Segment(0.0, 2.0), Segment(1.0, 4.0)) == 3.0
-    assert (entries(longer), entries(length)) == ([True], [False])
-    assert length(Segment(2.0, 7.0)) == 5.0
-    assert entries(length) == [True]
-    assert longer.py_func(Segment(0.0, 2.0), Segment(1.0, 4.0)) == 3.0
+    @compiled
+    def half(segment: Segment) -> float:
+        return 0.5 * (segment.end - segment.begin)
+
+    @compiled
+    def longer(first: Segment, second: Segment) -> float:
+        return max(half(first), half(second))
+
+    assert longer(Segment(0.0, 2.0), Segment(1.0, 4.0)) == 1.5
+    assert (entries(longer), entries(half)) == ([True], [False])
+    assert half(Segment(2.0, 7.0)) == 2.5
+    assert entries(half) == [True]
+    assert longer(Segment(0.0, 2.0), Segment(1.0, 5.0)) == 2.0
 
 
 def test_function_with_an_entry_serves_kernels_too() -> None:
@@ -49,7 +58,7 @@ def test_function_with_an_entry_serves_kernels_too() -> None:
     assert doubled(1.0) == 2.0
     assert doubled_twice(1.0) == 4.0
     assert entries(doubled) == [True]
-    assert doubled.stats.cache_misses.total() + doubled.stats.cache_hits.total() == 1
+    assert doubled.stats.cache_misses.total() == 1
 
 
 def test_kernels_of_numba_may_call_ours() -> None:
