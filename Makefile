@@ -18,8 +18,9 @@ export NUMBA_NUM_THREADS := 1
 demo: $(RUNTIME)  ## Run the whole job on the embedded scene; writes demo/report.html and demo/episode.webm
 	$(BIN)/readygo demo
 
-test: $(DEV)  ## Run all tests
-	$(BIN)/pytest -n 2 --dist loadfile
+test: $(DEV)  ## Run all tests, the longest files first; kernels are compiled before; the slowest 20 are named
+	$(BIN)/readygo warm
+	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=20 --durations-min=1
 
 check: $(DEV)  ## Style, types, import rules, and a test for every module
 	$(BIN)/ruff format --check .

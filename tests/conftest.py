@@ -9,6 +9,7 @@ import numpy.typing as npt
 import pytest
 
 from readygo.common.files import cache_root
+from tests.durations import Durations, load_durations, sort_longest_first
 
 GOLDEN = Path(__file__).resolve().parent / "golden"
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
@@ -26,7 +27,18 @@ def shared_data() -> Path:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-golden", action="store_true", help="rewrite tests/golden from what the code makes now")
+    parser.addoption("--update-durations", action="store_true", help="store how long each test file takes")
     parser.addoption("--fuzz", type=int, default=20_000, help="inputs that the message decoders are tried with")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.getoption("--update-durations") and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(Durations())
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if hasattr(config, "workerinput"):
+        sort_longest_first(items, load_durations())
 
 
 @pytest.fixture

@@ -1,29 +1,12 @@
-import subprocess
-import sys
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from readygo.apps.run import warm
-
-
-class Beside:
-    """Stands in for the other process."""
-
-    def __init__(self, journal: list[object]) -> None:
-        self.journal = journal
-
-    def __call__(self, command: list[str], **_: object) -> "Beside":
-        self.journal.append("begun beside")
-        return self
-
-    def wait(self) -> None:
-        self.journal.append("waited")
-
-    def kill(self) -> None:
-        self.journal.append("killed")
 
 
 def test_first_episode_that_can_walk_is_driven_and_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -38,9 +21,16 @@ def test_first_episode_that_can_walk_is_driven_and_no_other(tmp_path: Path, monk
         return SimpleNamespace(motions="motions" if request["scenario"] == "scenario 3" else None)
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    beside = Beside(driven)
-    monkeypatch.setattr(warm.subprocess, "Popen", beside)
+
+    @contextmanager
+    def beside(work) -> Iterator[None]:
+        assert work is warm.warm_walking
+        driven.append("begun beside")
+        yield
+        driven.append("ended beside")
+
     for name, stand_in in (
+        ("_beside", beside),
         ("warm_rasterizer", lambda: driven.append("kernels")),
         ("open_scene", lambda name: None),
         ("make_spec", lambda *arguments, **options: None),
@@ -53,18 +43,12 @@ def test_first_episode_that_can_walk_is_driven_and_no_other(tmp_path: Path, monk
     ):
         monkeypatch.setattr(warm, name, stand_in)
     warm.warm_all()
-    assert planned == [0, 1, 2]
-    assert driven == ["begun beside", ("expert", "scenario 3"), "waited", "killed", "waited", "kernels"]
+    assert planned == [0, 0, 1]
+    assert driven == ["begun beside", "kernels", "ended beside", ("expert", "scenario 3")]
     # Workers need not do it again.
     monkeypatch.setattr(warm, "warm_all", lambda: driven.append("again"))
     warm.warm_once()
     assert "again" not in driven
-
-
-def test_other_process_compiles_the_rasterizer(tmp_path: Path) -> None:
-    code = warm._RASTERIZER + "; import sys; sys.stdout.write(warm.__module__)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "readygo.common.rasterizer.warm"
 
 
 def test_kernels_are_compiled_once_however_many_workers_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
