@@ -121,4 +121,4 @@ def test_palm_rises_in_fronds_to_all_sides() -> None:
     ],
 )
 def test_piece_is_drawn_as_it_was(name: str, draw: Callable[[Surfaces], None], golden_figures) -> None:
-    golden_figures(f"decor {name}", *rows_of(samples_of(draw, seed=3)))
+    golden_figures(f"embedded/decor {name}", *rows_of(samples_of(draw, seed=3)))

@@ -48,4 +48,4 @@ def test_tiles_lie_like_a_chessboard(floors: SurfaceSamples) -> None:
 
 
 def test_floors_are_as_they_were(floors: SurfaceSamples, golden_figures) -> None:
-    golden_figures("floors", *rows_of(floors))
+    golden_figures("embedded/floors", *rows_of(floors))

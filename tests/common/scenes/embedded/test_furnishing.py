@@ -56,4 +56,4 @@ def test_nothing_stands_in_a_doorway(furniture: SurfaceSamples, door: Opening) -
 
 
 def test_furniture_is_as_it_was(furniture: SurfaceSamples, golden_figures) -> None:
-    golden_figures("furniture", *rows_of(furniture))
+    golden_figures("embedded/furniture", *rows_of(furniture))

@@ -95,5 +95,5 @@ def test_room_is_lit_as_it_was(golden_figures) -> None:
         sun_power=np.array([2.2, 2.0, 1.5]),
     )
     grid = voxelise(build.solid_points_m(), np.array([-1.1, -1.1, -0.05]), np.array([1.1, 2.1, 2.05]))
-    golden_figures("lit room", 9.0 * lit_colours(build.samples(), grid, lights))
-    golden_figures("solid voxels", np.argwhere(grid.solid))
+    golden_figures("embedded/lit room", 9.0 * lit_colours(build.samples(), grid, lights))
+    golden_figures("embedded/solid voxels", np.argwhere(grid.solid))

@@ -45,4 +45,4 @@ def test_trees_stand_around_the_house(garden: SurfaceSamples) -> None:
 
 
 def test_garden_is_as_it_was(garden: SurfaceSamples, golden_figures) -> None:
-    golden_figures("garden", *rows_of(garden))
+    golden_figures("embedded/garden", *rows_of(garden))

@@ -120,5 +120,5 @@ def cloud_rows(cloud: GaussianCloud) -> tuple[np.ndarray, ...]:
 
 
 def test_flat_and_its_sky_are_as_they_were(cloud: GaussianCloud, golden_figures) -> None:
-    golden_figures("flat", *cloud_rows(cloud))
-    golden_figures("sky", *cloud_rows(embedded_sky()))
+    golden_figures("embedded/flat", *cloud_rows(cloud))
+    golden_figures("embedded/sky", *cloud_rows(embedded_sky()))

@@ -82,4 +82,4 @@ def test_throw_lies_across_the_bed() -> None:
     ],
 )
 def test_piece_is_drawn_as_it_was(name: str, draw: Callable[[Surfaces], None], golden_figures) -> None:
-    golden_figures(f"seating {name}", *rows_of(samples_of(draw, seed=3)))
+    golden_figures(f"embedded/seating {name}", *rows_of(samples_of(draw, seed=3)))

@@ -82,5 +82,5 @@ def test_rooms_see_painted_walls_and_a_ceiling_that_looks_down(shell: Surfaces) 
 
 
 def test_shell_is_as_it_was(shell: Surfaces, golden_figures) -> None:
-    golden_figures("shell", *rows_of(shell.samples()))
-    golden_figures("shell solid", shell.solid_points_m())
+    golden_figures("embedded/shell", *rows_of(shell.samples()))
+    golden_figures("embedded/shell solid", shell.solid_points_m())

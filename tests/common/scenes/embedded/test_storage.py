@@ -86,4 +86,4 @@ def test_hollow_pieces_are_opaque_to_light_and_hide_their_floor() -> None:
     ],
 )
 def test_piece_is_drawn_as_it_was(name: str, draw: Callable[[Surfaces], None], golden_figures) -> None:
-    golden_figures(f"storage {name}", *rows_of(samples_of(draw, seed=3)))
+    golden_figures(f"embedded/storage {name}", *rows_of(samples_of(draw, seed=3)))

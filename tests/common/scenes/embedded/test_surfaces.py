@@ -151,5 +151,5 @@ def test_shapes_are_sampled_as_they_were(golden_figures) -> None:
     place.rod((0.1, 0.1, 0.1), (0.5, -0.2, 0.9), 0.02, (0.4, 0.4, 0.7))
     place.fill((-0.2, -0.2, 0.1), (0.2, 0.3, 0.6), (0.5, 0.2, 0.2))
     samples = build.samples()
-    golden_figures("shapes", *rows_of(samples), samples.quats_wxyz())
-    golden_figures("shapes solid", build.solid_points_m())
+    golden_figures("embedded/shapes", *rows_of(samples), samples.quats_wxyz())
+    golden_figures("embedded/shapes solid", build.solid_points_m())

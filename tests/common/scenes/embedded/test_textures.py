@@ -51,7 +51,7 @@ def test_textures_are_colours_that_vary_and_repeat_exactly(texture: Texture) -> 
 def test_texture_is_painted_as_it_was(name: str, texture: Texture, golden_figures) -> None:
     rng = np.random.default_rng(9)
     u, v = rng.uniform(0.0, (1.2, 0.9), (4000, 2)).T
-    golden_figures(f"texture {name}", 5.0 * texture(u, v))
+    golden_figures(f"embedded/texture {name}", 5.0 * texture(u, v))
 
 
 def test_lattice_noise_is_uniform_and_depends_on_place_and_seed() -> None:

@@ -4,10 +4,13 @@ import pytest
 from readygo.common.frames import matrix_from_axis_angle, zup_from_yup
 from readygo.services.animator import skeleton_of
 from readygo.services.animator.gait import walk as gait
+from readygo.services.animator.gait.body import drive_of, pelvis_rotations
+from readygo.services.animator.gait.curves import default_curves
 from readygo.services.animator.gait.human import draw_style
+from readygo.services.animator.gait.path import extend, plan_track
 from readygo.services.animator.gait.quality import joints_of
 from tests.services.animator.bodies import make_avatar
-from tests.services.animator.paths import circle, floor, line
+from tests.services.animator.paths import circle, floor, line, s_curve
 
 AVERAGE = draw_style(np.random.default_rng(0), 0.0, skeleton_of(make_avatar()).size)
 
@@ -64,3 +67,15 @@ def test_body_of_someone_who_walks_the_mirrored_path_mirrors_in_the_mean(animate
         assert means[0][joint] == pytest.approx(means[1][joint] * [1.0, -1.0, -1.0], abs=0.012)
     for joint in (1, 4, 7, 13, 16, 18, 20):
         assert means[0][joint] == pytest.approx(means[1][joint + 1] * [1.0, -1.0, -1.0], abs=0.03)
+
+
+def test_drive_signals_and_pelvis_are_as_they_were(golden_figures):
+    """Of a track that curves, speeds up and stops: bank, lean, look, shift and the body's channels."""
+    curves, style = default_curves(), draw_style(np.random.default_rng(4), 1.0, 0.9)
+    xy = np.vstack([s_curve(1.3)[:90], s_curve(1.3)[90:91].repeat(40, axis=0)])
+    x, z, _ = extend(np.ascontiguousarray(xy), style, 0.9, 1.5)
+    track = plan_track(x, z, style, 0.9, curves)
+    drive = drive_of(track, style, 0.9, curves)
+    signals = (drive.walk, drive.stand, drive.run, drive.body, 9.0 * drive.lean, 9.0 * drive.bank, drive.look)
+    golden_figures("gait/drive signals", *signals, drive.shift)
+    golden_figures("gait/pelvis", pelvis_rotations(track, drive, style))
