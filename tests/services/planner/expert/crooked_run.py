@@ -27,7 +27,7 @@ def crooked_run(mode, *, control_hz, camera_hz, **expert):
     steps = np.arange(500) / robot.clock.rate_hz
     walks = (
         np.column_stack([0.1 + 0.2 * np.sin(steps), 8.5 - 0.9 * np.minimum(steps, 6.0)]),
-        np.column_stack([-1.8 + 0.5 * np.minimum(steps, 5.0), 4.9 + 0.3 * np.minimum(steps, 5.0)]),
+        np.column_stack([1.9 - 0.6 * np.minimum(steps, 5.0), 4.5 + 0.27 * np.minimum(steps, 5.0)]),
         np.array([[0.9, 5.3]]),
     )
     scenario = make_scenario(*walks)
