@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from tests.services.planner.humans.families.drives import ROBOT_MPS, arrival_s, held, meeting, robot_at
 
@@ -49,3 +50,12 @@ def test_goalward_humans_pass_the_goal_near_the_robots_arrival(drawn):
         assert away.min() <= 0.7
         assert -3.0 <= int(np.argmin(away)) * 0.05 - arrival_s(way) <= 1.05
         assert away[-1] >= 1.6
+
+
+@pytest.mark.parametrize(
+    "family", ["crossing", "parallel", "frontal", "overtaking", "crossing_left", "crossing_right", "goalward"]
+)
+def test_walks_of_the_first_episodes_are_as_they_were(family, drawn, golden_figures):
+    rows = [human.xy_m for scenario, _ in drawn[family] for human in scenario.humans]
+    golden_figures(f"humans/{family}", np.concatenate(rows))
+    golden_figures(f"humans/{family} ways", np.concatenate([way for _, way in drawn[family]]))
