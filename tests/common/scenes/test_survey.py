@@ -62,3 +62,15 @@ def test_cameras_choose_among_floors_and_stand_in_for_them():
     np.testing.assert_allclose(R_from_up(resolve_up("cameras", lambda: in_file, tilted))[2], tilted, atol=1e-3)
     askew = np.array([0.6, -0.6, 0.53]) / np.linalg.norm([0.6, -0.6, 0.53])
     np.testing.assert_allclose(R_from_up(resolve_up("auto", lambda: in_file, askew))[2], askew, atol=1e-3)
+
+
+def test_survey_of_a_tilted_file_is_as_it_was(golden_figures):
+    found = survey(transform_cloud(furnished(), matrix_from_axis_angle([0.4, 0.2, -0.9]), (1.0, -2.0, 0.5), 3.1))
+    golden_figures("scenes/survey", [[found.gaussians / 1e3, *found.low, *found.high]])
+    ups = [
+        [*up.up, up.floor, 9 * up.support, up.above, 9 * up.standing, len(up.levels), up.ceiling or -1.0]
+        for up in found.ups
+    ]
+    golden_figures("scenes/ups", ups)
+    golden_figures("scenes/up levels", [level for up in found.ups for level in up.levels])
+    golden_figures("scenes/scales", [scale.metres_per_unit for scale in found.scales])

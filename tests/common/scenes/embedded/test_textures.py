@@ -40,6 +40,10 @@ def test_textures_are_colours_that_vary_and_repeat_exactly(texture: Texture) -> 
 @pytest.mark.parametrize(
     ("name", "texture"),
     [
+        ("usual plain", plain(BLUE)), ("usual fabric", fabric(BLUE)), ("usual wood", wood(GREEN)),
+        ("usual stripes", stripes(GREEN, BLUE, 0.11)), ("usual tiles", tiles(GREEN, BLUE, 0.2, 0.14)),
+        ("usual folds", folds(GREEN)), ("usual rug", rug_pattern(1.1, 0.8, (RED, BLUE, GREEN))),
+        ("usual painting", painting(1, 1.1, 0.8)),
         ("plain", plain(RED, variation=0.2, patch_m=0.3, seed=5)), ("fabric", fabric(RED, seed=4)),
         ("wood", wood(RED, seed=6)), ("wood across", wood(BLUE, along_u=False, contrast=0.5)),
         ("stripes", stripes(RED, BLUE, 0.13)), ("stripes along", stripes(RED, BLUE, 0.13, along_u=True, seed=3)),
