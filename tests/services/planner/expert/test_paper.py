@@ -44,6 +44,8 @@ def test_robot_passes_who_stands_on_its_way():
 @pytest.mark.parametrize(("control_hz", "camera_hz"), [(10, 20), (10, 30)])
 def test_run_among_people_is_as_it_was(control_hz, camera_hz, golden_figures):
     run, made = crooked_run("paper", control_hz=control_hz, camera_hz=camera_hz)
+    assert len(run.replan_times_s) == run.replanned.sum()
+    assert 0.0 <= run.replan_times_s.min() <= run.replan_times_s.max() < 60.0
     rows = (run.xyyaw, run.actions, run.replanned, run.human_visible, 0.3 * run.expert_cost)
     golden_figures(f"expert/paper {control_hz} {camera_hz}", *rows)
     golden_figures(f"expert/paper decisions {control_hz} {camera_hz}", [[len(one.perceived), one.cost] for one in made])

@@ -1,7 +1,10 @@
 import numpy as np
 import pytest
 
+from readygo.common.episode import EpisodeConfig
+from readygo.services.planner.humans.families.along_the_way import overtaking
 from tests.services.planner.humans.families.drives import ROBOT_MPS, arrival_s, held, meeting, robot_at
+from tests.services.planner.worlds import hall, make_human_planner, maps_of
 
 
 def test_frontal_humans_come_against_the_robot_on_its_way(drawn):
@@ -59,3 +62,20 @@ def test_walks_of_the_first_episodes_are_as_they_were(family, drawn, golden_figu
     rows = [human.xy_m for scenario, _ in drawn[family] for human in scenario.humans]
     golden_figures(f"humans/{family}", np.concatenate(rows))
     golden_figures(f"humans/{family} ways", np.concatenate([way for _, way in drawn[family]]))
+
+
+@pytest.mark.parametrize(
+    ("low_mps", "high_mps", "slower", "faster"),
+    [(0.5, 1.0, True, False), (0.7, 1.6, False, True), (0.4, 1.6, True, True), (0.7, 1.0, False, False)],
+)
+def test_who_overtakes_or_is_overtaken_is_clearly_faster_or_slower_than_the_robot(low_mps, high_mps, slower, faster):
+    """The robot is expected at 0.85 m/s: slower is up to 0.64 m/s, faster from 1.1 m/s on."""
+    episode = EpisodeConfig(human_speed_min_mps=low_mps, human_speed_max_mps=high_mps)
+    sampler = make_human_planner(maps_of(hall()), episode=episode).sampler
+    rng, found = np.random.default_rng(1), []
+    for _ in range(60):
+        found += [walk.speed_mps for walk in overtaking(sampler.site, rng, sampler.draw_task(rng), 1)]
+    slow, fast = [v for v in found if v <= 0.75 * ROBOT_MPS], [v for v in found if v >= 1.3 * ROBOT_MPS]
+    assert len(slow) + len(fast) == len(found)
+    assert (len(slow) > 2, len(fast) > 2) == (slower, faster)
+    assert all(low_mps <= v <= high_mps for v in found)
