@@ -11,7 +11,8 @@ from readygo.common.maps.floor_layers import (
     _rises_above_neighbours,
     find_coarse_floor,
 )
-from readygo.common.maps.surface import SurfaceSamples
+from readygo.common.maps.surface import SurfaceSamples, sample_surfaces
+from tests.common.maps.crooked import crooked_scene
 
 SPACING_M = 0.1
 
@@ -106,3 +107,10 @@ def test_far_background_is_left_out() -> None:
 
 def test_nothing_has_no_floor() -> None:
     assert found(np.zeros((0, 4))) is None
+
+
+def test_coarse_floor_of_a_crooked_scene_is_as_it_was(golden_figures) -> None:
+    floor = find_coarse_floor(sample_surfaces(crooked_scene(), 0.05))
+    assert floor is not None
+    golden_figures("maps/coarse floor", np.nan_to_num(20.0 * floor.height_m.reshape(-1), nan=-99.0))
+    golden_figures("maps/coarse area", [[floor.area_m2, floor.frame.origin_x_m, floor.frame.origin_y_m]])

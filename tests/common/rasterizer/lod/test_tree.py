@@ -150,3 +150,17 @@ def test_small_clouds_have_trees(make_cloud, camera, count: int) -> None:
     T, K = camera(-40.0, 0.0, 0.0, 40, 30)
     tree = build_tree(pack_cloud(make_cloud(count)))
     rgb_of(CpuRasterizer(tree, {}, K, 30, 40), T)
+
+
+def test_tree_of_a_room_is_as_it_was(golden_figures) -> None:
+    tree = build_tree(pack_cloud(room(5000, coefficients=4), normals=True))
+    golden_figures("lod/nodes", tree.skip, tree.pixel_m, scale=0.1)
+    golden_figures("lod/boxes", tree.scene.centre_m, tree.scene.half_m, tree.scene.reach_m)
+    rows = tree.scene.geometry.transpose(0, 1, 3, 2).reshape(-1, tree.scene.geometry.shape[2])
+    golden_figures("lod/geometry", np.clip(rows, -50.0, 50.0))
+    golden_figures(
+        "lod/colours",
+        0.01 * tree.scene.sh.reshape(len(tree.skip), -1),
+        tree.scene.normal.reshape(len(tree.skip), -1),
+        scale=0.1,
+    )

@@ -73,9 +73,9 @@ def test_who_overtakes_or_is_overtaken_is_clearly_faster_or_slower_than_the_robo
     episode = EpisodeConfig(human_speed_min_mps=low_mps, human_speed_max_mps=high_mps)
     sampler = make_human_planner(maps_of(hall()), episode=episode).sampler
     rng, found = np.random.default_rng(1), []
-    for _ in range(60):
+    for _ in range(150):
         found += [walk.speed_mps for walk in overtaking(sampler.site, rng, sampler.draw_task(rng), 1)]
     slow, fast = [v for v in found if v <= 0.75 * ROBOT_MPS], [v for v in found if v >= 1.3 * ROBOT_MPS]
     assert len(slow) + len(fast) == len(found)
-    assert (len(slow) > 2, len(fast) > 2) == (slower, faster)
+    assert (len(slow) > 0, len(fast) > 0) == (slower, faster)
     assert all(low_mps <= v <= high_mps for v in found)
