@@ -177,14 +177,11 @@ def test_thick_gaussians_of_the_floor_are_no_obstacle_but_low_boxes_are():
 def test_maps_of_a_crooked_scene_are_as_they_were(number, golden_figures):
     config = [MapConfig(), MapConfig(resolution_m=0.07, robot_height_m=1.1), MapConfig(close_coarse=True)][number]
     plan = plan_scene(crooked_scene(), config, np.array([[0.0, 5.0, 1.9], [0.6, 5.6, 1.9]]))
-    frame = plan.robot.frame
-    golden_figures(
-        f"maps/frame {number}", [[frame.origin_x_m, frame.origin_y_m, frame.resolution_m, *plan.robot.occupied.shape]]
-    )
-    cells = [
-        one.reshape(-1) for one in (plan.robot.occupied, plan.human.occupied, plan.unknown, plan.coarse, plan.blurred)
-    ]
-    places = np.arange(plan.robot.occupied.size) % 89
-    golden_figures(f"maps/cells {number}", *cells, places, scale=0.9)
-    golden_figures(f"maps/floor {number}", 20.0 * plan.floor.height_m.reshape(-1), 0.1 * places)
+    frame, robot = plan.robot.frame, plan.robot.occupied
+    place = [frame.origin_x_m, frame.origin_y_m, frame.resolution_m, *robot.shape]
+    golden_figures(f"maps/frame {number}", [place])
+    cells = [one.reshape(-1) for one in (robot, plan.human.occupied, plan.unknown, plan.coarse, plan.blurred)]
+    golden_figures(f"maps/cells {number}", *cells, np.arange(robot.size) % 89, scale=0.9)
+    height_m = plan.floor.height_m.reshape(-1)
+    golden_figures(f"maps/floor {number}", 20.0 * height_m, np.arange(len(height_m)) % 89)
     golden_figures(f"maps/ground size {number}", [plan.ground_size_m])

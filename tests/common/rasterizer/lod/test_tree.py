@@ -158,9 +158,5 @@ def test_tree_of_a_room_is_as_it_was(golden_figures) -> None:
     golden_figures("lod/boxes", tree.scene.centre_m, tree.scene.half_m, tree.scene.reach_m)
     rows = tree.scene.geometry.transpose(0, 1, 3, 2).reshape(-1, tree.scene.geometry.shape[2])
     golden_figures("lod/geometry", np.clip(rows, -50.0, 50.0))
-    golden_figures(
-        "lod/colours",
-        0.01 * tree.scene.sh.reshape(len(tree.skip), -1),
-        tree.scene.normal.reshape(len(tree.skip), -1),
-        scale=0.1,
-    )
+    golden_figures("lod/colours", tree.scene.sh.reshape(len(tree.skip), -1), scale=1e-3)
+    golden_figures("lod/normals", tree.scene.normal.reshape(len(tree.skip), -1), scale=0.01)
