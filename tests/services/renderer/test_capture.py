@@ -402,7 +402,8 @@ def test_crooked_camera_takes_what_it_took(name, optics, golden_figures) -> None
     """A lens, motion blur, a rolling shutter, vignetting and noise, before patches at infinity."""
     camera = CameraConfig(
         height_px=41, width_px=67, horizontal_fov_deg=87.0, distortion=name, **optics, exposure_s=0.017,
-        readout_s=0.023, vignetting=0.3, red_gain=1.2, blue_gain=0.8, exposure_ev=-0.3, shot_noise=0.02, read_noise=0.01,
+        readout_s=0.023, vignetting=0.3, red_gain=1.2, blue_gain=0.8, exposure_ev=-0.3, shot_noise=0.02,
+        read_noise=0.01,
     )  # fmt: skip
 
     def patches(azimuth: np.ndarray, elevation: np.ndarray) -> np.ndarray:
