@@ -5,7 +5,7 @@ from readygo.common.errors import NoGroundError
 from readygo.common.frames import matrix_from_axis_angle
 from readygo.common.gaussians import R_from_up, concatenate, transform_cloud
 from readygo.common.scenes.survey import advice, resolve_up, survey, survey_row
-from tests.common.maps.room import box, room
+from tests.common.maps.room import box, room, sheet
 
 
 def furnished():
@@ -65,7 +65,13 @@ def test_cameras_choose_among_floors_and_stand_in_for_them():
 
 
 def test_survey_of_a_tilted_file_is_as_it_was(golden_figures):
-    found = survey(transform_cloud(furnished(), matrix_from_axis_angle([0.4, 0.2, -0.9]), (1.0, -2.0, 0.5), 3.1))
+    uneven = [
+        sheet((0.4, 0.3, 0.02), (2.1, 0.0, 0.1), (0.0, 1.9, 0.07), spacing_m=0.15, opacity=0.6),
+        sheet((2.6, 2.2, 0.0), (2.4, 0.1, -0.06), (0.1, 2.1, 0.09), spacing_m=0.04),
+        sheet((1.0, 1.1, 1.2), (0.0, 0.9, 0.05), (0.0, 0.1, 0.9), spacing_m=0.11),
+    ]
+    cloud = concatenate([furnished(), *uneven])
+    found = survey(transform_cloud(cloud, matrix_from_axis_angle([0.4, 0.2, -0.9]), (1.0, -2.0, 0.5), 3.1))
     golden_figures("scenes/survey", [[found.gaussians / 1e3, *found.low, *found.high]])
     ups = [
         [*up.up, up.floor, 9 * up.support, up.above, 9 * up.standing, len(up.levels), up.ceiling or -1.0]
