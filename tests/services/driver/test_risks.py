@@ -114,7 +114,7 @@ def test_risks_are_those_of_rolling_out_each_command_against_every_cell_and_huma
         seen |= {*risks.tolist()}
         decided += int(np.count_nonzero(sure))
     assert seen == {0, OBSTACLE, HUMAN}
-    assert decided > 0.97 * 4 * len(command_grid(robot))
+    assert decided > 0.94 * 4 * len(command_grid(robot))
 
 
 def _is_free(robot_map: OccupancyMap, walks: Sequence[np.ndarray], xy: np.ndarray) -> bool:
