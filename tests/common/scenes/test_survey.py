@@ -95,3 +95,21 @@ def test_real_object_is_offered_its_best_candidate(shared_data):
     found = survey(with_unit_rotations(read_source(shared_data / "scenes" / "guitar.ply").cloud))
     assert found.clear_up is None
     assert advice(found, "auto", 1.0).startswith(f"Try --up={found.ups[0].name} (the best candidate: ")
+
+
+def test_survey_of_a_tilted_file_is_as_it_was(golden_figures):
+    uneven = [
+        sheet((0.4, 0.3, 0.02), (2.1, 0.0, 0.1), (0.0, 1.9, 0.07), spacing_m=0.15, opacity=0.6),
+        sheet((2.6, 2.2, 0.0), (2.4, 0.1, -0.06), (0.1, 2.1, 0.09), spacing_m=0.04),
+        sheet((1.0, 1.1, 1.2), (0.0, 0.9, 0.05), (0.0, 0.1, 0.9), spacing_m=0.11),
+    ]
+    cloud = concatenate([furnished(), *uneven])
+    found = survey(transform_cloud(cloud, matrix_from_axis_angle([0.4, 0.2, -0.9]), (1.0, -2.0, 0.5), 3.1))
+    golden_figures("scenes/survey", [[found.gaussians / 1e3, *found.low, *found.high]])
+    ups = [
+        [*up.up, up.floor, 9 * up.support, up.above, 9 * up.standing, len(up.levels), up.ceiling or -1.0]
+        for up in found.ups
+    ]
+    golden_figures("scenes/ups", ups)
+    golden_figures("scenes/up levels", [level for up in found.ups for level in up.levels])
+    golden_figures("scenes/scales", [scale.metres_per_unit for scale in found.scales])

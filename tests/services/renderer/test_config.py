@@ -1,5 +1,6 @@
 import pytest
 
+from readygo.common.config import section_to_mapping
 from readygo.common.rasterizer.backend_names import GPU_BACKENDS
 from readygo.services.renderer import RendererConfig
 
@@ -57,3 +58,36 @@ def test_what_not_every_backend_draws_is_left_out_there(name: str) -> None:
     assert all(RendererConfig(backend=backend, **on).draws(name) for backend in ("cpu", "reference"))
     assert not any(RendererConfig(backend=backend, **on).draws(name) for backend in GPU_BACKENDS)
     assert not RendererConfig(**{name: False}).draws(name)
+
+
+def test_defaults_are_those_of_the_runs_that_name_none() -> None:
+    assert section_to_mapping(RendererConfig()) == {
+        "backend": "cpu",
+        "image_format": "jpeg",
+        "jpeg_quality": 90,
+        "outputs": ["rgb"],
+        "goal_image": False,
+        "labels": True,
+        "detail": "exact",
+        "contact_shadow": False,
+        "feet_on_floor": True,
+        "human_light": True,
+        "human_look": "photoreal",
+        "sensor": {
+            "k1": [],
+            "k2": [],
+            "k3": [],
+            "k4": [],
+            "p1": [],
+            "p2": [],
+            "exposure_ev": [],
+            "red_gain": [],
+            "blue_gain": [],
+            "vignetting": [],
+            "shot_noise": [],
+            "read_noise": [],
+            "exposure_s": [],
+            "readout_s": [],
+        },
+        "sub_frames": 8,
+    }
