@@ -176,6 +176,7 @@ class Crooked:
     free: typing.Any = None
 
 
+DTYPES = ("|b1", "|u1", "|i1", "<u2", "<i2", "<u4", "<i4", "<u8", "<i8", "<f2", "<f4", "<f8")
 WHOLE = st.integers(-(2**63), 2**63 - 1)
 NUMBER = st.floats(allow_nan=False)
 CROOKED = st.builds(
@@ -210,7 +211,7 @@ def test_fields_of_every_kind_come_back_and_one_with_its_default_may_stay_away(v
 @settings(max_examples=40, deadline=None)
 @given(
     hnp.arrays(
-        st.sampled_from(["|b1", "|u1", "|i1", "<u2", "<i2", "<u4", "<i4", "<u8", "<i8", "<f2", "<f4", "<f8"]).map(
+        st.sampled_from([*DTYPES]).map(np.dtype),
             np.dtype
         ),
         hnp.array_shapes(min_dims=0, max_dims=4, min_side=0, max_side=5),
