@@ -212,8 +212,6 @@ def test_fields_of_every_kind_come_back_and_one_with_its_default_may_stay_away(v
 @given(
     hnp.arrays(
         st.sampled_from([*DTYPES]).map(np.dtype),
-            np.dtype
-        ),
         hnp.array_shapes(min_dims=0, max_dims=4, min_side=0, max_side=5),
     )
 )
