@@ -1,3 +1,6 @@
+import dataclasses
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -58,6 +61,23 @@ def test_page_tells_the_experts_failures_by_encounter(data) -> None:
     # Two recorded crossings and two failed ones.
     assert 'data-name="Expert succeeds">50 %</td>' in html
     assert "of 6 tried" in html
+
+
+def test_page_looks_as_it_did(data, golden_page: Callable[[str, str], None]) -> None:
+    found, picture = measured(data), np.zeros((9, 9, 3), np.uint8)
+    golden_page("coverage", coverage_page(found, facts(), picture, picture))
+    failed = {"crossing": {"timeout": 3, "human_collision": 1}, "never_seen": {"timeout": 5}}
+    frame = GridFrame(origin_x_m=0.0, origin_y_m=0.0, resolution_m=0.1)
+    known = dataclasses.replace(
+        facts(), failed=failed, rejected={}, visited_share=0.678, scene="", provenance={"data": "<0>"},
+        occupancy=OccupancyMap(frame=frame, occupied=np.zeros((2, 2), np.bool_)),
+    )  # fmt: skip
+    large = dataclasses.replace(found, episodes=1234, samples=4_567_890, distance_m=98_765.4, visible_total=0.126)
+    golden_page("coverage_known", coverage_page(large, known, picture, picture))
+    golden_page(
+        "coverage_unknown",
+        coverage_page(found, dataclasses.replace(facts(), failed=None, rejected=None), picture, picture),
+    )
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason=NO_CHROMIUM)
