@@ -175,5 +175,6 @@ def test_survey_is_told_with_what_to_try_and_remedies_for_what_is_unwanted(monke
     count = int(masks[command.FLOATERS].sum())
     assert command._remedy(found, "+z", 2.0, masks, Path("a/b.part.ply")) == (
         f"{count:,} of its 98,765 Gaussians float and may fill it: "
-        "`readygo scene clean a/b.part.ply --out a/b-clean.ply` removes them. Try. 3 of its Gaussians are huge and cover all: --drop-bad leaves them out."
+        "`readygo scene clean a/b.part.ply --out a/b-clean.ply` removes them. "
+        "Try. 3 of its Gaussians are huge and cover all: --drop-bad leaves them out."
     )

@@ -141,12 +141,17 @@ class Clock:
         return self.now_s
 
 
+def note_renderer(watch: Watch, bus: InProcessBus, name: str, alive: bool = True) -> None:
+    """A renderer comes or goes on a bus."""
+    watch._on_presence(bus, "renderer", name, alive)
+
+
 def heard(*names: str) -> tuple[Watch, Clock]:
     """A watch whose messages come by hand, and its workers."""
     clock = Clock()
     watch, bus = Watch(clock), InProcessBus()
     for name in names:
-        watch._on_presence(bus, "renderer", name, True)
+        note_renderer(watch, bus, name)
     return watch, clock
 
 
@@ -181,7 +186,7 @@ def test_work_is_counted_as_it_ends() -> None:
     assert (seen.stage, seen.episode, seen.done, seen.rejected, seen.trouble) == ("", None, 3, 1, "no memory")
     watch._on_work(("renderer", "stranger"), begun)
     assert list(watch.workers) == [("renderer", "r")]
-    watch._on_presence(InProcessBus(), "renderer", "r", False)
+    note_renderer(watch, InProcessBus(), "r", alive=False)
     assert not seen.alive
 
 
@@ -211,11 +216,11 @@ def test_numbers_are_taken_over_time_since_it_began() -> None:
 def test_at_most_256_workers_are_kept_and_those_that_left_give_way_first() -> None:
     watch, _ = heard(*(f"w{number}" for number in range(256)))
     bus = InProcessBus()
-    watch._on_presence(bus, "renderer", "w7", False)
-    watch._on_presence(bus, "renderer", "late", True)
+    note_renderer(watch, bus, "w7", alive=False)
+    note_renderer(watch, bus, "late")
     assert len(watch.workers) == 256
     assert ("renderer", "w7") not in watch.workers
-    watch._on_presence(bus, "renderer", "later", True)
+    note_renderer(watch, bus, "later")
     assert ("renderer", "w0") not in watch.workers
     assert len(watch.workers) == 256
 
@@ -225,13 +230,13 @@ def test_worker_is_heard_once_on_every_bus() -> None:
     bus, heard_streams = InProcessBus(), []
     bus.subscribe = lambda stream, handler: heard_streams.append(stream.name)  # type: ignore[method-assign]
     watch.join(bus)
-    watch._on_presence(bus, "renderer", "r", False)
+    note_renderer(watch, bus, "r", alive=False)
     assert heard_streams == ["live/progress"]
     for _ in range(2):
-        watch._on_presence(bus, "renderer", "r", True)
+        note_renderer(watch, bus, "r")
     kinds = ("work", "state", "preview", "plan", "commit", "loss", "evaluation")
     assert heard_streams == ["live/progress", *(f"live/renderer/r/{kind}" for kind in kinds)]
-    watch._on_presence(InProcessBus(), "renderer", "other", True)
+    note_renderer(watch, InProcessBus(), "other")
     assert len(heard_streams) == 8, "it is not this bus's"
     watch.workers["renderer", "r"].alive = True
     watch.join(bus)
