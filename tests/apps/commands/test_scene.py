@@ -1,4 +1,5 @@
 import dataclasses
+import functools
 import json
 import subprocess
 import sys
@@ -178,3 +179,35 @@ def test_survey_is_told_with_what_to_try_and_remedies_for_what_is_unwanted(monke
         "`readygo scene clean a/b.part.ply --out a/b-clean.ply` removes them. "
         "Try. 3 of its Gaussians are huge and cover all: --drop-bad leaves them out."
     )
+
+
+def test_scene_is_told_with_all_that_is_known_of_it(monkeypatch, capsys):
+    monkeypatch.setattr(command, "_rows", lambda report: [("first", report["word"])])
+    monkeypatch.setattr(command, "warnings", lambda seen: ["[it] is foggy"])
+    monkeypatch.setattr(command, "Console", functools.partial(command.Console, width=120))
+    seen = SimpleNamespace(sharpness=123.6, coverage=0.876, places=(1, 2, 3), to_mapping=lambda: {"sharp": 1})
+    scene = SimpleNamespace(
+        name="hall", path=Path("hall"), content_hash="abc", license="", views=[0] * 1234,
+        metadata={"source": {"dropped_gaussians": 5678}},
+    )  # fmt: skip
+    report = {"word": "value", "findings": ["look [there]"]}
+    command._print(scene, report, seen, [Path("a.png"), Path("b.png")], json=False)
+    printed = capsys.readouterr()
+    rows = [[cell.strip() for cell in line.strip("│").split("│")] for line in printed.out.splitlines() if "│" in line]
+    assert rows == [
+        ["first", "value"],
+        ["robot's views", "sharpness 124, surface 88 % of the view (medians of 3 places)"],
+        ["left out", "5,678 Gaussians that cannot be drawn"],
+        ["look here", "look [there]"],
+        ["filmed by", "1,234 cameras"],
+        ["license", "not given"],
+        ["bundle", "hall"],
+        ["picture", "a.png"],
+        ["picture", "b.png"],
+    ]
+    assert printed.err == "Warning: [it] is foggy\n"
+    command._print(scene, report, seen, [Path("a.png")], json=True)
+    assert json.loads(capsys.readouterr().out) == {
+        "name": "hall", "path": "hall", "content_hash": "abc", "license": "", "dropped_gaussians": 5678,
+        "cameras": 1234, **report, "views": {"sharp": 1}, "pictures": ["a.png"],
+    }  # fmt: skip
