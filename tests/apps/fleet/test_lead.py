@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
+from types import SimpleNamespace
 from unittest.mock import Mock
 
 import pytest
@@ -303,3 +304,32 @@ def _cancel(listen: str, certs: Path) -> None:
     operator = join(listen, RUN, "operator", certs=certs)
     operator.request(topics.CONTROL, ControlRequest(command=Command.CANCEL))
     operator.close()
+
+
+@pytest.mark.parametrize(("stays", "ticks"), [(0, 3), (2, 5), (99, 8)])
+def test_leader_stays_until_all_have_left_or_had_their_time(
+    monkeypatch: pytest.MonkeyPatch, stays: int, ticks: int
+) -> None:
+    done: list[str] = []
+    bus, now_s = Mock(), [100.0]
+    coordinator = SimpleNamespace(over=False)
+
+    def tick(*_: object) -> None:
+        done.append("tick")
+        now_s[0] += 7.0
+        (changed,) = bus.watch.call_args.args
+        changed("renderer", "r0", len(done) < 3 + stays)
+        coordinator.over = len(done) >= 3
+
+    status = SimpleNamespace(failed="", committed=3, wanted=5)
+    service = SimpleNamespace(attach=Mock(), tick=tick, handle_status=lambda *_: status)
+    bus.watch.side_effect = lambda changed: changed("coordinator", "coordinator", True)
+    monkeypatch.setattr(leading, "coordination", service)
+    monkeypatch.setattr(leading, "TICK_S", 0.0)
+    monkeypatch.setattr(leading.time, "monotonic", lambda: now_s[0])
+    led: list[int] = []
+    assert leading._until_over(bus, coordinator, lambda: led.append(1)) is status  # type: ignore[arg-type]
+    assert (len(done), len(led)) == (ticks, ticks)
+    status.failed = "The disk is full."
+    with pytest.raises(RunError, match=r"The disk is full\. \(3 of 5 episodes are recorded\.\)"):
+        leading._until_over(bus, coordinator, lambda: None)  # type: ignore[arg-type]
