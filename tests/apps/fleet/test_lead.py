@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
 
@@ -27,6 +28,7 @@ from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.recovery import recover
 from readygo.apps.run.stages import stage_works
 from readygo.apps.run.world import World
+from readygo.common.bus import Member
 from readygo.common.bus.zenoh_bus import Router, free_endpoint
 from readygo.common.certificates import issue, make_authority
 from readygo.common.dataset import Dataset
@@ -318,3 +320,32 @@ def test_endpoint_that_cannot_be_used_binds_nothing(joins: bool, tmp_path: Path)
             lead(folder, unused if joins else taken, joins=joins)
     spec, _ = folder.load()
     folder.check(dataclasses.replace(spec, seed=spec.seed + 1))
+
+
+@pytest.mark.parametrize(("stays", "ticks"), [(0, 3), (2, 5), (99, 8)])
+def test_leader_stays_until_all_have_left_or_had_their_time(
+    monkeypatch: pytest.MonkeyPatch, stays: int, ticks: int
+) -> None:
+    done: list[str] = []
+    bus, now_s = Mock(), [100.0]
+    coordinator = SimpleNamespace(over=False)
+
+    def tick(*_: object) -> None:
+        done.append("tick")
+        now_s[0] += 7.0
+        (changed,) = bus.watch.call_args.args
+        changed(Member("renderer", "r0", "s"), len(done) < 3 + stays)
+        coordinator.over = len(done) >= 3
+
+    status = SimpleNamespace(failed="", committed=3, wanted=5)
+    service = SimpleNamespace(attach=Mock(), tick=tick, handle_status=lambda *_: status)
+    bus.watch.side_effect = lambda changed: changed(Member("coordinator", "coordinator", "s"), True)
+    monkeypatch.setattr(leading, "coordination", service)
+    monkeypatch.setattr(leading, "TICK_S", 0.0)
+    monkeypatch.setattr(leading.time, "monotonic", lambda: now_s[0])
+    led: list[int] = []
+    assert leading._until_over(bus, coordinator, lambda: led.append(1)) is status  # type: ignore[arg-type]
+    assert (len(done), len(led)) == (ticks, ticks)
+    status.failed = "The disk is full."
+    with pytest.raises(RunError, match=r"The disk is full\. \(3 of 5 episodes are recorded\.\)"):
+        leading._until_over(bus, coordinator, lambda: None)  # type: ignore[arg-type]

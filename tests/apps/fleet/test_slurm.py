@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -76,6 +77,53 @@ def test_array_is_asked_for_with_the_users_options(asked: Path) -> None:
     script = words[words.index("--wrap") + 1]
     assert "worker all --connect tcp/10.0.0.5:7447 --run run-7" in script
     assert "$SLURM_ARRAY_TASK_ID-${SLURM_RESTART_COUNT:-0}" in script
+
+
+def test_jobs_are_asked_for_with_all_that_a_worker_needs(asked: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    given = []
+    monkeypatch.setattr(
+        slurm, "_slurm", lambda *words, environment=None: given.append((words, environment)) or "17;cluster"
+    )
+    logs, certs = asked.parent / "logs", asked.parent / "certs"
+    workers = SlurmWorkers(
+        connect="tls/lab:7447", run="run-7", logs=logs, options="-p 'a b'", token="secret", certs=certs
+    )
+    workers.submit(5)
+    ((words, environment),) = given
+    root = Path(slurm.__file__).resolve().parents[2]
+    assert words[:-1] == (
+        "sbatch", "--parsable", "--array=0-4", "--requeue", "--open-mode=append", "--cpus-per-task=1",
+        "--job-name=readygo-run-7", f"--output={logs}/slurm-%A_%a.log", f"--chdir={root}", "-p", "a b", "--wrap",
+    )  # fmt: skip
+    threads = "OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1"
+    command = f"{sys.executable} -m readygo worker all --connect tls/lab:7447 --run run-7 --certs {certs}"
+    name = "slurm-$SLURM_ARRAY_JOB_ID-$SLURM_ARRAY_TASK_ID-${SLURM_RESTART_COUNT:-0}"
+    assert words[-1] == f"exec env {threads} {command} --name {name}"
+    assert environment["READYGO_TOKEN"] == "secret"
+
+
+def test_slurm_is_asked_every_5_seconds_and_workers_are_submitted_ten_times_again(
+    asked: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s, calls = [100.0], []
+    monkeypatch.setattr(slurm, "CHECK_S", 5.0)
+    monkeypatch.setattr(slurm, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    monkeypatch.setattr(
+        slurm, "_slurm", lambda *words, environment=None: calls.append(words[0]) or {"sbatch": "17"}.get(words[0], "")
+    )
+    workers = _workers(asked)
+    workers.submit(3)
+    now_s[0] += 4.9
+    workers.check()
+    assert calls == ["sbatch"]
+    for number in range(1, 11):
+        now_s[0] += 5.0
+        workers.check()
+        workers.check()
+        assert calls == ["sbatch", *["squeue", "sbatch"] * number]
+    now_s[0] += 5.0
+    with pytest.raises(RunError, match=r"job 17 ended: they left no log\."):
+        workers.check()
 
 
 def test_workers_are_asked_for_anew_only_once_none_is_left(asked: Path) -> None:
@@ -163,6 +211,7 @@ def test_refusals_are_one_line(asked: Path, monkeypatch: pytest.MonkeyPatch) -> 
         _workers(asked, "--comment='open")
     with pytest.raises(RunError, match="--listen with an address"):
         check_slurm(2, "")
+    check_slurm(1, "tcp/10.0.0.5:7447")
     with pytest.raises(RunError, match="at least 1"):
         check_slurm(0, "tcp/10.0.0.5:7447")
     monkeypatch.setenv("PATH", "")
