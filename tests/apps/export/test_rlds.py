@@ -1,3 +1,4 @@
+import functools
 import json
 import struct
 from collections.abc import Iterator
@@ -15,8 +16,12 @@ from readygo.common.messages.plan import Outcome
 from tests.crooked import ODD_RATES, crooked_episode, write_crooked_shard
 
 
+@functools.cache
 def example_class() -> Any:
-    """The message of TensorFlow's example.proto, from its published field numbers."""
+    """The message of TensorFlow's example.proto, from its published field numbers.
+
+    Kept: protobuf crashes when a message outlives the pool of its class.
+    """
     field = descriptor_pb2.FieldDescriptorProto
     file = descriptor_pb2.FileDescriptorProto(name="example.proto", package="published", syntax="proto3")
     kinds = {"BytesList": field.TYPE_BYTES, "FloatList": field.TYPE_FLOAT, "Int64List": field.TYPE_INT64}
