@@ -5,6 +5,7 @@ import pytest
 
 from readygo.common.errors import DatasetError
 from readygo.common.messages.plan import Driver
+from readygo.common.policy import PolicyMemory
 from readygo.common.policy.motion import odometry
 from readygo.common.robot import Clock, RobotConfig
 from readygo.common.robot.command_grid import UNKNOWN_RISK
@@ -19,6 +20,7 @@ from readygo.services.trainer.samples import (
     name_rank,
     spread_samples,
 )
+from tests import crooked
 from tests.services.trainer.conftest import make_one
 
 TIMING = Timing(spacing_steps=10)
@@ -225,3 +227,29 @@ def test_ranks_of_names_are_even():
 
 def test_spread_samples_are_even_and_limited(table):
     assert spread_samples(table, 100).tolist() == list(range(0, 360, 4))
+
+
+@pytest.mark.parametrize("robot", [crooked.ROBOT, crooked.ODD_RATES], ids=["20 Hz", "30 Hz"])
+@pytest.mark.parametrize("late_steps", [0, 3])
+def test_driving_sees_the_windows_and_the_motion_that_training_shows(robot, late_steps):
+    clock, spacing_steps = robot.clock, 6
+    _, recorded = crooked.crooked_episode(3, 40, robot=robot)
+    one = make_one(samples=40, actions=np.float32([(s.action_v_mps, s.action_w_radps) for s in recorded]))
+    one = dataclasses.replace(one, images=tuple(s.image for s in recorded))
+    timing = Timing(spacing_steps=spacing_steps, latency_steps=late_steps, clock=clock)
+    table = episode_table(one, robot, timing)
+    memory = PolicyMemory(clock.time_ns(spacing_steps), clock.time_ns(late_steps), 3, clock)
+    compared = 0
+    for step in range(40):
+        previous = one.actions[step - 1] if step else np.zeros(2, np.float32)
+        memory.advance(previous)
+        if clock.sees(step, late_steps):
+            memory.see(np.array([clock.image_step(step, late_steps)]))
+        if step % clock.control_every == 0:
+            batch = make_batch(np.array([step]), table.first, timing)
+            assert [int(frame[0]) for frame in memory.window()] == batch.frames[batch.window[0]].tolist()
+            # An image of an odd step is dated between two images; the poses differ by as little.
+            if step >= late_steps + 2 * spacing_steps and (step - late_steps) % clock.image_every == 0:
+                assert memory.own_motion(previous) == pytest.approx(table.motion[step], abs=1e-5)
+                compared += 1
+    assert compared > 3
