@@ -45,6 +45,8 @@ def test_test_that_fails_without_the_change_does_not_count(bench, tree):
     trial = bench.try_out(mutation(tree, "common/shop/wait.py", "while done <= count:"))
     assert (trial.result, trial.tests) == ("no test", ())
     assert bench.unchanged["tests/common/shop/test_wait.py"].verdict == "failed"
+    again = bench.try_out(mutation(tree, "common/shop/wait.py", "done -= 1"))
+    assert (again.result, again.cpu_s) == ("no test", 0.0)
 
 
 def test_module_without_tests_has_none_to_run(bench, tree):

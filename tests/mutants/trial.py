@@ -118,6 +118,8 @@ class Bench:
         for test in self._choice.tests_of(mutation.file)[: self.tests_max]:
             if spent_s >= self.limit_s:
                 break
+            if test in self.unchanged and self.unchanged[test].verdict != "passed":
+                continue
             path.write_bytes(mutation.apply(source))
             try:
                 run = self._run(test, self.limit_s)
