@@ -3,7 +3,8 @@ import json
 import pytest
 
 from tests.mutants.operators import Mutation
-from tests.mutants.report import Report, fallen, key_of
+from tests.mutants.places import known
+from tests.mutants.report import EQUIVALENTS, Report, fallen, key_of
 from tests.mutants.trial import TestRun, Trial
 
 HEADER = {"program": 1, "commit": "ab", "mode": "draw"}
@@ -70,3 +71,10 @@ def test_what_is_worse_than_before_is_named(results, same, words):
     lines = fallen(report_of(results), baseline, same=same)
     assert len(lines) == len(words)
     assert all(word in line for word, line in zip(words, lines, strict=True))
+
+
+def test_reviewed_equivalents_have_a_reason_and_a_place_in_the_tree():
+    root = EQUIVALENTS.parents[2]
+    entries = json.loads(EQUIVALENTS.read_text())
+    assert all(entry["reason"].endswith(".") for entry in entries)
+    assert [one.key for one in known(root, entries)] == [key_of(entry) for entry in entries]
