@@ -13,7 +13,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export NUMBA_NUM_THREADS := 1
 
-.PHONY: demo test check bench golden docs setup
+.PHONY: demo test check mutants bench golden docs setup
 
 demo: $(RUNTIME)  ## Run the whole job on the embedded scene; writes demo/report.html and demo/episode.webm
 	$(BIN)/readygo demo
@@ -29,6 +29,9 @@ check: $(DEV)  ## Style, types, import rules, and a test for every module
 	$(BIN)/lint-imports
 	$(BIN)/python tests/large_files.py
 	$(BIN)/python tests/mirror.py
+
+mutants: $(DEV)  ## Change the lines that the branch changed, one at a time, and name the changes that no test notices
+	$(BIN)/python -m tests.mutants
 
 bench: $(RUNTIME)  ## Measure rendering, motion, planning and data on this machine
 	$(BIN)/python -m readygo.benchmarks

@@ -77,3 +77,22 @@ def test_histograms_look_as_they_did(golden_page: Callable[[str, str], None]) ->
         grid_chart(edges, np.arange(3.0), np.zeros((2, 3), np.int64), x_axis="w", y_axis="v", count_name="n"),
     ]
     golden_page("histograms", "\n\n".join(charts))
+
+
+def test_bars_stand_on_the_axis_within_the_picture() -> None:
+    svg = bar_chart(np.array([0.0, 1.0, 2.0, 3.0]), np.array([4, 0, 1]), axis="x [m]", count_name="Episodes")
+    _, _, width, height = map(float, ElementTree.fromstring(svg).attrib["viewBox"].split())
+    feet = {round(float(bar["y"]) + float(bar["height"]), 1) for bar in bars(svg)}
+    assert len(feet) == 1
+    assert 0.5 * height < feet.pop() < height
+    assert all(float(bar["y"]) > 0 and float(bar["height"]) >= 0 for bar in bars(svg))
+    lefts = [float(bar["x"]) for bar in bars(svg)]
+    assert 0 < lefts[0] < lefts[1] < lefts[2] < width
+    assert np.diff(lefts) == pytest.approx(lefts[1] - lefts[0], abs=0.2)
+
+
+def test_petals_stay_in_the_rose_and_the_fullest_reaches_its_rim() -> None:
+    svg = rose_chart(np.array([9, 4, 1, 0]), name="headings")
+    radii = [float(radius) for radius in re.findall(r"A([\d.]+),", svg)]
+    assert radii[1] == pytest.approx(radii[0] * 2 / 3, abs=0.1)
+    assert 60 < max(radii) < 130

@@ -90,10 +90,8 @@ def test_commit_hands_back_no_result_that_an_earlier_or_a_later_episode_needs(
             assert ledger.advance(stage, index, lease.attempt, name)
     for done, index in enumerate(order, 1):
         needed = set().union(*(names[other] for other in order[done:]))
-        lease = ledger.claim(RENDER, Holder(worker="w"), 10.0, "rec0")
-        assert lease is not None
-        ledger.grant(index, lease.attempt, "rec0")
-        assert set(ledger.commit(index, _written(lease.attempt)) or []) == set(names[index]) - needed
+        ledger.entrust(index, "rec0")
+        assert set(ledger.commit(index, _written(3)) or []) == set(names[index]) - needed
         assert ledger.census.results() == needed
 
 
