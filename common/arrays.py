@@ -9,6 +9,7 @@ Source: NumPy enhancement proposal 1, https://numpy.org/doc/stable/reference/gen
 import math
 import os
 import re
+import sys
 import zipfile
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
@@ -143,6 +144,8 @@ def _read_array(stream: IO[bytes], size: int, records: Collection[np.dtype[Any]]
             raise EOFError("it is truncated")
         raw[at : at + len(block)] = np.frombuffer(block, np.uint8)
         at += len(block)
+    if layout.dtype.kind == "U" and array.view("<u4").max(initial=0) > sys.maxunicode:
+        raise ValueError("it holds text of characters that do not exist")
     return array.reshape(layout.shape, order=layout.order)
 
 

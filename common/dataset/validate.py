@@ -199,7 +199,7 @@ class _FolderCheck:
                 summary = reader.get_summary()
                 # They are counted: their order costs time and changes nothing.
                 count = sum(1 for _ in reader.iter_messages(log_time_order=False))
-        except (McapError, ValueError, KeyError) as error:
+        except (McapError, ValueError, KeyError, struct.error, OverflowError, MemoryError) as error:
             self._add(shard, "summary", f"MCAP readers refuse it: {type(error).__name__}: {error}")
             return
         if summary is None or summary.statistics is None or summary.statistics.message_count != count:

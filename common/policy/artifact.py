@@ -219,7 +219,7 @@ def load_spec(folder: Path) -> PolicySpec:
             **_graphs(mapping),
             training=mapping.get("training", {}),
         )
-    except (ConfigError, KeyError, TypeError, ValueError) as error:
+    except (ConfigError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise PolicyError(f"{path} cannot be used: {error}; export the policy again.") from error
 
 

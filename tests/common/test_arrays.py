@@ -180,3 +180,15 @@ def test_single_array_is_read_up_to_a_size_and_mapped(tmp_path: Path) -> None:
     mapped = map_npy(path, raises=AvatarError)
     np.testing.assert_array_equal(mapped, array)
     assert not mapped.flags.writeable
+
+
+def test_text_of_characters_that_do_not_exist_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    np.savez(path, meta=np.array("{}"), none=np.array([], "<U3"))
+    assert str(load_npz(path, ["meta"], bytes_max=MB, raises=AvatarError)["meta"]) == "{}"
+    content = path.read_bytes()
+    buffer = io.BytesIO()
+    np.save(buffer, np.array("{}"))
+    wrong = buffer.getvalue()[:-4] + (0x110000).to_bytes(4, "little")
+    assert content
+    assert "characters that do not exist" in _refusal(_zip(path, ("meta.npy", wrong)), "meta")

@@ -72,6 +72,12 @@ def test_missing_folder_says_what_to_give(tmp_path):
         ('format = "readygo-policy/1"\nframe_spacing_s = 0.5\n[robot]\nwheels = 4', "wheels"),
         ('format = "readygo-policy/2"\nframe_spacing_s = 0.5\n[robot]', "inputs"),
         ('format = "readygo-policy/1"\nframe_spacing_s = 0.33\n[robot]', "frame_spacing_s"),
+        ('format = "readygo-policy/1"\nframe_spacing_s = inf\n[robot]', "frame_spacing_s"),
+        (
+            'format = "readygo-policy/2"\nframe_spacing_s = 0.5\n[robot]\n'
+            '[inputs]\nfusion = "late"\nlatent_count = inf',
+            "cannot be used",
+        ),
     ],
 )
 def test_spec_that_cannot_be_used_is_refused(tmp_path, text, message):
