@@ -71,8 +71,8 @@ class Crew:
         self._token = "" if reach.certs else given_token() or new_token()
         self._fleets: dict[str, Fleet] = {}
         self._buses: dict[str, ZenohBus] = {}
-        self._collectors: set[tuple[str, str]] = set()
-        """Scene and name of those that are there."""
+        self._collectors: set[tuple[str, Member]] = set()
+        """Those that are there, with their scene."""
         self._collects, self._paced_s = True, 0.0
         self._deaf: Counter[str] = Counter()
         """Commands in a row that each scene's coordinator has not answered."""
@@ -229,11 +229,11 @@ class Crew:
     def _guests(self) -> set[tuple[str, str]]:
         """Scene and name of the collectors that are there and of other machines."""
         own = {(place, member.name) for place, fleet in self._fleets.items() for member in fleet.members}
-        return self._collectors - own
+        return {(place, member.name) for place, member in self._collectors} - own
 
     def _note_presence(self, place: str, member: Member, alive: bool) -> None:
         if member.role in COLLECTORS:
-            (self._collectors.add if alive else self._collectors.discard)((place, member.name))
+            (self._collectors.add if alive else self._collectors.discard)((place, member))
 
     def _collect(self, fleet: Fleet, wanted: int) -> None:
         names = [member.name for member in fleet.members if member.role == ALL]

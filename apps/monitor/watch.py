@@ -47,6 +47,8 @@ class Seen:
     role: str
     name: str
     alive: bool = True
+    sessions: set[str] = field(default_factory=set)
+    """Of its lives that are there: more than one while a worker that was cut off meets its successor."""
     stage: str = ""
     """What it is doing; empty while it waits."""
     episode: EpisodeKey | None = None
@@ -126,6 +128,7 @@ class Watch:
             self._heard.clear()
             for seen in self.workers.values():
                 seen.alive = False
+                seen.sessions.clear()
         bus.subscribe(topics.PROGRESS, self._on_progress)
         bus.watch(partial(self._on_presence, bus))
 
@@ -167,8 +170,9 @@ class Watch:
                 self._make_room()
                 self.workers[role, name] = Seen(role=role, name=name, since_s=self.clock())
             seen = self.workers[role, name]
-            seen.alive = alive
-            if not alive:
+            (seen.sessions.add if alive else seen.sessions.discard)(member.session)
+            seen.alive = bool(seen.sessions)
+            if not seen.alive:
                 seen.stage, seen.episode = "", None
             new = self._bus is bus and alive and (role, name) not in self._heard and len(self._heard) < WORKERS_MAX
             if new:

@@ -98,7 +98,7 @@ def test_lost_worker_costs_no_record_and_doubles_none(world, evaluator, here, tm
         with served(fleet_of(world, results), indices, tmp_path / "scratch") as (bus, answering, worker):
             with pytest.raises(KeyboardInterrupt):
                 claim_any(bus, worker)
-            answering.coordinator.ledger.requeue_worker(worker.name)
+            answering.coordinator.ledger.requeue_all()
             while claim_any(bus, worker) is not ClaimStatus.DONE:
                 answering.tick()
             assert answering.tick()

@@ -221,8 +221,16 @@ def test_coordinator_that_was_replaced_while_it_was_cut_off_stops_when_it_is_bac
     router = open_router(["rec0"], listen, certs=certs, token="")
     cable = Cable(listen)
     bus = join(listen, RUN, "operator", certs=certs)
+    leaders: set[str] = set()
     there: list[bool] = []
-    bus.watch(lambda role, name, alive: there.append(alive))
+    """Whether the run has a coordinator, whenever that changes."""
+
+    def changed(member: Member, alive: bool) -> None:
+        (leaders.add if alive else leaders.discard)(member.session)
+        if not there or there[-1] != bool(leaders):
+            there.append(bool(leaders))
+
+    bus.watch(changed)
     first = pool.submit(lead, folder, cable.endpoint, joins=True, certs=certs)
     wait_for(lambda: there == [True])
     cable.whole.clear()

@@ -252,3 +252,10 @@ def test_worker_is_heard_once_on_every_bus() -> None:
     watch.workers["renderer", "r"].alive = True
     watch.join(bus)
     assert not watch.workers["renderer", "r"].alive
+
+
+def test_worker_that_meets_its_successor_is_there_until_both_have_left() -> None:
+    watch, bus = Watch(Clock()), InProcessBus()
+    for session, alive, seen in (("a", True, True), ("b", True, True), ("a", False, True), ("b", False, False)):
+        watch._on_presence(bus, Member("renderer", "r0", session), alive)
+        assert watch.workers["renderer", "r0"].alive == seen

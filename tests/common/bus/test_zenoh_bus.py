@@ -71,9 +71,9 @@ def test_tokens_with_names_that_cannot_be_shown_are_left_out() -> None:
     router = Router(free_endpoint())
     watcher, other = ZenohBus(router.endpoint, "test"), ZenohBus(router.endpoint, "test")
     seen: list[tuple[str, str, bool]] = []
-    watcher.watch(lambda *change: seen.append(change))
+    watcher.watch(lambda member, alive: seen.append((member.role, member.name, alive)))
     for role, name in (("renderer", "\x1b[2J"), ("\x9b", "b"), ("renderer", "last")):
-        other._declared.append(other._session.liveliness().declare_token(f"readygo/test/alive/{role}/{name}"))
+        other._declared.append(other._session.liveliness().declare_token(f"readygo/test/alive/{role}/{name}/session"))
     wait_for(lambda: seen)
     assert seen == [("renderer", "last", True)]
     for each in (other, watcher, router):
