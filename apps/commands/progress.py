@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from rich.progress import BarColumn, Progress, ProgressColumn, TaskID, TextColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, TaskID, TaskProgressColumn, TextColumn
 from rich.text import Text
 
 from readygo.apps.terminal import PlainConsole
@@ -35,8 +35,8 @@ class SteadyProgress(Progress):
         """
         console = console or PlainConsole(stderr=True)
         for column in columns:
-            if isinstance(column, TextColumn):
-                # Rich takes what a task says as markup.
+            # Rich takes what a task says as markup; the percentage is its own words.
+            if isinstance(column, TextColumn) and not isinstance(column, TaskProgressColumn):
                 column.markup = False
         self._lines = not quiet and not console.is_terminal
         super().__init__(*columns, console=console, disable=quiet or self._lines, transient=transient)

@@ -96,7 +96,7 @@ def read_history(folder: Path) -> list[dict[str, Any]]:
     """
     try:
         history: list[dict[str, Any]] = read_json(folder / PROGRESS_FILE)["history"]
-        return [entry for entry in history if all(isinstance(entry[name], int | float) for name in _HISTORY)]
+        return [entry for entry in history if all(isinstance(entry.get(name), int | float) for name in _HISTORY)]
     except (OSError, *_NO_PROGRESS):
         return []
 

@@ -115,7 +115,7 @@ def test_command_on_this_machine_is_neither_watched_nor_joined(wired, tmp_path: 
 
 
 def test_bars_of_learning_and_of_the_test_are_shown_one_after_the_other(capsys: pytest.CaptureFixture[str]) -> None:
-    now = Now(fraction=0.25, minutes=2.0, recorded=10, learned=20, policies=1, driven=None, latest=None)
+    now = Now(fraction=0.25, minutes=2.0, samples=50, images=10, learned=20, policies=1, driven=None, latest=None)
     with command.live_line(12) as (show, tested):
         show(now)
         tested(SimpleNamespace(task=SimpleNamespace(value="static"), method="expert"))

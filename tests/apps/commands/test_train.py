@@ -130,7 +130,7 @@ def test_metrics_are_told_without_their_history(tmp_path: Path, capsys: pytest.C
     assert json.loads(capsys.readouterr().out) == {**short, "policy": str(tmp_path)}
     _report(METRICS, tmp_path, as_json=False)
     lines = [
-        "1234 parameters, 5678 samples in 13 s (450 samples/s); step 7 of 9 chosen.",
+        "1,234 parameters, 5,678 samples learned from in 13 s (450 samples/s); step 7 of 9 chosen.",
         "Held out (3 episodes): v 0.123 m/s = 46 %, w 0.234 rad/s = 68 % of predicting the mean.",
         f"Next: readygo evaluate SCENE {tmp_path}",
     ]
@@ -194,7 +194,7 @@ def test_published_network_is_told_with_how_well_it_steers(
     assert not {"memory_mb", "device", "goal"} & set(settings)
     assert asked[1] == ("config", tmp_path / "out")
     assert capsys.readouterr().out.splitlines() == [
-        "9 parameters, 8 samples in 7 s.",
+        "9 parameters, 8 samples learned from in 7 s.",
         "Held out (3 episodes): 0.124 m from where the expert went to where it steers; 0.457 m to the mean.",
         f"Next: readygo evaluate SCENE --methods vint --checkpoints {tmp_path / 'out'}",
     ]

@@ -139,12 +139,14 @@ def test_worker_of_stages_is_there_before_it_pulls(
     monkeypatch.setattr("readygo.apps.run.warm.warm_once", lambda: calls.append(("warm",)))
     monkeypatch.setattr("readygo.apps.run.stages.stage_works", lambda *args: args)
     fakes.observer.works.side_effect = lambda works: {"works": works}
-    fakes.bus.announce.side_effect = lambda *who: calls.append(("there", *who))
+    fakes.bus.announce.side_effect = lambda *who: calls.append(("there", *who)) or "first"
     assert _work(fakes.bus, role, "w7", lambda: True, fakes.observer, alone=alone)
     me = Worker(
         name="w7",
         numeric_class=("class", world.config, world.spec.policy),  # type: ignore[arg-type]
         works={"works": (world, fakes.bus, stages)},  # type: ignore[dict-item]
+        role=role,
+        session="first",
     )
     first = [("check", world.spec, world.config), ("warm",)] if alone else []
     assert calls == [*first, ("there", role, "w7"), ("pull", fakes.bus, me, True)]

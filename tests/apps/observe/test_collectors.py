@@ -38,8 +38,8 @@ def test_rows_of_a_coordinator_are_the_numbers_of_its_run(tmp_path: Path) -> Non
     line.plan()
     line.record(line.claim(RENDER))
     line.plan()
-    line.claim(RENDER)
-    line.claim(HUMAN_PLAN)
+    line.claim(RENDER, role="renderer")
+    line.claim(HUMAN_PLAN, role="renderer")
     coordinator.ledger.set_aside(3, "it is foggy")
     line.now_s += 7.0
     rows = {(name, *labels.values()): value for name, _, labels, value in of_coordinator(coordinator)()}

@@ -68,6 +68,7 @@ def test_defaults_are_those_of_the_runs_that_name_none() -> None:
         "outputs": ["rgb"],
         "goal_image": False,
         "labels": True,
+        "depth": "median",
         "detail": "exact",
         "contact_shadow": False,
         "feet_on_floor": True,
