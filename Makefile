@@ -4,6 +4,7 @@ PYTHON ?= $(firstword $(shell command -v python3.11 python3.12 python3.13 python
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+TRAIN := $(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["train"])'
 # What is installed: what the commands need, or what developers need as well.
 RUNTIME := $(VENV)/.runtime
 DEV := $(VENV)/.dev
@@ -12,13 +13,14 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export NUMBA_NUM_THREADS := 1
 
-.PHONY: demo test check bench golden docs setup
+.PHONY: demo test check mutants bench golden docs setup
 
 demo: $(RUNTIME)  ## Run the whole job on the embedded scene; writes demo/report.html and demo/episode.webm
 	$(BIN)/readygo demo
 
-test: $(DEV)  ## Run all tests
-	$(BIN)/pytest -n 2 --dist loadfile
+test: $(DEV)  ## Run all tests, the longest files first; kernels are compiled before; the slowest 20 are named
+	$(BIN)/readygo warm
+	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=20 --durations-min=1
 
 check: $(DEV)  ## Style, types, import rules, and a test for every module
 	$(BIN)/ruff format --check .
@@ -27,6 +29,9 @@ check: $(DEV)  ## Style, types, import rules, and a test for every module
 	$(BIN)/lint-imports
 	$(BIN)/python tests/large_files.py
 	$(BIN)/python tests/mirror.py
+
+mutants: $(DEV)  ## Change the lines that the branch changed, one at a time, and name the changes that no test notices
+	$(BIN)/python -m tests.mutants
 
 bench: $(RUNTIME)  ## Measure rendering, motion, planning and data on this machine
 	$(BIN)/python -m readygo.benchmarks
@@ -42,8 +47,10 @@ docs: $(DEV)  ## Write site/index.html: guides, commands, messages and the refer
 
 setup: $(DEV)
 
+# Kernels are compiled while the large packages of the extra `train` are fetched; what fails there, the first command does.
 $(RUNTIME): pyproject.toml constraints.txt | $(VENV)
-	$(INSTALL) -e ".[train]"
+	$(INSTALL) -e .
+	@$(BIN)/readygo warm 2>$(VENV)/warm.log & $(INSTALL) $$($(TRAIN)); status=$$?; wait; exit $$status
 	@touch $(RUNTIME)
 
 $(DEV): pyproject.toml constraints.txt | $(VENV)

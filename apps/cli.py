@@ -7,6 +7,7 @@ import functools
 import importlib
 import inspect
 import io
+import logging
 import os
 import signal
 import sys
@@ -64,8 +65,11 @@ def run_command(commands: Mapping[str, Command], argv: Sequence[str]) -> None:
     command in the same way, with 143.
     """
     from readygo.common.errors import ReadygoError
+    from readygo.common.printable import PlainLines
 
     _mend_streams()
+    if logging.lastResort:
+        logging.lastResort.setFormatter(PlainLines())
     try:
         try:
             call = parse(commands, argv)
@@ -117,8 +121,8 @@ def parse(commands: Mapping[str, Command], argv: Sequence[str]) -> Callable[[], 
     """The command that the arguments name, ready to be called.
 
     Raises:
-        ReadygoError: If there is no such command.
-        SystemExit: If the arguments do not fit it, or ask for its help; tyro has said so.
+        ReadygoError: If there is no such command, or the arguments do not fit it.
+        SystemExit: If they ask for its help, which is printed.
     """
     from readygo.common.errors import ReadygoError
 
@@ -164,6 +168,8 @@ def _bound(function: Callable[..., object], *, prog: str, argv: Sequence[str]) -
     """A command's function with its arguments."""
     import tyro
 
+    from readygo.apps.usage import errors_in_one_line
+
     hints = typing.get_type_hints(function, include_extras=True)
     parameters = [
         parameter.replace(annotation=_with_value_name(hints[name], parameter))
@@ -181,7 +187,9 @@ def _bound(function: Callable[..., object], *, prog: str, argv: Sequence[str]) -
     bind.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}
     bind.__signature__ = inspect.Signature(shown)  # type: ignore[attr-defined]
     config = [tyro.conf.OmitArgPrefixes] if groups else []
-    return tyro.cli(bind, prog=prog, args=_with_bare_values(hints, argv), config=config)
+    named = [parameter for parameter in parameters if parameter.kind is not inspect.Parameter.POSITIONAL_ONLY]
+    with errors_in_one_line([f"--{parameter.name.replace('_', '-')}" for parameter in named]):
+        return tyro.cli(bind, prog=prog, args=_with_bare_values(hints, argv), config=config)
 
 
 def _groups(hints: Mapping[str, Any], parameters: Sequence[inspect.Parameter], words: str) -> list[inspect.Parameter]:
@@ -295,5 +303,7 @@ def _drop_output() -> None:
 
 
 def _stop(message: str, code: int) -> NoReturn:
-    sys.stderr.write(f"readygo: {message}\n")
+    from readygo.common.printable import strip_controls
+
+    sys.stderr.write(f"readygo: {strip_controls(message)}\n")
     raise SystemExit(code)

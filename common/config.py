@@ -70,8 +70,10 @@ def section_from_mapping(cls: type[Section], mapping: Mapping[str, Any], *, wher
         where: Path of the section, for error messages.
 
     Raises:
-        ConfigError: If a key is unknown or a value has the wrong type.
+        ConfigError: If it is no mapping, a key is unknown or a value has the wrong type.
     """
+    if not isinstance(mapping, Mapping):
+        raise ConfigError(f"{where.rstrip('.') or cls.__name__} must be a table, got {mapping!r}.")
     hints = typing.get_type_hints(cls)
     unknown = sorted(set(mapping) - set(hints))
     if unknown:
@@ -102,8 +104,6 @@ def _differences(ours: Mapping[str, Any], theirs: Mapping[str, Any], where: str)
 def _convert(hint: Any, value: Any, where: str) -> Any:
     origin = typing.get_origin(hint)
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
-        if not isinstance(value, Mapping):
-            raise ConfigError(f"{where} must be a table, got {value!r}.")
         return section_from_mapping(hint, value, where=f"{where}.")
     if origin is tuple:
         if not isinstance(value, (tuple, list)):

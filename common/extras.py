@@ -1,6 +1,7 @@
 """Optional dependencies: the command that installs what is missing, from where this package came from."""
 
 import importlib.metadata
+import importlib.util
 import shlex
 import sys
 from pathlib import Path
@@ -40,6 +41,14 @@ def install_command(extra: Extra) -> str:
     else:
         what = _requirements(extra)
     return shlex.join([sys.executable, "-m", "pip", "install", *what])
+
+
+def is_installed(module: str) -> bool:
+    """True if a module of an extra can be found, such as "opentelemetry.sdk"; it is not imported."""
+    try:
+        return importlib.util.find_spec(module) is not None
+    except (ImportError, ValueError):
+        return False
 
 
 def _requirements(extra: str) -> list[str]:

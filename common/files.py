@@ -1,14 +1,86 @@
-"""Files and folders that appear under their name only when they are complete, and the user's cache folder."""
+"""Files: reading those that others name, writing such that appear when they are complete, and the user's cache."""
 
 import errno
+import io
 import os
 import shutil
+import stat
+import sys
 import tempfile
+import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from readygo.common.errors import ReadygoError
+
+_ZIP_DIRECTORY_BYTES_MAX = 2**20
+"""A table of contents of 1 MB lists some 15,000 files; Python spends 20 times its size on it."""
+
+
+def open_regular(path: str | Path) -> io.BufferedReader:
+    """Open a file to read it. A pipe, a device or a folder is refused; opening a pipe does not wait for a writer.
+
+    Raises:
+        OSError: If it cannot be opened, or is no regular file.
+    """
+    return os.fdopen(_open_descriptor(path), "rb")
+
+
+def read_regular(path: str | Path, *, bytes_max: int | None = None) -> bytes:
+    """All bytes of a regular file.
+
+    Args:
+        path: The file.
+        bytes_max: A larger file is refused [bytes].
+
+    Raises:
+        OSError: If it cannot be read, is no regular file, or is larger than `bytes_max`.
+    """
+    with open_regular(path) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        if bytes_max is not None and size > bytes_max:
+            raise OSError(errno.EFBIG, f"it has {size} bytes, more than the {bytes_max} that are read", str(path))
+        return stream.read(size)
+
+
+@contextmanager
+def open_zip(path: str | Path) -> Iterator[zipfile.ZipFile]:
+    """A zip archive to read from, whose table of contents has a usual size.
+
+    Raises:
+        OSError: If it cannot be opened, or is no regular file.
+        Exception: zipfile raises many kinds at damaged archives, BadZipFile for most.
+    """
+    with _ZipStream(io.FileIO(_open_descriptor(path))) as stream, zipfile.ZipFile(stream) as archive:
+        stream.bytes_max = sys.maxsize
+        yield archive
+
+
+class _ZipStream(io.BufferedReader):
+    """A file that refuses to be read in larger pieces than `bytes_max`."""
+
+    bytes_max = _ZIP_DIRECTORY_BYTES_MAX
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        if size is not None and size > self.bytes_max:
+            raise zipfile.BadZipFile(f"its table of contents has {size} bytes")
+        return super().read(size)
+
+
+def _open_descriptor(path: str | Path) -> int:
+    """A descriptor to read a regular file."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except ValueError as error:
+        raise OSError(errno.EINVAL, "no file can have this name", str(path)) from error
+    mode = os.fstat(descriptor).st_mode
+    if stat.S_ISREG(mode):
+        return descriptor
+    os.close(descriptor)
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    raise OSError(errno.EINVAL, "it is a pipe or a device, no regular file", str(path))
 
 
 @contextmanager

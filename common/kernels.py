@@ -1,36 +1,23 @@
-"""How functions become machine code, and where it is kept: decorators for every kernel of readygo.
+"""How functions become machine code: decorators for every kernel of readygo.
 
-Numba compares the file of a compiled function only, so an edited function or constant of another file would leave stale
-machine code behind, and with it other samples. Here code is kept in a folder of its own for each state of a module and
-of all that it imports of readygo, below the user's cache folder (or `NUMBA_CACHE_DIR`). Nothing is set for functions
-that others compile.
+Machine code is kept below the user's cache folder (or `NUMBA_CACHE_DIR`), see `kernel_cache`. Nothing is set for
+functions that others compile.
 """
 
-import contextlib
 import functools
-import hashlib
-import os
-import re
-import shutil
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any, TypeVar, overload
 
-import numba
-from numba.core import config
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.core import config, dispatcher, sigutils
+from numba.core.compiler import Compiler
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import CPUDispatcher
 
-from readygo.common.files import cache_root, make_cache_folder
+from readygo.common.kernel_cache import KernelCache
 
-_THIS = Path(__file__).absolute()
-_PACKAGE = _THIS.parents[1]
-_IMPORT = re.compile(rb"^(?:from|import) readygo\.?([.\w]*)(?: import (\([^)]*\)|.*))?", re.MULTILINE)
-_LAZY_IMPORT = re.compile(_IMPORT.pattern.replace(b"^", rb"^[ \t]*", 1), re.MULTILINE)
-"""Packages name below `if TYPE_CHECKING` what they load when it is used: whoever imports them may use it."""
-_STATES_KEPT = 4
-"""States of a module whose machine code is kept, those used last."""
-_njit: Any = numba.njit
 _settings: Any = config
+_dispatcher: Any = dispatcher
+_sigutils: Any = sigutils
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -39,7 +26,7 @@ def compiled(function: F) -> F: ...
 @overload
 def compiled(**flags: Any) -> Callable[[F], F]: ...
 def compiled(function: Any = None, **flags: Any) -> Any:
-    """Compile a function with numba's `njit`, and keep the machine code for later processes.
+    """Compile a function like numba's `njit`, and keep the machine code for later processes.
 
     Use it as `@compiled`, or `@compiled(error_model="numpy")` with flags of `njit`.
 
@@ -48,9 +35,10 @@ def compiled(function: Any = None, **flags: Any) -> Any:
     """
     if function is None:
         return functools.partial(compiled, **flags)
-    dispatcher = _njit(**flags)(function)
-    dispatcher._cache = _KernelCache(function)  # type: ignore[no-untyped-call]
-    return dispatcher
+    made = _dispatcher_of(function, flags)
+    if isinstance(made, KernelDispatcher):
+        made._cache = KernelCache(made)
+    return made
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -64,105 +52,70 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 def inlined(function: Callable[..., Any]) -> Any:
     """Compile a function that becomes part of the kernels that call it."""
-    return _njit(forceinline=True, error_model="numpy", _nrt=False)(function)
+    return _dispatcher_of(function, {"forceinline": True, "error_model": "numpy", "_nrt": False})
 
 
-@functools.cache
-def sources_digest(path: Path) -> str:
-    """Hash of a source file and of all files that it imports of readygo, directly or not."""
-    digest = hashlib.sha256()
-    for source in sorted(_with_imports(path)):
-        digest.update(_source(source)[0])
-    return digest.hexdigest()[:16]
+def _dispatcher_of(function: Callable[..., Any], flags: dict[str, Any]) -> Any:
+    if _settings.DISABLE_JIT:
+        return function
+    return KernelDispatcher(function, targetoptions={"nopython": True, **flags})  # type: ignore[no-untyped-call]
 
 
-def _with_imports(path: Path) -> set[Path]:
-    found: set[Path] = set()
-    waiting = [path]
-    while waiting:
-        source = waiting.pop()
-        if source not in found:
-            found.add(source)
-            waiting += _source(source)[1]
-    return found
+class _Compiler(_dispatcher._FunctionCompiler):
+    """Adds the flags that depend on the caller."""
+
+    python_entry = True
+    """True while Python calls, false while another kernel does."""
+
+    def _customize_flags(self, flags: Any) -> Any:
+        flags.no_cfunc_wrapper = True
+        flags.no_cpython_wrapper = not self.python_entry
+        return flags
 
 
-@functools.cache
-def _source(path: Path) -> tuple[bytes, tuple[Path, ...]]:
-    """Digest of a file as it is when it is imported, and the files that it imports itself."""
-    text = path.read_bytes()
-    # The cache folder and its errors are no part of any kernel.
-    files = (
-        () if path == _THIS else tuple(_imported_files(text, _LAZY_IMPORT if path.name == "__init__.py" else _IMPORT))
-    )
-    return hashlib.sha256(text).digest(), files
+class KernelDispatcher(CPUDispatcher):
+    """A compiled function that has an entry for Python only if Python calls it.
 
+    The entry converts each argument, and each array of a named tuple: a small function compiles faster than its entry.
+    """
 
-def _imported_files(text: bytes, imports: re.Pattern[bytes]) -> Iterator[Path]:
-    for module, names in imports.findall(text):
-        place = _PACKAGE.joinpath(*module.decode().split(".")) if module else _PACKAGE
-        candidates = [place.with_suffix(".py")]
-        if (place / "__init__.py").is_file():
-            candidates = [place / "__init__.py"]
-            candidates += [place / f"{name.decode()}.py" for name in re.findall(rb"\w+", names)]
-        yield from (candidate for candidate in candidates if candidate.is_file())
+    def __init__(
+        self, py_func: Any, locals: Any = None, targetoptions: Any = None, pipeline_class: Any = Compiler
+    ) -> None:
+        super().__init__(py_func, locals, targetoptions, pipeline_class)  # type: ignore[no-untyped-call]
+        self._compiler: Any = _Compiler(  # type: ignore[no-untyped-call]
+            py_func, self.targetdescr, self.targetoptions, self.locals, pipeline_class
+        )
+        self._cache: Any = self._cache
+        self._without_entry: set[Any] = set()
 
+    @property
+    def python_entry(self) -> bool:
+        """True if what is compiled or loaded next has an entry for Python."""
+        return bool(self._compiler.python_entry)
 
-class _StateFolder(_CacheLocator):
-    """The folder of a function's module in its present state."""
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """What numba asks for when another kernel calls this one."""
+        before, self._compiler.python_entry = self._compiler.python_entry, False
+        try:
+            return super().get_call_template(args, kws)  # type: ignore[no-untyped-call]
+        finally:
+            self._compiler.python_entry = before
 
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self._py_file = function.__code__.co_filename
-        self._line = function.__code__.co_firstlineno
-        self._digest = sources_digest(Path(self._py_file))
-        base = Path(_settings.CACHE_DIR) if _settings.CACHE_DIR else cache_root() / "kernels"
-        self._folder = base / function.__module__ / self._digest
+    def compile(self, sig: Any) -> Any:
+        """Compile a signature, or load it; once more when Python calls what only kernels have called so far."""
+        with global_compiler_lock:
+            args = tuple(_sigutils.normalize_signature(sig)[0])
+            if self.python_entry and args in self._without_entry:
+                self._without_entry.remove(args)
+                del self.overloads[args]
+            return super().compile(sig)  # type: ignore[no-untyped-call]
 
-    @classmethod
-    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> "_StateFolder":
-        return cls(py_func)
-
-    def get_cache_path(self) -> str:
-        return str(self._folder)
-
-    def get_source_stamp(self) -> str:
-        return self._digest
-
-    def get_disambiguator(self) -> str:
-        return str(self._line)
-
-    def ensure_cache_path(self) -> None:
-        is_new = not self._folder.is_dir()
-        make_cache_folder(self._folder)
-        if is_new:
-            _forget_old_states(self._folder.parent)
-
-
-class _Kept(CompileResultCacheImpl):
-    _locator_classes = (_StateFolder,)  # type: ignore[assignment]
-
-
-class _KernelCache(FunctionCache):
-    """Machine code of a function on disk."""
-
-    _impl_class = _Kept
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        found = None
-        with contextlib.suppress(OSError):
-            found = super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
-        if found is None:
-            # Before minutes of compilation, not after them.
-            self._impl.locator.ensure_cache_path()
+    def add_overload(self, cres: Any) -> None:
+        """Hide from Python what has no entry: a call would crash."""
+        if self.python_entry:
+            super().add_overload(cres)  # type: ignore[no-untyped-call]
         else:
-            with contextlib.suppress(OSError):
-                os.utime(self.cache_path)
-        return found
-
-
-def _forget_old_states(folder: Path) -> None:
-    # Another process may be doing the same.
-    with contextlib.suppress(OSError):
-        states = sorted(folder.iterdir(), key=lambda state: state.stat().st_mtime, reverse=True)
-        for state in states[_STATES_KEPT:]:
-            shutil.rmtree(state, ignore_errors=True)
+            args = tuple(cres.signature.args)
+            self.overloads[args] = cres
+            self._without_entry.add(args)

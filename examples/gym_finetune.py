@@ -28,7 +28,6 @@ from stable_baselines3.common.vec_env import VecEnv
 from torch import nn
 
 from readygo import ReadygoError, load_policy
-from readygo.apps.gym.registration import ENVIRONMENT, register
 from readygo.apps.run.evaluation import evaluation_world, make_evaluator, make_request
 from readygo.apps.run.origin import avatars_of_policy, settings_of_policy
 from readygo.common.episode import EpisodeConfig
@@ -52,11 +51,9 @@ class Rides(VecEnv):
     """Robots of `PointNavVectorEnv` for stable-baselines3; what a robot observes is what the policy's head is given."""
 
     def __init__(self, folder: Path, count: int, **arguments: Any) -> None:
-        register()
         self._envs = make_vec(
-            ENVIRONMENT,
+            "readygo.gym:ReadyGo/PointNav-v0",
             num_envs=count,
-            vectorization_mode="vector_entry_point",
             autoreset_mode=AutoresetMode.SAME_STEP,
             policy=folder,
             **arguments,

@@ -1,5 +1,6 @@
 """Fixtures shared by all tests."""
 
+import json
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -9,6 +10,7 @@ import numpy.typing as npt
 import pytest
 
 from readygo.common.files import cache_root
+from tests.durations import Durations, load_durations, sort_longest_first
 
 GOLDEN = Path(__file__).resolve().parent / "golden"
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
@@ -26,7 +28,18 @@ def shared_data() -> Path:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-golden", action="store_true", help="rewrite tests/golden from what the code makes now")
+    parser.addoption("--update-durations", action="store_true", help="store how long each test file takes")
     parser.addoption("--fuzz", type=int, default=20_000, help="inputs that the message decoders are tried with")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.getoption("--update-durations") and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(Durations())
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if hasattr(config, "workerinput"):
+        sort_longest_first(items, load_durations())
 
 
 @pytest.fixture
@@ -43,5 +56,31 @@ def golden_image(request: pytest.FixtureRequest) -> Callable[[str, npt.NDArray[n
         assert stored is not None, f"{path.name} is missing: run `make golden` and look at it"
         difference = np.abs(stored[..., ::-1].astype(np.int16) - rgb)
         assert difference.max() <= 2, f"{path.name} differs in {np.mean(difference.max(axis=2) > 2):.1%} of its pixels"
+
+    return compare
+
+
+@pytest.fixture
+def golden_figures(request: pytest.FixtureRequest) -> Callable[..., None]:
+    """Compares rows of numbers with figures in `tests/golden/figures`: what a seed gives stays the same.
+
+    The figures are the number of rows and sums of cosines of four directions in the space of the rows, so that no
+    change of a row hides behind that of another one. Call it as `golden_figures("file/name", *columns)`.
+    """
+
+    def compare(name: str, *columns: npt.ArrayLike, scale: float = 3.0) -> None:
+        parts = [np.asarray(column, np.float64) for column in columns]
+        rows = np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
+        directions = scale * np.sin(1.0 + np.arange(4 * rows.shape[1]) ** 1.5).reshape(-1, 4)
+        figures = [len(rows), *np.cos(rows @ directions).sum(axis=0).round(6).tolist()]
+        file, key = name.split("/", 1)
+        path = GOLDEN / "figures" / f"{file}.json"
+        stored = json.loads(path.read_text()) if path.is_file() else {}
+        if request.config.getoption("--update-golden"):
+            stored[key] = figures
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(json.dumps(dict(sorted(stored.items())), indent=1) + "\n")
+        assert key in stored, f"{name} is missing: run `make golden`"
+        assert figures == pytest.approx(stored[key], rel=0.0, abs=1e-6 * len(rows) + 1e-5), f"{name} has changed"
 
     return compare

@@ -1,5 +1,7 @@
 """What README and the other documents show works: Python runs, commands parse, options and settings exist."""
 
+import functools
+import importlib
 import inspect
 import re
 import shlex
@@ -26,8 +28,11 @@ README = (ROOT / "README.md").read_text()
 SPAN = re.compile(r"`([^`]+)`")
 
 
-def _examples() -> list[str]:
-    return re.findall(r"^```python\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
+def _examples() -> Iterator[tuple[str, str]]:
+    """Python that a document shows, with the document's name."""
+    for name in NAMES:
+        for example in re.findall(r"^```python\n(.*?)^```", (ROOT / name).read_text(), re.MULTILINE | re.DOTALL):
+            yield name, example
 
 
 def _command_lines(text: str) -> Iterator[str]:
@@ -36,28 +41,31 @@ def _command_lines(text: str) -> Iterator[str]:
         yield line.split(" #")[0].translate({ord(mark): " " for mark in "[]"}).replace("...", "")
 
 
-def _options() -> set[str]:
-    """Every option of every command."""
-    import importlib
-
-    found = {"--help", "--version"}
-    for command in COMMANDS.values():
-        module, name = command.path.split(":")
-        parameters = inspect.signature(getattr(importlib.import_module(module), name)).parameters.values()
-        found |= {f"--{p.name.replace('_', '-')}" for p in parameters if p.kind is p.KEYWORD_ONLY}
-    return found
+@functools.cache
+def _options(command: str) -> set[str]:
+    """The options of a command."""
+    module, name = COMMANDS[command].path.split(":")
+    parameters = inspect.signature(getattr(importlib.import_module(module), name)).parameters.values()
+    return {"--help"} | {f"--{p.name.replace('_', '-')}" for p in parameters if p.kind is p.KEYWORD_ONLY}
 
 
-@pytest.mark.parametrize("example", _examples())
-def test_python_runs(example: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _spans(name: str) -> list[str]:
+    """What a document's sentences and tables show as code."""
+    return SPAN.findall(" ".join((ROOT / name).read_text().split()))
+
+
+@pytest.mark.parametrize(("name", "example"), list(_examples()))
+def test_python_runs(name: str, example: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if "gymnasium" in example:
+        pytest.importorskip("gymnasium", reason="gymnasium (extra gym) is not installed")
     write_shard(tmp_path / "out" / "data", [0, 1], labels=True)
     write_policy(tmp_path / "out" / "policy")
     monkeypatch.chdir(tmp_path)
-    exec(compile(example, "README.md", "exec"), {})
+    exec(compile(example, name, "exec"), {})
 
 
 def test_there_is_python_to_run() -> None:
-    assert len(_examples()) == 3
+    assert [name for name, _ in _examples()] == ["README.md", "README.md", "README.md", "docs/learn.md"]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -67,20 +75,31 @@ def test_commands_in_blocks_parse(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_commands_in_sentences_exist(name: str) -> None:
-    text = " ".join((ROOT / name).read_text().split())
-    for span in SPAN.findall(text):
-        if span.startswith("readygo "):
+def test_commands_in_sentences_exist_with_their_options(name: str) -> None:
+    for span in _spans(name):
+        if span.startswith("readygo ") and not span.startswith("readygo --"):
             words = span.split()[1:3]
-            assert words[0] in COMMANDS or " ".join(words) in COMMANDS, span
+            command = next((known for known in (" ".join(words), words[0]) if known in COMMANDS), None)
+            assert command, span
+            used = re.findall(r"--[a-z][a-z-]*", span.split(", and ")[0])
+            assert set(used) <= _options(command), span
 
 
-def test_options_exist() -> None:
-    options = _options()
-    spans = [span for span in SPAN.findall(README) if span.startswith(("readygo ", "--"))]
-    used = [option for span in spans for option in re.findall(r"--[a-z-]+", span)]
-    assert used
-    assert sorted(set(used) - options) == []
+@pytest.mark.parametrize("name", NAMES)
+def test_options_in_sentences_exist(name: str) -> None:
+    known = set.union({"--version"}, *map(_options, COMMANDS))
+    used = {span.split()[0].split("=")[0] for span in _spans(name) if re.match(r"--[a-z]", span)}
+    assert sorted(used - known) == []
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_extras_and_programs_exist(name: str) -> None:
+    text = (ROOT / name).read_text()
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    named = re.findall(r'-e "\.\[([a-z,-]+)\]"', text) + re.findall(r'extras? [`"]([a-z-]+)[`"]', text)
+    assert {extra for group in named for extra in group.split(",")} <= set(extras)
+    for program in re.findall(r"python ((?:[a-z_]+/)+[a-z_]+\.py)", text):
+        assert (ROOT / program).is_file(), program
 
 
 @pytest.mark.parametrize("name", NAMES)

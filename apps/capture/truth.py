@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.documents import read_json
 from readygo.common.errors import SceneError
 from readygo.common.files import write_whole
 
@@ -66,7 +67,7 @@ def read_truth(path: Path) -> Truth:
         SceneError: If it is none.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
     except (OSError, ValueError) as error:
         raise SceneError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}.") from error
     if not isinstance(content, dict) or content.get("format") != FORMAT:

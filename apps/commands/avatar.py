@@ -5,9 +5,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
+from readygo.apps.terminal import PlainConsole
 from readygo.common.avatars import avatar_hash, avatar_paths, load_avatar
 from readygo.common.avatars.file import EMBEDDED_FOLDER
 from readygo.common.errors import AvatarError
@@ -28,7 +28,7 @@ def avatar_list(*, avatars: Path | None = None, json: bool = False) -> None:
     for row in rows:
         size_mb, license = row["size_bytes"] / 1e6, row["license"].split(". ")[0]
         table.add_row(row["name"], f"{row['height_m']:.2f}", f"{row['gaussians']:,}", f"{size_mb:.2f}", license)
-    Console().print(table)
+    PlainConsole().print(table)
 
 
 def avatar_preview(

@@ -5,10 +5,9 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
-from rich.markup import escape
 
 from readygo.apps.avatar.turntable import standing_pose, stride_pose, turntable
+from readygo.apps.terminal import PlainConsole
 from readygo.common.avatars import Avatar, save_avatar
 from readygo.common.avatars.importers import ImportOptions, ImportReport, import_human
 from readygo.common.drawing.files import write_png
@@ -80,7 +79,7 @@ def _has_wide_scales(avatar: Avatar) -> bool:
 
 
 def _print_report(report: ImportReport, out: Path, sheet: Path | None) -> None:
-    console = Console(soft_wrap=True, highlight=False)
+    console = PlainConsole(soft_wrap=True)
     lines = [
         f"{out}: {report.name}, a {report.kind}, {report.height_m:.2f} m tall, {report.gaussians:,} Gaussians",
         f"license: {report.license}",
@@ -98,4 +97,4 @@ def _print_report(report: ImportReport, out: Path, sheet: Path | None) -> None:
     if sheet is not None:
         lines.append(f"preview: {sheet}")
     for line in lines:
-        console.print(escape(line))
+        console.print(line)

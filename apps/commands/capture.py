@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import Progress
 
 from readygo.apps.capture.config import CaptureConfig
 from readygo.apps.capture.film import check_out, film, ground_of, plan_filming
 from readygo.apps.run.scene_argument import open_scene
+from readygo.apps.terminal import PlainConsole
 from readygo.common.errors import ConfigError
 from readygo.services.reconstructor.metric.markers import DEFAULT_DICTIONARY
 
@@ -70,14 +70,14 @@ def scene_capture(
     check_out(out, config)
     bundle = open_scene(scene)
     filming = plan_filming(bundle, ground_of(bundle, crop, start, radius), config)
-    notes = Console(stderr=True, highlight=False, soft_wrap=True)
+    notes = PlainConsole(stderr=True, soft_wrap=True)
     with Progress(console=notes, transient=True) as progress:
         task = progress.add_task("filming", total=config.frames)
         truth = film(filming, out, lambda done: progress.update(task, completed=done))
     for note in filming.notes:
         notes.print(f"Note: {note}", markup=False)
     walked = filming.walk
-    console = Console(highlight=False, soft_wrap=True)
+    console = PlainConsole(soft_wrap=True)
     laps = walked.way_m / walked.loop_m
     console.print(
         f"{out}: {config.frames} pictures of {size[0]}x{size[1]} px, {walked.way_m:.1f} m in {seconds:g} s, "

@@ -2,13 +2,12 @@
 
 from pathlib import Path
 
-from rich.console import Console
-
 from readygo.apps.coverage.card import CAMERAS_FILE, CARD_FILE, FRAMES_FILE, VISITS_FILE, card_text
 from readygo.apps.coverage.numbers import casts_of, measure
 from readygo.apps.coverage.page import heat_map
 from readygo.apps.coverage.report import gather
 from readygo.apps.coverage.summary import dataset_summary
+from readygo.apps.terminal import PlainConsole
 from readygo.apps.views.recorded import camera_moments, thumbnails
 from readygo.common.dataset import Dataset
 from readygo.common.drawing.files import jpeg_bytes, write_png
@@ -37,4 +36,4 @@ def card(data: Path, /, *, out: Path | None = None) -> None:
         write_whole(folder / CAMERAS_FILE, jpeg_bytes(moments))
     write_png(folder / VISITS_FILE, heat_map(measured.visits, facts.occupancy))
     write_whole(folder / CARD_FILE, text)
-    Console(highlight=False, soft_wrap=True).print(f"Read {folder / CARD_FILE}.", markup=False)
+    PlainConsole(soft_wrap=True).print(f"Read {folder / CARD_FILE}.", markup=False)

@@ -10,6 +10,7 @@ from readygo.apps.observe.observer import Observer
 from readygo.apps.observe.settings import OBSERVING, Observing
 from readygo.apps.run.config import with_priority
 from readygo.apps.run.folder import RunFolder
+from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.bus.identity import COORDINATOR
 from readygo.common.dataset.aside import set_aside_lines
 from readygo.common.errors import RunError
@@ -55,12 +56,13 @@ def coordinator(
 
 
 def check_endpoints(listen: str, connect: str) -> None:
-    """Raise RunError unless exactly one of the two is given."""
+    """Raise RunError unless exactly one of the two is given, ConfigError if it is no endpoint."""
     if bool(listen) == bool(connect):
         raise RunError(
             "Name one of --listen, for a router of the run's own, such as tls/10.0.0.5:7447, and --connect, for one "
             "that is there already."
         )
+    check_endpoint(listen or connect, "--listen" if listen else "--connect")
 
 
 def report_set_aside(data: Path, *, strict: bool) -> None:
@@ -84,5 +86,5 @@ def lead_run(
     begin_logging(observing.log_format, run=run, role=COORDINATOR, worker=COORDINATOR)
     with Observer(observing, run=run, role=COORDINATOR, name=COORDINATOR, state=folder.state) as observer:
         status = lead(folder, endpoint, joins=joins, certs=certs, observer=observer)
-    sys.stderr.write(f"{status.committed} episodes, {status.samples} samples, in the shards of their recorders.\n")
+    sys.stderr.write(f"{status.committed:,} episodes, {status.samples:,} samples, in the shards of their recorders.\n")
     report_set_aside(folder.path, strict=strict)

@@ -4,11 +4,10 @@ import json as json_module
 import sys
 from pathlib import Path
 
-from rich.console import Console
-
 from readygo.apps.coverage.numbers import casts_of, measure
 from readygo.apps.coverage.page import coverage_page, heat_map
 from readygo.apps.coverage.report import gather, page_numbers
+from readygo.apps.terminal import PlainConsole
 from readygo.apps.views.recorded import recorded_map
 from readygo.common.dataset import Dataset, recorded_clarity
 from readygo.common.drawing.files import write_png
@@ -44,4 +43,4 @@ def coverage(data: Path, /, *, out: Path, scene: str = "", json: bool = False) -
     if json:
         sys.stdout.write(json_module.dumps(numbers) + "\n")
     else:
-        Console(highlight=False, soft_wrap=True).print(f"Open {out / PAGE_FILE}.", markup=False)
+        PlainConsole(soft_wrap=True).print(f"Open {out / PAGE_FILE}.", markup=False)

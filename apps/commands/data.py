@@ -1,18 +1,20 @@
 """`readygo validate` and `readygo inspect`: what a dataset holds, and whether it holds together."""
 
+import dataclasses
 import json as json_module
 import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.coverage.summary import dataset_summary, summary_lines
+from readygo.apps.run.completeness import MISSING, check_completeness
+from readygo.apps.terminal import PlainConsole
 from readygo.common.dataset import Dataset, Report, recorded_clarity
 from readygo.common.dataset import validate as validate_folder
 from readygo.common.drawing.files import write_png
@@ -24,6 +26,8 @@ DEFECTS_SHOWN = 20
 def validate(data: Path, /, *, json: bool = False) -> None:
     """Read a dataset again, byte by byte, and report every defect.
 
+    Beside its run's ledger, the data folder is also compared with what was recorded: a shard that is gone is a defect.
+
     Args:
         data: Data folder.
         json: Print the result as JSON.
@@ -31,12 +35,12 @@ def validate(data: Path, /, *, json: bool = False) -> None:
     Raises:
         DatasetError: If there is a defect.
     """
-    report = _validate_with_progress(data, quiet=json)
+    report = _with_completeness(_validate_with_progress(data, quiet=json))
     clarity = recorded_clarity(Dataset([data])) if report.ok else None
     if json:
         _print_json(_report_as_mapping(report) | {"clarity": clarity and clarity.to_mapping()})
     else:
-        console = Console(soft_wrap=True, highlight=False)
+        console = PlainConsole(soft_wrap=True)
         for defect in report.defects[:DEFECTS_SHOWN]:
             console.print(str(defect), markup=False)
         for note in report.notes:
@@ -47,10 +51,7 @@ def validate(data: Path, /, *, json: bool = False) -> None:
     if not report.ok:
         more = len(report.defects) - DEFECTS_SHOWN
         shown = f" ({more} more not shown)" if more > 0 and not json else ""
-        raise DatasetError(
-            f"{data} has {len(report.defects)} defects{shown} in {_counts(report)}; remove the shards that are named "
-            "and record again."
-        )
+        raise DatasetError(f"{data} has {len(report.defects)} defects{shown} in {_counts(report)}; {_remedy(report)}")
 
 
 def inspect(data: Path, /, *, sheet: Path | None = None, overlay: Path | None = None, json: bool = False) -> None:
@@ -84,7 +85,7 @@ def inspect(data: Path, /, *, sheet: Path | None = None, overlay: Path | None = 
     table = Table(show_header=False, box=None)
     for name, text in summary_lines(summary).items():
         table.add_row(name, Text(text))
-    Console(highlight=False).print(table)
+    PlainConsole().print(table)
 
 
 def _validate_with_progress(data: Path, *, quiet: bool) -> Report:
@@ -94,8 +95,20 @@ def _validate_with_progress(data: Path, *, quiet: bool) -> Report:
         return validate_folder(data, progress=lambda done, total: progress.update(task, completed=done, total=total))
 
 
+def _with_completeness(report: Report) -> Report:
+    """The report, and what the folder lacks of what its run recorded."""
+    defects, notes = check_completeness(report.folder)
+    return dataclasses.replace(report, defects=(*report.defects, *defects), notes=(*report.notes, *notes))
+
+
+def _remedy(report: Report) -> str:
+    if all(defect.kind == MISSING for defect in report.defects):
+        return f"run the same `readygo generate` again, or `readygo recover {report.folder}`, to record them again."
+    return "remove the shards that are named and record again."
+
+
 def _counts(report: Report) -> str:
-    return f"{report.episode_count} episodes, {report.sample_count} samples, {report.shard_count} shards"
+    return f"{report.episode_count:,} episodes, {report.sample_count:,} samples, {report.shard_count} shards"
 
 
 def _report_as_mapping(report: Report) -> dict[str, Any]:

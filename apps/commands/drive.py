@@ -10,7 +10,6 @@ from typing import Annotated, Any, Literal, TypeVar
 import cv2
 import numpy as np
 import numpy.typing as npt
-from rich.console import Console
 
 from readygo.apps.cli import Group, Repeated
 from readygo.apps.drive.calibration import Rectifier, camera_from_file, camera_from_info, mount_differences
@@ -23,8 +22,11 @@ from readygo.apps.drive.trial_log import TrialLog
 from readygo.apps.drive.wires import WireName, make_wire
 from readygo.apps.run.origin import settings_of_policy
 from readygo.apps.run.policy import policy_sha256
+from readygo.apps.terminal import PlainConsole
+from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.camera import CameraConfig
 from readygo.common.errors import BusError, ConfigError, RunError
+from readygo.common.files import read_regular
 from readygo.common.images.encoded import decode_pixels
 from readygo.common.images.names import RGB, cameras_of
 from readygo.common.policy import Policy, load_policy
@@ -109,7 +111,8 @@ def drive(
     Raises:
         ReadygoError: If policy, robot or calibration cannot be used.
     """
-    loaded, console = _loaded(policy, robot), Console(highlight=False, soft_wrap=True)
+    check_endpoint(connect, "--connect")
+    loaded, console = _loaded(policy, robot), PlainConsole(soft_wrap=True)
     in_start_frame = goal_frame == "start" and not goal_topic
     config = _config(loaded, in_start_frame, goal_radius, time_limit, v_max, w_max)
     least_hz = max(SENT_HZ, loaded.spec.robot.control_hz)
@@ -176,7 +179,7 @@ def _drive(
     rate_hz: float,
     path: Path | None,
     record: dict[str, Any],
-    console: Console,
+    console: PlainConsole,
     learned: RobotConfig,
 ) -> None:
     log = TrialLog(path) if path else None
@@ -244,7 +247,7 @@ def _goal_image(policy: Policy, path: Path | None) -> npt.NDArray[np.uint8] | No
     if path is None:
         return None
     try:
-        pixels = decode_pixels(path.read_bytes(), cv2.IMREAD_COLOR)
+        pixels = decode_pixels(read_regular(path), cv2.IMREAD_COLOR)
     except OSError as error:
         raise ConfigError(f"--goal-image {path} cannot be read: {error.strerror}.") from error
     if pixels is None:
@@ -265,7 +268,7 @@ def _pilot(
         raise ConfigError(f"--goal-image has {error}.") from error
 
 
-def _rectifier(trained: CameraConfig, own: CameraConfig, console: Console) -> Rectifier:
+def _rectifier(trained: CameraConfig, own: CameraConfig, console: PlainConsole) -> Rectifier:
     rectify = Rectifier(own, trained)
     if rectify.unseen > 0.005:
         console.print(f"{100 * rectify.unseen:.1f} % of the policy's image is black: the robot's camera is narrower.")
@@ -295,7 +298,7 @@ def _awaited(robot: Robot, ask: Callable[[], Value | None], name: str) -> Value:
     return value
 
 
-def _tell(console: Console, end: Mapping[str, Any], learned: RobotConfig) -> None:
+def _tell(console: PlainConsole, end: Mapping[str, Any], learned: RobotConfig) -> None:
     """Say how a trial went."""
     console.print(f"{end['reason']} after {end['duration_s']:.1f} s and {end['driven_m']:.1f} m", markup=False)
     measures = end["measures"]

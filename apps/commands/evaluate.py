@@ -7,7 +7,6 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, Literal
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from readygo.apps.commands.evaluate_logs import evaluate_logs
@@ -34,6 +33,8 @@ from readygo.apps.run.methods import CHECKPOINTS, named_methods, needs_renderer,
 from readygo.apps.run.origin import avatars_of_policy, check_unseen, unseen_avatars
 from readygo.apps.run.policy import policy_sha256
 from readygo.apps.run.spec import episode_count
+from readygo.apps.terminal import PlainConsole
+from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import RunError
 from readygo.common.messages import Split
@@ -176,7 +177,7 @@ def evaluate(
             camera=camera,
             methods=named_methods(world, drivers, checkpoints, request.hold_steps(world.config.robot.clock)),
         )
-        with _progress(Console(stderr=True), total, quiet=json) as (show, say):
+        with _progress(PlainConsole(stderr=True), total, quiet=json) as (show, say):
             elsewhere = None
             if workers and results is not None:
                 fleet = EvaluationFleet(
@@ -228,6 +229,8 @@ def _check_folder(out: Path | None, workers: int, listen: str, video: Sequence[s
         raise RunError("--workers keep their records in a folder: say which with --out.")
     if listen and not workers:
         raise RunError("--listen is for workers: say with --workers how many are started here, at least 1.")
+    if listen:
+        check_endpoint(listen, "--listen")
     if video and out is None:
         raise RunError("--video writes films into a folder: say which with --out.")
 
@@ -246,7 +249,7 @@ def _print(summary: Mapping[str, Any], reply: EvaluateReply, out: Path | None, *
     if json:
         sys.stdout.write(json_module.dumps(summary) + "\n")
         return
-    console = Console(highlight=False)
+    console = PlainConsole()
     console.print(summary_table(reply.summaries))
     for line in _failed_drivers(reply.records):
         console.print(line, markup=False, soft_wrap=True)
@@ -287,7 +290,7 @@ def _kept(results: Results | None, request: EvaluateRequest, total: int) -> Iter
 
 
 @contextmanager
-def _progress(console: Console, total: int, *, quiet: bool) -> Iterator[tuple[Show, Say]]:
+def _progress(console: PlainConsole, total: int, *, quiet: bool) -> Iterator[tuple[Show, Say]]:
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),

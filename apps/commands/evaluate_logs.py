@@ -4,10 +4,9 @@ import json as json_module
 import sys
 from pathlib import Path
 
-from rich.console import Console
-
 from readygo.apps.drive.trials import Trial, mean_measures, read_trials
 from readygo.apps.evaluation.tables import latex
+from readygo.apps.terminal import PlainConsole
 from readygo.common.files import write_whole
 from readygo.services.evaluator import EpisodeRecord, summarize_records, summary_mapping, summary_table
 from readygo.services.evaluator.scores import failure_counts, score_mapping, scores_of
@@ -49,7 +48,7 @@ def evaluate_logs(folder: Path, out: Path | None, *, json: bool) -> None:
     if json:
         sys.stdout.write(json_module.dumps(summary) + "\n")
         return
-    console = Console(highlight=False, soft_wrap=True)
+    console = PlainConsole(soft_wrap=True)
     table = summary_table(summaries)
     table.title = f"{len(trials)} trials"
     console.print(table)
@@ -68,7 +67,7 @@ def _reasons(trials: list[Trial]) -> list[str]:
     return [f"{name}: {record.reason}" for name, record in records if record.reason]
 
 
-def _print_loop(console: Console, loop: dict[str, float]) -> None:
+def _print_loop(console: PlainConsole, loop: dict[str, float]) -> None:
     if loop:
         console.print(
             f"inference {loop['inference_hz']:.1f} Hz ({loop['inference_hz_possible']:.0f} Hz possible), image to "

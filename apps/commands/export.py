@@ -3,12 +3,12 @@
 from pathlib import Path
 from typing import Literal
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.export.job import ExportJob
 from readygo.apps.export.job import export as export_job
+from readygo.apps.terminal import PlainConsole
 from readygo.common.errors import ConfigError
 
 FormatName = Literal["lerobot", "gnm", "rlds", "huggingface-parquet", "webdataset", "npz"]
@@ -49,4 +49,4 @@ def export(
         )
     words = f"{said['episodes']} episodes, {said['rows']:,} rows at {said['rate_hz']} Hz in {said['out']} ({to})"
     went_on = f"; {said['resumed_files']} parts were there already" if said["resumed_files"] else ""
-    Console(soft_wrap=True, highlight=False).print(f"{words}{went_on}", markup=False)
+    PlainConsole(soft_wrap=True).print(f"{words}{went_on}", markup=False)

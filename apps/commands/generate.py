@@ -9,13 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from readygo.apps.cli import Bare, Group
 from readygo.apps.commands.coordinator import check_endpoints, lead_run, report_set_aside
 from readygo.apps.commands.progress import SteadyProgress
-from readygo.apps.fleet.run import Show, begin, record
+from readygo.apps.fleet.run import Show, begin, check_counts, record
 from readygo.apps.fleet.slurm import check_slurm
 from readygo.apps.monitor.beside import watched
 from readygo.apps.observe.logs import LogFormat
@@ -34,7 +33,9 @@ from readygo.apps.run.origin import avatars_of_policy, robot_of_policy
 from readygo.apps.run.policy import with_expert, with_policy
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import episode_count, make_spec
+from readygo.apps.terminal import PlainConsole
 from readygo.apps.views.recorded import run_clarity
+from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.errors import RunError
 from readygo.common.messages import RunSpec, Split, StatusReply
 from readygo.common.policy import load_spec
@@ -133,6 +134,7 @@ def generate(
         traces: Where OpenTelemetry's spans of every episode go: an OTLP endpoint such as http://collector:4318, or a
             folder.
     """
+    check_counts(1 if episodes is None else episodes, workers)
     _check_where(on, workers, listen=listen, connect=connect, slurm=slurm, watch=watch)
     where = Where(
         workers=workers,
@@ -146,6 +148,7 @@ def generate(
         strict=strict,
         observing=Observing(metrics=metrics, log_format=log_format, traces=traces),
     )
+    where.observing.check_installed()
     if again is not None:
         if scene:
             raise RunError("--again has the scene of the run that it makes again: name one of the two.")
@@ -198,7 +201,11 @@ def _check_where(on: Place, workers: int, *, listen: str, connect: str, slurm: s
 
     Raises:
         RunError: If some do not.
+        ConfigError: If an endpoint is none.
     """
+    for option, endpoint in (("--listen", listen), ("--connect", connect)):
+        if endpoint:
+            check_endpoint(endpoint, option)
     if on == "slurm":
         check_slurm(workers, listen)
     elif slurm:
@@ -256,8 +263,10 @@ def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool
         sys.stdout.write(json_module.dumps({**summary, "clarity": clarity.to_mapping()}) + "\n")
         report_set_aside(out, strict=where.strict)
         return
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
-    console.print(f"{summary['episodes']} episodes, {summary['samples']} samples in {out} ({summary['wall_s']:.1f} s).")
+    console = PlainConsole(stderr=True, soft_wrap=True)
+    console.print(
+        f"{summary['episodes']:,} episodes, {summary['samples']:,} samples in {out} ({summary['wall_s']:.1f} s)."
+    )
     for reason, count in summary["rejected"].items():
         console.print(f"  rejected {count}: {reason}", markup=False)
     for text in clarity.warnings():
@@ -282,7 +291,7 @@ def progress_bar(*, first_words: str = "", quiet: bool = False) -> Iterator[Show
         MofNCompleteColumn(),
         TextColumn("{task.fields[rate]:.0f} samples/s, {task.fields[rejected]} rejected, ETA"),
         TimeRemainingColumn(),
-        TextColumn("{task.fields[trouble]}", markup=False),
+        TextColumn("{task.fields[trouble]}"),
     )
     begin_s = time.monotonic()
     samples_before: int | None = None

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.robot_logs.convert import LogTopics, convert
+from readygo.apps.terminal import PlainConsole
 from readygo.common.robot import RobotConfig, load_robot
 
 
@@ -57,4 +57,4 @@ def import_log(
     words = (
         f"{out}: {found.episodes} episodes, {found.samples:,} samples, at most {found.drift_m:.2f} m off the odometry"
     )
-    Console(highlight=False, soft_wrap=True).print(words, markup=False)
+    PlainConsole(soft_wrap=True).print(words, markup=False)

@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from rich.console import Console
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn
 
 from readygo.apps.commands.progress import SteadyProgress
@@ -20,6 +19,7 @@ from readygo.apps.learn.plan import Budget, Plan, learn_configs, make_plan
 from readygo.apps.learn.report import write_report
 from readygo.apps.learn.supervise import Now
 from readygo.apps.monitor.beside import watched
+from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.identity import COORDINATOR
 from readygo.common.errors import RunError
 from readygo.services.evaluator import EpisodeRecord, summary_table
@@ -59,7 +59,8 @@ def learn(
         out: Folder of the run, new or one to go on with: data, policy, curve.json, evaluation and report.html.
         minutes: Wall time of recording and learning, that of earlier commands included [min]; it ends sooner if the
             policy does not get better any more. The test comes after it.
-        samples: Samples that the trainer is shown, instead of minutes: the result depends less on the machine's load.
+        samples: Samples to learn from, repeats counted, instead of minutes: the result depends less on the machine's
+            load.
         episodes: Test episodes per task and scene, each driven by the policy, the expert and a straight line; 0 leaves
             the test out.
         seed: Seed of the episodes and of the training.
@@ -106,7 +107,7 @@ def learn(
     if json:
         sys.stdout.write(json_module.dumps(learned.to_mapping()) + "\n")
         return
-    console = Console(highlight=False, soft_wrap=True)
+    console = PlainConsole(soft_wrap=True)
     for name, reply in learned.replies.items():
         console.print(name, markup=False)
         console.print(summary_table(reply.summaries))
@@ -142,10 +143,12 @@ def live_line(tested_total: int, *, quiet: bool = False) -> Iterator[tuple[Show,
 
 def line_of(now: Now) -> str:
     """What a run that learns is doing, in a line."""
+    times = f" ({now.learned / now.images:.1f} times each)" if now.images and now.learned else ""
     parts = [
         f"{now.minutes:.1f} min",
-        f"{now.recorded:,} recorded",
-        f"{now.learned:,} learned",
+        f"{now.samples:,} samples recorded",
+        f"{now.images:,} with an image",
+        f"{now.learned:,} learned from{times}",
         f"{now.policies} policies",
     ]
     if now.driven is not None:

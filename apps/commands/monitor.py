@@ -10,8 +10,6 @@ import webbrowser
 from pathlib import Path
 from typing import Annotated
 
-from rich.console import Console
-
 from readygo.apps.cli import Bare
 from readygo.apps.fleet.token import given_token
 from readygo.apps.monitor.feed import Feed
@@ -20,6 +18,8 @@ from readygo.apps.monitor.link import Address
 from readygo.apps.monitor.rerun_sink import RerunSink
 from readygo.apps.monitor.screen import Screen
 from readygo.apps.monitor.subject import Subject, subject_at, subjects_of
+from readygo.apps.terminal import PlainConsole
+from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.errors import RunError
 
 PAGE_TOKEN_VARIABLE = "READYGO_MONITOR_TOKEN"
@@ -64,6 +64,9 @@ def monitor(
         raise RunError(
             "--connect needs the name of the run as well: --run RUN, as `readygo generate --listen` prints it."
         )
+    if connect:
+        # The page would go on trying.
+        check_endpoint(connect, "--connect")
     if data is not None:
         subjects = subjects_of(data, scene, certs)
     else:
@@ -110,7 +113,7 @@ def _wait() -> None:
 
 
 def _say(text: str) -> None:
-    Console(stderr=True, highlight=False, soft_wrap=True).print(text, markup=False)
+    PlainConsole(stderr=True, soft_wrap=True).print(text, markup=False)
 
 
 def _is_loopback(host: str) -> bool:

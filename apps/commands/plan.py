@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from rich.console import Console
 from rich.table import Table
 
 from readygo.apps.run.config import RunConfig, check_cameras
@@ -15,6 +14,7 @@ from readygo.apps.run.evaluation import evaluation_config
 from readygo.apps.run.origin import avatars_of_policy
 from readygo.apps.run.scene_argument import open_maps
 from readygo.apps.run.take import Take, Takes, policy_steer
+from readygo.apps.terminal import PlainConsole
 from readygo.common.avatars import Avatar
 from readygo.common.avatars.cast import load_cast
 from readygo.common.config import section_from_mapping, section_to_mapping
@@ -201,7 +201,7 @@ def _print(numbers: Numbers, written: Sequence[Path]) -> None:
     table = Table(title=f"episode {numbers['episode']}, {who}", show_header=False)
     for name, value in _rows(numbers):
         table.add_row(name, value)
-    console = Console(highlight=False)
+    console = PlainConsole()
     console.print(table)
     for path in written:
         console.print(f"Open {path}.", markup=False, soft_wrap=True)

@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-from rich.console import Console
-
 from readygo.apps.pictures.episode_film import film_frames
 from readygo.apps.pictures.playback import background, recorded_film
+from readygo.apps.terminal import PlainConsole
 from readygo.common.dataset import Dataset
 from readygo.common.drawing.film import write_film
 from readygo.common.errors import DatasetError
@@ -37,4 +36,4 @@ def play(data: Path, /, *, out: Path, episode: int = 0, every: int = 2, camera: 
     write_film(out, frames, fps=max(1, round(rate_hz / every)))
     entry = dataset.episodes[number]
     words = f"{out}: {entry.episode.episode_id}, {entry.sample_count / rate_hz:.1f} s, {entry.outcome.value}"
-    Console(highlight=False, soft_wrap=True).print(words, markup=False)
+    PlainConsole(soft_wrap=True).print(words, markup=False)

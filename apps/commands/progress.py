@@ -4,9 +4,10 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, ProgressColumn, TaskID
+from rich.progress import BarColumn, Progress, ProgressColumn, TaskID, TaskProgressColumn, TextColumn
 from rich.text import Text
+
+from readygo.apps.terminal import PlainConsole
 
 EVERY_S = 30.0
 """Time between two lines [s]."""
@@ -18,7 +19,7 @@ class SteadyProgress(Progress):
     def __init__(
         self,
         *columns: ProgressColumn,
-        console: Console | None = None,
+        console: PlainConsole | None = None,
         quiet: bool = False,
         transient: bool = False,
         clock: Callable[[], float] = time.monotonic,
@@ -32,7 +33,11 @@ class SteadyProgress(Progress):
             transient: True leaves nothing on a terminal at the end.
             clock: Time [s].
         """
-        console = console or Console(stderr=True)
+        console = console or PlainConsole(stderr=True)
+        for column in columns:
+            # Rich takes what a task says as markup; the percentage is its own words.
+            if isinstance(column, TextColumn) and not isinstance(column, TaskProgressColumn):
+                column.markup = False
         self._lines = not quiet and not console.is_terminal
         super().__init__(*columns, console=console, disable=quiet or self._lines, transient=transient)
         self._spoken = [column for column in columns if not isinstance(column, BarColumn)]

@@ -7,12 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-from rich.console import Console
 from rich.table import Table
 
 from readygo.apps.commands.progress import EVERY_S
 from readygo.apps.commands.scene_report import scene_report
 from readygo.apps.fleet.reconstruction import ask_worker
+from readygo.apps.terminal import PlainConsole
+from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.errors import ConfigError
 from readygo.common.files import write_whole
 from readygo.services.reconstructor.config import FramesConfig, MetricConfig, PosesConfig, ReconstructorConfig
@@ -81,7 +82,7 @@ def scene_poses(
         table.add_row(label, text)
     table.add_row("model and images", str(out / POSED))
     table.add_row("picture", str(out / POSED / PICTURE_FILE))
-    Console().print(table, markup=False)
+    PlainConsole().print(table, markup=False)
 
 
 def reconstruct_command(
@@ -145,6 +146,8 @@ def reconstruct_command(
         scale=scale,
     )
     config = _config(metric, frames, mapper, threads, _gaussians(preset, steps, side_px, plain, device))
+    if listen:
+        check_endpoint(listen, "--listen")
     job = Job(source=source, out=out, work=work or out.with_name(f"{out.name}.work"), license=license)
     lines = Lines(STAGES)
     try:
@@ -207,7 +210,7 @@ class Lines:
             stages: All that there are, in order.
         """
         self._stages, self._stage, self._said_s = stages, "", 0.0
-        self._notes = Console(stderr=True, highlight=False, soft_wrap=True)
+        self._notes = PlainConsole(stderr=True, soft_wrap=True)
 
     def say(self, progress: StageProgress) -> None:
         """Hear of progress."""
@@ -238,7 +241,7 @@ def _print_scene(source: Path, job: Job, report: dict[str, Any]) -> None:
     table.add_row("cameras from above", str(job.work / POSED / PICTURE_FILE))
     table.add_row("held-out pictures", str(job.work / GAUSSIANS / "previews" / "held_out"))
     table.add_row("scene", f"{job.out} (readygo scene inspect {job.out})")
-    Console().print(table, markup=False)
+    PlainConsole().print(table, markup=False)
 
 
 def _rows(report: dict[str, Any]) -> list[tuple[str, str]]:
@@ -279,6 +282,4 @@ def marker(
         page: Paper; the marker needs a white border of one cell.
     """
     write_whole(out, marker_pdf(dictionary, id, size_m, page))
-    Console(highlight=False, soft_wrap=True).print(
-        f"{out}: marker {id} of {dictionary}, {size_m:g} m wide.", markup=False
-    )
+    PlainConsole(soft_wrap=True).print(f"{out}: marker {id} of {dictionary}, {size_m:g} m wide.", markup=False)

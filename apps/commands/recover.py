@@ -2,12 +2,11 @@
 
 from pathlib import Path
 
-from rich.console import Console
-
 from readygo.apps.commands.generate import progress_bar
 from readygo.apps.fleet.run import record
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.recovery import recover as recover_run
+from readygo.apps.terminal import PlainConsole
 
 
 def recover(data: Path, /, *, workers: int = 1) -> None:
@@ -24,9 +23,9 @@ def recover(data: Path, /, *, workers: int = 1) -> None:
     spec, wanted = folder.load()
     with folder.locked():
         findings = recover_run(folder, every_byte=True)
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console = PlainConsole(stderr=True, soft_wrap=True)
     if not findings.lines:
         console.print("Nothing is lost or damaged.", markup=False)
     with progress_bar() as show:
         summary = record(spec, data, episodes=wanted, workers=workers, show=show)
-    console.print(f"{data} holds {summary['episodes']} episodes, {summary['samples']} samples.", markup=False)
+    console.print(f"{data} holds {summary['episodes']:,} episodes, {summary['samples']:,} samples.", markup=False)

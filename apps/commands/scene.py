@@ -5,14 +5,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from readygo.apps.pictures.scene_findings import findings_map
 from readygo.apps.pictures.scene_maps import scene_pictures
 from readygo.apps.pictures.scene_survey import survey_picture
 from readygo.apps.run.scene_argument import open_scene
+from readygo.apps.terminal import PlainConsole
 from readygo.apps.views.pictures import clarity_map, views_sheet
 from readygo.apps.views.views import SceneViews, scene_views, warnings
 from readygo.common.drawing.files import Picture, write_png
@@ -183,7 +182,7 @@ def _shown(source: Path, out: Path, up: str, scale: float, *, json: bool) -> str
         table = Table(title=f"what {source.name} holds", show_header=False)
         for label, text in _survey_rows(found, counted(masks)):
             table.add_row(label, text)
-        Console().print(table, markup=False)
+        PlainConsole().print(table, markup=False)
     return f"{_remedy(found, up, scale, masks, source)} {where}"
 
 
@@ -232,15 +231,15 @@ def _print(scene: Scene, report: dict[str, Any], seen: SceneViews, pictures: lis
     if _dropped(scene):
         table.add_row("left out", f"{_dropped(scene):,} Gaussians that cannot be drawn")
     for sentence in report.get("findings", []):
-        table.add_row("look here", escape(sentence))
+        table.add_row("look here", sentence)
     if scene.views is not None:
         table.add_row("filmed by", f"{len(scene.views):,} cameras")
     table.add_row("license", scene.license or "not given")
     table.add_row("bundle", str(scene.path))
     for path in pictures:
         table.add_row("picture", str(path))
-    Console().print(table)
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    PlainConsole().print(table)
+    console = PlainConsole(stderr=True, soft_wrap=True)
     for text in warnings(seen):
         console.print(f"Warning: {text}", markup=False)
 

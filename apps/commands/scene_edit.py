@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy.typing as npt
-from rich.console import Console
 
 from readygo.apps.pictures.scene_survey import change_picture
 from readygo.apps.run.scene_argument import open_scene
+from readygo.apps.terminal import PlainConsole
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.drawing.files import write_png
 from readygo.common.errors import SceneError
@@ -168,6 +168,6 @@ def _write(original: _Original, cloud: GaussianCloud, sky: GaussianCloud | None,
         )
         picture = out / "inspect" / "change.png"
     write_png(picture, change_picture(original.cloud, cloud, words))
-    console = Console(highlight=False, soft_wrap=True)
+    console = PlainConsole(soft_wrap=True)
     console.print(f"{out}: {words}; {len(cloud):,} of {len(original.cloud):,} Gaussians.", markup=False)
     console.print(f"Before and after: {picture}", markup=False)

@@ -4,13 +4,12 @@ import json as json_module
 import sys
 from pathlib import Path
 
-from rich.console import Console
-
 from readygo.apps.health.numbers import health, reachable_ground, sightlines
 from readygo.apps.health.page import CLARITY, FILMED, HELD_OUT, SIGHT, VIEWS, health_page
 from readygo.apps.health.pictures import filmed_map, held_out_map, sightlines_map
 from readygo.apps.pictures.scene_maps import scene_pictures
 from readygo.apps.run.scene_argument import open_scene
+from readygo.apps.terminal import PlainConsole
 from readygo.apps.views.pictures import clarity_map, views_sheet
 from readygo.apps.views.views import scene_views
 from readygo.common.errors import SceneError
@@ -63,4 +62,4 @@ def scene_report(
     if json:
         sys.stdout.write(json_module.dumps(numbers) + "\n")
     else:
-        Console(highlight=False, soft_wrap=True).print(f"Open {folder / PAGE_FILE}.", markup=False)
+        PlainConsole(soft_wrap=True).print(f"Open {folder / PAGE_FILE}.", markup=False)

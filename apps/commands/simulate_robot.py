@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from rich.console import Console
 
 from readygo.apps.cli import Group, Repeated
 from readygo.apps.drive.calibration import Rectifier, info_of
@@ -28,6 +27,8 @@ from readygo.apps.run.evaluation import (
     make_request,
 )
 from readygo.apps.run.origin import avatars_of_policy
+from readygo.apps.terminal import PlainConsole
+from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.bus.foreign import ForeignSession
 from readygo.common.bus.zenoh_bus import Router
 from readygo.common.episode import EpisodeSimulation
@@ -99,7 +100,8 @@ def simulate_robot(
         listen: Where to open a Zenoh router.
         domain: ROS_DOMAIN_ID.
     """
-    console = Console(highlight=False, soft_wrap=True)
+    check_endpoint(listen, "--listen")
+    console = PlainConsole(soft_wrap=True)
     manners = _manners(latency_s, jitter_s, drop_share, camera_hz, compressed)
     spec = load_spec(policy) if policy else None
     own = load_robot(robot) if robot else None
@@ -148,7 +150,7 @@ def _drive_all(
     run: Callable[[EpisodeSimulation], Outcome],
     evaluator: Evaluator,
     episodes: Sequence[MatchedEpisode],
-    console: Console,
+    console: PlainConsole,
 ) -> Counter[Outcome]:
     """Outcomes of a task's episodes, each said as it ends."""
     outcomes: Counter[Outcome] = Counter()

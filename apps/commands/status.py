@@ -5,13 +5,13 @@ import sys
 import time
 from pathlib import Path
 
-from rich.console import Console
 from rich.live import Live
 
 from readygo.apps.commands.control import joined, shown_role
 from readygo.apps.fleet.access import join
 from readygo.apps.fleet.runs import ANY_RUN, HEAR_S, Runs
 from readygo.apps.observe.status import Look, Observed, runs_table, status_table
+from readygo.apps.terminal import PlainConsole
 from readygo.common.config import section_to_mapping
 
 REFRESH_S = 1.0
@@ -52,14 +52,14 @@ def status(
             sys.stdout.write(json_module.dumps(plain) + "\n")
             return
         time.sleep(LISTEN_S)
-        console = Console(highlight=False)
+        console = PlainConsole()
         if not watch:
             console.print(status_table(look.now()))
             return
         _watch(look, console)
 
 
-def _watch(look: Look, console: Console) -> None:
+def _watch(look: Look, console: PlainConsole) -> None:
     def over(observed: Observed) -> bool:
         return observed.status.finished or bool(observed.status.failed)
 
@@ -81,11 +81,11 @@ def _list(connect: str, certs: Path | None, *, watch: bool, json: bool) -> None:
             plain = [section_to_mapping(status) for status in runs.statuses()]
             sys.stdout.write(json_module.dumps(plain) + "\n")
         elif watch:
-            with Live(runs_table(runs.statuses()), auto_refresh=False) as live:
+            with Live(runs_table(runs.statuses()), console=PlainConsole(), auto_refresh=False) as live:
                 while True:
                     time.sleep(REFRESH_S)
                     live.update(runs_table(runs.statuses()), refresh=True)
         else:
-            Console(highlight=False).print(runs_table(runs.statuses()))
+            PlainConsole().print(runs_table(runs.statuses()))
     finally:
         bus.close()

@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from rich.console import Console
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from readygo.apps.commands.progress import SteadyProgress
@@ -25,6 +24,7 @@ from readygo.apps.run.training import (
     run_network_training,
     run_training,
 )
+from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.identity import TRAINER
 from readygo.common.dataset import Dataset
 from readygo.common.errors import ConfigError
@@ -71,7 +71,7 @@ def train(
         data: Data folders.
         out: Folder of the policy: encoder.onnx, head.onnx, policy.toml, metrics.json, loss.png and the checkpoint.
         minutes: Processor time of each thread [min], 10 by default; counts that of earlier runs into the same folder.
-        samples: Samples that the network is shown, instead of minutes; the result is then reproducible.
+        samples: Samples to learn from, repeats counted, instead of minutes; the result is then reproducible.
         val: Data folders to validate on; by default a tenth of the episodes is held out.
         val_scene: Scene ("embedded" or a bundle) whose closed-loop success rate chooses the checkpoint; its time is
             not counted. By default the last weights are taken.
@@ -113,7 +113,7 @@ def train(
         "learning_rate": learning_rate,
         "goal": goal,
     }
-    console = Console(stderr=True)
+    console = PlainConsole(stderr=True)
     if recipe in NETWORKS:
         if live or run or val or val_scene or config or inputs or cameras or goal:
             raise ConfigError(
@@ -151,7 +151,7 @@ def _open(data: tuple[Path, ...]) -> Dataset:
     return Dataset(data)
 
 
-def _default_recipe(dataset: Dataset, console: Console, *, quiet: bool) -> str:
+def _default_recipe(dataset: Dataset, console: PlainConsole, *, quiet: bool) -> str:
     recipe = default_recipe(dataset)
     if not quiet:
         why = "asked at every state" if dataset.has_expert else "not asked"
@@ -181,14 +181,15 @@ def _train_live(
 def _train_network(name: str, data: tuple[Path, ...], out: Path, settings: dict[str, Any], *, as_json: bool) -> None:
     """Train a published network, and say how well it names where the expert went."""
     dataset, config = _open(data), make_network_config(name, settings)
-    with _progress(Console(stderr=True), quiet=as_json) as show:
+    with _progress(PlainConsole(stderr=True), quiet=as_json) as show:
         metrics = run_network_training(dataset, config, out, show)
     if as_json:
         sys.stdout.write(json_module.dumps(metrics) + "\n")
         return
-    console = Console(highlight=False, soft_wrap=True)
+    console = PlainConsole(soft_wrap=True)
     console.print(
-        f"{metrics['parameters']} parameters, {metrics['samples_seen']} samples in {metrics['elapsed_s']:.0f} s."
+        f"{metrics['parameters']:,} parameters, {metrics['samples_seen']:,} samples learned from in "
+        f"{metrics['elapsed_s']:.0f} s."
     )
     if "waypoint_error_m" in metrics:
         console.print(
@@ -199,7 +200,7 @@ def _train_network(name: str, data: tuple[Path, ...], out: Path, settings: dict[
 
 
 @contextmanager
-def _progress(console: Console, *, quiet: bool) -> "Iterator[Callable[[TrainProgress], None]]":
+def _progress(console: PlainConsole, *, quiet: bool) -> "Iterator[Callable[[TrainProgress], None]]":
     columns = (
         TextColumn("training"),
         BarColumn(),
@@ -228,10 +229,11 @@ def _report(metrics: dict[str, Any], out: Path, *, as_json: bool) -> None:
     if as_json:
         sys.stdout.write(json_module.dumps(short | {"policy": str(out)}) + "\n")
         return
-    console = Console(highlight=False, soft_wrap=True)
+    console = PlainConsole(soft_wrap=True)
     console.print(
-        f"{metrics['parameters']} parameters, {metrics['samples_seen']} samples in {metrics['elapsed_s']:.0f} s "
-        f"({metrics['samples_per_s']:.0f} samples/s); step {metrics['chosen_step']} of {metrics['steps']} chosen."
+        f"{metrics['parameters']:,} parameters, {metrics['samples_seen']:,} samples learned from in "
+        f"{metrics['elapsed_s']:.0f} s ({metrics['samples_per_s']:,.0f} samples/s); "
+        f"step {metrics['chosen_step']} of {metrics['steps']} chosen."
     )
     if metrics.get("validation_samples"):
         console.print(

@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-from rich.console import Console
 from rich.table import Table
 
+from readygo.apps.terminal import PlainConsole
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.extras import install_command
 from readygo.services.reconstructor.training import config as configs
@@ -67,7 +67,7 @@ def scene_train(
         geometry={"enabled": False if plain else None, "distance_max_m": neighbour_distance_m},
     )
     config = replace(weak_texture(config) if bare_walls else config, seed=seed)
-    notes = Console(stderr=True, highlight=False)
+    notes = PlainConsole(stderr=True)
     report = _train(posed, out, config, notes)
     if json:
         sys.stdout.write(json_module.dumps(report) + "\n")
@@ -75,7 +75,7 @@ def scene_train(
     table = Table(title=f"Gaussians of {posed}", show_header=False)
     for label, text in _rows(report):
         table.add_row(label, text)
-    Console().print(table)
+    PlainConsole().print(table)
 
 
 def _config(name: Preset, **changes: Any) -> GaussiansConfig:
@@ -90,7 +90,7 @@ def _config(name: Preset, **changes: Any) -> GaussiansConfig:
         raise ConfigError(str(error)) from error
 
 
-def _train(posed: Path, out: Path, config: GaussiansConfig, notes: Console) -> dict[str, Any]:
+def _train(posed: Path, out: Path, config: GaussiansConfig, notes: PlainConsole) -> dict[str, Any]:
     try:
         from readygo.services.reconstructor.training.train import TrainingProgress, train_gaussians
     except ImportError as error:

@@ -2,13 +2,12 @@
 
 import time
 
-from rich.console import Console
-
 from readygo.apps.run.warm import warm_all
+from readygo.apps.terminal import PlainConsole
 
 
 def warm() -> None:
     """Compile all numba kernels into the user's cache; later processes load them in under a second."""
     begin_s = time.monotonic()
     warm_all()
-    Console(stderr=True).print(f"Kernels are compiled ({time.monotonic() - begin_s:.1f} s).")
+    PlainConsole(stderr=True).print(f"Kernels are compiled ({time.monotonic() - begin_s:.1f} s).")

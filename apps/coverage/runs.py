@@ -1,5 +1,6 @@
 """What a data folder's run says besides its shards: its scene, its rejected episodes, and whom these would have met."""
 
+import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -55,9 +56,9 @@ def robot_map(data: Path, scene: str, scene_hash: str) -> OccupancyMap | None:
 
 
 def rejected(data: Path) -> Mapping[int, str] | None:
-    """Reason of every index that the run left out; None if its ledger is not there."""
+    """Reason of every index that the run left out; None if its ledger is not there, or another user's."""
     folder = RunFolder(data)
-    if not folder.ledger.exists():
+    if not os.access(folder.ledger, os.R_OK | os.W_OK):
         return None
     ledger = coordination.Ledger(folder.ledger)
     try:

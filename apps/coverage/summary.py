@@ -8,7 +8,7 @@ from typing import Any
 from readygo.apps.pictures.side_by_side import camera_name
 from readygo.common.dataset import Dataset, recorded_clarity
 from readygo.common.dataset.aside import read_set_aside
-from readygo.common.images.names import cameras_of
+from readygo.common.images.names import DEPTH, cameras_of, kind_of
 from readygo.common.robot import RobotConfig
 
 
@@ -37,6 +37,7 @@ def dataset_summary(dataset: Dataset, data: Path) -> dict[str, Any]:
         "image_height_px": dataset.height_px,
         "image_width_px": dataset.width_px,
         "outputs": list(dataset.outputs),
+        "depth": dataset.provenance.depth if any(kind_of(name) == DEPTH for name in dataset.outputs) else None,
         "cameras": _cameras(dataset),
         "labels": list(dataset.labels),
         "speed_mean_mps": round(float(dataset.actions[:, 0].mean()), 3),
@@ -60,11 +61,15 @@ def summary_lines(summary: Mapping[str, Any]) -> dict[str, str]:
     clarity, scene, avatars = summary["clarity"], summary["scene"], summary.get("avatars", {})
     blurred, nearest = clarity["episodes_blurred"], summary["human_distance_min_m"]
     labels = f"; labels: {', '.join(summary['labels'])}" if summary["labels"] else ""
+
+    def told(output: str) -> str:
+        return f"{output} ({summary['depth']})" if kind_of(output) == DEPTH else output
+
     lines = {
         "folder": f"{summary['folder']}, {summary['shards']} shards, {summary['size_bytes'] / 1e6:.1f} MB",
         "episodes": f"{summary['episodes']:,} ({', '.join(summary['splits'])})",
         "samples": f"{summary['samples']:,}, {60 * summary['hours']:.1f} min",
-        "images": f"{_sizes(summary)}, {', '.join(summary['outputs'])}{labels}",
+        "images": f"{_sizes(summary)}, {', '.join(map(told, summary['outputs']))}{labels}",
         "sharpness": f"median {clarity['sharpness_median']:.0f}, 5 % below {clarity['sharpness_5_percent']:.0f}; "
         f"{blurred} of {clarity['episodes_looked_at']} episodes blurred",
         "driving": f"{summary['speed_mean_mps']:.2f} m/s on average, {summary['replans']:,} replans",

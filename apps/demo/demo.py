@@ -4,10 +4,12 @@ import dataclasses
 import shutil
 import sys
 import time
+from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
 
-from rich.console import Console
+from rich.text import Text
 
 from readygo.apps.commands.learn import live_line
 from readygo.apps.commands.reconstruct import Lines
@@ -23,7 +25,8 @@ from readygo.apps.run.config import RunConfig
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.warm import warm_all
 from readygo.apps.run.world import World
-from readygo.common.dataset import Dataset, validate
+from readygo.apps.terminal import PlainConsole
+from readygo.common.dataset import Dataset, Report, validate
 from readygo.common.drawing.film import write_film
 from readygo.common.errors import DatasetError, RunError
 from readygo.common.scenes.top_view import top_view
@@ -35,20 +38,22 @@ MARKER = ".readygo-demo"
 SCENE = "embedded"
 ABSENT_FIRST = 400
 """Episodes without humans at the beginning: fewer than some minutes record, so that people are seen too."""
+LEARN = LearnConfig(val_every=0.2, val_share=0.08)
+"""Few measurements on the split val: in so few minutes they take time from learning and tell policies hardly apart."""
 SEARCHED = 20
 """Last episodes, among which the one that shows a human best is looked for: nobody walks in the first ones."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Timer:
-    console: Console
+    console: PlainConsole
     begin_s: float
 
     def say(self, text: str) -> None:
-        self.console.print(f"[bold]{time.monotonic() - self.begin_s:5.0f} s[/bold]  {text}")
+        self.console.print(Text.assemble((f"{time.monotonic() - self.begin_s:5.0f} s", "bold"), f"  {text}"))
 
 
-def demo(*, out: Path = Path("demo"), minutes: float = 3.5, episodes: int = 10, reconstruct: bool = False) -> None:
+def demo(*, out: Path = Path("demo"), minutes: float = 3.3, episodes: int = 10, reconstruct: bool = False) -> None:
     """Learn a policy in the embedded scene, try it, and write a report and a film.
 
     Args:
@@ -61,7 +66,7 @@ def demo(*, out: Path = Path("demo"), minutes: float = 3.5, episodes: int = 10, 
     Raises:
         ReadygoError: If `out` holds files of something else, or something cannot be made.
     """
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console = PlainConsole(stderr=True, soft_wrap=True)
     timer = _Timer(console=console, begin_s=time.monotonic())
     _clear(out)
     timer.say("compiling kernels (once per machine) and building the embedded scene")
@@ -72,16 +77,22 @@ def demo(*, out: Path = Path("demo"), minutes: float = 3.5, episodes: int = 10, 
         sys.stdout.write(f"Open {path}.\nNext, your own place: readygo marker --out marker.pdf, docs/own-place.md\n")
         return
     budget = Budget(minutes=minutes)
-    plan = make_plan((SCENE,), out / "run", _settings(), LearnConfig(), budget, avatars=None, seed=0)
+    plan = make_plan((SCENE,), out / "run", _settings(), LEARN, budget, avatars=None, seed=0)
     timer.say(f"recording and learning side by side for {minutes:g} min, then {episodes} test episodes per task")
-    with live_line(6 * episodes) as (show, tested):
-        learned = learn_policy(plan, episodes=episodes, show=show, tested=tested)
     data = plan.places[0].folder.path
-    report = validate(data)
+    with live_line(6 * episodes) as (show, tested), ProcessPoolExecutor(1, get_context("spawn")) as beside:
+        checks: list[Future[Report]] = []
+
+        def check_data() -> None:
+            checks.append(beside.submit(validate, data))
+
+        learned = learn_policy(plan, episodes=episodes, show=show, recorded=check_data, tested=tested)
+        _write_pictures(out, learned)
+        report = checks[0].result()
     if not report.ok:
         raise DatasetError(f"{data} has defects, the first: {report.defects[0]}")
-    timer.say(f"{report.sample_count} samples are recorded and sound; drawing the report")
-    _write_pictures(out, learned)
+    images = plan.image_count(report.sample_count)
+    timer.say(f"{report.sample_count:,} samples recorded, {images:,} with an image; all sound")
     console.print(summary_table(learned.replies[plan.places[0].name].summaries))
     timer.say("done")
     sys.stdout.write(

@@ -1,6 +1,5 @@
 """`readygo demo --reconstruct`: a room of the embedded flat is filmed, reconstructed, and driven in."""
 
-import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -23,9 +22,11 @@ from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset
+from readygo.common.documents import read_json
 from readygo.common.drawing.files import Picture
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
+from readygo.common.images.encoded import read_pixels
 from readygo.common.messages import Split
 from readygo.common.scenes import Scene, load_scene
 from readygo.common.scenes.scene import REPORT_FILE
@@ -168,7 +169,7 @@ def tiles(made: Reconstructed) -> list[tuple[str, str]]:
 
 
 def _reachable_m2(scene: Scene) -> float:
-    return float(json.loads((scene.path / REPORT_FILE).read_text())["robot"]["reachable_m2"])
+    return float(read_json(scene.path / REPORT_FILE)["robot"]["reachable_m2"])
 
 
 def _held_out(made: Reconstructed) -> str:
@@ -192,7 +193,7 @@ def photo_and_image(path: Path) -> Picture:
     Raises:
         RunError: If it cannot be read.
     """
-    bgr = cv2.imread(str(path))
+    bgr = read_pixels(path, cv2.IMREAD_COLOR)
     if bgr is None:
         raise RunError(f"{path} cannot be read.")
     both = cv2.cvtColor(bgr[:, : bgr.shape[1] // 3 * 2], cv2.COLOR_BGR2RGB)
@@ -216,7 +217,7 @@ def _numbers(made: Reconstructed, dataset: Dataset) -> str:
         ["error of up", f"{errors.up_deg:.2f} deg"],
         ["Gaussians", f"{report['training']['gaussians']:,}"],
         ["held-out images", f"{report['training']['psnr_db']:.2f} dB, SSIM {report['training']['ssim']:.3f}"],
-        ["recorded", f"{len(dataset.episodes)} episodes, {sum(e.sample_count for e in dataset.episodes)} samples"],
+        ["recorded", f"{len(dataset.episodes)} episodes, {sum(e.sample_count for e in dataset.episodes):,} samples"],
         *[[f"time of {escape(stage)}", f"{seconds:.0f} s"] for stage, seconds in report["seconds"].items()],
     ]
     return table((Column("What"), Column("Value", "wide")), rows)

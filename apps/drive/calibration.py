@@ -181,6 +181,8 @@ def camera_from_file(mount: CameraConfig, path: Path, name: str = "") -> CameraC
             model=storage.getNode("distortion_model").string(),
             distortion=_data(storage, "distortion_coefficients"),
         )
+    except (cv2.error, ValueError, OverflowError) as error:
+        raise ConfigError(f"Calibration {path} holds something else than numbers where they are due.") from error
     finally:
         storage.release()
     if len(info.K_px) != 9 or not info.height_px or not info.width_px:

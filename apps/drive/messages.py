@@ -1,5 +1,6 @@
 """What passes between a policy and a robot, whatever the robot's messages are."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
@@ -7,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.robot_logs.reader import LogCamera
+from readygo.apps.robot_logs.reader import NUMBER_MAX, LogCamera
 
 
 class Encoded(NamedTuple):
@@ -61,8 +62,33 @@ class Goal:
     y_m: float
 
 
+STAMP_MAX_NS = 2**31 * 10**9
+"""Times in ROS have seconds of 31 bits."""
 Value = Picture | Odometry | Command | Goal | LogCamera | str
 """A message; a string is an outcome."""
+
+
+def check_numbers(value: Value) -> Value:
+    """The message, if a robot can mean its numbers.
+
+    Raises:
+        ValueError: If one is not finite, or beyond `NUMBER_MAX`, or a time is none.
+    """
+    if isinstance(value, Picture | Odometry) and not 0 <= value.stamp_ns < STAMP_MAX_NS:
+        raise ValueError(f"its time is {value.stamp_ns} ns; it must be within 0..{STAMP_MAX_NS}")
+    numbers: tuple[float, ...] = ()
+    if isinstance(value, Odometry):
+        numbers = (value.x_m, value.y_m, value.yaw_rad, value.v_mps, value.w_radps)
+    elif isinstance(value, Command):
+        numbers = (value.v_mps, value.w_radps)
+    elif isinstance(value, Goal):
+        numbers = (value.x_m, value.y_m)
+    elif isinstance(value, LogCamera):
+        numbers = (value.height_px, value.width_px, *value.K_px, *value.distortion)
+    for number in numbers:
+        if not (math.isfinite(number) and abs(number) <= NUMBER_MAX):
+            raise ValueError(f"a number is {number:g}; it must be finite, and at most {NUMBER_MAX:g}")
+    return value
 
 
 class Codec(Protocol):
@@ -72,7 +98,7 @@ class Codec(Protocol):
         """The message in some bytes.
 
         Raises:
-            ValueError: If they hold none of that type.
+            ValueError: If they hold none of that type, or numbers that `check_numbers` refuses.
         """
         ...
 

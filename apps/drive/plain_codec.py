@@ -9,7 +9,7 @@ import msgpack
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.drive.messages import Command, Encoded, Goal, Odometry, Picture, Value
+from readygo.apps.drive.messages import Command, Encoded, Goal, Odometry, Picture, Value, check_numbers
 from readygo.apps.drive.ros_codec import (
     COMPRESSED_TYPE,
     GOAL_TYPE,
@@ -27,7 +27,10 @@ from readygo.apps.robot_logs.pixels import (
 )
 from readygo.apps.robot_logs.reader import INFO_TYPE, JPEG_QUALITY, ODOMETRY_TYPE, LogCamera
 from readygo.common.images.encoded import decode_pixels
+from readygo.common.messages.codec import unpack
 
+ITEMS_MAX = 100
+"""Lists and maps in a message of a robot."""
 _ENCODED = ("jpeg", "png")
 
 
@@ -37,9 +40,11 @@ class PlainCodec:
     def read(self, type_name: str, payload: bytes) -> Value:
         """See `Codec.read`."""
         try:
-            fields = msgpack.unpackb(payload)
-            return _value(type_name, fields)
-        except (KeyError, TypeError, ValueError, msgpack.UnpackException) as error:
+            fields = unpack(payload, ITEMS_MAX)
+            if not isinstance(fields, dict):
+                raise TypeError(f"a map was due, not {type(fields).__name__}")
+            return check_numbers(_value(type_name, fields))
+        except (LookupError, TypeError, ValueError, OverflowError, MemoryError, msgpack.UnpackException) as error:
             raise ValueError(f"{len(payload)} bytes are no message of {type_name}: {error!r}") from error
 
     def write(self, type_name: str, value: Any, stamp_ns: int) -> bytes:
@@ -77,10 +82,16 @@ def _fields(type_name: str, value: Any) -> dict[str, Any]:
 
 def _value(type_name: str, fields: Mapping[str, Any]) -> Value:
     if type_name in (IMAGE_TYPE, COMPRESSED_TYPE):
-        encoding, encoded = str(fields["encoding"]), None
+        encoding, data, encoded = str(fields["encoding"]), fields["data"], None
+        if not isinstance(data, bytes):
+            raise TypeError(f"data must be bytes, not {type(data).__name__}")
+        size_px = (0, 0)
         if encoding in _ENCODED or is_compressed_depth(encoding):
-            encoded = Encoded(np.frombuffer(fields["data"], np.uint8), encoding)
-        return Picture(stamp_ns=int(fields.get("stamp_ns", 0)), decode=partial(_pixels, fields), encoded=encoded)
+            encoded = Encoded(np.frombuffer(data, np.uint8), encoding)
+        else:
+            size_px = int(fields["height_px"]), int(fields["width_px"])
+        decode = partial(_pixels, encoding, data, size_px)
+        return Picture(stamp_ns=int(fields.get("stamp_ns", 0)), decode=decode, encoded=encoded)
     if type_name == INFO_TYPE:
         return LogCamera(
             height_px=int(fields["height_px"]),
@@ -99,12 +110,11 @@ def _value(type_name: str, fields: Mapping[str, Any]) -> Value:
     return Odometry(stamp_ns=int(fields.get("stamp_ns", 0)), **{name: float(fields[name]) for name in names})
 
 
-def _pixels(fields: Mapping[str, Any]) -> npt.NDArray[Any]:
-    encoding, data = str(fields["encoding"]), fields["data"]
+def _pixels(encoding: str, data: bytes, size_px: tuple[int, int]) -> npt.NDArray[Any]:
     if is_compressed_depth(encoding):
         return compressed_depth_of(data, encoding)
-    height, width = int(fields["height_px"]), int(fields["width_px"])
     if encoding not in _ENCODED:
+        height, width = size_px
         row_bytes = len(data) // max(height, 1)
         return pixels_of(
             np.frombuffer(data, np.uint8), encoding=encoding, height_px=height, width_px=width, row_bytes=row_bytes

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.drive.messages import Command, Encoded, Goal, Odometry, Picture, Value
+from readygo.apps.drive.messages import Command, Encoded, Goal, Odometry, Picture, Value, check_numbers
 from readygo.apps.robot_logs.pixels import (
     compressed_depth,
     compressed_depth_of,
@@ -16,7 +16,7 @@ from readygo.apps.robot_logs.pixels import (
     millimetres,
     pixels_of,
 )
-from readygo.apps.robot_logs.reader import IMAGE_TYPES, INFO_TYPE, JPEG_QUALITY, ODOMETRY_TYPE, LogCamera
+from readygo.apps.robot_logs.reader import IMAGE_TYPES, INFO_TYPE, JPEG_QUALITY, ODOMETRY_TYPE, LogCamera, yaw_of
 from readygo.common.errors import ConfigError
 from readygo.common.extras import install_command
 from readygo.common.images.encoded import decode_pixels
@@ -68,7 +68,7 @@ class RosCodec:
             message = self._store.deserialize_cdr(payload, type_name)
         except Exception as error:  # rosbags raises whatever its generated code trips over
             raise ValueError(f"{len(payload)} bytes are no {type_name}") from error
-        return _value(type_name, message)
+        return check_numbers(_value(type_name, message))
 
     def write(self, type_name: str, value: Any, stamp_ns: int) -> bytes:
         """See `Codec.write`."""
@@ -177,7 +177,7 @@ def _odometry_of(message: Any, stamp_ns: int) -> Odometry:
         stamp_ns=stamp_ns,
         x_m=place.x,
         y_m=place.y,
-        yaw_rad=math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2)),
+        yaw_rad=yaw_of(turn),
         v_mps=message.twist.twist.linear.x,
         w_radps=message.twist.twist.angular.z,
     )

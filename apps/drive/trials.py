@@ -1,6 +1,5 @@
 """Trials of real robots, as their logs have them: the records that an evaluation makes of episodes."""
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from readygo.apps.drive.pilot import Ending
 from readygo.apps.drive.trial import OUTCOMES
 from readygo.apps.drive.trial_log import RECORD
 from readygo.common.dataset.ros_log import read_record
+from readygo.common.documents import read_toml
 from readygo.common.episode.metrics import EpisodeResult
 from readygo.common.errors import DatasetError
 from readygo.common.messages import EpisodeKey, Split
@@ -97,9 +97,9 @@ def _labels(folder: Path) -> dict[str, Ending]:
     if not path.is_file():
         return {}
     try:
-        said = tomllib.loads(path.read_text())
+        said = read_toml(path)
         return {name: OUTCOMES[outcome] for name, outcome in said.items()}
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, ValueError) as error:
         raise DatasetError(f"{path} cannot be read: {error}.") from error
     except (KeyError, TypeError) as error:
         raise DatasetError(f"{path}: {error} is no outcome; there are {', '.join(OUTCOMES)}.") from error

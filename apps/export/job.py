@@ -11,6 +11,7 @@ from typing import Any
 import readygo
 from readygo.apps.export.formats import FORMATS, Format
 from readygo.apps.export.source import Part, Source
+from readygo.common.documents import read_json
 from readygo.common.errors import ConfigError, DatasetError
 from readygo.common.files import write_whole
 
@@ -95,7 +96,7 @@ class _State:
         """Take the folder for a job, or find that it is this job's."""
         file = self._folder / "job.json"
         if file.exists():
-            theirs = json.loads(file.read_text())
+            theirs = read_json(file)
             if different := [name for name in identity if theirs.get(name) != identity[name]]:
                 raise DatasetError(
                     f"{self._out} holds another export: {', '.join(different)} differ; choose another --out."
@@ -112,7 +113,7 @@ class _State:
         write_whole(self._file(part), json.dumps(facts), raises=DatasetError)
 
     def facts(self, part: Part) -> Any:
-        return json.loads(self._file(part).read_text())
+        return read_json(self._file(part))
 
     def _file(self, part: Part) -> Path:
         return self._folder / f"part-{part.number:05d}.json"

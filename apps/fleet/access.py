@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from readygo.apps.fleet.token import given_token
+from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.bus.identity import COORDINATOR, RECORDER, Identity
 from readygo.common.bus.rights import access_control
 from readygo.common.bus.zenoh_bus import Router, ZenohBus
@@ -89,8 +90,10 @@ def identity_for(endpoint: str, role: str, *, name: str = "", certs: Path | None
     """The certificate to show at an endpoint; None where none is used.
 
     Raises:
+        ConfigError: If the endpoint is none.
         CertificateError: As `join`.
     """
+    check_endpoint(endpoint)
     if endpoint.startswith(TLS) != (certs is not None):
         wrong = "needs certificates: pass --certs" if certs is None else "has no use for certificates: name it tls/..."
         raise CertificateError(f"Endpoint {endpoint} {wrong}.")

@@ -16,7 +16,7 @@ from readygo.apps.observe.observer import Observer
 from readygo.apps.observe.settings import NOTHING
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import check_version
-from readygo.apps.run.recorders import prepare_folders
+from readygo.apps.run.recorders import prepare_folders, recorders_of
 from readygo.apps.run.recovery import recover
 from readygo.common.bus import Bus, Member
 from readygo.common.bus.identity import COORDINATOR
@@ -62,15 +62,19 @@ def lead(
         if folder.load()[0].run != spec.run:
             raise RunError(f"Another run was begun in {folder.path} at the same time; choose another --out.")
         recover(folder, recorded_here=False)
-        prepare_folders(folder, spec)
-        coordinator = make_coordinator(folder, recorded_here=False)
-        watched.coordinator(coordinator)
         with contextlib.ExitStack() as opened:
-            opened.callback(coordinator.ledger.close)
+            # The router first: an endpoint that cannot be used leaves nothing that binds the folder.
             if not joins:
-                opened.callback(open_router(coordinator.recorders, endpoint, certs=certs, token=token).close)
+                recorders = recorders_of(folder, spec)
+                opened.callback(open_router(recorders, endpoint, certs=certs, token=token).close)
+            # The ledger is closed after the bus, whose handlers use it.
+            ledger = opened.enter_context(contextlib.ExitStack())
             bus = watched.bus(join(here, spec.run, COORDINATOR, certs=certs, token=token))
             opened.callback(bus.close)
+            prepare_folders(folder, spec)
+            coordinator = make_coordinator(folder, recorded_here=False)
+            ledger.callback(coordinator.ledger.close)
+            watched.coordinator(coordinator)
             lead_on = take_the_lead(bus, coordinator)
             opened.enter_context(folder.reachable(here, token))
             health = showing_health(bus, COORDINATOR, COORDINATOR, data=folder.path, metrics=watched.metrics_at)

@@ -17,7 +17,7 @@ from readygo.apps.observe.observer import Observer
 from readygo.apps.observe.settings import NOTHING, Observing
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import numeric_class
-from readygo.apps.run.recorders import prepare_folders
+from readygo.apps.run.recorders import prepare_folders, recorders_of
 from readygo.apps.run.recovery import check_recorded, recover
 from readygo.apps.run.stages import LINE, Entry, stage_works
 from readygo.apps.run.world import World
@@ -37,6 +37,15 @@ CHECK_S = 0.25
 """How often a fleet's processes are looked at, at least [s]."""
 COORDINATOR_ABSENT_S = 60.0
 EPISODES_MAX = 10_000_000
+WORKERS_MAX = 256
+
+
+def check_counts(episodes: int, workers: int) -> None:
+    """Raise RunError unless a run can have so many episodes and workers."""
+    if not 1 <= episodes <= EPISODES_MAX or not 0 <= workers <= WORKERS_MAX:
+        raise RunError(
+            f"--episodes must be 1..{EPISODES_MAX} and --workers 0..{WORKERS_MAX}, got {episodes} and {workers}."
+        )
 
 
 def record(
@@ -72,8 +81,7 @@ def record(
     Raises:
         RunError: If the run cannot be done; what is recorded stays.
     """
-    if not 1 <= episodes <= EPISODES_MAX or not 0 <= workers <= 256:
-        raise RunError(f"--episodes must be 1..{EPISODES_MAX} and --workers 0..256, got {episodes} and {workers}.")
+    check_counts(episodes, workers)
     folder = RunFolder(out)
     folder.check(spec)
     begin_s = time.monotonic()
@@ -184,7 +192,7 @@ def run_fleet(
     """Do the run with a fleet over Zenoh; see `places` for `workers` and `together`, and `record` for the others."""
     spec, _ = folder.load()
     token = "" if certs else given_token() or new_token()
-    recorders = _recorders(folder, spec)
+    recorders = recorders_of(folder, spec)
     router = open_router(recorders, endpoint, certs=certs, token=token)
     here, data = reached_here(endpoint), folder.path.resolve()
     fleet = Fleet(
@@ -220,14 +228,6 @@ def run_fleet(
     if status.finished:
         fleet.check_recorders()
     return status
-
-
-def _recorders(folder: RunFolder, spec: RunSpec) -> tuple[str, ...]:
-    """The run's recorders, without those that were given up."""
-    ledger = coordination.Ledger(folder.ledger, spec.stages)
-    retired = ledger.retired()
-    ledger.close()
-    return tuple(name for name in World(spec).config.coordinator.recorders if name not in retired)
 
 
 def _supervise(checks: Sequence[Callable[[], None]], bus: Bus, show: Show) -> StatusReply:

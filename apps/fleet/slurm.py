@@ -4,6 +4,7 @@ Slurm starts, stops, requeues and multiplies them; the coordinator gives the wor
 what every worker needs: this Python environment at the same path. What they lack of scene and avatars, they fetch.
 """
 
+import logging
 import shlex
 import shutil
 import subprocess
@@ -20,7 +21,11 @@ from readygo.common.errors import RunError
 
 CHECK_S = 5.0
 """How often Slurm is asked whether workers are left [s]."""
+UNANSWERED_MAX_S = 600.0
+"""The run ends when Slurm has not answered for so long [s]: its controller restarts or fails over within minutes."""
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+log = logging.getLogger(__name__)
 
 
 class SlurmWorkers:
@@ -54,6 +59,8 @@ class SlurmWorkers:
         self._jobs: list[str] = []
         self._workers = 0
         self._checked_s = 0.0
+        self._unanswered_s: float | None = None
+        """Since when Slurm does not answer."""
 
     def __enter__(self) -> "SlurmWorkers":
         return self
@@ -76,19 +83,37 @@ class SlurmWorkers:
         self._jobs.append(_slurm("sbatch", *arguments, environment=self._environment).partition(";")[0])
 
     def check(self) -> None:
-        """Ask for workers anew if none is left, waiting or at work; call it only while the run is not over.
+        """Ask for workers again if none is left, waiting or at work; call it only while the run is not over.
+
+        While Slurm does not answer, its workers count as being there.
 
         Raises:
-            RunError: If they end again and again, or Slurm does not answer.
+            RunError: If they end again and again, or Slurm does not answer for `UNANSWERED_MAX_S`.
         """
         if time.monotonic() - self._checked_s < CHECK_S:
             return
         self._checked_s = time.monotonic()
-        if _slurm("squeue", "--noheader", "--me", f"--name=readygo-{self._run}", "--format=%T"):
+        try:
+            left = _slurm("squeue", "--noheader", "--me", f"--name=readygo-{self._run}", "--format=%T")
+            again = not left and len(self._jobs) <= RESTARTS_MAX
+            if again:
+                self.submit(self._workers)
+        except RunError as error:
+            self._note_unanswered(error)
             return
-        if len(self._jobs) > RESTARTS_MAX:
+        self._unanswered_s = None
+        if not left and not again:
             raise RunError(f"All workers of Slurm job {self._jobs[-1]} ended: {self._last_words()}")
-        self.submit(self._workers)
+
+    def _note_unanswered(self, error: RunError) -> None:
+        """Wait on, for some minutes."""
+        now_s = time.monotonic()
+        if self._unanswered_s is None:
+            self._unanswered_s = now_s
+            log.warning("%s; the run waits %g min for Slurm, its workers go on.", error, UNANSWERED_MAX_S / 60.0)
+        elif now_s - self._unanswered_s > UNANSWERED_MAX_S:
+            minutes = f"{UNANSWERED_MAX_S / 60.0:g} min"
+            raise RunError(f"{error}; so for {minutes}: run the same command again when Slurm answers.") from error
 
     def cancel(self) -> None:
         """End all of them; what they hold is done by others, or in the next run of the same command."""

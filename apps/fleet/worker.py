@@ -30,6 +30,7 @@ from readygo.apps.run.identity import check_same_make, files_of, numeric_class
 from readygo.apps.run.policy import check_offer
 from readygo.apps.run.recovery import Witness
 from readygo.common.bus import Bus
+from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.bus.identity import ALL, COORDINATOR, RECORDER, TRAINER
 from readygo.common.bus.zenoh_bus import ZenohBus
 from readygo.common.dataset.provenance import Provenance
@@ -38,6 +39,7 @@ from readygo.common.errors import BusError, ReadygoError, RunError
 from readygo.common.fleet import Worker, pull
 from readygo.common.messages import RunSpecRequest, topics
 from readygo.common.messages.reconstruction import RECONSTRUCTOR
+from readygo.common.printable import strip_controls
 from readygo.services import coordinator as coordination
 from readygo.services.recorder import Recorder
 from readygo.services.recorder import attach as attach_recorder
@@ -100,6 +102,7 @@ def worker(
         log_format: "json" writes one JSON object a line, with run, worker, stage, episode and attempt.
         traces: Where OpenTelemetry's spans go: an OTLP endpoint such as http://collector:4318, or a folder.
     """
+    check_endpoint(connect, "--connect")
     if role != TRAINER:
         keep_the_heap_small()
     stop = stop_signal(exit_with_parent)
@@ -132,7 +135,7 @@ def worker(
         raise SystemExit(USER_MISTAKE) from error
     except ReadygoError as error:
         if log_format == "text":
-            sys.stderr.write(f"readygo: {error}\n")
+            sys.stderr.write(f"readygo: {strip_controls(str(error))}\n")
         else:
             log.critical("%s", error)
         raise SystemExit(CANNOT_WORK) from error

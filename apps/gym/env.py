@@ -1,4 +1,4 @@
-"""One robot: `gymnasium.make("ReadyGo/PointNav-v0", scene="embedded", humans=2)`."""
+"""One robot: `gymnasium.make("readygo.gym:ReadyGo/PointNav-v0", scene="embedded", humans=2)`."""
 
 import itertools
 from typing import Any

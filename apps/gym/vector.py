@@ -1,4 +1,4 @@
-"""Many robots whose views are drawn together: `gymnasium.make_vec(..., vectorization_mode="vector_entry_point")`."""
+"""Many robots whose views are drawn together: `gymnasium.make_vec("readygo.gym:ReadyGo/PointNav-v0", num_envs=8)`."""
 
 import itertools
 from collections.abc import Sequence

@@ -1,7 +1,6 @@
 """What a scene's health report says, as plain values; what is not known is None."""
 
 import dataclasses
-import json
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +12,7 @@ from readygo.apps.views.places import spread_places
 from readygo.apps.views.sightlines import sight_m
 from readygo.apps.views.views import SceneViews, warnings
 from readygo.common.camera.captured import CapturedViews
+from readygo.common.documents import read_json
 from readygo.common.errors import SceneError
 from readygo.common.gaussians.defects import unwanted
 from readygo.common.maps import clearance_m, free_components
@@ -124,7 +124,7 @@ def _scale(scene: Scene, made: dict[str, Any]) -> dict[str, Any]:
 def _findings(scene: Scene) -> list[str]:
     """What looked wrong when its maps were made."""
     try:
-        return list(json.loads((scene.path / REPORT_FILE).read_text(encoding="utf-8")).get("findings", []))
+        return list(read_json(scene.path / REPORT_FILE).get("findings", []))
     except (OSError, ValueError, AttributeError):
         return []
 

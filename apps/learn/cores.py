@@ -48,8 +48,8 @@ def is_ahead(learned: int, recorded: int, reuse: float) -> bool:
     recorded beyond its `reuse` only takes time from training.
 
     Args:
-        learned: Samples that the trainer was shown.
-        recorded: Samples in the shards.
+        learned: Samples that were learned from, repeats counted.
+        recorded: Samples with an image in the shards.
         reuse: How often each sample is to be learned from.
     """
     return learned >= reuse * (recorded - AHEAD_SAMPLES)

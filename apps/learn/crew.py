@@ -96,11 +96,14 @@ class Crew:
                 fleet.check_recorders()
 
     @property
-    def recorded(self) -> int:
-        """Samples with images in the shards of all scenes."""
-        return sum(status.samples for status in self.status.values()) // self._plan.config.driver.image_every(
-            self._plan.config.robot.clock
-        )
+    def samples(self) -> int:
+        """Samples in the shards of all scenes."""
+        return sum(status.samples for status in self.status.values())
+
+    @property
+    def images(self) -> int:
+        """Those of them that have an image."""
+        return self._plan.image_count(self.samples)
 
     @property
     def policies(self) -> int:
@@ -109,9 +112,9 @@ class Crew:
 
     @property
     def collect_hz(self) -> float:
-        """Samples that one core records per second, by the processor time that the stages took; 0 if not known yet."""
+        """Images that one core records per second, by the processor time that the stages took; 0 if not known yet."""
         cpu_s = sum(sum(status.cpu_s.values()) for status in self.status.values())
-        return self.recorded / cpu_s if cpu_s > 0 else 0.0
+        return self.images / cpu_s if cpu_s > 0 else 0.0
 
     @property
     def running(self) -> Split:

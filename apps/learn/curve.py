@@ -7,6 +7,7 @@ from pathlib import Path
 
 from readygo.apps.learn.choice import Measurement
 from readygo.common.config import section_from_mapping, section_to_mapping
+from readygo.common.documents import read_json
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.files import write_whole
 
@@ -18,9 +19,9 @@ class CurvePoint:
     minutes: float
     """Spent, those of earlier commands included [min]."""
     recorded: int
-    """Samples in the shards."""
+    """Samples with an image in the shards."""
     learned: int
-    """Samples that the trainer was shown."""
+    """Samples that were learned from, repeats counted."""
     policies: int
     """Policies that were offered."""
     loss: float | None = None
@@ -38,7 +39,7 @@ def load_curve(path: Path) -> list[CurvePoint]:
         RunError: If the file is broken.
     """
     try:
-        return [section_from_mapping(CurvePoint, point) for point in json.loads(path.read_text())["points"]]
+        return [section_from_mapping(CurvePoint, point) for point in read_json(path)["points"]]
     except FileNotFoundError:
         return []
     except (OSError, ValueError, KeyError, TypeError, ConfigError) as error:

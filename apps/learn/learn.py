@@ -59,6 +59,7 @@ def learn_policy(
     *,
     episodes: int,
     show: Callable[[Now], None] = lambda now: None,
+    recorded: Callable[[], None] = lambda: None,
     tested: Callable[[EpisodeRecord], None] = lambda record: None,
     reach: Reach = ALONE,
 ) -> Learned:
@@ -68,6 +69,7 @@ def learn_policy(
         plan: What is learned, and where.
         episodes: Test episodes per task and scene; 0 drives none.
         show: Hears how far it is, twice a second.
+        recorded: Called when all data are recorded, before the test.
         tested: Hears of every test episode.
         reach: Who may take part besides this machine's processes.
 
@@ -78,6 +80,7 @@ def learn_policy(
         measuring = Measuring(plan)
         supervisor = Supervisor(plan, measuring, show, reach)
         chosen = supervisor.learn()
+        recorded()
         replies = measuring.test(plan.policy, episodes, plan.out / TEST_FOLDER, tested) if episodes else {}
     return Learned(plan=plan, points=supervisor.points, chosen=chosen, replies=replies, minutes=supervisor.minutes)
 
@@ -110,6 +113,8 @@ def _numbers(learned: Learned) -> RunNumbers:
     return RunNumbers(
         episodes=episodes,
         samples=samples,
+        images=learned.plan.image_count(samples),
+        learned=learned.points[-1].learned if learned.points else 0,
         wall_s=60 * learned.minutes,
         rejected=dict(rejected),
         cpu_s_by_stage=dict(cpu_s),

@@ -19,6 +19,7 @@ from readygo.apps.run.sight import chosen_images
 from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
 from readygo.common.camera import CameraConfig
+from readygo.common.documents import read_json
 from readygo.common.errors import ConfigError, RunError, SceneError
 from readygo.common.files import write_whole
 from readygo.common.images.names import kind_of
@@ -64,7 +65,7 @@ class Budget:
     minutes: float = 60.0
     """Of wall time, those of earlier commands included [min]."""
     samples: int | None = None
-    """Samples that the trainer is shown, instead of minutes: the result then does not depend on the machine's load."""
+    """Samples to learn from, repeats counted, instead of minutes: the result depends less on the machine's load."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +79,10 @@ class Plan:
     budget: Budget
     avatars: Path | None
     seed: int
+
+    def image_count(self, samples: int) -> int:
+        """How many of so many recorded samples have an image, which is what training draws from; to one an episode."""
+        return samples // self.config.driver.image_every(self.config.robot.clock)
 
     @property
     def best(self) -> Path:
@@ -236,7 +241,7 @@ def read_state(plan: Plan) -> dict[str, Any]:
     if not plan.state_file.exists():
         return {}
     try:
-        state = json.loads(plan.state_file.read_text())
+        state = read_json(plan.state_file)
         if state["format"] != FORMAT:
             raise ValueError(f"format {state['format']!r}")
     except (OSError, ValueError, KeyError, TypeError) as error:

@@ -90,7 +90,7 @@ def _tiles(content: ReportContent) -> list[tuple[str, str]]:
     if content.run:
         facts.append((f"{content.run.wall_s / 60:.0f} min", "of recording and learning"))
         facts.append((f"{content.run.episodes:,}", "episodes recorded"))
-        facts.append((f"{content.run.samples:,}", "samples"))
+        facts.append((f"{content.run.samples:,}", "samples recorded"))
     return facts
 
 
@@ -193,8 +193,9 @@ def _run(content: ReportContent) -> str:
     if run is None:
         return ""
     text = (
-        f"{run.episodes:,} episodes with {run.samples:,} samples in {run.wall_s:,.0f} s: "
-        f"{run.samples_per_s:,.1f} samples per second."
+        f"{run.episodes:,} episodes with {run.samples:,} samples recorded in {run.wall_s:,.0f} s: "
+        f"{run.samples_per_s:,.1f} samples per second. {run.images:,} of them have an image; training drew from these, "
+        f"each {run.learned / max(run.images, 1):.1f} times on average: {run.learned:,} samples learned from."
     )
     return f"<p>{escape(text)}</p><div class=pair>{_cpu_table(run)}{rejections(run.rejected, run.episodes)}</div>"
 

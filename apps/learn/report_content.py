@@ -50,6 +50,10 @@ class RunNumbers:
 
     episodes: int
     samples: int
+    images: int
+    """Samples with an image, which training draws from."""
+    learned: int
+    """Samples that were learned from, repeats counted."""
     wall_s: float
     """Of the whole run, start and stop of its processes included [s]."""
     rejected: Mapping[str, int] = field(default_factory=dict)

@@ -48,10 +48,12 @@ class Now:
     fraction: float
     """Share of the budget that is spent."""
     minutes: float
-    recorded: int
+    samples: int
     """Samples in the shards."""
+    images: int
+    """Those of them that have an image: training draws from these."""
     learned: int
-    """Samples that the trainer was shown."""
+    """Samples that were learned from, repeats counted."""
     policies: int
     driven: float | None
     """Success rate of the latest recorded episodes that policies drove."""
@@ -143,7 +145,7 @@ class Supervisor:
             fraction = self._fraction(training)
             self._measure(crew, training, background, fraction)
             self._split_again(crew, training)
-            crew.pace(is_ahead(training.samples, crew.recorded, self._plan.learn.reuse))
+            crew.pace(is_ahead(training.samples, crew.images, self._plan.learn.reuse))
             self._note(crew, training)
             self._let_fall(fraction)
             if now_s - saved_s > SAVE_S:
@@ -227,7 +229,7 @@ class Supervisor:
     def _add_point(self, crew: Crew, training: Training, measurement: Measurement | None) -> None:
         point = CurvePoint(
             minutes=self.minutes,
-            recorded=crew.recorded,
+            recorded=crew.images,
             learned=training.samples,
             policies=crew.policies,
             loss=training.loss,
@@ -244,7 +246,8 @@ class Supervisor:
         now = Now(
             fraction=min(fraction, 1.0),
             minutes=self.minutes,
-            recorded=crew.recorded,
+            samples=crew.samples,
+            images=crew.images,
             learned=training.samples,
             policies=crew.policies,
             driven=training.driven,

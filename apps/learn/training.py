@@ -7,10 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from readygo.apps.learn.plan import Plan
+from readygo.common.documents import read_json
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.services.trainer import best_recipe
 
+_HISTORY = ("samples", "train_loss", "validation_loss")
+_NO_PROGRESS = (ValueError, TypeError, LookupError, AttributeError, OverflowError)
+"""What a progress file of another shape raises."""
 PROGRESS_FILE, DECAY_FILE = "progress.json", "decay"
 """What the trainer writes, and what has its learning rate fall; see `readygo.services.trainer.live`."""
 OFFERS = 60
@@ -41,7 +45,7 @@ class Training:
     minutes: float = 0.0
     """Processor time of each of its threads [min]."""
     samples: int = 0
-    """Samples that it was shown."""
+    """Samples that it learned from, repeats counted."""
     loss: float | None = None
     driven: float | None = None
     """Success rate of the latest episodes that policies drove: the mean of those with and without humans."""
@@ -63,9 +67,12 @@ def read_training(folder: Path, since_s: float = 0.0) -> Training:
     """
     path = folder / PROGRESS_FILE
     try:
-        told_s, told = path.stat().st_mtime, json.loads(path.read_text())
-    except (OSError, ValueError):
+        return _training_of(folder, read_json(path), path.stat().st_mtime, since_s)
+    except (OSError, *_NO_PROGRESS):
         return Training()
+
+
+def _training_of(folder: Path, told: Any, told_s: float, since_s: float) -> Training:
     rates = [entry["rate"] for entry in told["success"].values() if entry["rate"] is not None]
     losses = [entry["train_loss"] for entry in told["history"] if math.isfinite(entry["train_loss"])]
     taken = [offer for offer in told["offers"] if "sha256" in offer]
@@ -88,10 +95,10 @@ def read_history(folder: Path) -> list[dict[str, Any]]:
         folder: The trainer's.
     """
     try:
-        history: list[dict[str, Any]] = json.loads((folder / PROGRESS_FILE).read_text())["history"]
-    except (OSError, ValueError):
+        history: list[dict[str, Any]] = read_json(folder / PROGRESS_FILE)["history"]
+        return [entry for entry in history if all(isinstance(entry.get(name), int | float) for name in _HISTORY)]
+    except (OSError, *_NO_PROGRESS):
         return []
-    return history
 
 
 def write_trainer_config(plan: Plan, threads: int) -> Path:

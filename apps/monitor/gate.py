@@ -1,8 +1,9 @@
 """The door of the page: lets in who may see it, and hands everything else to the viewer behind it.
 
-The viewer asks nobody who they are. A page on this machine's own address is for this machine: pages of other sites
-that a browser has open must not read it (a foreign Origin), nor by a name of theirs that points here (a foreign Host).
-On any other address a token is asked for, once by the link and from then on by a cookie.
+The viewer asks nobody who they are, so it listens at a Unix socket that this user alone can reach. A page on this
+machine's own address is for this machine: pages of other sites that a browser has open must not read it (a foreign
+Origin), nor by a name of theirs that points here (a foreign Host). On any other address a token is asked for, once by
+the link and from then on by a cookie.
 """
 
 import asyncio
@@ -10,6 +11,7 @@ import hmac
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
@@ -56,7 +58,14 @@ def parse_head(head: bytes) -> Request | None:
     if len(parts) != 3 or not parts[2].startswith("HTTP/1."):
         return None
     pairs = (line.partition(":") for line in lines if line)
-    return Request(parts[1], {name.strip().lower(): value.strip() for name, _, value in pairs})
+    headers = {name.strip().lower(): value.strip() for name, _, value in pairs}
+    try:
+        # Python's parser of addresses raises at some that are none, such as "[::1".
+        for url in (parts[1], f"//{headers.get('host', '')}", headers.get("origin", "")):
+            _ = urlsplit(url).hostname
+    except ValueError:
+        return None
+    return Request(parts[1], headers)
 
 
 def judge(request: Request, token: str, cookie_name: str) -> Answer | None:
@@ -68,11 +77,10 @@ def judge(request: Request, token: str, cookie_name: str) -> Answer | None:
         cookie_name: Of the cookie that carries the token.
     """
     host, origin = request.headers.get("host", ""), request.headers.get("origin")
-    if origin is not None and urlsplit(origin).netloc != host:
+    if origin is not None and (not host or origin not in (f"http://{host}", f"https://{host}")):
         return Answer("403 Forbidden", "This page is not for other sites.\n")
     if not token:
-        known = urlsplit(f"//{host}").hostname in LOOPBACK
-        return None if known else Answer("403 Forbidden", "Ask for this page as localhost.\n")
+        return None if _hostname(host) in LOOPBACK else Answer("403 Forbidden", "Ask for this page as localhost.\n")
     cookies = dict(part.strip().partition("=")[::2] for part in request.headers.get("cookie", "").split(";"))
     if hmac.compare_digest(cookies.get(cookie_name, "").encode(), token.encode()):
         return None
@@ -86,16 +94,24 @@ def judge(request: Request, token: str, cookie_name: str) -> Answer | None:
     return Answer("401 Unauthorized", "Open the link with its token that `readygo monitor` printed.\n")
 
 
+def _hostname(host: str) -> str | None:
+    """The name in a Host header; None where there is none."""
+    try:
+        return urlsplit(f"//{host}").hostname
+    except ValueError:
+        return None
+
+
 class Gate:
     """Listens where the page shall be, on a thread of its own."""
 
-    def __init__(self, host: str, port: int, *, behind: int, token: str = "") -> None:
+    def __init__(self, host: str, port: int, *, behind: Path, token: str = "") -> None:
         """Listen.
 
         Args:
             host: Address of this machine.
             port: There; 0 takes a free one.
-            behind: Port of the viewer, on the loopback address.
+            behind: Socket of the viewer.
             token: See `judge`.
 
         Raises:
@@ -154,7 +170,7 @@ class Gate:
             writer.write(answer.encoded())
             await writer.drain()
             return
-        inner_reader, inner_writer = await asyncio.open_connection("127.0.0.1", self._behind)
+        inner_reader, inner_writer = await asyncio.open_unix_connection(self._behind)
         inner_writer.write(head)
         ways = [asyncio.ensure_future(_pass_on(*way)) for way in ((reader, inner_writer), (inner_reader, writer))]
         try:

@@ -1,11 +1,15 @@
-"""The page's server: a viser server on this machine, behind a gate; the only place that imports viser."""
+"""The page's server: a viser server at a Unix socket, behind a gate; the only place that imports viser."""
 
 import contextlib
 import io
 import logging
+import socket
+import tempfile
 import threading
 import time
 import warnings
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from readygo.apps.monitor.gate import Gate
@@ -18,6 +22,8 @@ FRAME_S = 0.1
 """Time from picture to picture."""
 PAGES_MAX = 16
 """Browsers that are served at the same time."""
+
+SOCKET = "viewer"
 
 log = logging.getLogger(__name__)
 
@@ -35,18 +41,20 @@ class Screen:
             token: See `readygo.apps.monitor.gate.judge`.
 
         Raises:
-            RunError: If viser is not installed, or nobody can listen there.
+            RunError: If viser is not installed, or no process can listen there.
         """
         self._subjects = subjects
         self._pages: dict[int, Page] = {}
         self._lock = threading.Lock()
         self._stop = threading.Event()
-        self._server = _viser_server()
-        try:
-            self._gate = Gate(host, port, behind=self._server.get_port(), token=token)
-        except RunError:
-            _quietly(self._server.stop)
-            raise
+        with contextlib.ExitStack() as opened:
+            # A folder that this user alone can enter.
+            folder = Path(opened.enter_context(tempfile.TemporaryDirectory(prefix="readygo-monitor-")))
+            self._server = _viser_server(folder / SOCKET)
+            opened.callback(_quietly, self._server.stop)
+            self._gate = Gate(host, port, behind=folder / SOCKET, token=token)
+            opened.callback(self._gate.close)
+            self._opened = opened.pop_all()
         self.port: int = self._gate.port
         """Where it listens."""
         self._server.on_client_connect(self._open)
@@ -58,8 +66,7 @@ class Screen:
         """Serve no more."""
         self._stop.set()
         self._thread.join()
-        self._gate.close()
-        _quietly(self._server.stop)
+        self._opened.close()
 
     def _open(self, client: Any) -> None:
         with self._lock:
@@ -90,8 +97,8 @@ class Screen:
                         self._pages.pop(number, None)
 
 
-def _viser_server() -> Any:
-    """A viser server on the loopback address, which never gives its pages to a relay on the internet."""
+def _viser_server(path: Path) -> Any:
+    """A viser server at a Unix socket, which never gives its pages to a relay on the internet."""
     try:
         import viser
     except ImportError as error:
@@ -104,13 +111,49 @@ def _viser_server() -> Any:
         def request_share_url(self, verbose: bool = True) -> str | None:
             return None
 
-    server: Any = _quietly(lambda: Server(host="127.0.0.1", port=0, verbose=False))
+    with _served_at(path):
+        server: Any = _quietly(lambda: Server(host="127.0.0.1", port=0, verbose=False))
     server.gui.configure_theme(
         dark_mode=True, show_logo=False, show_share_button=False, control_width="large", brand_color=(41, 161, 255)
     )
     server.gui.set_panel_label("readygo monitor")
     server.scene.set_up_direction("+z")
     return server
+
+
+@contextlib.contextmanager
+def _served_at(path: Path) -> Iterator[None]:
+    """Let a viser server that starts meanwhile listen at a Unix socket: it has no setting for it.
+
+    A process of another user, or a page that a browser has open, could reach a TCP port beside the gate.
+
+    Raises:
+        RunError: If there can be no such socket.
+    """
+    from websockets.asyncio import server as websockets_server
+
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        listener.bind(str(path))
+    except OSError as error:
+        listener.close()
+        raise RunError(f"Cannot make a socket at {path}: {error}; set TMPDIR to a folder with a short name.") from error
+    serve = websockets_server.serve
+    served = False
+
+    def serve_at_socket(handler: Any, host: str, port: int, **settings: Any) -> Any:
+        nonlocal served
+        served = True
+        return serve(handler, unix=True, sock=listener, **settings)
+
+    websockets_server.serve = serve_at_socket
+    try:
+        yield
+    finally:
+        websockets_server.serve = serve
+        if not served:
+            listener.close()
+    assert served, "viser has another way to listen than before"
 
 
 def _quietly(call: Any) -> Any:

@@ -62,7 +62,7 @@ class Subject:
         """Its map, then as well."""
         self.note = ""
         """Why there is no scene."""
-        if data is not None and (RunFolder(data).state / "spec.msgpack").exists():
+        if data is not None and RunFolder(data).begun:
             self.watch.spec = RunFolder(data).load()[0]
 
     @property
@@ -184,7 +184,7 @@ def subjects_of(data: Path, scene: str = "", certs: Path | None = None) -> list[
 
 def _of_folder(folder: Path, name: str, make: Callable[..., Subject], certs: Path | None) -> Subject:
     run = RunFolder(folder)
-    if (run.state / "spec.msgpack").exists():
+    if run.begun:
         run.load()
         return make(name, find=partial(address_of, run, certs), data=folder)
     find_shards(folder)

@@ -8,7 +8,9 @@ import time
 from types import TracebackType
 from typing import Any, Literal
 
+from readygo.common.documents import parse_json
 from readygo.common.fleet.at_work import AT_WORK
+from readygo.common.printable import PlainLines, strip_controls
 
 LogFormat = Literal["text", "json"]
 _TEXT = "%(asctime)s %(name)s %(levelname)s %(message)s"
@@ -34,7 +36,7 @@ class JsonLines(logging.Formatter):
             line |= {"stage": at_work.stage, "episode": at_work.episode, "attempt": at_work.attempt}
         if record.exc_info:
             line["traceback"] = self.formatException(record.exc_info)
-        return json.dumps(line, ensure_ascii=False)
+        return strip_controls(json.dumps(line, ensure_ascii=False))
 
 
 def begin_logging(log_format: LogFormat, *, run: str, role: str, worker: str) -> None:
@@ -53,14 +55,14 @@ def begin_logging(log_format: LogFormat, *, run: str, role: str, worker: str) ->
         sys.excepthook = _log_uncaught
         threading.excepthook = lambda args: _log_uncaught(args.exc_type, args.exc_value, args.exc_traceback)
     else:
-        handler.setFormatter(logging.Formatter(_TEXT))
+        handler.setFormatter(PlainLines(_TEXT))
     logging.basicConfig(level=logging.INFO, handlers=[handler])
 
 
 def message_of(line: str) -> str:
     """What a line of a log says, of either format."""
     try:
-        return str(json.loads(line)["message"])
+        return str(parse_json(line)["message"])
     except (ValueError, KeyError, TypeError):
         return line
 

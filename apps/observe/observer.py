@@ -13,6 +13,7 @@ from readygo.apps.observe.episodes import EpisodeClock
 from readygo.apps.observe.metrics import Gauges, Metrics
 from readygo.apps.observe.settings import Observing
 from readygo.apps.observe.traces import Traces
+from readygo.apps.run.folder import TARGETS, keep_private
 from readygo.common.bus import Bus
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
@@ -23,9 +24,6 @@ from readygo.services.coordinator import Coordinator
 from readygo.services.recorder import Recorder
 
 log = logging.getLogger(__name__)
-
-TARGETS = "targets"
-"""Folder below a run's state in which every process says where its metrics are, as Prometheus' file_sd reads it."""
 
 
 class Observer:
@@ -102,6 +100,7 @@ class Observer:
     def _announce(self, target: Path, labels: dict[str, str]) -> None:
         with contextlib.suppress(RunError):
             write_whole(target, json.dumps([{"targets": [self.metrics_at], "labels": labels}]), raises=RunError)
+            keep_private(target.parents[1])
             self._target = target
 
     def _episode_done(self, episode: str, begin_ns: int, end_ns: int, attempt: int, samples: int) -> None:

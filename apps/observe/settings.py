@@ -5,9 +5,12 @@ from dataclasses import dataclass
 from readygo.apps.cli import Group
 from readygo.apps.observe.logs import LogFormat
 from readygo.common.errors import ConfigError
+from readygo.common.extras import install_command, is_installed
 
 OBSERVING = Group("observing")
 """Heading of its options."""
+_OTEL, _OTLP = "opentelemetry.sdk.trace", "opentelemetry.exporter.otlp.proto.http.trace_exporter"
+"""Modules that traces need, for files and beside that for a collector."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +26,18 @@ class Observing:
     def __post_init__(self) -> None:
         if self.metrics:
             address(self.metrics)
+
+    def check_installed(self) -> None:
+        """See whether what is asked for can be shown, before anything is made.
+
+        Raises:
+            ConfigError: If packages are missing.
+        """
+        if self.metrics and not is_installed("prometheus_client"):
+            raise ConfigError(f"--metrics needs prometheus-client; run: {install_command('metrics')}")
+        modules = [_OTLP, _OTEL] if self.traces.startswith(("http://", "https://")) else [_OTEL]
+        if self.traces and not all(map(is_installed, modules)):
+            raise ConfigError(f"--traces needs OpenTelemetry; run: {install_command('otel')}")
 
     def of_member(self) -> list[str]:
         """Arguments of a process that this one starts: on the same host, metrics on a port of its own."""

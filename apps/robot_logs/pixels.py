@@ -156,4 +156,7 @@ def bgr_of(data: npt.ArrayLike, *, encoding: str, height_px: int, width_px: int,
     if conversion is None:
         return rows.reshape(height_px, width_px, channels)
     shape = (height_px, width_px) if channels == 1 else (height_px, width_px, channels)
-    return cv2.cvtColor(np.ascontiguousarray(rows).reshape(shape), conversion)
+    try:
+        return cv2.cvtColor(np.ascontiguousarray(rows).reshape(shape), conversion)
+    except cv2.error as error:
+        raise ValueError(f"an image of {height_px}x{width_px} px, a size that {encoding} cannot have") from error

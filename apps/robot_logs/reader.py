@@ -5,7 +5,7 @@ Times are those of the recording, one clock for all topics.
 
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,13 +15,22 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.robot_logs.pixels import bgr_of
-from readygo.common.errors import ConfigError, DatasetError
+from readygo.common.errors import ConfigError, DatasetError, ReadygoError
 from readygo.common.extras import install_command
+from readygo.common.files import open_regular
 
 IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 ODOMETRY_TYPE, INFO_TYPE = "nav_msgs/msg/Odometry", "sensor_msgs/msg/CameraInfo"
 JPEG_QUALITY = 95
 """Of raw images; compressed ones stay as they are."""
+NUMBER_MAX = 1e6
+"""Metres, radians, pixels and their rates: no robot means a larger one."""
+UNPACKED_BYTES_MAX = 256 * 2**20
+"""Of a compressed chunk or message; recorders write chunks of 1 to 16 MB."""
+DURATION_MAX_S = 48 * 3600
+_WINDOW_BYTES_MAX = 2**27
+_QUATERNION_MAX = 2.0
+_WORDS_MAX = 200
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,8 +68,12 @@ class LogCamera:
 class RobotLog:
     """A log that is open; `opened` opens one."""
 
-    def __init__(self, reader: Any, path: Path) -> None:
-        self._reader, self._path = reader, path
+    def __init__(self, reader: Any, types: Any, path: Path) -> None:
+        self._reader, self._types, self._path = reader, types, path
+        self._packed = reader.compression_mode == "message"
+        if self._packed:
+            # rosbags would unpack each message whatever it unfolds to.
+            reader.storage.metadata = reader.storage.metadata._replace(compression_mode=None)
 
     def odometry(self, topic: str) -> Odometry:
         """All poses; those whose time does not rise are left out.
@@ -73,12 +86,18 @@ class RobotLog:
         for time_ns, message in self._messages(topic, (ODOMETRY_TYPE,)):
             if not times or time_ns > times[-1]:
                 times.append(time_ns)
-                place, turn = message.pose.pose.position, message.pose.pose.orientation
-                yaw_rad = math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
-                poses.append((place.x, place.y, yaw_rad))
+                place = message.pose.pose.position
+                poses.append((place.x, place.y, yaw_of(message.pose.pose.orientation)))
         xyyaw = np.array(poses, dtype=np.float64).reshape(-1, 3)
-        if len(xyyaw) < 2 or not np.isfinite(xyyaw).all():
-            raise DatasetError(f"{topic} of {self._path} has {len(xyyaw)} poses, or some that are not finite.")
+        # NaN is not smaller.
+        if len(xyyaw) < 2 or not (np.abs(xyyaw) <= NUMBER_MAX).all():
+            raise DatasetError(
+                f"{topic} of {self._path} has {len(xyyaw)} poses, or some not finite or beyond {NUMBER_MAX:g} m."
+            )
+        if times[-1] - times[0] > DURATION_MAX_S * 10**9 or not 0 <= times[0] <= times[-1] < 2**63:
+            raise DatasetError(
+                f"{topic} of {self._path} lasts longer than {DURATION_MAX_S // 3600} hours; cut it, or mend its clock."
+            )
         xyyaw[:, 2] = np.unwrap(xyyaw[:, 2])
         return Odometry(time_ns=np.array(times, dtype=np.int64), xyyaw=xyyaw)
 
@@ -95,7 +114,8 @@ class RobotLog:
     def image_times_ns(self, topic: str) -> npt.NDArray[np.int64]:
         """When images were recorded, shape (N,); no image is read."""
         connections = self._connections(topic, IMAGE_TYPES)
-        return np.array([time_ns for _, time_ns, _ in self._reader.messages(connections)], dtype=np.int64)
+        with _damage_in_one_line(self._path):
+            return np.array([time_ns for _, time_ns, _ in self._reader.messages(connections)], dtype=np.int64)
 
     def images(self, topic: str, first_ns: int, last_ns: int) -> Iterator[tuple[int, bytes]]:
         """Times and encoded images within a time.
@@ -104,12 +124,17 @@ class RobotLog:
             DatasetError: If an image has an encoding that is not known.
         """
         connections = self._connections(topic, IMAGE_TYPES)
-        for connection, time_ns, raw in self._reader.messages(connections, start=first_ns, stop=last_ns + 1):
-            yield time_ns, _encoded(self._reader.deserialize(raw, connection.msgtype), topic)
+        for time_ns, message in self._read(connections, start=first_ns, stop=last_ns + 1):
+            yield time_ns, _encoded(message, topic)
 
     def _messages(self, topic: str, types: tuple[str, ...]) -> Iterator[tuple[int, Any]]:
-        for connection, time_ns, raw in self._reader.messages(self._connections(topic, types)):
-            yield time_ns, self._reader.deserialize(raw, connection.msgtype)
+        return self._read(self._connections(topic, types))
+
+    def _read(self, connections: list[Any], **times_ns: int) -> Iterator[tuple[int, Any]]:
+        with _damage_in_one_line(self._path):
+            for connection, time_ns, raw in self._reader.messages(connections, **times_ns):
+                data = unpack_zstd(raw, UNPACKED_BYTES_MAX) if self._packed else raw
+                yield time_ns, self._types.deserialize_cdr(data, connection.msgtype)
 
     def _connections(self, topic: str, types: tuple[str, ...]) -> list[Any]:
         there = {each.topic: each.msgtype for each in self._reader.connections}
@@ -134,17 +159,72 @@ def opened(path: Path) -> Iterator[RobotLog]:
         DatasetError: If this is no log, or it is damaged.
     """
     try:
-        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.rosbag2 import Reader, storage_mcap
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise ConfigError(f"Logs are read with rosbags: {install_command('robot-logs')}") from error
     if not path.exists():
         raise DatasetError(f"Log {path} does not exist.")
+    storage_mcap.DECOMPRESSORS.update(zstd=unpack_zstd, lz4=_unpack_lz4)
+    with ExitStack() as stack:
+        with _damage_in_one_line(path):
+            if not path.is_dir():
+                # A pipe would block.
+                open_regular(path).close()
+            reader = stack.enter_context(Reader(path))
+            log = RobotLog(reader, get_typestore(Stores.ROS2_HUMBLE), path)
+        yield log
+
+
+@contextmanager
+def _damage_in_one_line(path: Path) -> Iterator[None]:
     try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-            yield RobotLog(reader, path)
-    except AnyReaderError as error:
-        raise DatasetError(f"{path} cannot be read as a ROS 2 log: {error}") from error
+        yield
+    except ReadygoError:
+        raise
+    except Exception as error:  # rosbags and what it reads with raise what they trip over
+        words = " ".join(str(error).split())[:_WORDS_MAX] or type(error).__name__
+        raise DatasetError(f"{path} cannot be read as a ROS 2 log: {words}") from error
+
+
+def unpack_zstd(data: bytes, size: int) -> bytes:
+    """What some bytes unfold to.
+
+    Args:
+        data: Frames of zstd.
+        size: What they may unfold to [bytes].
+
+    Raises:
+        ValueError: If that is more, or more than `UNPACKED_BYTES_MAX`.
+        zstandard.ZstdError: If they are damaged.
+    """
+    import zstandard
+
+    _check_size(size)
+    unpacker = zstandard.ZstdDecompressor(max_window_size=_WINDOW_BYTES_MAX)
+    unpacked: bytes = unpacker.stream_reader(data, read_across_frames=True).read(size + 1)
+    if len(unpacked) > size:
+        raise ValueError(f"something compressed unfolds to more than {size} bytes")
+    return unpacked
+
+
+def _unpack_lz4(data: bytes, size: int) -> bytes:
+    from lz4.frame import LZ4FrameDecompressor
+
+    _check_size(size)
+    return bytes(LZ4FrameDecompressor().decompress(data, max_length=size))
+
+
+def _check_size(size: int) -> None:
+    if size > UNPACKED_BYTES_MAX:
+        raise ValueError(f"a chunk of {size} bytes is larger than the {UNPACKED_BYTES_MAX} that are unpacked")
+
+
+def yaw_of(turn: Any) -> float:
+    """Yaw of a quaternion as ROS has it [rad]; NaN of one that is far from unit length."""
+    if not all(abs(number) < _QUATERNION_MAX for number in (turn.w, turn.x, turn.y, turn.z)):
+        return math.nan
+    return math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
 
 
 def _encoded(message: Any, topic: str) -> bytes:

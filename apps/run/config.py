@@ -1,7 +1,6 @@
 """Every setting of a run, by section."""
 
 import dataclasses
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any, Literal
 from readygo.common.camera import CameraConfig
 from readygo.common.camera.recorded import with_whole_camera
 from readygo.common.config import section_from_mapping, section_to_mapping
+from readygo.common.documents import read_toml
 from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import ConfigError
 from readygo.common.messages import RunSpec
@@ -28,8 +28,8 @@ from readygo.services.renderer.sensor.recipes import SENSOR_RECIPES, SensorName
 
 _NOT_OF_RUNS = ("learn",)
 """Sections of a configuration file that are no run's: `readygo learn` reads its own."""
-RENDERED_BEFORE = {"human_light": False, "feet_on_floor": False, "contact_shadow": False}
-"""How people were drawn by runs that do not say it."""
+RENDERED_BEFORE = {"human_light": False, "feet_on_floor": False, "contact_shadow": False, "depth": "mean"}
+"""How people were drawn, and what depth was, in runs that do not say it."""
 _RETIRED = {"episode": ("human_height_m",)}
 """Settings of earlier versions, by section."""
 
@@ -123,8 +123,8 @@ def read_sections(path: Path) -> dict[str, Any]:
         ConfigError: If it cannot be read.
     """
     try:
-        return tomllib.loads(path.read_text())
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        return read_toml(path)
+    except (OSError, ValueError) as error:
         raise ConfigError(f"Configuration {path} cannot be read: {error}.") from error
 
 
@@ -236,7 +236,8 @@ def sections_of_today(sections: Mapping[str, Any]) -> dict[str, Any]:
     """A run's recorded sections as they would be recorded today.
 
     The camera is one section, settings that nothing reads any more are gone, people are drawn as they were before there
-    was light, and before feet stood on floors, and a driver that took all images of the only rate that there was does.
+    was light, and before feet stood on floors, depth is the mean, and a driver that took all images of the only rate
+    that there was does.
     """
     today = {
         name: {key: value for key, value in section.items() if key not in _RETIRED.get(name, ())}

@@ -1,8 +1,10 @@
 """A run's data folder."""
 
+import contextlib
 import dataclasses
 import fcntl
 import os
+import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,12 +15,16 @@ from readygo.apps.run.identity import identity
 from readygo.common.config import section_from_mapping
 from readygo.common.dataset.places import own_folders, shard_folders
 from readygo.common.dataset.writer import recorder_of_shard
-from readygo.common.errors import ConfigError, RunError
+from readygo.common.errors import ConfigError, MessageError, RunError
 from readygo.common.files import write_whole
 from readygo.common.locks import hold
 from readygo.common.messages import RunSpec, decode, encode
 
 STATE_FOLDER = ".readygo"
+TARGETS = "targets"
+"""Folder below a run's state in which every process says where its metrics are, as Prometheus' file_sd reads it."""
+PRIVATE, PASSABLE = 0o700, 0o711
+"""Modes of a run's state: the owner's alone, and one through which another user gets to what lies in it."""
 
 
 @dataclass(frozen=True)
@@ -80,9 +86,14 @@ class RunFolder:
         return self.place_of(recorder_of_shard(name)) / name
 
     @property
+    def begun(self) -> bool:
+        """True if a run was begun in it, and this user may look at the run's state."""
+        return os.access(self.state / "spec.msgpack", os.R_OK)
+
+    @property
     def has_data(self) -> bool:
         """False also for what a start leaves behind that failed: nothing of it binds the next one."""
-        noted = self.ledger.exists() or self.retired.exists()
+        noted = self.retired.exists() or _has_episodes(self.ledger)
         return noted or any(self.path.glob("shard-*.mcap*")) or bool(own_folders(self.path))
 
     def check(self, spec: RunSpec) -> None:
@@ -94,7 +105,7 @@ class RunFolder:
         spec_file = self.state / "spec.msgpack"
         if spec_file.exists():
             if self.has_data:
-                self._compare(decode(RunSpec, spec_file.read_bytes()), spec)
+                self._compare(self._spec(), spec)
         elif self.path.exists() and any(entry.name != STATE_FOLDER for entry in self.path.iterdir()):
             raise RunError(f"{self.path} holds files of something else; choose an empty or new folder with --out.")
 
@@ -106,7 +117,10 @@ class RunFolder:
             RunError: If another process holds it, or the folder cannot be written.
         """
         try:
-            self.logs.mkdir(parents=True, exist_ok=True)
+            self.path.mkdir(parents=True, exist_ok=True)
+            self.state.mkdir(mode=PRIVATE, exist_ok=True)
+            keep_private(self.state)
+            self.logs.mkdir(exist_ok=True)
             lock = (self.state / "lock").open("w")
         except OSError as error:
             raise RunError(f"{self.path} cannot be written: {error.strerror}.") from error
@@ -159,7 +173,7 @@ class RunFolder:
         """
         try:
             endpoint, token, *_ = [*(self.state / "endpoint").read_text().splitlines(), "", ""]
-        except OSError as error:
+        except (OSError, UnicodeDecodeError) as error:
             raise RunError(f"No fleet is at work on {self.path}.") from error
         return endpoint, token
 
@@ -174,11 +188,24 @@ class RunFolder:
 
     def load(self) -> tuple[RunSpec, int]:
         """The run's spec and the number of wanted episodes."""
+        spec, file = self._spec(), self.state / "wanted"
         try:
-            spec = decode(RunSpec, (self.state / "spec.msgpack").read_bytes())
-            return spec, int((self.state / "wanted").read_text())
-        except (OSError, ValueError) as error:
+            return spec, int(file.read_text())
+        except OSError as error:
             raise RunError(f"{self.path} is no data folder of a run: {error}.") from error
+        except ValueError as error:
+            raise RunError(f"{file} is damaged: write the number of wanted episodes into it ({error}).") from error
+
+    def _spec(self) -> RunSpec:
+        file = self.state / "spec.msgpack"
+        try:
+            return decode(RunSpec, file.read_bytes())
+        except OSError as error:
+            raise RunError(f"{self.path} is no data folder of a run: {error}.") from error
+        except MessageError as error:
+            raise RunError(
+                f"{file} is damaged: {error} Restore it from a copy to go on with the run; its shards can be read."
+            ) from error
 
     def _compare(self, old: RunSpec, new: RunSpec) -> None:
         theirs, ours = identity(_with_new_settings(old)), identity(_with_new_settings(new))
@@ -191,6 +218,26 @@ class RunFolder:
                 f"{self.path} holds data of another run: {', '.join(different)} differ. "
                 "Choose another --out, or the settings of that run to resume it."
             )
+
+
+def keep_private(state: Path) -> None:
+    """Take from others what they may do with a run's state; Prometheus, another user, gets through to the targets.
+
+    Who may write there and is not the owner leaves it as it is.
+    """
+    with contextlib.suppress(PermissionError):
+        state.chmod(PASSABLE if (state / TARGETS).exists() else PRIVATE)
+
+
+def _has_episodes(ledger: Path) -> bool:
+    """True if a ledger has episodes, or cannot be read."""
+    if not ledger.exists():
+        return False
+    try:
+        with contextlib.closing(sqlite3.connect(f"{ledger.resolve().as_uri()}?mode=ro", uri=True)) as database:
+            return database.execute("SELECT 1 FROM episode LIMIT 1").fetchone() is not None
+    except sqlite3.Error:
+        return True
 
 
 def _with_new_settings(spec: RunSpec) -> RunSpec:

@@ -21,7 +21,7 @@ from readygo.services.renderer import RendererConfig
 
 KEY = "data"
 """Of `PolicySpec.training`."""
-_RENDERED = ("detail", "contact_shadow", "feet_on_floor", "human_light", "human_look", "sub_frames")
+_RENDERED = ("detail", "contact_shadow", "feet_on_floor", "human_light", "human_look", "sub_frames", "depth")
 """Settings of the renderer that change what a robot sees; the sensor is the policy's own to say."""
 _HUMANS = ("episode", "human_planner")
 """Sections that a recipe of humans takes the place of."""

@@ -12,6 +12,7 @@ from readygo.apps.run.identity import numeric_class, run_name
 from readygo.common.config import section_differences
 from readygo.common.dataset.provenance import PolicyOrigin
 from readygo.common.errors import PolicyError
+from readygo.common.files import read_regular
 from readygo.common.messages import FileRef, PolicyFile, PolicyRef, RunSpec
 from readygo.common.messages.stages import DRIVE_LINE
 from readygo.common.policy import check_policy_camera, load_policy, load_spec
@@ -106,5 +107,5 @@ def policy_refs(folder: Path) -> tuple[FileRef, ...]:
 
 def file_ref(folder: Path, name: str) -> FileRef:
     """A file as workers fetch it."""
-    data = (folder / name).read_bytes()
+    data = read_regular(folder / name)
     return FileRef(path=name, sha256=hashlib.sha256(data).hexdigest(), size=len(data))

@@ -11,6 +11,12 @@ from readygo.common.messages import RunSpec
 from readygo.services.coordinator import Ledger
 
 
+def recorders_of(folder: RunFolder, spec: RunSpec) -> tuple[str, ...]:
+    """The run's recorders, without those that were given up; makes no ledger."""
+    retired = _retired(folder, spec)
+    return tuple(name for name in config_of(spec).coordinator.recorders if name not in retired)
+
+
 def prepare_folders(folder: RunFolder, spec: RunSpec) -> None:
     """Make the folders that the run's recorders have for themselves, and note where they are.
 

@@ -19,6 +19,7 @@ from readygo.common.dataset.committed import episode_indices, episode_keys
 from readygo.common.dataset.index import DATA_END_SIZE, ShardIndex, index_path, load_index, mapped, tail_offset
 from readygo.common.dataset.records import RECORD_HEADER
 from readygo.common.dataset.writer import PART_SUFFIX, is_shard_of, recorder_of_shard, shard_name
+from readygo.common.documents import read_json
 from readygo.common.errors import DatasetError, DiskError, RunError
 from readygo.common.files import write_whole
 from readygo.common.messages import EpisodeKey, RunSpec, Stage
@@ -205,7 +206,7 @@ def _by_name(folder: RunFolder, sound: Mapping[Path, ShardIndex]) -> dict[str, S
 
 def _read_note(note: Path) -> dict[str, list[int]]:
     try:
-        stamps = json.loads(note.read_text())
+        stamps = read_json(note)
     except (OSError, ValueError):
         return {}
     return stamps if isinstance(stamps, dict) else {}

@@ -9,6 +9,7 @@ from typing import Any
 
 from readygo.common.dataset.index import index_path, load_index, read_index
 from readygo.common.dataset.places import find_shards
+from readygo.common.documents import parse_json
 from readygo.common.errors import RunError
 from readygo.common.extras import install_command
 
@@ -120,7 +121,7 @@ def _write_list(system: Any, folder: str, listed: dict[str, Any]) -> None:
 def _listed(system: Any, place: str) -> dict[str, Any]:
     if not system.exists(place):
         return {}
-    listed = json.loads(system.cat_file(place))
+    listed = parse_json(system.cat_file(place))
     if not isinstance(listed, dict):
         raise ValueError(f"{place} is no list of shards")
     return listed

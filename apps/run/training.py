@@ -1,7 +1,6 @@
 """From settings to a trained policy."""
 
 import os
-import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from readygo.apps.run.methods import NETWORKS
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.dataset import Dataset
+from readygo.common.documents import read_toml
 from readygo.common.errors import ConfigError, PolicyError
 from readygo.common.extras import install_command
 from readygo.services.trainer import RECIPES, TrainConfig, with_overrides
@@ -31,19 +31,21 @@ def make_config(recipe: str, file: Path | None = None, **settings: Any) -> Train
         ConfigError: If the file cannot be read, or a setting makes no sense.
     """
     config = RECIPES[recipe]()
+    if file is not None:
+        try:
+            merged = _merged(section_to_mapping(config), read_toml(file))
+        except (OSError, ValueError) as error:
+            raise ConfigError(f"Settings {file} cannot be read: {error}.") from error
+        config = section_from_mapping(TrainConfig, {k: v for k, v in merged.items() if v is not None})
     try:
-        if file is not None:
-            merged = _merged(section_to_mapping(config), tomllib.loads(file.read_text()))
-            config = section_from_mapping(TrainConfig, {k: v for k, v in merged.items() if v is not None})
         return with_overrides(config, **settings)
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigError(f"Settings {file} cannot be read: {error}.") from error
     except ValueError as error:
         raise ConfigError(str(error)) from error
 
 
 def _merged(mapping: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    both = {k: _merged(mapping[k], v) for k, v in over.items() if isinstance(v, dict) and k in mapping}
+    nested = {k: v for k, v in over.items() if isinstance(v, dict) and isinstance(mapping.get(k), dict)}
+    both = {k: _merged(mapping[k], v) for k, v in nested.items()}
     return mapping | over | both
 
 

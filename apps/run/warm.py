@@ -3,39 +3,94 @@
 import fcntl
 import importlib.metadata
 import platform
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
 
 from readygo.apps.run.config import RunConfig
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
 from readygo.common.files import cache_folder
-from readygo.common.messages import AnimateRequest, EpisodeKey, HumanPlanRequest, RobotPlanRequest, Split
+from readygo.common.messages import (
+    AnimateRequest,
+    EpisodeKey,
+    HumanPlanRequest,
+    HumanTrajectory,
+    RobotPlanRequest,
+    Scenario,
+    Split,
+)
 from readygo.common.rasterizer.warm import warm as warm_rasterizer
-from readygo.services.animator import handle_animate
-from readygo.services.planner import handle_human_plan, handle_robot_plan
+from readygo.services.animator import Animator, handle_animate
+from readygo.services.planner import HumanPlanner, handle_human_plan, handle_robot_plan
 
 
 def warm_once() -> None:
     """Compile all kernels if this version has not done so on this machine; processes that come meanwhile wait."""
-    folder = cache_folder("warm")
-    numba, ours = importlib.metadata.version("numba"), importlib.metadata.version("readygo")
-    done = folder / f"readygo-{ours}-numba-{numba}-{platform.machine()}-{platform.node()}"
-    with (folder / "lock").open("w") as lock:
+    with (_marker().parent / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        if not done.exists():
+        if not _marker().exists():
             warm_all()
-            done.touch()
 
 
 def warm_all() -> None:
-    """Take one short episode of the embedded scene through all stages."""
-    warm_rasterizer()
-    world = World(make_spec(open_scene("embedded"), None, RunConfig(), seed=0, split=Split.TRAIN, static=False))
-    planner, animator = world.human_planner(), world.animator()
+    """Take one short episode of the embedded scene through all stages; kernels are compiled in two processes."""
+    with _beside(warm_walking):
+        warm_rasterizer()
+        world = _embedded_world()
+        planner, animator = world.human_planner(), world.animator()
+        handle_human_plan(planner, HumanPlanRequest(episode=_episode(0)))
+    _take_an_episode(world, planner, animator)
+    _marker().touch()
+
+
+def _marker() -> Path:
+    """The file that says that this version's kernels are compiled on this machine."""
+    numba, ours = importlib.metadata.version("numba"), importlib.metadata.version("readygo")
+    return cache_folder("warm") / f"readygo-{ours}-numba-{numba}-{platform.machine()}-{platform.node()}"
+
+
+def _take_an_episode(world: World, planner: HumanPlanner, animator: Animator) -> None:
     for index in range(100):
-        key = EpisodeKey(seed=0, split=Split.TRAIN, index=index)
-        scenario = handle_human_plan(planner, HumanPlanRequest(episode=key)).scenario
+        scenario = handle_human_plan(planner, HumanPlanRequest(episode=_episode(index))).scenario
         motions = handle_animate(animator, AnimateRequest(scenario=scenario)).motions if scenario else None
         if scenario and motions:
             handle_robot_plan(world.robot_planner, RobotPlanRequest(scenario=scenario, motions=motions))
             return
+
+
+def warm_walking() -> None:
+    """Let one person walk 3 m: the kernels of motions take about half of all compilation, and share little."""
+    animator = _embedded_world().animator()
+    animator.obstacles = None
+    frame, (rows, columns) = animator.floor.frame, animator.floor.height_m.shape
+    middle_m = np.array([frame.origin_x_m, frame.origin_y_m]) + 0.5 * frame.resolution_m * np.array([columns, rows])
+    xy_m = middle_m + np.linspace(0.0, 3.0, 60)[:, None] * np.array([1.0, 0.0])
+    walker = HumanTrajectory(avatar=min(animator.skeletons), encounter="crossing", speed_mps=1.0, xy_m=xy_m)
+    start = np.array([*middle_m, 0.0])
+    scenario = Scenario(episode=_episode(0), start_xyyaw=start, goal_xy_m=middle_m, humans=(walker,))
+    handle_animate(animator, AnimateRequest(scenario=scenario))
+
+
+def _embedded_world() -> World:
+    return World(make_spec(open_scene("embedded"), None, RunConfig(), seed=0, split=Split.TRAIN, static=False))
+
+
+def _episode(index: int) -> EpisodeKey:
+    return EpisodeKey(seed=0, split=Split.TRAIN, index=index)
+
+
+@contextmanager
+def _beside(work: Callable[[], None]) -> Iterator[None]:
+    """Do work in another process meanwhile; what it did not compile is compiled here later."""
+    process = get_context("spawn").Process(target=work, daemon=True)
+    process.start()
+    try:
+        yield
+        process.join()
+    finally:
+        process.kill()

@@ -199,10 +199,12 @@ def _are_whole(files: Iterable[FileRef], paths: Mapping[str, Path]) -> bool:
 
 def _fetched(bus: Bus, files: Iterable[FileRef], kind: str, name: str) -> Path:
     """A folder of this machine's cache that has the files, each of them checked by its hash."""
-    folder = cache_folder(kind) / name
+    cache = cache_folder(kind).resolve()
+    folder = (cache / name).resolve()
     for file in files:
-        path = folder / file.path
-        if folder.resolve() not in path.resolve().parents:
-            raise RunError(f"The run names a file outside of its bundle: {file.path!r}.")
+        path = (folder / file.path).resolve()
+        # Messages are checked already: this is the place that writes.
+        if folder.parent != cache or folder not in path.parents:
+            raise RunError(f"The run names a file outside of its bundle: {file.path!r} of {name!r}.")
         fetch_file(bus, file, path)
     return folder

@@ -131,7 +131,7 @@ def _reports(bus: Bus, spec: RunSpec, rng: random.Random) -> list[Lie]:
             "trouble of nobody",
             _sender(bus, topics.TROUBLE, TroubleRequest(recorder="nobody", reason="forged"), _not_ok),
         ),
-        ("blob outside", _sender(bus, topics.BLOB, BlobRequest(sha256="../ledger.sqlite"), lambda r: r.size < 0)),
+        ("blob outside", _sender(bus, topics.BLOB, {"sha256": "../ledger.sqlite", "offset": 0}, lambda r: r.size < 0)),
         (
             "blob before its beginning",
             _sender(bus, topics.BLOB, BlobRequest(sha256="0" * 64, offset=-1), lambda r: r.size < 0),

@@ -154,7 +154,7 @@ def synthetic_spec() -> RunSpec:
     return RunSpec(
         run="rates",
         scene_path="nowhere",
-        scene_hash="",
+        scene_hash="0" * 64,
         scene_files=(),
         avatars_path="",
         avatar_hashes={},

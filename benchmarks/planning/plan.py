@@ -11,9 +11,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from readygo.apps.terminal import PlainConsole
 from readygo.benchmarks.planning.maps import default_data_folder, find_map
 from readygo.benchmarks.planning.pool import draws, processes
 from readygo.benchmarks.planning.runs import Draw, Job
@@ -94,7 +94,7 @@ def measure(jobs: list[Job], episodes: int, *, process_count: int, quiet: bool) 
 @contextmanager
 def _progress(jobs: list[Job], episodes: int, *, quiet: bool) -> Iterator[Callable[[Job, bool], None]]:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    console = Console(stderr=True)
+    console = PlainConsole(stderr=True)
     with Progress(*columns, console=console, disable=quiet or not console.is_terminal, transient=True) as progress:
         bar = progress.add_task("episodes", total=episodes * len(jobs))
         yield lambda job, accepted: progress.update(bar, description=job.source.name, advance=int(accepted))

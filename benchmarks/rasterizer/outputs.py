@@ -22,6 +22,8 @@ from readygo.common.rasterizer.packed.scene import pack_cloud
 
 SETS = (
     ("rgb",),
+    ("rgb", "depth"),
+    ("rgb", "median_depth"),
     ("rgb", "depth", "mask"),
     ("rgb", "depth", "median_depth", "alpha", "mask"),
     ("rgb", "depth", "median_depth", "alpha", "mask", "normal"),

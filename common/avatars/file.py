@@ -1,9 +1,6 @@
 """Avatar files, format `readygo-avatar/1`: a NumPy archive that may hold half-precision or 8-bit arrays."""
 
-import contextlib
 import hashlib
-import zipfile
-import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import load_npz
 from readygo.common.avatars.avatar import SMPL_PARENTS, Avatar
 from readygo.common.errors import AvatarError
 from readygo.common.files import unfinished
@@ -19,6 +17,11 @@ from readygo.common.gaussians import GaussianCloud
 FORMAT = "readygo-avatar/1"
 EMBEDDED_FOLDER = Path(__file__).parent / "data"
 """The avatars that come with the product."""
+
+GAUSSIANS_MAX = 500_000
+"""An avatar has no more; those of photos have some 100,000."""
+_BYTES_MAX = GAUSSIANS_MAX * 600
+"""Of all arrays [bytes]: a Gaussian has 67 numbers of at most 8 bytes."""
 
 _ARRAY_SHAPES: dict[str, tuple[int | str, ...]] = {
     "means": ("N", 3),
@@ -35,9 +38,11 @@ _ARRAY_SHAPES: dict[str, tuple[int | str, ...]] = {
 }
 _INTEGER_ARRAYS = ("lbs_index", "parents")
 _TEXTS = ("format", "name", "license")
+_TEXT_MAX = 2000
 # Half precision keeps a mean within 0.5 mm (a human is below 2 m); 8 bits would move it by 4 mm.
 _HALF_PRECISION = ("means",)
 _EIGHT_BIT = ("quats_wxyz", "scales", "opacities", "sh", "lbs_weight")
+_KEYS = (*_TEXTS, "height_m", *(f"{key}{end}" for key in _ARRAY_SHAPES for end in ("", "_min", "_max")))
 
 Float32Array = npt.NDArray[np.float32]
 Float64Array = npt.NDArray[np.float64]
@@ -54,14 +59,13 @@ def load_avatar(path: str | Path) -> Avatar:
         AvatarError: If the file cannot be read, or a key is missing, misshapen or holds a value that no avatar has.
     """
     path = Path(path)
-    entries = _read_archive(path)
+    entries = load_npz(path, _KEYS, bytes_max=_BYTES_MAX, raises=AvatarError)
     missing = sorted((set(_ARRAY_SHAPES) | set(_TEXTS) | {"height_m"}) - set(entries))
     if missing:
         raise AvatarError(f"Avatar file {path} lacks {', '.join(missing)}; bake or import it again.")
-    if _text(entries, "format") != FORMAT:
-        raise AvatarError(f"Avatar file {path} has format {_text(entries, 'format')!r}, expected {FORMAT!r}.")
+    _check_texts(path, entries)
+    _check_shapes(path, entries)
     arrays = {key: _values(path, entries, key) for key in _ARRAY_SHAPES}
-    _check_shapes(path, arrays)
     _check_values(path, arrays)
     return _avatar(path, entries, arrays)
 
@@ -74,9 +78,14 @@ def save_avatar(avatar: Avatar, path: str | Path, *, quantise: bool = True) -> N
         path: Where to write; appears only once it is complete.
         quantise: Store means as float16 and everything else that is per Gaussian in 8 bits (about a third of the
             size; colours move by at most 1/510 of their range, means by at most 0.5 mm). Otherwise float32.
+
+    Raises:
+        AvatarError: If the file cannot be written, or could not be read back: it has too many Gaussians.
     """
     path = Path(path)
     cloud = avatar.cloud
+    if len(cloud) > GAUSSIANS_MAX:
+        raise AvatarError(f"Avatar {avatar.name!r} has {len(cloud)} Gaussians; give at most {GAUSSIANS_MAX}.")
     floats = {
         "means": cloud.means_m,
         "quats_wxyz": cloud.quats_wxyz,
@@ -162,26 +171,17 @@ def avatar_hash(avatar: Avatar) -> str:
     return digest.hexdigest()
 
 
-def _read_archive(path: Path) -> dict[str, npt.NDArray[Any]]:
-    try:
-        with contextlib.ExitStack() as stack:
-            archive = np.load(stack.enter_context(path.open("rb")), allow_pickle=False)
-            if not isinstance(archive, np.lib.npyio.NpzFile):
-                raise AvatarError(f"Avatar file {path} is not a NumPy archive (.npz).")
-            stack.enter_context(archive)
-            return {key: archive[key] for key in archive.files}
-    except (ValueError, EOFError, KeyError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
-        raise AvatarError(f"Avatar file {path} is not a readable NumPy archive (.npz): {_line(error)}") from error
-    except OSError as error:
-        raise AvatarError(f"Avatar file {path} cannot be read: {error.strerror or _line(error)}.") from error
-
-
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split())
-
-
 def _text(entries: Mapping[str, npt.NDArray[Any]], key: str) -> str:
     return str(entries[key])
+
+
+def _check_texts(path: Path, entries: Mapping[str, npt.NDArray[Any]]) -> None:
+    for key in _TEXTS:
+        text = entries[key]
+        if text.shape != () or text.dtype.kind != "U" or len(str(text)) > _TEXT_MAX:
+            raise AvatarError(f"Avatar file {path}: {key} must be one text of at most {_TEXT_MAX} characters.")
+    if _text(entries, "format") != FORMAT:
+        raise AvatarError(f"Avatar file {path} has format {_text(entries, 'format')[:40]!r}, expected {FORMAT!r}.")
 
 
 def _values(path: Path, entries: Mapping[str, npt.NDArray[Any]], key: str) -> npt.NDArray[Any]:
@@ -197,13 +197,21 @@ def _values(path: Path, entries: Mapping[str, npt.NDArray[Any]], key: str) -> np
             f"Avatar file {path}: {key} must be floating point, or uint8 with {key}_min and {key}_max, "
             f"got {array.dtype}."
         )
-    low, high = (entries[f"{key}_{end}"].astype(np.float64) for end in ("min", "max"))
-    try:
-        return np.asarray(low + array / 255.0 * (high - low))
-    except ValueError as error:
+    low, high = (entries[f"{key}_{end}"] for end in ("min", "max"))
+    if not all(ends.dtype.kind in "fiu" and _fits(ends.shape, array.shape) for ends in (low, high)):
         raise AvatarError(
             f"Avatar file {path}: {key}_min {low.shape} and {key}_max {high.shape} do not fit {key} {array.shape}."
-        ) from error
+        )
+    low, high = low.astype(np.float64), high.astype(np.float64)
+    return np.asarray(low + array / 255.0 * (high - low))
+
+
+def _fits(ends: tuple[int, ...], shape: tuple[int, ...]) -> bool:
+    """True if an array of shape `ends` can be repeated to `shape`."""
+    try:
+        return np.broadcast_shapes(ends, shape) == shape
+    except ValueError:
+        return False
 
 
 def _check_shapes(path: Path, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
@@ -215,6 +223,8 @@ def _check_shapes(path: Path, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
             raise AvatarError(f"Avatar file {path}: {key} must have shape {shape}, got {arrays[key].shape}.")
     if count == 0:
         raise AvatarError(f"Avatar file {path} holds no Gaussian.")
+    if count > GAUSSIANS_MAX:
+        raise AvatarError(f"Avatar file {path} holds {count} Gaussians; an avatar has at most {GAUSSIANS_MAX}.")
     if degrees not in (1, 4, 9, 16):
         raise AvatarError(f"Avatar file {path}: sh must have 1, 4, 9 or 16 coefficients, got {degrees}.")
 

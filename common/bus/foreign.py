@@ -7,6 +7,7 @@ from typing import Any
 
 import zenoh
 
+from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.bus.zenoh_bus import _config, _first_words
 from readygo.common.errors import BusError
 from readygo.common.left_open import note_open
@@ -25,8 +26,10 @@ class ForeignSession:
             connect: Where a Zenoh router listens, such as "tcp/127.0.0.1:7447".
 
         Raises:
+            ConfigError: If `connect` is no endpoint.
             BusError: If no router answers there.
         """
+        check_endpoint(connect)
         try:
             self._session = zenoh.open(_config("client", "", None, connect=connect))
         except zenoh.ZError as error:

@@ -20,6 +20,7 @@ from typing import Any, TypeVar
 
 import zenoh
 
+from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.bus.envelope import opened, seal
 from readygo.common.bus.identity import ANYBODY, Identity, Member
 from readygo.common.bus.inbox import Inbox, Mailbox
@@ -27,6 +28,7 @@ from readygo.common.bus.rights import refusal
 from readygo.common.bus.teller import Teller
 from readygo.common.errors import BusError, CertificateError, MessageError, PeerError, ReadygoError, reason
 from readygo.common.left_open import note_open
+from readygo.common.messages.checks import NAME_MAX
 from readygo.common.messages.codec import MESSAGE_BYTES_MAX, decode, encode
 from readygo.common.messages.topics import Live, Stream, Topic, presence
 
@@ -45,6 +47,8 @@ _GONE_S = 2 * _LEASE_MS / 1000
 """After so long the token of a process whose host is gone is gone as well [s]."""
 
 
+_NOT_IN_NAMES = "/*$?#"
+"""They divide Zenoh's keys, or stand for parts of them."""
 _USER = "run"
 _LOGGED = "zenoh_link_tls=warn"
 """What Zenoh says on standard output of a router: whose certificates were refused, and why."""
@@ -123,15 +127,17 @@ class Router:
             access: Who may do what then, see `access_control`.
 
         Raises:
-            BusError: If the endpoint cannot be opened, for example because the port is in use.
+            ConfigError: If the endpoint is none.
+            BusError: If it cannot be opened, for example because the port is in use.
         """
+        check_endpoint(endpoint)
         self.endpoint = endpoint
-        config = _config("router", token, identity, listen=endpoint)
         if identity:
             zenoh.init_log_from_env_or(_LOGGED)
-        if access:
-            config.insert_json5("access_control", json.dumps(access))
         try:
+            config = _config("router", token, identity, listen=endpoint)
+            if access:
+                config.insert_json5("access_control", json.dumps(access))
             # The router reads the file when it opens; nobody else may.
             with tempfile.NamedTemporaryFile("w", suffix=".txt") as users:
                 if token:
@@ -161,8 +167,10 @@ class ZenohBus:
             identity: The certificate that is shown to a router that is reached by TLS.
 
         Raises:
+            ConfigError: If `connect` is no endpoint.
             BusError: If no router answers there, or it wants another token or certificate.
         """
+        check_endpoint(connect)
         self._prefix = f"readygo/{run}/"
         self._certified = identity is not None
         self._asker = identity.name if identity else ANYBODY
@@ -257,6 +265,11 @@ class ZenohBus:
 
     def announce(self, role: str, name: str, *, turn: int = 0, replaced: Callable[[], object] | None = None) -> str:
         """Say that a worker is alive; see `Bus.announce`. One that has just died may still seem to be there."""
+        if not _is_name(role) or not _is_name(name):
+            raise BusError(
+                f"A {role!a} cannot be called {name!a}: a name has 1..{NAME_MAX} printable characters, none of "
+                f"{' '.join(_NOT_IN_NAMES)}; choose another --name."
+            )
         session = uuid.uuid4().hex
         key = self._prefix + presence(role, name)
         self._claim(key, session, f"Another {role} of the run is called {name!r}: choose another --name.")
@@ -303,6 +316,9 @@ class ZenohBus:
 
         def on_sample(sample: zenoh.Sample) -> None:
             member = Member(*str(sample.key_expr).rsplit("/", 3)[1:])
+            if not (_is_name(member.role) and _is_name(member.name)):
+                # `announce` lets no process be called so.
+                return
             alive = sample.kind == zenoh.SampleKind.PUT
             self._inbox.put(lambda: changed(member, alive))
 
@@ -315,6 +331,11 @@ class ZenohBus:
             self._declared.pop().undeclare()
         self._inbox.close()
         self._session.close()  # type: ignore[no-untyped-call]
+
+
+def _is_name(name: str) -> bool:
+    """True for what a role or a process may be called: it is part of a key, and it is shown."""
+    return 0 < len(name) <= NAME_MAX and name.isprintable() and not set(name) & set(_NOT_IN_NAMES)
 
 
 def _decoded(topic: Topic[Request, Reply], payload: bytes) -> Reply:

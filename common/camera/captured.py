@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.documents import read_json
 from readygo.common.errors import SceneError
 
 FILE_BYTES_MAX = 1 << 26
@@ -74,10 +75,8 @@ def load_views(path: str | Path) -> CapturedViews:
     """
     path = Path(path)
     try:
-        if path.stat().st_size > FILE_BYTES_MAX:
-            raise SceneError(f"{path} is larger than {FILE_BYTES_MAX >> 20} MiB: these are not a scene's cameras.")
-        rows = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError) as error:
+        rows = read_json(path, bytes_max=FILE_BYTES_MAX)
+    except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise SceneError(f"{path} cannot be read: {reason}; without it, the scene has no cameras.") from error
     if not isinstance(rows, list):

@@ -7,15 +7,26 @@ from typing import Any
 from readygo.common.config import section_differences
 from readygo.common.dataset.index import ShardIndex
 from readygo.common.errors import DatasetError
+from readygo.common.images.names import DEPTH, kind_of
 
 
 def check_alike(shards: Sequence[Path], indexes: Sequence[ShardIndex]) -> None:
-    """Raise DatasetError if image sizes, robots (with their cameras) or what varies of the cameras differ."""
+    """Raise DatasetError if image sizes, robots (with their cameras), what varies of them, or kinds of depth differ."""
 
     def sizes(index: ShardIndex) -> list[tuple[int, int]]:
         return sorted({(int(row["height_px"]), int(row["width_px"])) for row in index.episodes})
 
     first_size, first = sizes(indexes[0])[0], indexes[0].provenance
+    deep = [
+        (shard, index.provenance.depth)
+        for shard, index in zip(shards, indexes, strict=True)
+        if any(kind_of(name) == DEPTH for name in index.outputs)
+    ]
+    for shard, depth in deep:
+        if depth != deep[0][1]:
+            raise DatasetError(
+                f"Depths differ: {deep[0][1]} in {deep[0][0]}, {depth} in {shard}; use them as separate datasets."
+            )
     for shard, index in zip(shards, indexes, strict=True):
         for size in sizes(index):
             if size != first_size:

@@ -29,6 +29,7 @@ from readygo.common.dataset.records import (
 )
 from readygo.common.dataset.writer import PART_SUFFIX
 from readygo.common.errors import DatasetError
+from readygo.common.files import open_regular
 from readygo.common.messages.episode import EpisodeKey
 from readygo.common.messages.learning import CommittedEpisode
 from readygo.common.messages.samples import EpisodeHeader, HumanLabels, Sample, sample_crc32
@@ -80,7 +81,7 @@ def _shards(folders: Iterable[Path]) -> list[Path]:
 def episode_keys(shard: Path) -> list[EpisodeKey]:
     """The episodes of a shard, finished or open, as far as it can be read; little is read."""
     keys: list[EpisodeKey] = []
-    with suppress(OSError, DatasetError), shard.open("rb") as file:
+    with suppress(OSError, DatasetError), open_regular(shard) as file:
         keys.extend(key for key, *_ in _places(file))
     return keys
 
@@ -95,7 +96,7 @@ def episode_indices(shard: Path, begin: int = 0) -> Iterator[tuple[int, int]]:
     Yields:
         The index of an episode, and the byte where its chunk ends.
     """
-    with suppress(OSError, DatasetError), shard.open("rb") as file:
+    with suppress(OSError, DatasetError), open_regular(shard) as file:
         for key, _, body, length in _places(file, begin):
             yield key.index, body + length
 
@@ -103,13 +104,15 @@ def episode_indices(shard: Path, begin: int = 0) -> Iterator[tuple[int, int]]:
 def _chunks(path: Path, wanted: Callable[[EpisodeKey], bool]) -> Iterator[EpisodeChunk]:
     is_open = path.suffix == PART_SUFFIX
     try:
-        file = path.open("rb")
+        file = open_regular(path)
     except FileNotFoundError:
         # It was finished, or saved under another name, since the folder was listed.
         path = path.with_suffix("") if is_open else path
         if not path.exists():
             return
-        file, is_open = path.open("rb"), False
+        file, is_open = open_regular(path), False
+    except OSError as error:
+        raise DatasetError(f"Shard {path} cannot be read: {error.strerror or error}.") from error
     with file:
         try:
             yield from _whole_chunks(file, wanted)

@@ -11,7 +11,7 @@ import io
 import json
 import mmap
 import os
-import zipfile
+import struct
 from collections.abc import Iterator, Sequence, Sized
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -25,11 +25,13 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Metadata
 
+from readygo.common.arrays import load_npz
 from readygo.common.dataset.chunk import OUTPUT_DTYPE, SAMPLE_DTYPE, EpisodeChunk, read_chunk
 from readygo.common.dataset.provenance import RECORD_NAME, Provenance, provenance_from_strings
 from readygo.common.dataset.records import MAGIC, RECORD_HEADER, Record, chunk_span, is_intact, iter_records
 from readygo.common.dataset.schemas import Ending
-from readygo.common.errors import DatasetError
+from readygo.common.errors import DatasetError, ReadygoError
+from readygo.common.files import open_regular
 from readygo.common.messages.episode import EpisodeKey, Split
 from readygo.common.messages.plan import Driver, Outcome
 from readygo.common.messages.samples import FurtherCamera
@@ -67,6 +69,7 @@ CAMERA_DTYPE = np.dtype(
 """A camera besides the first one, in one episode."""
 ENDING_DTYPE = np.dtype([("outcome", "S24"), ("driver", "S16"), ("policy", "S64")])
 """An `Ending`."""
+_RECORDS = (EPISODE_DTYPE, SAMPLE_DTYPE, CAMERA_DTYPE, ENDING_DTYPE, OUTPUT_DTYPE)
 FOOTER_SIZE = RECORD_HEADER.size + 8 + 8 + 4 + len(MAGIC)
 DATA_END_SIZE = RECORD_HEADER.size + 4
 _OUTPUT_PREFIX = "output_"
@@ -250,7 +253,7 @@ def read_provenance(view: memoryview, record: Record) -> Provenance | None:
     """
     try:
         metadata = Metadata.read(ReadDataStream(io.BytesIO(view[record.body : record.end])))
-    except (UnicodeDecodeError, EOFError, McapError) as error:
+    except (UnicodeDecodeError, EOFError, McapError, struct.error) as error:
         raise DatasetError(f"the metadata at byte {record.offset} cannot be read") from error
     return provenance_from_strings(metadata.metadata) if metadata.name == RECORD_NAME else None
 
@@ -292,13 +295,15 @@ def write_index(index: ShardIndex, path: Path, *, fsync: bool = False) -> None:
 def read_index(path: Path) -> ShardIndex | None:
     """An index file; None if it is missing, damaged or of another format."""
     try:
-        with np.load(path, allow_pickle=False) as arrays:
-            header = json.loads(arrays["header"].tobytes())
-            episodes, samples = arrays["episodes"], arrays["samples"]
-            names = [name for name in arrays.files if name.startswith(_OUTPUT_PREFIX)]
-            outputs = {name.removeprefix(_OUTPUT_PREFIX): arrays[name] for name in names}
-            endings = arrays[_ENDINGS] if _ENDINGS in arrays.files else _usual_endings(len(episodes))
-            cameras = arrays[_CAMERAS] if _CAMERAS in arrays.files else _no_cameras(episodes)
+        # Nothing in it is compressed.
+        arrays = load_npz(path, None, bytes_max=path.stat().st_size, raises=DatasetError, records=_RECORDS)
+        header = json.loads(arrays["header"].tobytes())
+        episodes, samples = arrays["episodes"], arrays["samples"]
+        outputs = {
+            name.removeprefix(_OUTPUT_PREFIX): rows for name, rows in arrays.items() if name.startswith(_OUTPUT_PREFIX)
+        }
+        endings = arrays[_ENDINGS] if _ENDINGS in arrays else _usual_endings(len(episodes))
+        cameras = arrays[_CAMERAS] if _CAMERAS in arrays else _no_cameras(episodes)
         if header["format"] != INDEX_FORMAT or (episodes.dtype, samples.dtype) != (EPISODE_DTYPE, SAMPLE_DTYPE):
             return None
         if (endings.dtype, endings.shape) != (ENDING_DTYPE, episodes.shape):
@@ -307,7 +312,7 @@ def read_index(path: Path) -> ShardIndex | None:
             return None
         if any((rows.dtype, rows.shape) != (OUTPUT_DTYPE, samples.shape) for rows in outputs.values()):
             return None
-        return ShardIndex(
+        index = ShardIndex(
             provenance=Provenance.from_mapping(header["metadata"]),
             episodes=episodes,
             samples=samples,
@@ -318,8 +323,40 @@ def read_index(path: Path) -> ShardIndex | None:
             drawn=tuple(header.get("drawn", ())),
             outputs=outputs,
         )
-    except (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, DatasetError, zipfile.BadZipFile):
+        return index if _is_sound(index) else None
+    except (OSError, ReadygoError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
+
+
+def _is_sound(index: ShardIndex) -> bool:
+    """True if each row names samples and bytes that the shard can have, and words that mean something."""
+    episodes, endings, size_bytes = index.episodes, index.endings, index.size_bytes
+    counts = episodes["sample_count"].astype(np.int64)
+    words = {
+        "split": (episodes, {split.value for split in Split}),
+        "outcome": (endings, {outcome.value for outcome in Outcome}),
+        "driver": (endings, {driver.value for driver in Driver}),
+    }
+    texts = [
+        rows[name]
+        for rows in (episodes, endings, index.cameras)
+        for name in rows.dtype.names or ()
+        if rows.dtype[name].kind == "S"
+    ]
+    places = [(index.samples["image_offset"], index.samples["image_length"])]
+    places += [(rows["offset"], rows["length"]) for rows in index.outputs.values()]
+    return (
+        type(size_bytes) is int
+        and isinstance(index.tail_sha256, str)
+        and len(index.drawn) in (0, len(episodes))
+        and all(isinstance(drawn, dict) for drawn in index.drawn)
+        and episodes.ndim == index.samples.ndim == 1
+        and bool((episodes["first_sample"] == np.cumsum(counts) - counts).all())
+        and int(counts.sum()) == len(index.samples)
+        and all(b"".join(text.reshape(-1).tolist()).isascii() for text in texts)
+        and all({text.decode() for text in rows[name].tolist()} <= known for name, (rows, known) in words.items())
+        and all(bool((begin <= size_bytes).all() and (length <= size_bytes - begin).all()) for begin, length in places)
+    )
 
 
 def _camera_row(camera: FurtherCamera) -> tuple[Any, ...]:
@@ -351,10 +388,11 @@ def mapped(path: Path) -> Iterator[memoryview]:
         DatasetError: If the file is empty or cannot be read.
     """
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             mapping = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     except (OSError, ValueError) as error:
-        raise DatasetError(f"Shard {path} cannot be read: {error}.") from error
+        reason = getattr(error, "strerror", None) or error
+        raise DatasetError(f"Shard {path} cannot be read: {reason}.") from error
     view = memoryview(mapping)
     try:
         yield view

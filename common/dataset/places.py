@@ -4,6 +4,7 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
+from readygo.common.documents import read_json
 from readygo.common.errors import DatasetError, ReadygoError
 from readygo.common.files import write_whole
 
@@ -40,7 +41,7 @@ def own_folders(folder: Path) -> dict[str, Path]:
     if not note.exists():
         return {}
     try:
-        return {str(name): Path(place) for name, place in json.loads(note.read_text()).items()}
+        return {str(name): Path(place) for name, place in read_json(note).items()}
     except (OSError, ValueError, AttributeError, TypeError) as error:
         raise DatasetError(f"{note}, which says where recorders have their shards, cannot be read: {error}.") from error
 

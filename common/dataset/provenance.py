@@ -12,7 +12,8 @@ from typing import Any, TypeVar
 from readygo.common.camera import SensorConfig
 from readygo.common.camera.recorded import with_whole_camera
 from readygo.common.config import section_from_mapping, section_to_mapping
-from readygo.common.errors import DatasetError
+from readygo.common.documents import parse_json
+from readygo.common.errors import ConfigError, DatasetError
 from readygo.common.messages.coordination import RunSpec
 from readygo.common.robot.config import RobotConfig
 
@@ -113,7 +114,7 @@ class Provenance:
         Raises:
             ConfigError: If its settings are not those of a robot.
         """
-        mapping = with_whole_camera(self.config or {}).get("robot")
+        mapping = self._sections.get("robot")
         return None if mapping is None else section_from_mapping(RobotConfig, mapping)
 
     @property
@@ -123,8 +124,23 @@ class Provenance:
         Raises:
             ConfigError: If its settings are not those of a sensor.
         """
-        renderer = with_whole_camera(self.config or {}).get("renderer", {})
+        renderer = self._sections.get("renderer", {})
         return section_from_mapping(SensorConfig, renderer.get("sensor", {}))
+
+    @property
+    def _sections(self) -> dict[str, Any]:
+        try:
+            sections = with_whole_camera(self.config or {})
+            if not isinstance(sections.get("renderer", {}), Mapping):
+                raise TypeError("renderer")
+            return sections
+        except (AttributeError, LookupError, TypeError) as error:
+            raise ConfigError(f"The recorded settings are none ({error!r}).") from error
+
+    @property
+    def depth(self) -> str:
+        """What images of depth hold: "median", or "mean" as in runs that do not say it; see `RendererConfig.depth`."""
+        return str(self._sections.get("renderer", {}).get("depth", "mean"))
 
 
 def _part(cls: type[Part], mapping: Mapping[str, Any]) -> Part:
@@ -157,7 +173,7 @@ def provenance_from_strings(strings: Mapping[str, str]) -> Provenance:
         DatasetError: If it is of another format.
     """
     try:
-        mapping = {key: json.loads(value) for key, value in strings.items()}
+        mapping = {key: parse_json(value) for key, value in strings.items()}
     except ValueError as error:
         raise DatasetError(f"the metadata cannot be read: {error}") from error
     if mapping.get("format") != FORMAT:

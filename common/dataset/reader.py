@@ -64,6 +64,8 @@ class Dataset:
         self.episodes: tuple[EpisodeEntry, ...] = entries_of(self.shards, indexes, self._order)
         """Every episode, in the order of the samples."""
         self._files = ShardFiles(self.shards)
+        self._sound = bytearray(len(self.episodes))
+        """True for episodes whose bytes were checked."""
         self._table = SampleTable.of(indexes, self._order)
         channels = self._table.payloads
         self.outputs: tuple[str, ...] = (RGB, *filter(is_image, channels))
@@ -210,9 +212,12 @@ class Dataset:
 
         Args:
             index: Number of the sample.
+
+        Raises:
+            DatasetError: If the bytes of its episode are damaged; they are checked once, when the first is read.
         """
         row = self._table.rows[index]
-        return self._files.read(int(self._table.shard[index]), int(row["image_offset"]), int(row["image_length"]))
+        return self._read(index, int(row["image_offset"]), int(row["image_length"]))
 
     def decode(self, index: int) -> npt.NDArray[np.uint8]:
         """The image of a sample, sRGB, shape (H, W, 3).
@@ -394,7 +399,20 @@ class Dataset:
     def _payload(self, index: int, name: str) -> bytes:
         """What a sample has on an optional channel: an encoded image, or a message."""
         row = self._table.payloads[name][index]
-        return self._files.read(int(self._table.shard[index]), int(row["offset"]), int(row["length"]))
+        return self._read(index, int(row["offset"]), int(row["length"]))
+
+    def _read(self, index: int, offset: int, length: int) -> bytes:
+        """Bytes of a sample; those of its whole episode are checked when the first of them are read."""
+        number = int(self.episode_of_sample[index])
+        if not self._sound[number]:
+            if not self._files.is_sound(*self._order[number]):
+                episode = self.episodes[number]
+                raise DatasetError(
+                    f"Episode {episode.episode.episode_id} in {episode.shard} is damaged: its bytes do not match their "
+                    f"CRC-32; see `readygo validate {episode.shard.parent}`."
+                )
+            self._sound[number] = True
+        return self._files.read(int(self._table.shard[index]), offset, length)
 
     def _shard_of(self, index: int) -> Path:
         return self.shards[int(self._table.shard[index])]

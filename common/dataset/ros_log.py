@@ -1,6 +1,7 @@
 """MCAP files of ROS 2 messages, as `ros2 bag` and Foxglove read them, with a record of what they are about."""
 
 import json
+import os
 import struct
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,10 +9,12 @@ from types import TracebackType
 from typing import Any, BinaryIO
 
 from mcap.exceptions import McapError
-from mcap.reader import make_reader
+from mcap.reader import SeekingReader
 from mcap.writer import CompressionType, Writer
 
+from readygo.common.documents import parse_json
 from readygo.common.errors import DatasetError
+from readygo.common.files import open_regular
 
 PART_SUFFIX = ".part"
 
@@ -94,10 +97,14 @@ def read_record(path: Path, name: str) -> dict[str, Any]:
         DatasetError: If this is no log, it was cut off, or it has no such record.
     """
     try:
-        with path.open("rb") as file:
-            for record in make_reader(file).iter_metadata():
+        with open_regular(path) as file:
+            # No record is longer than the file, whatever it claims.
+            reader = SeekingReader(file, record_size_limit=os.fstat(file.fileno()).st_size)
+            if reader.get_summary() is None:
+                raise McapError("it was cut off")
+            for record in reader.iter_metadata():
                 if record.name == name:
-                    return {key: json.loads(value) for key, value in record.metadata.items()}
-    except (OSError, McapError, ValueError, struct.error) as error:
+                    return {key: parse_json(value) for key, value in record.metadata.items()}
+    except (OSError, McapError, ValueError, LookupError, OverflowError, MemoryError, struct.error) as error:
         raise DatasetError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}.") from error
     raise DatasetError(f"{path} has no record {name!r}: no `readygo drive --log` wrote it.")

@@ -1,10 +1,17 @@
-"""Bytes of shards at offsets, with a bound on how many files are open for it."""
+"""Bytes of shards at offsets, and whether they are sound, with a bound on how many files are open for it."""
 
 import mmap
 from collections import OrderedDict
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
+
+from mcap.opcode import Opcode
+
+from readygo.common.dataset.records import ChunkSpan, chunk_span, is_intact, iter_records
+from readygo.common.errors import DatasetError
+from readygo.common.files import open_regular
 
 OPEN_MAX = 128
 """Shards that are mapped at the same time; each holds a file descriptor."""
@@ -21,6 +28,8 @@ class ShardFiles:
         """
         self._shards = tuple(shards)
         self._maps: OrderedDict[int, mmap.mmap] = OrderedDict()
+        self._spans: dict[int, list[ChunkSpan]] = {}
+        """The chunks of each shard of which one was checked."""
 
     def __getstate__(self) -> dict[str, Any]:
         # Memory maps cannot be pickled; a data loader's worker opens its own.
@@ -41,6 +50,19 @@ class ShardFiles:
         """
         return self._map(shard)[offset : offset + length]
 
+    def is_sound(self, shard: int, row: int) -> bool:
+        """True if the bytes of an episode match their CRC-32: all of them are read.
+
+        Args:
+            shard: Number of the file.
+            row: Which of its episodes.
+        """
+        with memoryview(self._map(shard)) as view:
+            if shard not in self._spans:
+                self._spans[shard] = _chunk_spans(view)
+            spans = self._spans[shard]
+            return row < len(spans) and is_intact(view, spans[row])
+
     def close(self) -> None:
         """Close all files; what is read later opens them again."""
         while self._maps:
@@ -52,6 +74,16 @@ class ShardFiles:
             return self._maps[shard]
         while len(self._maps) >= OPEN_MAX:
             self._maps.popitem(last=False)[1].close()
-        with self._shards[shard].open("rb") as file:
+        with open_regular(self._shards[shard]) as file:
             self._maps[shard] = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         return self._maps[shard]
+
+
+def _chunk_spans(view: memoryview) -> list[ChunkSpan]:
+    """The chunks of a shard, as far as its records can be followed."""
+    spans: list[ChunkSpan] = []
+    with suppress(DatasetError):
+        for record in iter_records(view):
+            if record.opcode == Opcode.CHUNK:
+                spans.append(chunk_span(view, record))
+    return spans

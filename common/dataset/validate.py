@@ -26,6 +26,7 @@ from readygo.common.dataset.places import find_shards, shard_folders
 from readygo.common.dataset.records import RECORD_HEADER, ChunkSpan, chunk_span, is_intact, iter_records
 from readygo.common.dataset.schemas import output_of
 from readygo.common.errors import ReadygoError
+from readygo.common.files import open_regular
 from readygo.common.messages.episode import EpisodeKey
 
 _CHANNEL = struct.Struct("<HHI")
@@ -40,7 +41,7 @@ class Defect:
     """Name of the file."""
     kind: str
     """"file", "crc", "summary", "index", "sequence", "time", "sha256", "image", "label", "action", "motion",
-    "goal", "frame", "duplicate" or "metadata"."""
+    "goal", "frame", "duplicate", "metadata" or "missing"."""
     text: str
     """What does not hold, in words."""
 
@@ -193,11 +194,12 @@ class _FolderCheck:
         if zlib.crc32(view[:end]) != int.from_bytes(view[end + RECORD_HEADER.size : end + DATA_END_SIZE], "little"):
             self._add(shard, "crc", "the bytes between the chunks do not match the file's CRC-32")
         try:
-            with shard.open("rb") as file:
+            with open_regular(shard) as file:
                 reader = make_reader(file, validate_crcs=True)
                 summary = reader.get_summary()
-                count = sum(1 for _ in reader.iter_messages())
-        except (McapError, ValueError, KeyError) as error:
+                # They are counted: their order costs time and changes nothing.
+                count = sum(1 for _ in reader.iter_messages(log_time_order=False))
+        except (McapError, ValueError, KeyError, struct.error, OverflowError, MemoryError) as error:
             self._add(shard, "summary", f"MCAP readers refuse it: {type(error).__name__}: {error}")
             return
         if summary is None or summary.statistics is None or summary.statistics.message_count != count:

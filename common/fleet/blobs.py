@@ -8,7 +8,9 @@ from pathlib import Path
 
 from readygo.common.bus import Bus
 from readygo.common.errors import BusError, PeerError, RunError
+from readygo.common.files import open_regular
 from readygo.common.messages import BlobReply, BlobRequest, FileRef, topics
+from readygo.common.messages.codec import MESSAGE_BYTES_MAX
 
 log = logging.getLogger(__name__)
 
@@ -19,10 +21,10 @@ _RETRY_S = 0.5
 
 
 def fetch_blob(bus: Bus, sha256: str) -> bytes:
-    """All bytes of a blob.
+    """All bytes of a blob, at most `MESSAGE_BYTES_MAX`: it holds a message.
 
     Raises:
-        RunError: If nobody has it, or what came does not match its hash.
+        RunError: If nobody has it, it is larger, or what came does not match its hash.
     """
     data = bytearray()
     while True:
@@ -30,6 +32,8 @@ def fetch_blob(bus: Bus, sha256: str) -> bytes:
         if reply.size < 0:
             raise RunError(f"Blob {sha256} is not known to the run.")
         data += reply.data
+        if max(reply.size, len(data)) > MESSAGE_BYTES_MAX:
+            raise RunError(f"Blob {sha256} has {reply.size} bytes, more than the {MESSAGE_BYTES_MAX} of any message.")
         if len(data) >= reply.size or not reply.data:
             break
     if hashlib.sha256(data).hexdigest() != sha256:
@@ -77,9 +81,9 @@ def is_whole(path: Path, file: FileRef) -> bool:
     try:
         if path.stat().st_size != file.size:
             return False
-        with path.open("rb") as stream:
+        with open_regular(path) as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest() == file.sha256
-    except FileNotFoundError:
+    except (OSError, ValueError):
         return False
 
 
@@ -90,7 +94,7 @@ def _download(bus: Bus, file: FileRef, part: Path) -> None:
             stream.truncate(0)
         while (offset := stream.seek(0, 2)) < file.size:
             reply = _chunk(bus, file, offset)
-            if reply.size != file.size or not reply.data:
+            if reply.size != file.size or not 0 < len(reply.data) <= file.size - offset:
                 raise RunError(f"File {file.path} of the run is gone, or has changed, where the run began.")
             stream.write(reply.data)
             stream.flush()

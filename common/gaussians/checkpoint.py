@@ -8,8 +8,6 @@ Source: nerfstudio-project/gsplat, `examples/simple_trainer.py`; nerfstudio-proj
 `save_dataparser_transform` (both Apache-2.0).
 """
 
-import json
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +16,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.documents import read_json
 from readygo.common.errors import SceneError
 from readygo.common.extras import install_command
+from readygo.common.files import open_zip
 from readygo.common.gaussians.activations import opacities_from_logits, scales_from_logs
 from readygo.common.gaussians.cloud import GaussianCloud
 from readygo.common.gaussians.ply import SH_REST_COUNTS
@@ -84,16 +84,14 @@ def load_data_transform(path: Path) -> DataTransform:
         SceneError: If it cannot be read, or is no rotation, translation and positive scale.
     """
     try:
-        if path.stat().st_size > _JSON_BYTES_MAX:
-            raise ValueError("it is too large")
-        content = json.loads(path.read_bytes())
+        content = read_json(path, bytes_max=_JSON_BYTES_MAX)
         T, scale = np.array(content["transform"], np.float64), float(content["scale"])
         R = T[:3, :3]
         if T.shape not in ((3, 4), (4, 4)) or not np.isfinite(T).all() or not 0 < scale < np.inf:
             raise ValueError("it is no transform with a positive scale")
         if not np.allclose(R @ R.T, np.eye(3), atol=1e-3) or np.linalg.det(R) < 0:
             raise ValueError("its transform does not begin with a rotation")
-    except (OSError, KeyError, TypeError, ValueError, IndexError, RecursionError) as error:
+    except (OSError, KeyError, TypeError, ValueError, IndexError) as error:
         raise SceneError(f"{path} cannot be used: {error}; without it, the scene stays as it was trained.") from error
     U, _, Vt = np.linalg.svd(R)
     return DataTransform(R=U @ Vt, t=T[:3, 3], scale=scale)
@@ -123,10 +121,13 @@ def _load(path: Path) -> Mapping[str, Any]:
 def _refuse_inflated(path: Path) -> None:
     """Raise SceneError for archives that unpack to more than their size; torch stores its tensors as they are."""
     try:
-        with zipfile.ZipFile(path) as archive:
+        with open_zip(path) as archive:
             entries = archive.infolist()
-    except (zipfile.BadZipFile, ValueError, NotImplementedError) as error:
-        raise SceneError(f"{path} is truncated or damaged: {error}; copy it again.") from error
+    except OSError:
+        raise
+    except Exception as error:  # a damaged archive raises almost anything
+        line = " ".join(str(error).split())[:300] or type(error).__name__
+        raise SceneError(f"{path} is truncated or damaged: {line}; copy it again.") from error
     if not any(entry.filename.endswith("data.pkl") for entry in entries):
         raise SceneError(f"{path} is a zip archive without a torch checkpoint in it; unpack it first.")
     if sum(entry.file_size for entry in entries) > path.stat().st_size:

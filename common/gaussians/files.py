@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from readygo.common.camera.captured import CapturedViews, load_views
 from readygo.common.errors import SceneError
+from readygo.common.files import open_regular
 from readygo.common.gaussians import splat
 from readygo.common.gaussians.checkpoint import (
     TRANSFORMS_FILE,
@@ -95,15 +96,15 @@ def read_source(path: str | Path) -> GaussianSource:
         source = _read(newest_gaussians(path) if path.is_dir() else path)
     except OSError as error:
         raise SceneError(f"{path} cannot be read: {error.strerror or error}.") from error
+    except MemoryError as error:
+        raise SceneError(f"{path} holds more Gaussians than this machine has memory for.") from error
     if len(source.cloud) == 0:
         raise SceneError(f"{source.file} is empty: it holds no Gaussians.")
     return source
 
 
 def _read(file: Path) -> GaussianSource:
-    if file.exists() and not file.is_file():
-        raise SceneError(f"{file} is no file that can be read.")
-    with file.open("rb") as stream:
+    with open_regular(file) as stream:
         start = stream.read(_PROBE_BYTES)
     if start.startswith((GZIP_MAGIC, MAGIC)):
         return GaussianSource(cloud=cloud_from_spz(file), file=file, kind=".spz")

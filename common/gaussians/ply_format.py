@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.errors import SceneError
+from readygo.common.files import open_regular
 
 _DTYPES = {
     "char": "<i1",
@@ -56,7 +57,7 @@ def read_ply(path: Path) -> dict[str, Table]:
         SceneError: If the file is missing, is no PLY, is text or big-endian, has list properties or is truncated.
     """
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             elements = _read_header(file, path)
             _check_size(file, path, elements)
             return {element.name: np.fromfile(file, element.dtype, element.count) for element in elements}

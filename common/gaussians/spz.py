@@ -26,6 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.errors import SceneError
+from readygo.common.files import read_regular
 from readygo.common.gaussians.activations import scales_from_logs
 from readygo.common.gaussians.cloud import GaussianCloud
 
@@ -36,8 +37,8 @@ COLOUR_SCALE = 0.15
 _HEADER = struct.Struct("<4sIIBBBB")
 _SH_ROWS = (0, 3, 8, 15, 24)
 """Coefficients above degree 0, by degree."""
-_RATIO_MAX = 100
-"""Files that claim to unpack to more than this many times their size, and a megabyte, are refused."""
+_RATIO_MAX = 16
+"""Files that claim to unpack to more than this many times their size, and a megabyte, are refused: usual is 3."""
 _SLACK_BYTES = 1 << 20
 _EXTENSION_BYTES_MAX = 1 << 20
 _ZSTD_HEADER_BYTES = 32
@@ -69,7 +70,7 @@ def cloud_from_spz(path: Path) -> GaussianCloud:
         SceneError: If the file is damaged, of an unknown version, or claims more than it can hold.
         OSError: If it cannot be read.
     """
-    data = path.read_bytes()
+    data = read_regular(path)
     header, (position, opacity, colour, scale, rotation, sh) = (
         _zstd_attributes(data, path) if data.startswith(MAGIC) else _gzip_attributes(data, path)
     )

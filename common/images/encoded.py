@@ -1,62 +1,68 @@
-"""Encoded images that somebody else has written: what they claim to be, before anything is decoded."""
+"""Decoding images that somebody else has encoded: what they claim to be is checked before it costs anything."""
 
-import struct
+from collections.abc import Collection
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.files import read_regular
+from readygo.common.images.claims import ImageFormat, claim_of, plain_png
+
 PIXELS_MAX = 2**25
-"""An image of more pixels is none of ours: a few bytes can claim a thousand million."""
-_PNG = b"\x89PNG\r\n\x1a\n"
-_JPEG = b"\xff\xd8"
-_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-"""JPEG's markers before the size of the image."""
-_BARE = frozenset((0x01, *range(0xD0, 0xD9)))
-"""JPEG's markers that stand alone."""
+"""An image of more pixels is none of ours."""
+PHOTO_PIXELS_MAX = 2**27
+"""A photo of more pixels is not read: turned upright it takes 0.8 GB."""
+_FILE_BYTES_MAX = 2**29
+RECORDED = (ImageFormat.JPEG, ImageFormat.PNG)
+"""What robots send and shards hold."""
+PICTURES = tuple(ImageFormat)
+"""What photos, maps and textures may be."""
 
 
 def encoded_size_px(data: bytes | memoryview) -> tuple[int, int] | None:
-    """Height and width that a JPEG or PNG file claims; None if it is neither, or says nothing.
-
-    Source: ISO/IEC 10918-1, annex B; PNG specification, third edition, section 11.2.1.
-    """
-    head = bytes(data[:24])
-    if head[:8] == _PNG:
-        return struct.unpack(">II", head[16:24])[::-1] if len(head) == 24 else None
-    return _jpeg_size_px(data) if head[:2] == _JPEG else None
+    """Height and width that an encoded image claims; None if it is of no known format or says nothing."""
+    claim = claim_of(data)
+    return None if claim is None else (claim.height_px, claim.width_px)
 
 
-def _jpeg_size_px(data: bytes | memoryview) -> tuple[int, int] | None:
-    offset = 2
-    while offset + 9 <= len(data) and data[offset] == 0xFF:
-        marker = data[offset + 1]
-        if marker in _FRAMES:
-            height_px, width_px = struct.unpack_from(">HH", data, offset + 5)
-            return height_px, width_px
-        # A marker may be preceded by any number of fill bytes.
-        bare = marker in _BARE or marker == 0xFF
-        step = 1 if marker == 0xFF else 2
-        offset += step if bare else 2 + int.from_bytes(data[offset + 2 : offset + 4], "big")
-    return None
-
-
-def decode_pixels(data: bytes | memoryview, flags: int) -> npt.NDArray[Any] | None:
-    """Pixels of a JPEG or PNG file as OpenCV gives them; None if it is neither, damaged, or claims too many.
+def decode_pixels(
+    data: bytes | memoryview,
+    flags: int,
+    *,
+    formats: Collection[ImageFormat] = RECORDED,
+    pixels_max: int = PIXELS_MAX,
+) -> npt.NDArray[Any] | None:
+    """Pixels of an encoded image as OpenCV gives them; None if it is of no such format, damaged, or claims too many.
 
     Args:
         data: The file.
         flags: OpenCV's `IMREAD_...`.
+        formats: What it may be.
+        pixels_max: An image of more pixels is not decoded.
     """
     import cv2
 
-    size_px = encoded_size_px(data)
-    if size_px is None or not 0 < size_px[0] * size_px[1] <= PIXELS_MAX:
+    claim = claim_of(data)
+    if claim is None or claim.format not in formats or not 0 < claim.height_px * claim.width_px <= pixels_max:
+        return None
+    image = plain_png(data) if claim.format is ImageFormat.PNG else data
+    if image is None:
         return None
     try:
-        return cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
-    except cv2.error:
+        return cv2.imdecode(np.frombuffer(image, dtype=np.uint8), flags)
+    except (cv2.error, MemoryError):
         return None
+
+
+def read_pixels(path: Path, flags: int) -> npt.NDArray[Any] | None:
+    """Pixels of a photo as OpenCV gives them; None if there is no such file, or it is none that can be decoded."""
+    try:
+        data = read_regular(path, bytes_max=_FILE_BYTES_MAX)
+    except OSError:
+        return None
+    return decode_pixels(data, flags, formats=PICTURES, pixels_max=PHOTO_PIXELS_MAX)
 
 
 def decode_image(data: bytes) -> npt.NDArray[np.uint8] | None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-RGB, DEPTH = "rgb", "depth"
+RGB, DEPTH, MEDIAN_DEPTH = "rgb", "depth", "median_depth"
 GOAL_IMAGE = "goal_image"
 """What the first camera shows at the goal; an episode has one."""
 SHOWN_KINDS = (RGB, DEPTH)

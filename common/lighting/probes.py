@@ -11,12 +11,12 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.errors import ReadygoError
+from readygo.common.arrays import load_npz
+from readygo.common.errors import ReadygoError, SceneError
 from readygo.common.files import unfinished
 from readygo.common.kernels import compiled
 from readygo.common.lighting.irradiance import HARMONICS, add_radiance, irradiance_matrix
@@ -30,6 +30,8 @@ Floats = npt.NDArray[np.float64]
 
 FORMAT = "readygo-light/1"
 """Of a file of probes; another one for whatever changes their values."""
+_BYTES_MAX = 2**26
+"""Of a file of probes [bytes]: `PROBES_MAX` of them stand in a grid of some thousand cells of 216 bytes."""
 SPACING_M = 1.0
 """Between probes; more where there would be too many of them."""
 PROBES_MAX = 200
@@ -118,11 +120,11 @@ def load_or_make_probes(path: Path, make: Callable[[], LightProbes]) -> LightPro
 
 def _load(path: Path) -> LightProbes | None:
     try:
-        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            x_m, y_m, resolution_m = (float(value) for value in file["frame"])
-            sh: Floats = file["sh"]
-            form = str(file["format"])
-    except (OSError, ValueError, EOFError, KeyError, BadZipFile):
+        arrays = load_npz(path, ("frame", "sh", "format"), bytes_max=_BYTES_MAX, raises=SceneError)
+        x_m, y_m, resolution_m = (float(value) for value in arrays["frame"])
+        sh: Floats = arrays["sh"]
+        form = str(arrays["format"])
+    except (SceneError, ValueError, TypeError, KeyError):
         return None
     if form != FORMAT or sh.ndim != 4 or sh.shape[2:] != (HARMONICS, 3) or sh.dtype != np.float64:
         return None

@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from readygo.common.errors import SceneError
+from readygo.common.files import read_regular
 from readygo.common.maps.grid import GridFrame, OccupancyMap
 
 PASSABLE = ".GS"
+_FILE_BYTES_MAX = 2**25
 _HEADER_LINES = 4
 
 
@@ -29,9 +31,9 @@ def load_movingai_map(path: str | Path, resolution_m: float) -> OccupancyMap:
         raise ValueError(f"resolution_m must be positive, got {resolution_m}.")
     path = Path(path)
     try:
-        lines = path.read_text(encoding="ascii").splitlines()
+        lines = read_regular(path, bytes_max=_FILE_BYTES_MAX).decode("ascii").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f"Map {path} cannot be read: {error}.") from error
+        raise SceneError(f"Map {path} cannot be read: {getattr(error, 'strerror', None) or error}.") from error
     try:
         fields = dict(line.split() for line in lines[: _HEADER_LINES - 1])
         height, width = int(fields["height"]), int(fields["width"])
@@ -41,6 +43,7 @@ def load_movingai_map(path: str | Path, resolution_m: float) -> OccupancyMap:
     rows = lines[_HEADER_LINES : _HEADER_LINES + height]
     if not well_formed or not height or len(rows) != height or any(len(row) != width for row in rows):
         raise SceneError(f"Map {path} is no MovingAI map of {height} lines of {width} cells.")
-    passable = np.array([[cell in PASSABLE for cell in row] for row in rows], np.bool_)
+    cells = np.frombuffer("".join(rows).encode("ascii"), np.uint8).reshape(height, width)
+    passable = np.isin(cells, np.frombuffer(PASSABLE.encode("ascii"), np.uint8))
     frame = GridFrame(origin_x_m=0.0, origin_y_m=0.0, resolution_m=float(resolution_m))
     return OccupancyMap(frame=frame, occupied=np.ascontiguousarray(~passable[::-1]))

@@ -6,16 +6,18 @@ Source: the ROS 1 `map_server` and Nav2 `map_server` packages (trinary mode).
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from readygo.common.errors import SceneError
-from readygo.common.files import write_whole
+from readygo.common.files import read_regular, write_whole
+from readygo.common.images.encoded import PICTURES, PIXELS_MAX, decode_pixels, encoded_size_px
 from readygo.common.maps.grid import GridFrame, OccupancyMap
 
 OCCUPIED_PX, UNKNOWN_PX, FREE_PX = 0, 205, 254
+_HEADER_BYTES_MAX = 2**16
 _QUARTER_TURN_TOLERANCE_RAD = 0.01
 
 
@@ -123,9 +125,9 @@ def _encoded(pixels: npt.NDArray[np.uint8], suffix: str) -> bytes:
 
 def _read_header(path: Path) -> RosMapHeader:
     try:
-        fields = _parse_flat_yaml(path.read_text())
+        fields = _parse_flat_yaml(read_regular(path, bytes_max=_HEADER_BYTES_MAX).decode())
     except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f"Map {path} cannot be read: {error}.") from error
+        raise SceneError(f"Map {path} cannot be read: {getattr(error, 'strerror', None) or error}.") from error
     mode = fields.get("mode", "trinary")
     if mode not in ("trinary", "scale"):
         raise SceneError(f"Map {path} has mode {mode!r}; only 'trinary' and 'scale' are supported.")
@@ -170,30 +172,29 @@ def _parse_flat_yaml(text: str) -> dict[str, str]:
 
 def _read_picture(path: Path, negate: bool) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
     """Occupancy 0..1 per pixel and where the picture is transparent, first row on top, shape (H, W) each."""
+    import cv2
+
     try:
-        data = path.read_bytes()
+        data = read_regular(path)
     except OSError as error:
         raise SceneError(f"Map picture {path} cannot be read: {error.strerror or error}.") from error
     if not data:
         raise SceneError(f"Map picture {path} is empty.")
-    pixels = _decoded(data)
+    pixels = decode_pixels(data, cv2.IMREAD_UNCHANGED, formats=PICTURES)
     if pixels is None:
+        size_px = encoded_size_px(data)
+        if size_px is not None and size_px[0] * size_px[1] > PIXELS_MAX:
+            raise SceneError(
+                f"Map picture {path} claims {size_px[1]} x {size_px[0]} pixels, more than {PIXELS_MAX}; save it with a "
+                "coarser resolution."
+            )
         raise SceneError(f"Map picture {path} is not a png or pgm picture, or it is truncated.")
     if pixels.dtype not in (np.uint8, np.uint16):
         raise SceneError(f"Map picture {path} has pixels of type {pixels.dtype}; save it with 8 or 16 bits.")
     white = 255.0 if pixels.dtype == np.uint8 else 65535.0
-    layers = pixels.reshape(*pixels.shape[:2], -1).astype(np.float64)
+    layers = pixels.reshape(*pixels.shape[:2], -1)
     has_alpha = layers.shape[2] in (2, 4)
-    grey = layers[:, :, : layers.shape[2] - has_alpha].mean(axis=2) / white
+    grey = layers[:, :, : layers.shape[2] - has_alpha].mean(axis=2)
+    grey /= white
     transparent = layers[:, :, -1] < white if has_alpha else np.zeros(grey.shape, np.bool_)
-    return (grey if negate else 1.0 - grey), transparent
-
-
-def _decoded(data: bytes) -> Any:
-    """Pixels of an encoded picture, or None if it cannot be decoded."""
-    import cv2
-
-    try:
-        return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error:
-        return None
+    return (grey if negate else np.subtract(1.0, grey, out=grey)), transparent

@@ -1,11 +1,29 @@
-"""Worded checks that messages run on their arrays."""
+"""Worded checks that messages run on their fields."""
 
+import re
 from typing import Any
 
 import numpy as np
 
 NAME_MAX = 200
 """Characters of a name at most."""
+_SHA256 = re.compile(r"[0-9a-f]{64}")
+_PATH_MAX = 1000
+"""Characters of a path."""
+
+
+def check_sha256(name: str, text: str, *, empty: bool = False) -> None:
+    """Raise ValueError unless `text` is a SHA-256 in hexadecimal digits, or is empty where it may be."""
+    if not _SHA256.fullmatch(text) and (text or not empty):
+        what = "empty or 64" if empty else "64"
+        raise ValueError(f"{name} must be {what} hexadecimal digits, got {text[:100]!r}.")
+
+
+def check_relative_path(name: str, path: str) -> None:
+    """Raise ValueError unless `path` leads from a folder to something in it, with forward slashes and without dots."""
+    parts = path.split("/")
+    if not {"", ".", ".."}.isdisjoint(parts) or "\\" in path or "\0" in path or len(path) > _PATH_MAX:
+        raise ValueError(f"{name} must be a path within a folder, got {path[:100]!r}.")
 
 
 def check_array(name: str, array: Any, dtype: Any, shape: tuple[int | None, ...]) -> None:

@@ -17,6 +17,7 @@ import msgpack
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import NUMBERS
 from readygo.common.errors import MessageError
 
 Message = TypeVar("Message")
@@ -28,10 +29,7 @@ ITEMS_MAX = 100_000
 _LIST_MAX = 20_000
 _STR_MAX = 16 * 2**20
 _DIMENSIONS_MAX = 4
-_DTYPES = {
-    msgpack.packb([code, []])[:-1]: np.dtype(code)
-    for code in ("|b1", "|u1", "|i1", "<u2", "<i2", "<u4", "<i4", "<u8", "<i8", "<f2", "<f4", "<f8")
-}
+_DTYPES = {msgpack.packb([code, []])[:-1]: np.dtype(code) for code in NUMBERS}
 """What arrays may begin with. NumPy is given no other name: the one of a time of 0 seconds ends the process."""
 _DTYPE_END = 5
 _LIST_HEAD, _UNSIGNED_HEAD = 0x90, 0x80
@@ -61,7 +59,7 @@ def decode(cls: type[Message], payload: bytes) -> Message:
         MessageError: If the payload is not such a message.
     """
     try:
-        plain = _unpacked(payload, getattr(cls, "ITEMS_MAX", ITEMS_MAX))
+        plain = unpack(payload, getattr(cls, "ITEMS_MAX", ITEMS_MAX))
         message: Message = _builder(cls)(plain)  # type: ignore[arg-type]
     except (ValueError, TypeError, LookupError, OverflowError, MemoryError, msgpack.UnpackException) as error:
         words = str(error) or type(error).__name__
@@ -69,8 +67,17 @@ def decode(cls: type[Message], payload: bytes) -> Message:
     return message
 
 
-def _unpacked(payload: bytes, items_max: int) -> Any:
-    """Plain values of a payload, arrays among them; the smallest bytes make the most objects, so these are counted."""
+def unpack(payload: bytes, items_max: int) -> Any:
+    """Plain values of a payload, arrays among them; the smallest bytes make the most objects, so these are counted.
+
+    Args:
+        payload: MessagePack.
+        items_max: Lists, maps and arrays that it may hold.
+
+    Raises:
+        ValueError: If it is larger than `MESSAGE_BYTES_MAX`, holds more, or is damaged; msgpack and arrays that fit no
+            shape also raise TypeError, LookupError, OverflowError, MemoryError and msgpack.UnpackException.
+    """
     if len(payload) > MESSAGE_BYTES_MAX:
         raise ValueError(f"it is larger than {MESSAGE_BYTES_MAX} bytes")
     left = items_max

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
+from readygo.common.messages.checks import NAME_MAX, check_printable, check_relative_path, check_sha256
 from readygo.common.messages.codec import OMITTED_WHEN_DEFAULT
 from readygo.common.messages.episode import EpisodeKey, Split
 from readygo.common.messages.stages import EXPERT_LINE, Stage, check_stages
@@ -38,8 +39,8 @@ class VerdictStatus(enum.Enum):
     """The episode is durable already."""
 
 
-NAME_MAX = 200
-"""Characters in a worker's name at most."""
+FILE_BYTES_MAX = 2**36
+"""No file of a run is larger [bytes]; the largest are scenes of some gigabytes."""
 
 
 class Command(enum.Enum):
@@ -57,6 +58,9 @@ class Blob:
     sha256: str
     data: bytes = b""
 
+    def __post_init__(self) -> None:
+        check_sha256("sha256", self.sha256)
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class BlobRequest:
@@ -64,6 +68,9 @@ class BlobRequest:
 
     sha256: str
     offset: int = 0
+
+    def __post_init__(self) -> None:
+        check_sha256("sha256", self.sha256)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -82,6 +89,13 @@ class FileRef:
     """Path relative to its bundle, with forward slashes."""
     sha256: str
     size: int
+    """Bytes, at most `FILE_BYTES_MAX`."""
+
+    def __post_init__(self) -> None:
+        check_relative_path("path", self.path)
+        check_sha256("sha256", self.sha256)
+        if not 0 <= self.size <= FILE_BYTES_MAX:
+            raise ValueError(f"size must be 0..{FILE_BYTES_MAX} bytes, got {self.size}.")
 
 
 def files_digest(files: Iterable[FileRef]) -> str:
@@ -124,8 +138,9 @@ class ClaimRequest:
     """Of its presence there, see `Bus.announce`: its leases end with that; empty where they end by time alone."""
 
     def __post_init__(self) -> None:
-        if not 0 < len(self.worker) <= NAME_MAX:
-            raise ValueError(f"a worker needs a name of at most {NAME_MAX} characters, got {self.worker[:NAME_MAX]!r}.")
+        check_printable("worker", self.worker)
+        check_printable("role", self.role, empty=True)
+        check_printable("session", self.session, empty=True)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -223,6 +238,7 @@ class DoneRequest:
     def __post_init__(self) -> None:
         if self.sample_count < 1:
             raise ValueError(f"a durable episode has samples, got a count of {self.sample_count}.")
+        check_sha256("policy", self.policy, empty=True)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -319,6 +335,7 @@ class RunSpec:
     """Name of the run on the bus."""
     scene_path: str
     scene_hash: str
+    """Of its content, see `readygo.common.scenes.Scene.content_hash`."""
     scene_files: tuple[FileRef, ...]
     avatars_path: str
     """Folder or file of the avatars; empty for the embedded ones."""
@@ -342,6 +359,9 @@ class RunSpec:
     """The files at `avatars_path`; none where the avatars are the embedded ones."""
 
     def __post_init__(self) -> None:
+        check_sha256("scene_hash", self.scene_hash)
+        for name, avatar_hash in self.avatar_hashes.items():
+            check_sha256(f"avatar_hashes of {name[:NAME_MAX]!r}", avatar_hash)
         check_stages(self.stages)
 
 

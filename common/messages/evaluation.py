@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
+from readygo.common.messages.checks import check_sha256
 from readygo.common.messages.plan import RobotTrajectory
 
 
@@ -27,6 +28,10 @@ class EvaluationPlan:
     """Folder of what was trained elsewhere."""
     method_hashes: dict[str, str]
     """SHA-256 by method, of those that are files: they must be the same ones wherever they drive."""
+
+    def __post_init__(self) -> None:
+        for method, sha256 in self.method_hashes.items():
+            check_sha256(f"method_hashes of {method[:100]!r}", sha256)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -4,6 +4,7 @@ import re
 from dataclasses import dataclass
 from typing import ClassVar
 
+from readygo.common.messages.checks import check_sha256
 from readygo.common.messages.samples import EpisodeHeader, Sample
 
 
@@ -35,6 +36,9 @@ class OfferReply:
     """Number of the policy in the run, from 1; equal files have equal versions."""
     sha256: str
     """SHA-256 over the names and hashes of its files; episodes that it drives are recorded with it."""
+
+    def __post_init__(self) -> None:
+        check_sha256("sha256", self.sha256)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.messages.checks import check_array, check_printable
+from readygo.common.messages.checks import check_array, check_printable, check_sha256
 from readygo.common.messages.codec import OMITTED_WHEN_DEFAULT
 from readygo.common.messages.episode import EpisodeKey
 from readygo.common.messages.plan import Driver, Outcome
@@ -140,8 +140,8 @@ class LiveCommit:
     shard: str
 
     def __post_init__(self) -> None:
-        check_printable("policy", self.policy, empty=True)
         check_printable("shard", self.shard)
+        check_sha256("policy", self.policy, empty=True)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -176,4 +176,4 @@ class LiveEvaluation:
     def __post_init__(self) -> None:
         check_printable("task", self.task)
         check_printable("method", self.method)
-        check_printable("policy", self.policy, empty=True)
+        check_sha256("policy", self.policy, empty=True)

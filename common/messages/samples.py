@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.messages.checks import check_array
+from readygo.common.messages.checks import check_array, check_sha256
 from readygo.common.messages.codec import OMITTED_WHEN_DEFAULT
 from readygo.common.messages.episode import EpisodeKey
 from readygo.common.messages.plan import Driver, Outcome
@@ -163,6 +163,7 @@ class EpisodeHeader:
         if self.image_every < 1:
             raise ValueError(f"image_every must be 1 or more, got {self.image_every}.")
         check_distortion(self.distortion_model, self.distortion)
+        check_sha256("policy", self.policy, empty=True)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

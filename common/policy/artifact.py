@@ -19,7 +19,6 @@ The head of a policy for several robots has a second input, `robot` float32 (B, 
 import dataclasses
 import enum
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +26,7 @@ from typing import Any
 
 from readygo.common.camera import SensorConfig
 from readygo.common.config import section_from_mapping, section_to_mapping
+from readygo.common.documents import read_toml
 from readygo.common.errors import ConfigError, PolicyError
 from readygo.common.files import write_whole
 from readygo.common.images.names import RGB
@@ -199,12 +199,12 @@ def load_spec(folder: Path) -> PolicySpec:
     """
     path = folder / SPEC_FILE
     try:
-        mapping = tomllib.loads(path.read_text())
+        mapping = read_toml(path)
     except OSError as error:
         raise PolicyError(
             f"{folder} holds no {SPEC_FILE}; give the folder that `readygo train --out` wrote."
         ) from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except ValueError as error:
         raise PolicyError(f"{path} is no TOML file: {error}; export the policy again.") from error
     if mapping.get("format") not in (FIRST_FORMAT, POLICY_FORMAT, GRAPH_FORMAT, ROBOTS_FORMAT):
         raise PolicyError(f"{path} has format {mapping.get('format')!r}, this version reads {POLICY_FORMAT!r}.")
@@ -219,7 +219,7 @@ def load_spec(folder: Path) -> PolicySpec:
             **_graphs(mapping),
             training=mapping.get("training", {}),
         )
-    except (ConfigError, KeyError, TypeError, ValueError) as error:
+    except (ConfigError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise PolicyError(f"{path} cannot be used: {error}; export the policy again.") from error
 
 

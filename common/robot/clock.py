@@ -61,7 +61,7 @@ class Clock:
             ValueError: If that is not a positive multiple of the time between two images.
         """
         images = spacing_s * self.rate_hz / self.image_every
-        if images < 1 - 1e-6 or abs(images - round(images)) > 1e-6:
+        if not 1 - 1e-6 <= images < math.inf or abs(images - round(images)) > 1e-6:
             raise ValueError(f"{name} must be a multiple of {self.image_every * self.dt_s:g} s, got {spacing_s}.")
         return round(images) * self.image_every
 

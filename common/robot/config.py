@@ -2,7 +2,6 @@
 
 import dataclasses
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,6 +10,7 @@ from typing import Any
 
 from readygo.common.camera.config import CameraConfig
 from readygo.common.config import section_from_mapping
+from readygo.common.documents import read_toml
 from readygo.common.errors import ConfigError
 from readygo.common.robot.clock import LOWEST_HZ, Clock, make_clock
 from readygo.common.robot.ranges import OF_CAMERA, RobotRanges
@@ -162,8 +162,8 @@ def load_robot(path: str | Path, *, cameras_of: RobotConfig | None = None) -> Ro
     from readygo.common.camera.lens import make_lens
 
     try:
-        mapping = tomllib.loads(Path(path).read_text())
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        mapping = read_toml(path)
+    except (OSError, ValueError) as error:
         raise ConfigError(f"Robot file {path} cannot be read: {error}.") from error
     try:
         robot = section_from_mapping(RobotConfig, with_first_camera(mapping))

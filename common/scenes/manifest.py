@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.documents import read_toml
 from readygo.common.errors import SceneError
 from readygo.common.maps import GridFrame
 
@@ -86,8 +86,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         what = "does not exist" if not folder.exists() else f"is not a scene bundle (no {MANIFEST})"
         raise SceneError(f"{folder} {what}; make one with `readygo scene import FILE --out {folder}`.")
     try:
-        manifest = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        manifest = read_toml(path)
+    except (OSError, ValueError) as error:
         raise SceneError(f"{path} cannot be read: {error}.") from error
     if manifest.get("format") != FORMAT:
         raise SceneError(f"{path} has format {manifest.get('format')!r}, not {FORMAT!r}; import the scene again.")
@@ -105,7 +105,11 @@ def _check(manifest: dict[str, Any], folder: Path) -> None:
         raise SceneError(f"{folder / MANIFEST} was edited: its content_hash fits no longer; import the scene again.")
     for name, size in sizes.items():
         path = folder / name
-        found = path.stat().st_size if path.is_file() else None
+        try:
+            found = path.stat().st_size if path.is_file() else None
+        except OSError:
+            # No file can have this name.
+            found = None
         if found != size:
             state = "is missing" if found is None else f"has {found} bytes instead of {size}"
             raise SceneError(f"Scene {folder} is damaged: {name} {state}; import the scene again.")

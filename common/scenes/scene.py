@@ -1,7 +1,6 @@
 """A scene bundle on disk, read piece by piece when it is needed."""
 
 import dataclasses
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import load_npy
 from readygo.common.camera.captured import CapturedViews, load_views
+from readygo.common.documents import read_json
 from readygo.common.errors import SceneError
 from readygo.common.gaussians import GaussianCloud, load_gaussians
 from readygo.common.maps import FloorMap, GridFrame, MapConfig, OccupancyMap, SightMap, load_ros_map, sight_of_cloud
@@ -26,6 +27,9 @@ REPORT_FILE = "report.json"
 VIEWS_FILE = "cameras.json"
 FILMED_FILE = "maps/filmed_share.npy"
 RECONSTRUCTION_FILE = "reconstruction.json"
+_REMEDY = "import the scene again"
+_GRID_BYTES_MAX = 2**28
+"""Of a grid's file: 33 million cells in double precision."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,9 +58,9 @@ class SceneMaps:
         """Height of the local floor."""
         path = self.folder / FLOOR_FILE
         try:
-            height_m = np.load(path, allow_pickle=False)
+            height_m = load_npy(path, bytes_max=_GRID_BYTES_MAX, raises=SceneError, remedy=_REMEDY)
             return FloorMap(frame=self.floor_frame, height_m=height_m)
-        except (OSError, ValueError) as error:
+        except ValueError as error:
             raise SceneError(f"Floor map {path} cannot be read: {error}; import the scene again.") from error
 
     @cached_property
@@ -66,10 +70,9 @@ class SceneMaps:
         None where no cameras are known.
         """
         path = self.folder / FILMED_FILE
-        try:
-            return np.asarray(np.load(path, allow_pickle=False), dtype=np.float32) if path.is_file() else None
-        except (OSError, ValueError) as error:
-            raise SceneError(f"{path} cannot be read: {error}; import the scene again.") from error
+        if not path.is_file():
+            return None
+        return load_npy(path, bytes_max=_GRID_BYTES_MAX, raises=SceneError, remedy=_REMEDY).astype(np.float32)
 
     @cached_property
     def sight(self) -> SightMap:
@@ -120,7 +123,7 @@ class Scene:
             return None
         path = self.path / RECONSTRUCTION_FILE
         try:
-            return dict(json.loads(path.read_text(encoding="utf-8")))
+            return dict(read_json(path))
         except (OSError, ValueError, TypeError) as error:
             raise SceneError(f"{path} cannot be read: {error}; import the scene again.") from error
 

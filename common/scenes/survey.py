@@ -293,7 +293,10 @@ def advice(found: Survey, up: str, scale: float) -> str:
     """What to try after an import with these options failed: options, and why."""
     options, reasons = [], []
     best = found.clear_up
-    if (
+    if best is None and up == "auto" and found.ups:
+        options.append(f"--up={found.ups[0].name}")
+        reasons.append(_standing_of_best(found))
+    elif (
         best is not None
         and up not in ("auto", UP_OF_CAMERAS)
         and float(R_from_up(up)[2] @ best.up) < math.cos(math.radians(SAME_DEG))
@@ -305,9 +308,19 @@ def advice(found: Survey, up: str, scale: float) -> str:
         options.append(f"--scale {likely.metres_per_unit:.3g}")
         reasons.append(likely.reason)
     if not options:
-        words = "No other axes or scale suggest themselves: is it an object? "
-        return words + "If it is a place to walk in, --crop away what surrounds it."
+        is_small = float((found.high - found.low).max()) * scale < SIZES_M[0]
+        words = "No other axes or scale suggest themselves" + (": is it an object? " if is_small else "; ")
+        return words + ("If it is a place to walk in, " if is_small else "") + "--crop away what surrounds it."
     return f"Try {' '.join(options)} ({'; '.join(reasons)})."
+
+
+def _standing_of_best(found: Survey) -> str:
+    """What speaks for the best candidate for up, which is not clear."""
+    best, *others = found.ups
+    words = f"the best candidate: {100 * best.above:.0f} % of the scene is above its floor"
+    if others:
+        words += f"; --up={others[0].name} has {100 * others[0].score / best.score:.0f} % of its score"
+    return words
 
 
 def survey_row(found: Survey) -> dict[str, Any]:

@@ -33,7 +33,7 @@ class Database:
         """Held by whoever reads in several statements what nobody may change meanwhile."""
         try:
             self._connection = open_database(path)
-        except sqlite3.Error as error:
+        except (sqlite3.Error, UnicodeDecodeError) as error:
             raise self._worded(error) from error
 
     def close(self) -> None:
@@ -88,10 +88,10 @@ class Database:
         with self.lock:
             try:
                 return self._connection.execute(statement, values).fetchall()
-            except sqlite3.Error as error:
+            except (sqlite3.Error, UnicodeDecodeError) as error:
                 raise self._worded(error) from error
 
-    def _worded(self, error: sqlite3.Error) -> RunError:
+    def _worded(self, error: Exception) -> RunError:
         # The lower byte of an extended code is the plain one.
         later = getattr(error, "sqlite_errorcode", 0) & 0xFF in _DISK_CODES
         return (DiskError if later else RunError)(

@@ -4,6 +4,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from readygo.common.documents import parse_json
 from readygo.common.messages import FileRef, PolicyRef
 from readygo.services.coordinator.database import Database
 
@@ -50,7 +51,7 @@ class Policies:
             OfferedPolicy(
                 version=version,
                 sha256=sha256,
-                files=tuple(FileRef(path=path, sha256=digest, size=size) for path, digest, size in json.loads(files)),
+                files=tuple(FileRef(path=path, sha256=digest, size=size) for path, digest, size in parse_json(files)),
                 samples=samples,
                 wall_ns=wall_ns,
             )

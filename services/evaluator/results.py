@@ -11,6 +11,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.documents import parse_json, read_json
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.common.messages import RobotTrajectory
@@ -154,7 +155,9 @@ def _check_settings(folder: Path, settings: Mapping[str, Any], today: Today) -> 
 
 
 def _read_settings(folder: Path) -> dict[str, Any]:
-    settings: dict[str, Any] = json.loads((folder / SETTINGS_FILE).read_text())
+    settings = read_json(folder / SETTINGS_FILE)
+    if not isinstance(settings, dict) or not isinstance(settings.get(METHODS, {}), dict):
+        raise ValueError("it holds no settings")
     return settings
 
 
@@ -201,7 +204,7 @@ def _whole_lines(file: BinaryIO, path: Path) -> Iterator[dict[str, Any]]:
     whole, _, rest = kept.rpartition(b"\n")
     for number, line in enumerate(whole.split(b"\n") if whole else [], start=1):
         try:
-            yield json.loads(line)
+            yield parse_json(line)
         except ValueError as error:
             raise RunError(f"{path} is broken in line {number}: {error}; choose another --out.") from error
     if rest:

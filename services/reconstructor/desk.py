@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from readygo.common.config import section_from_mapping, section_to_mapping
+from readygo.common.documents import parse_json
 from readygo.common.errors import RunError
 from readygo.common.messages import ReconstructionClaim, ReconstructionJob, ReconstructionReport, Verdict, VerdictStatus
 from readygo.services.reconstructor.config import ReconstructorConfig
@@ -67,7 +68,7 @@ class Desk:
         assert self._report is not None
         if self._report.failed:
             raise RunError(self._report.failed)
-        return dict(json.loads(self._report.report))
+        return dict(parse_json(self._report.report))
 
     def dismissed(self, timeout_s: float) -> None:
         """Wait until a worker has heard that nothing more will come, or for so long."""
@@ -80,4 +81,4 @@ def config_of(job: ReconstructionJob) -> ReconstructorConfig:
     Raises:
         ConfigError: If the settings are those of another version.
     """
-    return section_from_mapping(ReconstructorConfig, json.loads(job.config))
+    return section_from_mapping(ReconstructorConfig, parse_json(job.config))

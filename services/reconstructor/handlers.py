@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from readygo.common.config import section_to_mapping
+from readygo.common.documents import read_json
 from readygo.common.drawing.files import write_png
 from readygo.common.errors import ConfigError, SceneError
 from readygo.services.reconstructor.config import MetricConfig, ReconstructorConfig
@@ -227,7 +228,7 @@ def make_posed(
     folder: Path,
 ) -> Mapping[str, Any]:
     """Undistorted images and the metric model, a picture from above, and the report."""
-    frames = json.loads((out / FRAMES / "stage.json").read_text())["found"]
+    frames = read_json(out / FRAMES / "stage.json")["found"]
     place, _ = images_of(frames, out / FRAMES)
     images = colmap.read_map(model)
     placed = _with_drift(place_map(images, sightings, lengths, config.metric), model, images, sightings, lengths)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from readygo.common.documents import read_json
 from readygo.common.errors import ReadygoError, RunError
 from readygo.common.files import unfinished_folder, write_whole
 
@@ -160,7 +161,7 @@ class Stages:
     def _done(self, path: Path) -> dict[str, Any] | None:
         """What a finished stage found; None if it is not there, or was made from something else."""
         try:
-            done = json.loads((path / STAGE_FILE).read_text())
+            done = read_json(path / STAGE_FILE)
         except (OSError, ValueError):
             return None
         return done if isinstance(done, dict) and done.get("key") == self._key else None

@@ -1,10 +1,12 @@
 """Settings of the renderer."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from readygo.common.camera import SensorConfig
 from readygo.common.images.images import OUTPUTS
+from readygo.common.images.names import DEPTH, MEDIAN_DEPTH
 from readygo.common.rasterizer.backend_names import GPU_BACKENDS, Backend
 
 
@@ -20,6 +22,9 @@ class RendererConfig:
     jpeg_quality: int = 90
     outputs: tuple[str, ...] = ("rgb",)
     """Images that are recorded, of `readygo.common.images.images.OUTPUTS`; "rgb" is always among them."""
+    depth: Literal["median", "mean"] = "median"
+    """What the image depth is: "median" is where half of the light is left, the depth of a surface; "mean" is weighted
+    as colours are, so that what lies behind thin Gaussians counts too. The backend gsplat makes "mean" alone."""
     goal_image: bool = False
     """Record once per episode what the first camera shows at the goal, where the shortest way arrives, with nobody
     about."""
@@ -56,6 +61,8 @@ class RendererConfig:
             raise ValueError(
                 f'human_look "mesh" is drawn by the backends cpu and reference only, got {self.backend!r}.'
             )
+        if self.depth not in ("median", "mean"):
+            raise ValueError(f'depth must be "median" or "mean", got {self.depth!r}.')
         if self.image_format not in ("jpeg", "png"):
             raise ValueError(f'image_format must be "jpeg" or "png", got {self.image_format!r}.')
         if not 1 <= self.jpeg_quality <= 100:
@@ -69,6 +76,13 @@ class RendererConfig:
             raise ValueError(f"outputs must hold rgb, got {', '.join(self.outputs) or 'none'}; add it.")
         # One order, so that the same images are the same run.
         object.__setattr__(self, "outputs", tuple(name for name in OUTPUTS if name in self.outputs))
+        if self.backend == "gsplat" and self.depth == "median" and DEPTH in self.outputs:
+            raise ValueError('the backend gsplat makes no median depth: set depth = "mean", or use triton.')
+
+    def rasterized(self, kinds: Iterable[str]) -> tuple[str, ...]:
+        """What the rasterizer makes for kinds of images: of `readygo.common.images.images.OUTPUTS`, each once."""
+        depth = MEDIAN_DEPTH if self.depth == "median" else DEPTH
+        return tuple(dict.fromkeys(depth if kind == DEPTH else kind for kind in kinds))
 
     def draws(self, name: Literal["contact_shadow", "feet_on_floor"]) -> bool:
         """Whether a setting is on, and the backend draws it."""

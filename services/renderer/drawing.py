@@ -80,7 +80,7 @@ def make_drawing(scene: Scene, avatars: Mapping[str, Avatar], camera: PinholeCam
         {name: mesh_like(avatar) for name, avatar in avatars.items()} if mesh else avatars,
         camera,
         cache=pack_folder(scene),
-        outputs=config.outputs,
+        outputs=config.rasterized(config.outputs),
         detail=config.detail,
     )
     return Drawing(

@@ -3,6 +3,7 @@
 import dataclasses
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy.typing as npt
@@ -129,9 +130,17 @@ def robot_views(
     captures, cameras = renderer.captures, cameras_of(names)
     if unknown := [camera for camera in cameras if camera not in captures]:
         raise RunError(f"The robot has no camera {unknown[0]!r}; it has {', '.join(renderer.robot.all_cameras)}.")
-    taken = (captures[camera].take(shots_of(captures[camera]), kinds_of(camera, names)) for camera in cameras)
+    config, taken = renderer.config, []
+    for camera in cameras:
+        images = captures[camera].take(shots_of(captures[camera]), config.rasterized(kinds_of(camera, names)))
+        taken.append(map(partial(_with_depth, config), images))
     for views in zip(*taken, strict=True):
         yield dict(zip(cameras, views, strict=True))
+
+
+def _with_depth(config: RendererConfig, images: Images) -> Images:
+    """The images with the depth that the settings ask for as their depth, where there is one."""
+    return dataclasses.replace(images, depth_m=images.median_depth_m) if config.depth == "median" else images
 
 
 def view_image(views: Mapping[str, Images], name: str) -> npt.NDArray[Any]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from readygo.common.camera import SensorConfig
+from readygo.common.documents import read_json
 from readygo.common.errors import BusError, PeerError, PolicyError
 from readygo.common.files import write_whole
 from readygo.common.messages import CommittedEpisode, OfferReply, OfferRequest, PolicyFile
@@ -223,7 +224,7 @@ class LiveTrainer:
 def _earlier_offers(out: Path) -> list[dict[str, Any]]:
     """The offers of a run that goes on."""
     try:
-        offers: list[dict[str, Any]] = json.loads((out / PROGRESS_FILE).read_text())["offers"]
-    except (OSError, ValueError, KeyError):
+        offers: list[dict[str, Any]] = read_json(out / PROGRESS_FILE)["offers"]
+    except (OSError, ValueError, LookupError, TypeError):
         return []
     return offers

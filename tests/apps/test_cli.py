@@ -24,6 +24,7 @@ ERRORS = {
     "full": OSError(errno.ENOSPC, "No space left on device"),
     "bug": OSError(errno.EBADF, "Bad file descriptor"),
     "mistake": RunError("Ask for more."),
+    "hostile": RunError("coord/spec: \x1b]0;title\x07\x1b[2Jno."),
     "ctrl-c": KeyboardInterrupt(),
     "ctrl-c-with-words": KeyboardInterrupt("3 of 4 are kept."),
 }
@@ -119,6 +120,7 @@ def test_help_names_defaults_only_where_there_is_something_to_name(capsys: pytes
         ("missing", 2, "No such file or directory: lobby.ply."),
         ("full", 2, "No space left on device."),
         ("mistake", 2, "Ask for more."),
+        ("hostile", 2, "coord/spec: ]0;title[2Jno."),
         ("ctrl-c-with-words", 130, "stopped; 3 of 4 are kept."),
         ("ctrl-c", 130, "stopped; what is recorded or saved stays, run the same command again to go on."),
     ],
@@ -237,3 +239,38 @@ def test_option_may_go_without_its_value_where_that_is_said(argv: list[str], sha
     call = parse(COMMANDS, ["generate", "embedded", "--out", "data", *argv])
     assert isinstance(call, functools.partial)
     assert call.keywords["disturb"] == share
+
+
+@pytest.mark.parametrize("endpoint", ["foo", "tcp/127.0.0.1:99999"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        "generate embedded --out {out} --listen",
+        "generate embedded --out {out} --on hosts --connect",
+        "coordinator {out} --listen",
+        "coordinator {out} --connect",
+        "router --listen",
+        "worker all --connect",
+        "worker recorder --run r --data {out} --connect",
+        "status --connect",
+        "status --run r --connect",
+        "pause --run r --connect",
+        "monitor --run r --connect",
+        "learn embedded --out {out} --listen",
+        "evaluate embedded --methods expert --workers 1 --out {out} --listen",
+        "reconstruct film.mp4 --out {out} --listen",
+        "simulate-robot embedded --listen",
+        "drive policy --goal 1 1 --connect",
+    ],
+)
+def test_endpoint_that_is_none_is_one_line_and_nothing_is_made(
+    command: str, endpoint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("READYGO_TOKEN", "secret")
+    out = tmp_path / "out"
+    with pytest.raises(SystemExit) as stopped:
+        run_command(COMMANDS, [*command.format(out=out).split(), endpoint])
+    said = capsys.readouterr().err
+    assert (stopped.value.code, said.count("\n")) == (2, 1)
+    assert said.endswith(f"must be of the form tcp/HOST:PORT or tls/HOST:PORT, PORT 1..65535, got {endpoint!r}.\n")
+    assert not out.exists()

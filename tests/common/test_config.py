@@ -1,8 +1,11 @@
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from readygo.common.config import (
     Range,
@@ -94,3 +97,96 @@ def test_unknown_keys_and_wrong_values_are_refused_by_their_path(mapping: dict[s
 def test_differences_are_named_with_both_values():
     assert section_differences(Whole(limit=1), Whole(part=Part(count=5), limit=1)) == [("part.count", 2, 5)]
     assert section_differences(Whole(), Whole()) == []
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Table:
+    a: int = 0
+
+
+@pytest.mark.parametrize("mapping", [3, [1], "text", None])
+def test_what_is_no_table_is_refused(mapping: object) -> None:
+    with pytest.raises(ConfigError, match="must be a table"):
+        section_from_mapping(_Table, mapping)
+
+
+@pytest.mark.parametrize(
+    ("allowed", "inside", "outside", "words"),
+    [
+        (Range(), (-1e300, 0.0), (math.inf, -math.inf, math.nan), "finite"),
+        (Range(low=-2.0), (-2.0, 5.0), (-2.0000001, math.inf), "at least -2"),
+        (Range(high=3.0), (3.0, -9.0), (3.0000001, -math.inf), "at most 3"),
+        (Range(above=0.5), (0.5000001, 9.0), (0.5, 0.0), "above 0.5"),
+        (Range(above=0.0, high=1.0), (1e-9, 1.0), (0.0, 1.1), "above 0 and at most 1"),
+        (Range(low=1.0, above=0.0, high=4.0), (1.0, 4.0), (0.9, 4.1), "at least 1 and above 0 and at most 4"),
+    ],
+)
+def test_range_holds_its_ends_and_says_so(allowed: Range, inside, outside, words: str) -> None:
+    assert [number in allowed for number in (*inside, *outside)] == [True] * len(inside) + [False] * len(outside)
+    assert str(allowed) == words
+
+
+@dataclass(frozen=True)
+class Everything:
+    parts: tuple[Part, ...] = ()
+    named: Mapping[str, Part] = field(default_factory=dict)
+    free: Any = None
+    nothing: float | None = None
+    pair: tuple[int, int] = (3, -4)
+    flag: bool = False
+    text: str = "a"
+
+
+PARTS = st.builds(Part, size_m=st.floats(allow_nan=False), count=st.integers(0, 9))
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.builds(
+        Everything,
+        parts=st.lists(PARTS, max_size=3).map(tuple),
+        named=st.dictionaries(st.text(max_size=3), PARTS, max_size=3),
+        nothing=st.none() | st.floats(allow_nan=False),
+        pair=st.tuples(st.integers(), st.integers()),
+        flag=st.booleans(),
+        text=st.text(max_size=3),
+    )
+)
+def test_nested_sections_survive_as_plain_values(whole: Everything) -> None:
+    mapping = section_to_mapping(whole)
+    assert mapping["pair"] == list(whole.pair)
+    assert section_from_mapping(Everything, mapping) == whole
+    assert section_differences(whole, section_from_mapping(Everything, mapping)) == []
+
+
+@pytest.mark.parametrize(
+    ("mapping", "message"),
+    [
+        ({"parts": [{"count": 1}, {"coun": 1}]}, "Unknown key 'parts.coun'; known keys: count, size_m"),
+        ({"parts": {"count": 1}}, "parts must be an array"),
+        ({"named": [1]}, r"named must be a table, got \[1\]"),
+        ({"named": {"a": {"count": -1}}}, "named.a: count must not be negative, got -1"),
+        ({"named": {"a": 3}}, "named.a must be a table, got 3"),
+        ({"flag": 1}, "flag must be bool, got 1"),
+        ({"text": 1}, "text must be str, got 1"),
+        ({"nothing": True}, "nothing must be float, got True"),
+        ({"pair": [1, 2.0]}, "pair must be int, got 2.0"),
+        ({"b": 1, "a": 2}, "Unknown key 'a'"),
+    ],
+)
+def test_wrong_values_deep_inside_are_refused_by_their_path(mapping: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=f"^{message}"):
+        section_from_mapping(Everything, mapping)
+
+
+def test_section_that_is_wrong_as_a_whole_is_named_by_its_class_or_path() -> None:
+    with pytest.raises(ConfigError, match=r"^Part: count must not be negative"):
+        section_from_mapping(Part, {"count": -1})
+    with pytest.raises(ConfigError, match=r"^deep: count must not be negative"):
+        section_from_mapping(Part, {"count": -1}, where="deep.")
+    free = {"a": [1, {"b": 2}]}
+    assert section_from_mapping(Everything, {"free": free}).free is free
+    assert section_differences(Everything(named={"a": Part()}), Everything(named={"a": Part(count=5)})) == [
+        ("named.a.count", 2, 5)
+    ]
+    assert section_differences(Everything(pair=(1, 2)), Everything()) == [("pair", [1, 2], [3, -4])]

@@ -33,3 +33,9 @@ def test_of_a_wheel_the_extras_packages_are_named_and_never_readygo(
 def test_checkout_has_what_the_command_names() -> None:
     assert (extras.ROOT / "pyproject.toml").is_file()
     assert (extras.ROOT / "constraints.txt").is_file()
+
+
+def test_wheel_without_requirements_names_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(extras, "ROOT", tmp_path)
+    monkeypatch.setattr(importlib.metadata, "requires", lambda name: None)
+    assert shlex.split(install_command("train")) == [sys.executable, "-m", "pip", "install"]

@@ -1,4 +1,7 @@
+import os
+import shutil
 import threading
+import zipfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -7,7 +10,17 @@ import numpy as np
 import pytest
 
 from readygo.common.errors import ReadygoError, SceneError
-from readygo.common.files import unfinished, unfinished_folder, write_whole
+from readygo.common.files import (
+    cache_root,
+    disk_space,
+    make_cache_folder,
+    open_regular,
+    open_zip,
+    read_regular,
+    unfinished,
+    unfinished_folder,
+    write_whole,
+)
 
 
 def test_processes_that_write_the_same_file_do_not_meet(tmp_path: Path) -> None:
@@ -113,3 +126,85 @@ def test_folder_that_cannot_be_written_is_one_clear_line(tmp_path: Path) -> None
             unfinished_folder(tmp_path / "file" / "pack", raises=raises),
         ):
             pass
+
+
+def test_regular_files_are_read_and_nothing_else_is_waited_for(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"some bytes")
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to(tmp_path / "pipe")
+    assert read_regular(tmp_path / "a") == read_regular(tmp_path / "a", bytes_max=10) == b"some bytes"
+    with open_regular(tmp_path / "a") as stream:
+        assert stream.read() == b"some bytes"
+    for name in ("pipe", "link", "/dev/zero", "/dev/null"):
+        with pytest.raises(OSError, match="it is a pipe or a device, no regular file"):
+            read_regular(tmp_path / name)
+    with pytest.raises(IsADirectoryError):
+        open_regular(tmp_path)
+    with pytest.raises(FileNotFoundError):
+        open_regular(tmp_path / "absent")
+    with pytest.raises(OSError, match="no file can have this name"):
+        open_regular("a\0b")
+    with pytest.raises(OSError, match="it has 10 bytes, more than the 9 that are read"):
+        read_regular(tmp_path / "a", bytes_max=9)
+
+
+def test_archive_is_opened_and_its_entries_read(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr("large", bytes(3 * 2**20))
+    with open_zip(tmp_path / "a.zip") as archive:
+        assert archive.read("large") == bytes(3 * 2**20)
+    (tmp_path / "b.zip").write_bytes(b"no archive")
+    with pytest.raises(zipfile.BadZipFile), open_zip(tmp_path / "b.zip"):
+        pass
+
+
+def test_room_of_a_disk_is_what_is_free_and_all_and_nothing_where_there_is_none(tmp_path: Path) -> None:
+    usage = shutil.disk_usage(tmp_path)
+    free, size = disk_space(tmp_path)
+    assert size == usage.total
+    assert free == pytest.approx(usage.free, rel=0.2)
+    assert free < size
+    assert disk_space(tmp_path / "none") == (0, 0)
+
+
+def test_cache_is_where_the_environment_says_else_at_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert cache_root() == tmp_path / "readygo"
+    monkeypatch.setenv("XDG_CACHE_HOME", "")
+    assert cache_root() == Path.home() / ".cache" / "readygo"
+
+
+def test_cache_folder_that_is_read_only_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert make_cache_folder(tmp_path / "a" / "b").is_dir()
+    monkeypatch.setattr(os, "access", lambda path, how: how != os.W_OK)
+    with pytest.raises(ReadygoError, match=r"a/b cannot be used \(it is read-only\); set XDG_CACHE_HOME"):
+        make_cache_folder(tmp_path / "a" / "b")
+
+
+def test_folder_that_cannot_be_moved_for_another_reason_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(path: Path, target: Path) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "rename", refuse)
+    with (
+        pytest.raises(ReadygoError, match="pack cannot be written: Permission denied"),
+        unfinished_folder(tmp_path / "pack", good=lambda: pytest.fail("it is not there")),
+    ):
+        pass
+
+
+def test_folder_is_replaced_again_and_again_until_it_is_good(tmp_path: Path) -> None:
+    asked: list[str] = []
+
+    def good() -> bool:
+        asked.append((tmp_path / "pack" / "text").read_text())
+        return False
+
+    with unfinished_folder(tmp_path / "pack") as part:
+        (part / "text").write_text("old")
+    with unfinished_folder(tmp_path / "pack", good=good) as part:
+        (part / "text").write_text("new")
+    assert asked == ["old"]
+    assert (tmp_path / "pack" / "text").read_text() == "new"

@@ -1,7 +1,11 @@
 import os
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
+import pytest
+
+from readygo.common import locks
 from readygo.common.locks import hold
 
 
@@ -31,3 +35,35 @@ def test_who_waits_gets_it_as_soon_as_it_is_free_even_if_the_file_is_removed(tmp
     assert path.exists()
     assert hold(path) is None
     os.close(second)
+
+
+def test_patience_ends_after_its_time_and_not_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = [100.0]
+    tries: list[float] = []
+
+    def sleep(seconds: float) -> None:
+        tries.append(now_s[0])
+        now_s[0] += 0.25
+
+    monkeypatch.setattr(locks, "time", SimpleNamespace(monotonic=lambda: now_s[0], sleep=sleep))
+    first = hold(tmp_path / "lock")
+    assert first is not None
+    assert hold(tmp_path / "lock") is None
+    assert tries == []
+    assert hold(tmp_path / "lock", patience_s=0.5) is None
+    assert tries == [100.0, 100.25]
+    before = len(os.listdir("/proc/self/fd"))
+    assert hold(tmp_path / "lock", patience_s=5.0) is None
+    assert len(os.listdir("/proc/self/fd")) == before, "nothing stays open"
+    os.close(first)
+
+
+def test_file_that_was_replaced_while_it_was_taken_is_taken_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, answers = tmp_path / "lock", iter([False, False, True])
+    monkeypatch.setattr(locks, "_is_still", lambda path, descriptor: next(answers))
+    held = hold(path)
+    assert held is not None
+    assert next(answers, None) is None
+    os.close(held)

@@ -1,6 +1,7 @@
 """What is built of the checkout: one top-level name, complete, that works beside packages of other people."""
 
 import os
+import re
 import subprocess
 import sys
 import tarfile
@@ -30,6 +31,12 @@ assert sys.path == before
 print(len(Dataset("data")), *load_avatars())
 print(readygo.__file__)
 """
+# What docs/learn.md shows, in a process that knows of no environment before.
+GYMNASIUM = next(
+    example
+    for example in re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "learn.md").read_text(), re.DOTALL)
+    if "gymnasium" in example
+)
 FLEET = """
 import time
 from pathlib import Path
@@ -141,6 +148,9 @@ def test_wheel_works_beside_packages_of_the_same_names(wheel: Path, environment:
     assert _run(command, "--version", cwd=project).stdout == f"readygo {readygo.__version__}\n"
     assert "is sound: 2 episodes, 24 samples" in _run(command, "validate", "data", cwd=project).stdout
     assert "elif" in _run(command, "avatar", "list", cwd=project).stdout
+    pytest.importorskip("gymnasium", reason="gymnasium (extra gym) is not installed")
+    (project / "environments.py").write_text(GYMNASIUM)
+    _run(environment / "bin" / "python", "-W", "error", "environments.py", cwd=project)
 
 
 @pytest.mark.slow

@@ -96,10 +96,14 @@ def joints_of_humanoid(extensions: Mapping[str, object], nodes: Sequence[int]) -
         extension = extensions.get(key)
         humanoid = extension.get("humanoid", {}) if isinstance(extension, Mapping) else {}
         bones = humanoid.get("humanBones", {}) if isinstance(humanoid, Mapping) else {}
-        pairs = bones.items() if isinstance(bones, Mapping) else [(entry.get("bone"), entry) for entry in bones]
-        for name, entry in pairs:
-            if name in VRM_JOINTS and entry.get("node") in place:
-                found[VRM_JOINTS[name]] = place[entry["node"]]
+        named: dict[str, object] = dict(bones) if isinstance(bones, Mapping) else {}
+        # Version 0 has a list; an entry that names nothing is left out.
+        for entry in bones if isinstance(bones, list) else ():
+            named |= {str(entry.get("bone")): entry} if isinstance(entry, Mapping) else {}
+        for name, entry in named.items():
+            node = entry.get("node") if isinstance(entry, Mapping) else None
+            if name in VRM_JOINTS and isinstance(node, int) and node in place:
+                found[VRM_JOINTS[name]] = place[node]
     return found
 
 

@@ -5,13 +5,19 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.avatars.importers.archives import read_npz
+from readygo.common.arrays import load_npz
 from readygo.common.avatars.importers.assemble import CanonicalHuman
 from readygo.common.avatars.importers.joints import rotations_to_tpose
 from readygo.common.errors import AvatarError
 from readygo.common.gaussians import load_gaussians
 
 Array = npt.NDArray[np.float64]
+
+_KEYS = ("lbs_weight", "lbs_index", "joints_canonical", "joints", "joints_tpose", "R_canonical_to_tpose")
+_ROW_BYTES_MAX = 2 * 24 * 8
+"""Of a Gaussian: 24 weights and as many joints, in double precision."""
+_BYTES_MAX = 2**16
+"""Of the arrays besides."""
 
 
 def gaussian_human(ply: Path, weights: Path) -> CanonicalHuman:
@@ -28,7 +34,8 @@ def gaussian_human(ply: Path, weights: Path) -> CanonicalHuman:
         SceneError: If the .ply is not a Gaussian file.
     """
     cloud = load_gaussians(ply)
-    arrays = {key: array.astype(np.float64) for key, array in read_npz(weights).items() if array.dtype.kind in "fiu"}
+    read = load_npz(weights, _KEYS, bytes_max=_BYTES_MAX + _ROW_BYTES_MAX * len(cloud), raises=AvatarError)
+    arrays = {key: array.astype(np.float64) for key, array in read.items() if array.dtype.kind in "fiu"}
     if "joints_canonical" not in arrays and "joints" in arrays:
         arrays["joints_canonical"] = arrays["joints"]
     _require(weights, arrays, "lbs_weight", "joints_canonical")
@@ -52,6 +59,8 @@ def _dense_weights(path: Path, arrays: dict[str, Array], count: int) -> Array:
     weight = arrays["lbs_weight"]
     if weight.ndim != 2 or len(weight) != count:
         raise AvatarError(f"{path}: lbs_weight must have a row for each of the {count} Gaussians, got {weight.shape}.")
+    if weight.shape[1] > 24:
+        raise AvatarError(f"{path}: lbs_weight must have at most 24 columns, got {weight.shape[1]}.")
     if not np.isfinite(weight).all():
         raise AvatarError(f"{path}: lbs_weight holds values that are not finite.")
     if "lbs_index" not in arrays:

@@ -4,7 +4,7 @@ Source: Khronos Group, glTF 2.0 Specification.
 """
 
 import base64
-import json
+import math
 import struct
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,9 +14,20 @@ from urllib.parse import unquote
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.documents import parse_json
 from readygo.common.errors import AvatarError
+from readygo.common.files import read_regular
+from readygo.common.images.encoded import PICTURES, PIXELS_MAX, decode_pixels, encoded_size_px
 
 GLB_MAGIC = b"glTF"
+GLTF_BYTES_MAX = 128 * 2**20
+"""Of the file, and of each that it refers to."""
+NUMBERS_MAX = 2**24
+"""Numbers of all accessors that are read; a file may name the same bytes again and again."""
+PRIMITIVES_MAX = 2**14
+"""Parts of meshes that are read."""
+TEXELS_MAX = 2**26
+"""Pixels of all textures; one has at most `PIXELS_MAX`."""
 _JSON_CHUNK, _BIN_CHUNK = 0x4E4F534A, 0x004E4942
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _SIZES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
@@ -37,25 +48,53 @@ class GltfFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        data = path.read_bytes()
+        try:
+            data = read_regular(path, bytes_max=GLTF_BYTES_MAX)
+        except OSError as error:
+            raise AvatarError(f"{path} cannot be read: {error.strerror}.") from error
         text, self._binary = _chunks(path, data) if data[:4] == GLB_MAGIC else (data, b"")
         try:
-            self.json: Json = json.loads(text)
+            self.json: Json = parse_json(text, bytes_max=GLTF_BYTES_MAX)
         except ValueError as error:
             raise AvatarError(f"{path} is not glTF: its JSON cannot be read ({error}).") from error
         asset = self.json.get("asset") if isinstance(self.json, dict) else None
         version = str(asset.get("version", "")) if isinstance(asset, dict) else ""
         if not version.startswith("2"):
             raise AvatarError(f"{path} is glTF of version {version or 'unknown'}; only 2.x is read.")
-        compressed = [name for name in self.json.get("extensionsRequired", []) if name in _UNREADABLE]
+        required = self.json.get("extensionsRequired", [])
+        compressed = [name for name in _UNREADABLE if isinstance(required, list) and name in required]
         if compressed:
             raise AvatarError(f"{path} needs {', '.join(compressed)}; export it without compression.")
         self._buffers: dict[int, bytes] = {}
+        self._images: dict[int, npt.NDArray[np.uint8] | None] = {}
+        self._left = {"numbers": NUMBERS_MAX, "parts": PRIMITIVES_MAX, "pixels of textures": TEXELS_MAX}
 
     def items(self, kind: str) -> Sequence[Json]:
         """The file's nodes, meshes, skins, ...; empty if it has none."""
         found: Sequence[Json] = self.json.get(kind, [])
         return found
+
+    @property
+    def extensions(self) -> Json:
+        """Those of the whole file."""
+        found = self.json.get("extensions", {})
+        return found if isinstance(found, dict) else {}
+
+    def primitives(self, mesh: int) -> Sequence[Json]:
+        """The parts of a mesh.
+
+        Raises:
+            AvatarError: If the file has too many.
+        """
+        found: Sequence[Json] = self.items("meshes")[mesh]["primitives"]
+        self._take("parts", 1 + len(found))
+        return found
+
+    def _take(self, what: str, count: int) -> None:
+        self._left[what] -= count
+        if self._left[what] < 0:
+            limit = {"numbers": NUMBERS_MAX, "parts": PRIMITIVES_MAX, "pixels of textures": TEXELS_MAX}[what]
+            raise AvatarError(f"{self.path} holds more than {limit:,} {what}: give a smaller figure.")
 
     def accessor(self, number: int) -> npt.NDArray[Any]:
         """Values of an accessor, shape (count, size); normalised integers become floats in -1..1.
@@ -67,10 +106,13 @@ class GltfFile:
             entry = self.items("accessors")[number]
             dtype, size = np.dtype(_COMPONENTS[entry["componentType"]]), _SIZES[entry["type"]]
             count = int(entry["count"])
+            if count < 1:
+                raise ValueError("nothing in it")
+            self._take("numbers", count * size)
             values = self._values(entry, dtype, size, count)
             if "sparse" in entry:
                 values = self._with_sparse(values, entry["sparse"], dtype, size)
-        except (KeyError, IndexError, TypeError, ValueError, struct.error) as error:
+        except (LookupError, TypeError, ValueError, AttributeError, OverflowError, struct.error) as error:
             raise AvatarError(f"{self.path}: accessor {number} cannot be read; the file is damaged.") from error
         if entry.get("normalized") and dtype.kind in "iu":
             return np.maximum(values.astype(np.float64) / np.iinfo(dtype).max, -1.0)
@@ -93,15 +135,32 @@ class GltfFile:
         return values
 
     def image(self, number: int) -> npt.NDArray[np.uint8] | None:
-        """Pixels of an image as RGBA, shape (H, W, 4); None if it is missing or OpenCV cannot read its format."""
+        """Pixels of an image as RGBA, shape (H, W, 4); None if it is missing, or no readable PNG, JPEG or WebP.
+
+        Raises:
+            AvatarError: If it is too large.
+        """
+        if number not in self._images:
+            self._images[number] = self._decoded(number)
+        return self._images[number]
+
+    def _decoded(self, number: int) -> npt.NDArray[np.uint8] | None:
         import cv2
 
         try:
             entry = self.items("images")[number]
             data = self._view(entry["bufferView"]) if "bufferView" in entry else self._resource(str(entry["uri"]))
-        except (KeyError, IndexError, TypeError, OSError, ValueError):
+        except (LookupError, TypeError, ValueError, AttributeError, OverflowError):
             return None
-        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if len(data) else None
+        size_px = encoded_size_px(data)
+        if size_px is None or math.prod(size_px) < 1:
+            return None
+        if math.prod(size_px) > PIXELS_MAX:
+            raise AvatarError(
+                f"{self.path}: image {number} is {size_px[1]}x{size_px[0]} px, more than {PIXELS_MAX:,}; shrink it."
+            )
+        self._take("pixels of textures", math.prod(size_px))
+        pixels = decode_pixels(data, cv2.IMREAD_UNCHANGED, formats=PICTURES)
         if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
             return None
         if pixels.dtype == np.uint16:
@@ -129,13 +188,14 @@ class GltfFile:
         if uri.startswith("data:"):
             return base64.b64decode(uri.partition(",")[2])
         folder = self.path.parent.resolve()
-        place = (folder / unquote(uri)).resolve()
-        if not place.is_relative_to(folder):
-            raise AvatarError(f"{self.path} refers to {uri!r}, which lies outside of its folder.")
         try:
-            return place.read_bytes()
-        except OSError as error:
-            raise AvatarError(f"{self.path} refers to {uri!r}, which cannot be read: {error.strerror}.") from error
+            place = (folder / unquote(uri)).resolve()
+            if not place.is_relative_to(folder):
+                raise AvatarError(f"{self.path} refers to {uri!r}, which lies outside of its folder.")
+            return read_regular(place, bytes_max=GLTF_BYTES_MAX)
+        except (OSError, ValueError, RuntimeError) as error:
+            why = getattr(error, "strerror", None) or error
+            raise AvatarError(f"{self.path} refers to {uri!r}, which cannot be read: {why}.") from error
 
 
 def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes]:

@@ -1,6 +1,6 @@
 """Skinned, textured glTF humans as avatars."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -55,11 +55,11 @@ def gltf_human(
         with np.errstate(all="ignore"):  # damaged numbers are found by the checks that follow
             figure = read_figure(file)
         materials, notes = read_materials(file, figure.parts)
-    except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError, MemoryError) as error:
         raise AvatarError(f"{path} is not valid glTF ({type(error).__name__}: {error}).") from error
     if not any(len(part.triangles) for part in figure.parts):
         raise AvatarError(f"{path} has no skinned triangles.")
-    figure, mapping, scale = _upright(figure, file.json.get("extensions", {}), height_m)
+    figure, mapping, scale = _upright(figure, file.extensions, height_m)
     bone_joints = joint_of_bones(mapping, figure.bones)
     toes = {side: _toe(figure, mapping, side) for side in ("left", "right")}
     joints, estimated = smpl_joints(mapping.bone, figure.bones.heads, toes)
@@ -99,7 +99,9 @@ def shaded(cloud: GaussianCloud) -> GaussianCloud:
     )
 
 
-def _upright(figure: Figure, extensions: dict[str, object], height_m: float | None) -> tuple[Figure, Mapping24, float]:
+def _upright(
+    figure: Figure, extensions: Mapping[str, object], height_m: float | None
+) -> tuple[Figure, Mapping24, float]:
     """The figure in metres, SMPL axes, soles at y = 0; its joints; the factor on lengths of the bind pose."""
     # Geometry needs to know where up is before joints are known: the longest side of a standing human is its height.
     points = np.concatenate([part.positions[part.triangles.reshape(-1)] for part in figure.parts])

@@ -102,6 +102,8 @@ def _material(file: GltfFile, entry: Json) -> tuple[Material, bool]:
     rough = entry.get("pbrMetallicRoughness", {})
     glossy = entry.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness", {})
     factor = rough.get("baseColorFactor", glossy.get("diffuseFactor", (1.0, 1.0, 1.0, 1.0)))
+    if np.shape(factor) != (4,):
+        raise ValueError(f"a colour of {np.shape(factor)} numbers")
     reference: Json | None = rough.get("baseColorTexture", glossy.get("diffuseTexture"))
     texture = None if reference is None else _texture(file, reference)
     material = Material(

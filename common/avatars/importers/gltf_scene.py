@@ -1,6 +1,6 @@
 """The skinned figure of a glTF file in its bind pose: bones, triangles, materials."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,9 @@ from readygo.common.frames import matrix_from_quat
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
+NODES_MAX = 2**16
+"""Nodes of a file, and joints of its skins together; figures have some hundred."""
+TRIANGLES_MAX = 500_000
 _TRIANGLES = 4
 
 
@@ -49,6 +52,26 @@ class Part:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class _Tree:
+    """How the nodes of a file hang at each other."""
+
+    parents: list[int]
+    """-1 for none."""
+    order: list[int]
+    """All nodes, parents before their children."""
+    depths: list[int]
+    """Steps to the root."""
+
+    def nearest(self, chosen: Collection[int]) -> list[int]:
+        """The nearest ancestor of each node that is among some; -1 if there is none."""
+        found = [-1] * len(self.parents)
+        for node in self.order:
+            parent = self.parents[node]
+            found[node] = parent if parent in chosen or parent < 0 else found[parent]
+        return found
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Figure:
     """A skinned figure in its bind pose, in the axes that it was modelled in."""
 
@@ -68,22 +91,29 @@ def read_figure(file: GltfFile) -> Figure:
         AvatarError: If nothing in it is skinned, or skin and bones do not fit.
     """
     nodes = file.items("nodes")
+    if len(nodes) > NODES_MAX:
+        raise AvatarError(f"{file.path} has {len(nodes)} nodes; at most {NODES_MAX} are read.")
     skinned = [node for node in nodes if "mesh" in node and "skin" in node]
     if not skinned:
         raise AvatarError(f"{file.path} has no skin: give a figure whose mesh is bound to bones.")
-    parents = _node_parents(nodes)
-    world = _world_matrices(nodes, parents)
-    skins = [_skin(file, number) for number in sorted({int(node["skin"]) for node in skinned})]
+    tree = _tree(nodes)
+    world = _world_matrices(nodes, tree)
     numbers = sorted({int(node["skin"]) for node in skinned})
+    if sum(len(file.items("skins")[number]["joints"]) for number in numbers) > NODES_MAX:
+        raise AvatarError(f"{file.path} has skins of more than {NODES_MAX} joints.")
+    skins = [_skin(file, number) for number in numbers]
     binds, spaces = _common_space(skins, world)
-    bones = _bones(nodes, parents, binds)
+    nearest = tree.nearest(binds)
+    bones = _bones(nodes, tree, binds, nearest)
     place = {node: k for k, node in enumerate(bones.nodes)}
     parts = []
     for node in skinned:
         k = numbers.index(int(node["skin"]))
         joints = np.array([place[joint] for joint in skins[k][0]])
         parts += _parts(file, int(node["mesh"]), joints, spaces[k])
-    parts += _rigid_parts(file, parents, world, binds, place)
+    parts += _rigid_parts(file, nearest, world, binds, place)
+    if sum(len(part.triangles) for part in parts) > TRIANGLES_MAX:
+        raise AvatarError(f"{file.path} has more than {TRIANGLES_MAX:,} triangles: give a simpler mesh.")
     joint, inverse = skins[0][0][0], skins[0][1][0]
     scale = float(np.cbrt(abs(np.linalg.det((world[joint] @ inverse)[:3, :3]))))
     lengths = (np.array([scale]), bones.heads, *(part.positions for part in parts))
@@ -96,6 +126,8 @@ def _skin(file: GltfFile, number: int) -> tuple[list[int], Array]:
     """Nodes of a skin's joints and their inverse bind matrices, shape (J, 4, 4)."""
     skin = file.items("skins")[number]
     joints = [int(joint) for joint in skin["joints"]]
+    if not all(0 <= joint < len(file.items("nodes")) for joint in joints):
+        raise AvatarError(f"{file.path}: skin {number} names joints that are no nodes; the file is damaged.")
     if "inverseBindMatrices" not in skin:
         raise AvatarError(f"{file.path}: skin {number} has no inverse bind matrices; export it again with them.")
     values = file.accessor(int(skin["inverseBindMatrices"])).astype(np.float64)
@@ -130,27 +162,20 @@ def _common_space(
     return binds, spaces
 
 
-def _bones(nodes: Sequence[Json], parents: Sequence[int], binds: dict[int, Array]) -> Bones:
-    def ancestry(node: int) -> list[int]:
-        line = [node]
-        while parents[line[-1]] >= 0:
-            line.append(parents[line[-1]])
-        return line
-
-    order = sorted(binds, key=lambda node: (len(ancestry(node)), node))
+def _bones(nodes: Sequence[Json], tree: _Tree, binds: dict[int, Array], nearest: Sequence[int]) -> Bones:
+    order = sorted(binds, key=lambda node: (tree.depths[node], node))
     place = {node: k for k, node in enumerate(order)}
-    above = [next((place[a] for a in ancestry(node)[1:] if a in place), -1) for node in order]
     return Bones(
         names=tuple(str(nodes[node].get("name", f"node {node}")) for node in order),
         nodes=tuple(order),
-        parents=np.array(above, dtype=np.int64),
+        parents=np.array([place.get(nearest[node], -1) for node in order], dtype=np.int64),
         heads=np.array([binds[node][:3, 3] for node in order]),
     )
 
 
 def _parts(file: GltfFile, mesh: int, joints: Index, space: Array) -> list[Part]:
     parts = []
-    for primitive in file.items("meshes")[mesh]["primitives"]:
+    for primitive in file.primitives(mesh):
         attributes = primitive["attributes"]
         if int(primitive.get("mode", _TRIANGLES)) != _TRIANGLES or "POSITION" not in attributes:
             continue
@@ -171,53 +196,51 @@ def _parts(file: GltfFile, mesh: int, joints: Index, space: Array) -> list[Part]
 
 
 def _rigid_parts(
-    file: GltfFile, parents: Sequence[int], world: Sequence[Array], binds: dict[int, Array], place: dict[int, int]
+    file: GltfFile, nearest: Sequence[int], world: Sequence[Array], binds: dict[int, Array], place: dict[int, int]
 ) -> list[Part]:
     """Meshes that hang at a bone without being skinned, such as glasses."""
     parts = []
     for number, node in enumerate(file.items("nodes")):
         if "mesh" not in node or "skin" in node:
             continue
-        bone = parents[number]
-        while bone >= 0 and bone not in binds:
-            bone = parents[bone]
-        if bone < 0:
+        if (bone := nearest[number]) < 0:
             continue
         space = binds[bone] @ np.linalg.inv(world[bone]) @ world[number]
-        for primitive in file.items("meshes")[int(node["mesh"])]["primitives"]:
+        for primitive in file.primitives(int(node["mesh"])):
             if int(primitive.get("mode", _TRIANGLES)) != _TRIANGLES or "POSITION" not in primitive["attributes"]:
                 continue
-            count = file.items("accessors")[primitive["attributes"]["POSITION"]]["count"]
-            index = np.full((int(count), 1), place[bone], dtype=np.int64)
-            parts.append(_part(file, primitive, space, index, np.ones((int(count), 1))))
+            # Checked first: the count is what the file claims.
+            count = len(file.accessor(primitive["attributes"]["POSITION"]))
+            index = np.full((count, 1), place[bone], dtype=np.int64)
+            parts.append(_part(file, primitive, space, index, np.ones((count, 1))))
     return parts
 
 
 def _part(file: GltfFile, primitive: Json, space: Array, index: Index, weight: Array) -> Part:
     attributes = primitive["attributes"]
 
-    def optional(name: str) -> npt.NDArray[Any] | None:
+    def optional(name: str, *sizes: int) -> npt.NDArray[Any] | None:
         values = file.accessor(attributes[name]).astype(np.float64) if name in attributes else None
-        return values if values is None or len(values) == count else None
+        return values if values is None or (len(values) == count and values.shape[1] in sizes) else None
 
     positions = file.accessor(attributes["POSITION"]).astype(np.float64)
     count = len(positions)
-    if not np.isfinite(positions).all() or len(index) != count:
+    if positions.shape[1] != 3 or not np.isfinite(positions).all() or len(index) != count:
         raise AvatarError(f"{file.path}: vertices that are not finite, or not one weight each; the file is damaged.")
     corners = file.accessor(primitive["indices"])[:, 0] if "indices" in primitive else np.arange(count)
     triangles = corners[: len(corners) // 3 * 3].reshape(-1, 3).astype(np.int64)
     if triangles.max(initial=0) >= count:
         raise AvatarError(f"{file.path}: triangles name vertices beyond the {count} of their mesh.")
-    normals = optional("NORMAL")
+    normals = optional("NORMAL", 3)
     if normals is not None:
         normals = normals @ np.linalg.inv(space[:3, :3])
-    colours = optional("COLOR_0")
+    colours = optional("COLOR_0", 3, 4)
     if colours is not None and colours.shape[1] == 3:
         colours = np.concatenate([colours, np.ones((count, 1))], axis=1)
     return Part(
         positions=positions @ space[:3, :3].T + space[:3, 3],
         normals=normals,
-        uv=optional("TEXCOORD_0"),
+        uv=optional("TEXCOORD_0", 2),
         colours=colours,
         bone_index=index,
         bone_weight=weight,
@@ -226,29 +249,34 @@ def _part(file: GltfFile, primitive: Json, space: Array, index: Index, weight: A
     )
 
 
-def _node_parents(nodes: Sequence[Json]) -> list[int]:
+def _tree(nodes: Sequence[Json]) -> _Tree:
     parents = [-1] * len(nodes)
     for number, node in enumerate(nodes):
         for child in node.get("children", []):
+            if not 0 <= child < len(nodes):
+                raise IndexError(f"node {number} has a child {child}, which is not there")
             parents[child] = number
-    for number in range(len(nodes)):
-        above, steps = parents[number], 0
-        while above >= 0:
-            above, steps = parents[above], steps + 1
-            if steps > len(nodes):
-                raise AvatarError("The file's nodes are their own ancestors; it is damaged.")
-    return parents
+    children: list[list[int]] = [[] for _ in nodes]
+    for number, parent in enumerate(parents):
+        if parent >= 0:
+            children[parent].append(number)
+    order = [number for number, parent in enumerate(parents) if parent < 0]
+    depths = [0] * len(nodes)
+    for number in order:
+        for child in children[number]:
+            depths[child] = depths[number] + 1
+            order.append(child)
+    if len(order) < len(nodes):
+        raise AvatarError("The file's nodes are their own ancestors; it is damaged.")
+    return _Tree(parents=parents, order=order, depths=depths)
 
 
-def _world_matrices(nodes: Sequence[Json], parents: Sequence[int]) -> list[Array]:
-    world: dict[int, Array] = {-1: np.eye(4)}
-
-    def matrix(number: int) -> Array:
-        if number not in world:
-            world[number] = matrix(parents[number]) @ _local_matrix(nodes[number])
-        return world[number]
-
-    return [matrix(number) for number in range(len(nodes))]
+def _world_matrices(nodes: Sequence[Json], tree: _Tree) -> list[Array]:
+    world = [np.eye(4)] * len(nodes)
+    for number in tree.order:
+        local = _local_matrix(nodes[number])
+        world[number] = local if tree.parents[number] < 0 else world[tree.parents[number]] @ local
+    return world
 
 
 def _local_matrix(node: Json) -> Array:

@@ -49,7 +49,7 @@ def load_checkpoint(path: str | Path) -> Mapping[str, Any]:
         raise AvatarError(f"HUGS checkpoints need torch; run: {install_command('train')}") from error
     try:
         checkpoint = torch.load(path, map_location="cpu", weights_only=True)
-    except OSError:
+    except FileNotFoundError:
         raise
     except Exception as error:  # torch raises many kinds for damaged files
         line = str(error).strip().split("\n")[0]

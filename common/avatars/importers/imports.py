@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import load_npz
 from readygo.common.avatars.avatar import Avatar
-from readygo.common.avatars.importers.archives import read_npz
 from readygo.common.avatars.importers.assemble import CanonicalHuman, assembled
 from readygo.common.avatars.importers.gaussian_human import gaussian_human
 from readygo.common.avatars.importers.gltf_human import GAUSSIAN_COUNT, gltf_human
@@ -19,6 +19,8 @@ from readygo.common.avatars.importers.smpl_model import load_smpl_model
 from readygo.common.errors import AvatarError
 
 GAUSSIAN_LIMITS = 1_000, 500_000
+_BETAS_BYTES_MAX = 2**24
+"""NeuMan's files have 10 numbers for each of some hundred images."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +111,7 @@ def _read(
 def _betas(options: ImportOptions) -> npt.NDArray[np.float64] | None:
     if options.betas is None:
         return None
-    arrays = read_npz(options.betas)
+    arrays = load_npz(options.betas, ["betas"], bytes_max=_BETAS_BYTES_MAX, raises=AvatarError)
     if "betas" not in arrays or arrays["betas"].dtype.kind not in "fiu" or arrays["betas"].size == 0:
         raise AvatarError(f"{options.betas} holds no betas, the shape coefficients of the body.")
     betas = arrays["betas"].astype(np.float64)

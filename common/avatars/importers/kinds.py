@@ -1,13 +1,17 @@
 """What a file is, by its content."""
 
 import enum
-import json
 import zipfile
 from pathlib import Path
 
 from readygo.common.avatars.file import FORMAT
-from readygo.common.avatars.importers.gltf_file import GLB_MAGIC
+from readygo.common.avatars.importers.gltf_file import GLB_MAGIC, GLTF_BYTES_MAX
+from readygo.common.documents import read_json
 from readygo.common.errors import AvatarError
+from readygo.common.files import open_regular, open_zip
+
+_FORMAT_BYTES = 4096
+"""The format stands in the first bytes of its entry."""
 
 
 class FileKind(enum.Enum):
@@ -25,7 +29,7 @@ def kind_of(path: Path) -> FileKind:
     Raises:
         AvatarError: If it is none of the kinds that can be imported.
     """
-    with path.open("rb") as stream:
+    with open_regular(path) as stream:
         start = stream.read(64)
     if start[:4] == GLB_MAGIC:
         return FileKind.GLTF
@@ -46,22 +50,29 @@ def kind_of(path: Path) -> FileKind:
 
 def _kind_of_archive(path: Path) -> FileKind:
     try:
-        with zipfile.ZipFile(path) as archive:
+        with open_zip(path) as archive:
             names = archive.namelist()
-            is_avatar = "format.npy" in names and FORMAT.encode("utf-32-le") in archive.read("format.npy")
-    except (zipfile.BadZipFile, EOFError, NotImplementedError) as error:
-        raise AvatarError(f"{path} is a damaged archive: {error}") from error
+            is_avatar = "format.npy" in names and FORMAT.encode("utf-32-le") in _beginning(archive, "format.npy")
+    except Exception as error:  # a damaged archive raises almost anything
+        line = " ".join(str(error).split())[:300]
+        raise AvatarError(f"{path} is a damaged archive: {line or type(error).__name__}") from error
     if is_avatar:
         raise AvatarError(f"{path} is an avatar file already; use it as it is.")
     if any(name.endswith("data.pkl") for name in names):
         return FileKind.HUGS
     if "v_template.npy" in names or "weights.npy" in names:
         return FileKind.SMPL
-    raise AvatarError(f"{path} is an archive of {', '.join(names[:6])}: neither a HUGS checkpoint nor a SMPL model.")
+    some = ", ".join(names[:6])[:300]
+    raise AvatarError(f"{path} is an archive of {some!r}: neither a HUGS checkpoint nor a SMPL model.")
+
+
+def _beginning(archive: zipfile.ZipFile, name: str) -> bytes:
+    with archive.open(name) as stream:
+        return stream.read(_FORMAT_BYTES)
 
 
 def _is_gltf_json(path: Path) -> bool:
     try:
-        return "asset" in json.loads(path.read_bytes())
+        return "asset" in read_json(path, bytes_max=GLTF_BYTES_MAX)
     except ValueError:
         return False

@@ -8,15 +8,21 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import load_npz
 from readygo.common.avatars.avatar import SMPL_PARENTS
-from readygo.common.avatars.importers.archives import read_npz
-from readygo.common.avatars.importers.pickles import array_of, load_pickle
 from readygo.common.errors import AvatarError
+from readygo.common.files import open_regular
+from readygo.common.pickles import array_of, load_pickle
 
 Array = npt.NDArray[np.float64]
 
 MODEL_KEYS = ("v_template", "weights", "J_regressor", "kintree_table")
 """What every SMPL model file holds; `f` (faces) and `shapedirs` are needed only by some uses."""
+_ALL_KEYS = (*MODEL_KEYS, "f", "shapedirs")
+_BYTES_MAX = 2**28
+"""A model with 300 shape directions has 60 MB in these arrays, 250 MB as a pickle of all."""
+_NUMBERS_MAX = 2**24
+"""Of an array; those of 300 shape directions are 6 million."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,11 +78,11 @@ def smpl_entries(path: Path) -> Mapping[str, Any]:
     Raises:
         AvatarError: If the file is neither a NumPy archive nor a pickled dictionary.
     """
-    with path.open("rb") as stream:
+    with open_regular(path) as stream:
         start = stream.read(4)
     if start[:2] == b"PK":
-        return read_npz(path)
-    entries = load_pickle(path)
+        return load_npz(path, _ALL_KEYS, bytes_max=_BYTES_MAX, raises=AvatarError)
+    entries = load_pickle(path, bytes_max=_BYTES_MAX, raises=AvatarError)
     if not isinstance(entries, dict):
         raise AvatarError(f"{path} holds a {type(entries).__name__}, not the dictionary of a SMPL model.")
     return entries
@@ -90,10 +96,10 @@ def _shape_offsets(path: Path, entries: Mapping[str, Any], count: int, betas: np
         raise AvatarError("Shape coefficients (betas) must be finite numbers.")
     if "shapedirs" not in entries:
         raise AvatarError(f"{path} has no shapedirs, so that betas cannot be applied.")
-    directions = _array(path, entries, "shapedirs", (count, 3, None)).astype(np.float64)
+    directions = _array(path, entries, "shapedirs", (count, 3, None))
     if len(coefficients) > directions.shape[2]:
         raise AvatarError(f"{path} has {directions.shape[2]} shape directions, but {len(coefficients)} betas came.")
-    offsets: Array = directions[:, :, : len(coefficients)] @ coefficients
+    offsets: Array = directions[:, :, : len(coefficients)].astype(np.float64) @ coefficients
     return offsets
 
 
@@ -105,6 +111,8 @@ def _array(path: Path, entries: Mapping[str, Any], key: str, shape: tuple[int | 
     if not fits:
         text = " x ".join("any" if size is None else str(size) for size in shape)
         raise AvatarError(f"{path}: {key} must be {text}, got {array.shape}.")
+    if array.size > _NUMBERS_MAX:
+        raise AvatarError(f"{path}: {key} holds {array.size} numbers, a SMPL model's at most {_NUMBERS_MAX}.")
     if not np.isfinite(array).all():
         raise AvatarError(f"{path}: {key} holds values that are not finite.")
     return array

@@ -14,6 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars import Avatar
+from readygo.common.documents import read_json
+from readygo.common.errors import SceneError
 from readygo.common.files import unfinished_folder
 from readygo.common.rasterizer.lod.avatar import AvatarTree, build_avatar_tree
 from readygo.common.rasterizer.lod.tree import ChunkTree, build_tree
@@ -144,11 +146,11 @@ def _save(folder: Path, scene: PackedScene, arrays: Arrays) -> None:
 
 def _load(folder: Path, names: tuple[str, ...]) -> tuple[PackedScene, Arrays] | None:
     try:
-        if json.loads((folder / "lod.json").read_text()) != {"format": FORMAT}:
+        if read_json(folder / "lod.json") != {"format": FORMAT}:
             return None
         scene = load_packed(folder / "chunks")
         arrays = {name: map_array(folder / f"{name}.npy") for name in names}
-    except (OSError, ValueError, EOFError):
+    except (OSError, ValueError, SceneError):
         return None
     return None if scene is None else (scene, arrays)
 

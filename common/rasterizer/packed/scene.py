@@ -17,7 +17,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.errors import ReadygoError
+from readygo.common.arrays import map_npy
+from readygo.common.documents import read_json
+from readygo.common.errors import ReadygoError, SceneError
 from readygo.common.files import unfinished, unfinished_folder
 from readygo.common.gaussians import GaussianCloud, rgb_of_sh
 from readygo.common.rasterizer.constants import ALPHA_MIN
@@ -303,9 +305,9 @@ def map_array(path: Path) -> npt.NDArray[Any]:
     for each.
 
     Raises:
-        OSError: If the file cannot be read; ValueError or EOFError if it holds no array.
+        SceneError: If the file cannot be read, or holds no array of numbers.
     """
-    array: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+    array = map_npy(path, raises=SceneError)
     if isinstance(array.base, mmap.mmap) and array.nbytes <= POPULATED_BYTES_MAX:
         # Kernels before 5.14 do not know it.
         with contextlib.suppress(OSError):
@@ -317,10 +319,10 @@ def load_packed(folder: str | Path) -> PackedScene | None:
     """Map a packed scene read-only; None if the folder holds no valid one."""
     folder = Path(folder)
     try:
-        if json.loads((folder / "packed.json").read_text()) != {"format": FORMAT}:
+        if read_json(folder / "packed.json") != {"format": FORMAT}:
             return None
         arrays = {name: map_array(folder / f"{name}.npy") for name in _ARRAYS}
-    except (OSError, ValueError, EOFError):
+    except (OSError, ValueError, SceneError):
         return None
     chunks = len(arrays["centre_m"])
     expected = {
@@ -340,7 +342,7 @@ def _load_normals(folder: Path, chunks: int) -> npt.NDArray[np.int16] | None:
     """Map the normals of a pack read-only; None if there are none."""
     try:
         normal = map_array(folder / _NORMAL_FILE)
-    except (OSError, ValueError, EOFError):
+    except SceneError:
         return None
     return normal if normal.shape == (chunks, BLOCKS, 3, 16) and normal.dtype == np.int16 else None
 

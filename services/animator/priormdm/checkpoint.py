@@ -1,8 +1,6 @@
 """Reads the user's model: state dict, args.json, feature statistics, text embedding."""
 
 import hashlib
-import json
-import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,13 +11,17 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from readygo.common.arrays import load_npy
+from readygo.common.documents import read_json
 from readygo.common.errors import ConfigError
+from readygo.common.files import read_regular
 from readygo.services.animator.priormdm.config import PriorMdmConfig
 from readygo.services.animator.priormdm.features import FEATURE_COUNT
 from readygo.services.animator.priormdm.network import TEXT_COUNT, Mdm, NetworkShape
 
 _CONSTANTS = ("sequence_pos_encoder.pe", "embed_timestep.sequence_pos_encoder.pe", "t_pos_encoder.pe")
 """Tables that follow from a formula; releases keep, lengthen or drop them."""
+_NUMBERS_BYTES_MAX = 2**16
 _FOREIGN = "clip_model."
 """The text encoder, which some checkpoints carry along."""
 
@@ -92,7 +94,7 @@ def files_digest(config: PriorMdmConfig) -> str:
     paths = [config.weights, str(_args_path(config)), config.mean, config.std, config.text_embedding]
     for path in [*paths, *([config.pose_prior] if config.pose_prior else [])]:
         try:
-            total.update(hashlib.sha256(Path(path).read_bytes() if path else b"").digest())
+            total.update(hashlib.sha256(read_regular(path) if path else b"").digest())
         except OSError as error:
             raise ConfigError(f"{path} cannot be read: {error.strerror or error}.") from error
     return total.hexdigest()
@@ -135,7 +137,7 @@ def _args_path(config: PriorMdmConfig) -> Path:
 
 def _read_args(path: Path) -> dict[str, Any]:
     try:
-        args = json.loads(path.read_text())
+        args = read_json(path)
     except OSError as error:
         raise ConfigError(
             f"priormdm needs the args.json that was released with the weights; {path} cannot be read: "
@@ -174,7 +176,7 @@ def _read_state(path: Path) -> dict[str, Tensor]:
         state = torch.load(path, map_location="cpu", weights_only=True)
     except OSError as error:
         raise ConfigError(f"priormdm.weights {path} cannot be read: {error.strerror or error}.") from error
-    except (pickle.UnpicklingError, RuntimeError, EOFError, ValueError) as error:
+    except Exception as error:  # torch raises many kinds for damaged files
         first = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
         raise ConfigError(f"priormdm.weights {path} is no plain state dict of torch: {first}") from error
     for wrapper in ("model_avg", "model"):
@@ -186,11 +188,7 @@ def _read_state(path: Path) -> dict[str, Tensor]:
 
 
 def _read_numbers(path: str, count: int, what: str) -> npt.NDArray[np.float64]:
-    try:
-        numbers = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
-        raise ConfigError(f"{what} {path} cannot be read as .npy: {reason}.") from error
-    if not isinstance(numbers, np.ndarray) or numbers.size != count or not np.isfinite(numbers).all():
+    numbers = load_npy(Path(path), bytes_max=_NUMBERS_BYTES_MAX, raises=ConfigError)
+    if numbers.size != count or numbers.dtype.kind not in "fiu" or not np.isfinite(numbers).all():
         raise ConfigError(f"{what} {path} must hold {count} finite numbers, got shape {np.shape(numbers)}.")
     return numbers.reshape(count).astype(np.float64)

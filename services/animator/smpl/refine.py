@@ -7,9 +7,8 @@ and elbows and a mild pull to the start.
 Source: Bogo et al., Keep it SMPL, ECCV 2016, equations 3 to 7; weights follow the fit of motion generators' joints.
 """
 
-import io
 import math
-import pickle
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,22 +18,21 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from readygo.common.arrays import load_npz
 from readygo.common.avatars import SMPL_PARENTS
 from readygo.common.errors import ConfigError
 from readygo.common.frames import yup_from_zup, zup_from_yup
 from readygo.common.messages import Motion
+from readygo.common.pickles import array_of, load_pickle
 
 POSE_COUNT = 69
 _TOES = (10, 11)
 GMOF_SIGMA_M = 0.1
 """Joint errors well above this count as outliers (Geman-McClure)."""
-_PLAIN = {
-    ("numpy.core.multiarray", "_reconstruct"),
-    ("numpy._core.multiarray", "_reconstruct"),
-    ("numpy", "ndarray"),
-    ("numpy", "dtype"),
-    ("_codecs", "encode"),
-}
+_PRIOR_KEYS = ("means", "covars", "weights")
+_REMEDY = "give SMPLify's gmm_08.pkl"
+_PRIOR_BYTES_MAX = 2**24
+"""SMPLify's has 8 Gaussians in 0.3 MB."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,15 +66,6 @@ class RefineConfig:
             raise ValueError(f"weights must be finite and not negative and iterations at least 1, got {self}.")
 
 
-class _PlainUnpickler(pickle.Unpickler):
-    """Reads arrays, numbers, texts and containers; anything else could run code."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        if (module, name) not in _PLAIN:
-            raise pickle.UnpicklingError(f"it holds a {module}.{name}")
-        return super().find_class(module, name)
-
-
 def load_pose_prior(path: Path) -> PosePrior:
     """A prior from gmm_08.pkl of SMPLify, or an .npz, with `means` (K, 69), `covars` (K, 69, 69) and `weights` (K,).
 
@@ -84,14 +73,9 @@ def load_pose_prior(path: Path) -> PosePrior:
         ConfigError: If the file cannot be read safely or holds something else.
     """
     try:
-        if path.suffix == ".npz":
-            with np.load(path, allow_pickle=False) as file:
-                data = dict(file)
-        else:
-            data = _PlainUnpickler(io.BytesIO(path.read_bytes()), encoding="latin1").load()
-        means, covars, weights = (np.asarray(data[name], dtype=np.float64) for name in ("means", "covars", "weights"))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, pickle.UnpicklingError) as error:
-        raise ConfigError(f"Pose prior {path} cannot be read: {error}; give SMPLify's gmm_08.pkl.") from error
+        means, covars, weights = (array.astype(np.float64) for array in _prior_arrays(path))
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+        raise ConfigError(f"Pose prior {path} lacks numbers of {', '.join(_PRIOR_KEYS)}; {_REMEDY}.") from error
     count = len(weights) if weights.ndim == 1 else 0
     shapes = means.shape == (count, POSE_COUNT) and covars.shape == (count, POSE_COUNT, POSE_COUNT)
     if count == 0 or not shapes or not weights.min() > 0.0:
@@ -106,6 +90,19 @@ def load_pose_prior(path: Path) -> PosePrior:
     costs = half_logdet - np.log(weights)
     precisions = np.asarray(np.linalg.inv(covars), dtype=np.float64)
     return PosePrior(means=means, precisions=precisions, costs=costs - costs.min())
+
+
+def _prior_arrays(path: Path) -> Iterator[npt.NDArray[Any]]:
+    """Arrays of a prior in the order of `_PRIOR_KEYS`."""
+    if path.suffix == ".npz":
+        entries: Any = load_npz(path, _PRIOR_KEYS, bytes_max=_PRIOR_BYTES_MAX, raises=ConfigError, remedy=_REMEDY)
+    else:
+        entries = load_pickle(path, bytes_max=_PRIOR_BYTES_MAX, raises=ConfigError, remedy=_REMEDY)
+    for key in _PRIOR_KEYS:
+        array = array_of(entries[key])
+        if array is None or array.dtype.kind not in "fiu" or not np.isfinite(array).all():
+            raise ValueError(key)
+        yield array
 
 
 def refine(

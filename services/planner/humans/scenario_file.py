@@ -16,9 +16,9 @@ Whoever has `trajectory_m` (a position every 0.05 s) instead of waypoints walks 
 
 import dataclasses
 import hashlib
+import io
 import json
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,8 +28,9 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.config import section_from_mapping
+from readygo.common.documents import TOML_BYTES_MAX, parse_toml
 from readygo.common.errors import ConfigError
-from readygo.common.files import write_whole
+from readygo.common.files import read_regular, write_whole
 from readygo.common.messages import HumanTrajectory, Scenario
 from readygo.common.robot.kinematics import DT_S
 
@@ -144,10 +145,12 @@ def read_text(path: Path) -> str:
         ConfigError: If there is none.
     """
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no text"
-        raise ConfigError(f"Scenario file {path} cannot be read: {reason}.") from error
+        # Ends of lines count nothing in the text's digest.
+        return io.StringIO(read_regular(path, bytes_max=TOML_BYTES_MAX).decode(), newline=None).read()
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"Scenario file {path} cannot be read: it is no text.") from error
+    except OSError as error:
+        raise ConfigError(f"Scenario file {path} cannot be read: {error.strerror}.") from error
 
 
 def text_hash(text: str) -> str:
@@ -166,8 +169,8 @@ def parse_scenarios(text: str, source: str) -> ScenarioFile:
         ConfigError: If an entry is wrong; the message names file and entry.
     """
     try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        data = parse_toml(text)
+    except ValueError as error:
         raise ConfigError(f"Scenario file {source} is no TOML: {error}.") from error
     if data.get("format") != FORMAT:
         raise ConfigError(f"Scenario file {source} must begin with format = {FORMAT!r}, got {data.get('format')!r}.")

@@ -4,6 +4,8 @@ import math
 import struct
 from pathlib import Path
 
+from readygo.common.files import open_regular
+
 _ORIENTATION, _EXIF_BLOCK, _FOCAL_35MM = 0x0112, 0x8769, 0xA405
 _SHORT, _LONG = 3, 4
 _DIAGONAL_35MM = math.hypot(36.0, 24.0)
@@ -11,7 +13,8 @@ _DIAGONAL_35MM = math.hypot(36.0, 24.0)
 
 def read_exif(path: Path) -> dict[str, int]:
     """`orientation` (1-8) and `focal_35mm` [mm], as far as a file has them; empty for other than JPEG."""
-    block = _exif_block(path.read_bytes()[: 1 << 17])
+    with open_regular(path) as stream:
+        block = _exif_block(stream.read(1 << 17))
     if block is None:
         return {}
     try:

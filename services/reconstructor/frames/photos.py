@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from readygo.common.errors import SceneError
+from readygo.common.images.encoded import read_pixels
 from readygo.services.reconstructor.config import FramesConfig
 from readygo.services.reconstructor.frames.exif import focal_of_35mm, read_exif
 from readygo.services.reconstructor.frames.video import shrunk, write_jpeg
@@ -80,8 +81,8 @@ def prepare_photos(source: Path, folder: Path, config: FramesConfig) -> dict[str
 
 def _written(path: Path, folder: Path, side_max_px: int) -> _Photo | None:
     """Write a photo to the folder of its size; None if it cannot be read."""
-    # imread turns images as EXIF says.
-    bgr = cv2.imread(str(path))
+    # OpenCV turns images as EXIF says.
+    bgr = read_pixels(path, cv2.IMREAD_COLOR)
     if bgr is None:
         return None
     small = shrunk(np.asarray(bgr, dtype=np.uint8), side_max_px)

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.errors import ConfigError
+from readygo.common.images.encoded import read_pixels
 
 DEFAULT_DICTIONARY = "4X4_50"
 _PREFIX = "DICT_"
@@ -82,7 +83,7 @@ def sightings_in(folder: Path, names: Iterable[str], dictionary: str) -> list[Ma
     """Every marker of a dictionary in the images of a folder."""
     found = []
     for name in names:
-        grey = cv2.imread(str(folder / name), cv2.IMREAD_GRAYSCALE)
+        grey = read_pixels(folder / name, cv2.IMREAD_GRAYSCALE)
         if grey is None:
             continue
         seen = list(find_markers(np.asarray(grey, dtype=np.uint8), dictionary))

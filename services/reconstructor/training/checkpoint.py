@@ -1,13 +1,14 @@
 """The state of a training on disk: arrays and numbers, nothing pickled."""
 
 import json
-import zipfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import load_npz
+from readygo.common.documents import parse_json
 from readygo.common.errors import RunError
 from readygo.common.files import unfinished
 
@@ -40,12 +41,13 @@ def load_checkpoint(folder: Path, identity: str) -> tuple[dict[str, Any], Arrays
     path = folder / CHECKPOINT_FILE
     if not path.is_file():
         return None
+    # Nothing in it is compressed.
+    remedy, size = "delete it to start the training again", path.stat().st_size
+    arrays = load_npz(path, None, bytes_max=size, raises=RunError, remedy=remedy)
     try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        numbers = json.loads(str(arrays.pop("meta")))
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-        raise RunError(f"{path} cannot be read ({error}); delete it to begin anew.") from error
+        numbers = dict(parse_json(str(arrays.pop("meta"))))
+    except (ValueError, KeyError, TypeError) as error:
+        raise RunError(f"{path} cannot be read ({error}); {remedy}.") from error
     if numbers.get("format") != FORMAT or numbers.get("identity") != identity:
         raise RunError(f"{path} is of a training with other settings or images; give another --out, or delete it.")
     return numbers, arrays

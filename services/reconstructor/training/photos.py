@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.errors import SceneError
+from readygo.common.images.encoded import read_pixels
 from readygo.services.reconstructor.config import PosesConfig
 from readygo.services.reconstructor.metric.similarity import Similarity
 from readygo.services.reconstructor.posed import PosedImages
@@ -156,7 +157,7 @@ class PhotoStore:
     def _read(self, number: int) -> npt.NDArray[np.uint8]:
         """Shape (H, W, 3)."""
         path = self._posed.folder / self._posed.views.images[number]
-        pixels = cv2.imread(str(path), cv2.IMREAD_COLOR)
+        pixels = read_pixels(path, cv2.IMREAD_COLOR)
         if pixels is None:
             raise SceneError(f"{path} cannot be read as an image.")
         width, height = self._posed.views.sizes_px[number]

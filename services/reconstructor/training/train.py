@@ -15,6 +15,7 @@ import numpy.typing as npt
 import torch
 
 from readygo.common.config import section_to_mapping
+from readygo.common.documents import read_json
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.common.gaussians.ply import save_ply
@@ -111,7 +112,7 @@ def _identity(posed: Posed, settings: GaussiansConfig) -> str:
 
 def _finished(folder: Path, identity: str) -> dict[str, Any] | None:
     try:
-        report = json.loads((folder / REPORT_FILE).read_text())
+        report = read_json(folder / REPORT_FILE)
     except (OSError, ValueError):
         return None
     same = isinstance(report, dict) and report.get("identity") == identity and (folder / CLOUD_FILE).is_file()

@@ -49,3 +49,40 @@ def test_images_without_a_pose_are_counted_and_others_refused() -> None:
     assert (pose_errors(truth, some).images, pose_errors(truth, some).of) == (7, 12)
     with pytest.raises(SceneError, match="Only 0 of 12 images"):
         pose_errors(truth, {f"other{name}": T for name, T in poses.items()})
+
+
+def test_errors_of_a_crooked_capture_are_those_of_a_similarity_by_hand() -> None:
+    truth, poses = capture()
+    rng = np.random.default_rng(6)
+    found = {}
+    for name, T in poses.items():
+        found[name] = moved(T, scale=0.97, roll=0.02)
+        found[name][:3, 3] += rng.normal(0.0, 0.01, 3)
+        found[name][:3, :3] = found[name][:3, :3] @ camera_pose(np.zeros(3), 0.01 * rng.normal(), 0.02, 0.0)[:3, :3]
+    errors = pose_errors(truth, found)
+    p_true, p_found = (np.array([T[:3, 3] for T in side.values()]) for side in (poses, found))
+    a, b = p_found - p_found.mean(axis=0), p_true - p_true.mean(axis=0)
+    U, sigma, Vt = np.linalg.svd(b.T @ a)
+    sign = np.diag([1.0, 1.0, np.linalg.det(U @ Vt)])
+    R = U @ sign @ Vt
+    scale = float(sigma @ np.diag(sign)) / float((a * a).sum())
+    rigid, similar = (np.linalg.norm(factor * a @ R.T - b, axis=1) for factor in (1.0, scale))
+    turned = [poses[name][:3, :3].T @ R @ found[name][:3, :3] for name in poses]
+    angles = [math.degrees(math.acos((np.trace(turn) - 1) / 2)) for turn in turned]
+    assert errors.scale_percent == pytest.approx(100 * (1 / scale - 1))
+    assert errors.camera_rmse_m == pytest.approx(math.sqrt(float((rigid**2).mean())))
+    assert errors.camera_max_m == pytest.approx(rigid.max())
+    assert errors.shape_rmse_m == pytest.approx(math.sqrt(float((similar**2).mean())))
+    assert errors.rotation_deg == pytest.approx(np.median(angles))
+    assert errors.up_deg == pytest.approx(math.degrees(math.acos(R[2, 2])))
+    assert errors.height_m == pytest.approx(p_found[:, 2].mean() - p_true[:, 2].mean())
+    rounded = errors.to_mapping()
+    assert (rounded["images"], rounded["scale_percent"]) == (12, round(errors.scale_percent, 5))
+
+
+def test_three_images_are_enough() -> None:
+    truth, poses = capture()
+    names = list(poses)
+    assert pose_errors(truth, {name: poses[name] for name in names[:3]}).images == 3
+    with pytest.raises(SceneError, match="Only 2 of 2"):
+        pose_errors(truth, {name: poses[name] for name in names[:2]})

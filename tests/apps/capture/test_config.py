@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 
@@ -36,3 +38,21 @@ def test_telephone_bends_lines_a_little_and_has_a_shutter_only_if_asked() -> Non
     assert still.exposure_s == still.readout_s == 0.0
     assert moving.exposure_s > 0.0
     assert moving.readout_s > 0.0
+
+
+def test_values_at_their_limits_are_taken_and_those_beyond_refused() -> None:
+    for values in ({"seconds": 2.0}, {"fps": 1}, {"fps": 60}, {"seconds": 50.0, "fps": 60}, {"marker_size_m": 0.0},
+                   {"sub_frames": 2}, {"sub_frames": 64}, {"sub_frames": 0}):  # fmt: skip
+        CaptureConfig(**values)
+    for values in ({"seconds": 1.99}, {"fps": 61}, {"seconds": 50.02, "fps": 60}, {"sub_frames": 65},
+                   {"sub_frames": -1}, {"height_px": 481}):  # fmt: skip
+        with pytest.raises(ConfigError):
+            CaptureConfig(**values)
+    assert CaptureConfig(seconds=2.5, fps=7).frames == 18
+
+
+@pytest.mark.parametrize(("width_px", "height_px"), [(640, 480), (480, 640)])
+def test_telephone_looks_68_degrees_along_its_longer_side_and_is_not_centred(width_px: int, height_px: int) -> None:
+    camera = phone_camera(CaptureConfig(width_px=width_px, height_px=height_px))
+    assert camera.fx_px == camera.fy_px == pytest.approx(320 / math.tan(math.radians(34)))
+    assert (camera.cx_px, camera.cy_px) == pytest.approx((width_px / 2 + 2.56, height_px / 2 - 1.44))

@@ -1,3 +1,4 @@
+import dataclasses
 import json
 from pathlib import Path
 
@@ -83,3 +84,67 @@ def test_names_that_cannot_be_written_are_refused_before_the_work(tmp_path: Path
 def test_marker_that_fits_no_sheet_is_refused() -> None:
     with pytest.raises(ReadygoError, match=r"is 0\.01 to"):
         filming(marker_size_m=2.0)
+
+
+def test_truth_says_how_it_was_filmed_and_every_photo_is_heard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = np.full((120, 160, 3), (200, 90, 20), np.uint8)
+    monkeypatch.setattr("readygo.apps.capture.film.pictures", lambda plan: iter([plain] * plan.config.frames))
+    plan, heard = filming(photos=True, fps=3, seed=5, sub_frames=4, marker_id=3, marker_size_m=0.15), list[int]()
+    content = read_truth(film(plan, tmp_path / "photos", heard.append)).content
+    assert heard == [1, 2, 3, 4, 5, 6]
+    camera = plan.camera
+    assert content["camera"] == {
+        "model": "OPENCV",
+        **{"fx": camera.fx_px, "fy": camera.fy_px, "cx": camera.cx_px, "cy": camera.cy_px},
+        **{"k1": camera.k1, "k2": camera.k2, "p1": camera.p1, "p2": camera.p2},
+    }
+    assert {name: content[name] for name in ("seed", "fps", "seconds", "width_px", "height_px", "metres_per_unit")} == {
+        "seed": 5, "fps": 3, "seconds": 2.0, "width_px": 160, "height_px": 120, "metres_per_unit": 1.0,
+    }  # fmt: skip
+    assert content["scene"]["hash"] == plan.scene.content_hash
+    middle_s = 0.5 * (0.010 + 0.015)
+    for number, row in enumerate(content["frames"]):
+        time_s = (number + 0.5) / 3 - middle_s
+        assert row["time_s"] == pytest.approx(time_s, abs=1e-6)
+        np.testing.assert_array_equal(row["T_world_camera"], plan.walk.pose_at((number + 0.5) / 3 - middle_s))
+    assert plan.marker is not None
+    assert content["marker"] == {
+        "id": 3, "dictionary": "4X4_50", "size_m": 0.15, "corners_m": plan.marker.corners_m.tolist(),
+    }  # fmt: skip
+    blue_first = cv2.imread(str(tmp_path / "photos" / "0002.jpg"))
+    assert np.abs(blue_first[..., ::-1].astype(int).mean(axis=(0, 1)) - plain.mean(axis=(0, 1))).max() < 2
+
+
+def test_exposure_wanders_within_a_quarter_stop_in_films_and_counts_in_pictures() -> None:
+    plan = filming(seconds=30.0)
+    assert 0.1 < np.abs(plan.exposures_ev).max() <= 0.25
+    low, high = (
+        next(pictures(dataclasses.replace(plan, exposures_ev=np.full(60, stops)))).astype(float).mean()
+        for stops in (-0.5, 0.5)
+    )
+    assert high > low + 20
+
+
+def test_marker_gets_the_first_page_that_holds_it() -> None:
+    small, large = filming(marker_size_m=0.2).marker, filming(marker_size_m=0.3).marker
+    assert small is not None
+    assert large is not None
+    pages = [sorted((marker.sheet.width_m, marker.sheet.height_m)) for marker in (small, large)]
+    np.testing.assert_allclose(pages, [(0.297, 0.42), (0.42, 0.594)], atol=1e-3)
+
+
+def test_place_to_film_is_a_rectangle_with_a_positive_side_or_a_circle() -> None:
+    scene = open_scene("embedded")
+    for crop in ((0.0, 0.0, 0.0, 2.0), (0.0, 1.0, 2.0, 1.0)):
+        with pytest.raises(ConfigError, match="X0 < X1"):
+            ground_of(scene, crop, None, 3.0)
+    with pytest.raises(ConfigError, match="--radius must be positive, got nan"):
+        ground_of(scene, None, None, float("nan"))
+
+
+def test_loop_that_is_walked_once_is_closed() -> None:
+    plan = filming()
+    walks = [dataclasses.replace(plan.walk, way_m=way_m, loop_m=7.0) for way_m in (5.2, 7.0)]
+    words, none = (dataclasses.replace(plan, walk=walk).notes for walk in walks)
+    assert words[0].startswith("the walk of 5.2 m does not close its loop of 7.0 m; --seconds 16 does")
+    assert none == []

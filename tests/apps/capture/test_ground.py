@@ -3,12 +3,22 @@ import math
 import numpy as np
 import pytest
 
-from readygo.apps.capture.ground import BODY_RADIUS_M, Ground, closed_way, marker_place, walking_ground
+from readygo.apps.capture.ground import (
+    BODY_RADIUS_M,
+    Ground,
+    _room,
+    closed_way,
+    marker_place,
+    walking_ground,
+    wrapped_rad,
+)
 from readygo.apps.run.scene_argument import open_scene
 from readygo.common.errors import SceneError
 from readygo.common.maps import GridFrame, clearance_m
 
 FRAME = GridFrame(origin_x_m=-1.0, origin_y_m=-2.0, resolution_m=0.05)
+WAY = [526.0, 100.0, 1.225, -0.125, -0.059, -1.109, 3.282, -0.9066, 3.159, 0.809]
+NARROW_WAY = [176.0, -0.1472, -1.3207, 1.0084, -1.3737]
 
 
 def rectangle(width_m: float, height_m: float) -> Ground:
@@ -61,3 +71,45 @@ def test_marker_lies_on_the_ground_where_one_can_film_it() -> None:
     begin, place = marker_place(ground, way)
     assert ground.holds(np.array([place])).all()
     assert 0.8 < math.dist(way[begin], place) < 1.6
+
+
+def test_points_lie_on_the_cells_that_hold_them() -> None:
+    cells = np.zeros((3, 5), np.bool_)
+    cells[1, 3] = cells[2, 0] = True
+    ground = Ground(cells=cells, frame=GridFrame(origin_x_m=-1.0, origin_y_m=4.0, resolution_m=0.5))
+    np.testing.assert_allclose(ground.centres_m, [(0.75, 4.75), (-0.75, 5.25)])
+    assert ground.area_m2 == pytest.approx(2 * 0.25)
+    points = [(0.51, 4.51), (0.99, 4.99), (0.49, 4.75), (1.01, 4.75), (-0.99, 5.49), (-1.01, 5.25), (-0.75, 5.51)]
+    assert ground.holds(np.array(points)).tolist() == [True, True, False, False, True, False, False]
+    full = Ground(cells=np.ones_like(cells), frame=ground.frame)
+    edges = [(-1.0, 4.0), (1.49, 5.49), (1.5, 4.2), (1.0, 5.5), (-1.01, 4.2), (0.0, 3.99)]
+    assert full.holds(np.array(edges)).tolist() == [True, True, False, False, False, False]
+
+
+def test_way_and_marker_are_what_they_were() -> None:
+    ground = rectangle(4.1, 2.7)
+    way = closed_way(ground)
+    begin, place = marker_place(ground, way)
+    found = [len(way), begin, *place, *way[[0, len(way) // 3, len(way) // 2]].ravel()]
+    np.testing.assert_allclose(found, WAY, atol=2e-4)
+    narrow = closed_way(rectangle(2.4, 0.4))
+    np.testing.assert_allclose([len(narrow), *narrow[[0, len(narrow) // 3]].ravel()], NARROW_WAY, atol=2e-4)
+
+
+def test_doors_are_passed_only_where_there_is_too_little_room_without() -> None:
+    cells = np.ones((60, 100), np.bool_)
+    cells[:, 50] = False
+    cells[20:32, 50] = True
+    squared = (np.arange(100)[None, :] * 0.05 - 1.0) ** 2 + (np.arange(60)[:, None] * 0.05 - 1.5) ** 2
+    wide = cells.copy()
+    wide[20:32, 47:54] = False
+    assert _room(cells, wide, squared, 0.05)[:, 62:].sum() == 0
+    assert _room(cells, wide, squared, 0.05)[:, :45].all()
+    small = wide.copy()
+    small[:, 15:47] = False
+    assert _room(cells & ~(np.arange(100) > 70), small & (np.arange(100) < 4), squared, 0.05)[:, 55:70].any()
+
+
+def test_angles_are_wrapped_to_half_a_turn() -> None:
+    angles = np.array([3.2, -3.2, 7.0, -math.pi, 0.4])
+    np.testing.assert_allclose(wrapped_rad(angles), [3.2 - math.tau, math.tau - 3.2, 7.0 - math.tau, -math.pi, 0.4])

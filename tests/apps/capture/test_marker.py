@@ -1,8 +1,10 @@
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 import pytest
 
-from readygo.apps.capture.marker import FloorMarker, MarkedRasterizer, draw_marker, lay_down
+from readygo.apps.capture.marker import FloorMarker, MarkedRasterizer, _window, draw_marker, lay_down
 from readygo.apps.capture.walk import camera_pose
 from readygo.common.camera import CameraConfig
 from readygo.common.gaussians import GaussianCloud
@@ -122,3 +124,60 @@ def test_rasterizer_draws_the_marker_into_every_view_and_nothing_that_nobody_ask
     assert drawn.median_depth_m is None
     assert all((rgb != 120).any() for rgb in drawn.rgb)
     assert (drawn.rgb[0] != drawn.rgb[1]).any()
+
+
+def test_light_of_the_sheet_is_ink_where_the_printed_picture_is_black(marker: FloorMarker) -> None:
+    sheet = marker.sheet
+    centre = sheet.corners_m.mean(axis=0)
+    rng = np.random.default_rng(2)
+    points = rng.uniform((-0.02, -0.02), (sheet.width_m + 0.02, sheet.height_m + 0.02), (4000, 2))
+    light, inside = marker.light_at(points - centre)
+    x, y = points[:, :1], points[:, 1:]
+    left, bottom, width, height = sheet.black_m.T
+    black = ((x >= left) & (x < left + width) & (y >= bottom) & (y < bottom + height)).any(axis=1)
+    np.testing.assert_array_equal(light, np.where(black, 0.03, 0.72))
+    np.testing.assert_array_equal(
+        inside, (points >= 0).all(axis=1) & (points < (sheet.width_m, sheet.height_m)).all(axis=1)
+    )
+    outline = (marker.outline_m - marker.T_world_sheet[:3, 3]) @ marker.T_world_sheet[:3, :3]
+    low, high = -centre, (sheet.width_m, sheet.height_m) - centre
+    np.testing.assert_allclose(outline[:, :2], [(low[0], high[1]), high, (high[0], low[1]), low], atol=1e-12)
+
+
+def test_image_of_a_marker_is_what_it_was(marker: FloorMarker, golden_image: Callable[[str, np.ndarray], None]) -> None:
+    T = camera_pose(np.array([-0.9, 0.3, 1.1]), -0.15, -0.75, 0.05)
+    rgb, _ = grey()
+    rgb[:, ::7] = (30, 90, 200)
+    depth_m = floor_depth_m(marker, T, 0.0)
+    depth_m[:, 330:] = floor_depth_m(marker, T, 0.07)[:, 330:]
+    draw_marker(rgb, depth_m, marker, T, CAMERA.K_px)
+    golden_image("floor_marker", rgb[60:420, 140:520])
+
+
+def test_floors_gaussians_reach_as_far_as_two_sigmas_of_the_largest_but_a_few() -> None:
+    assert on_floor_of(0.02).reach_m == pytest.approx(0.04)
+    assert on_floor_of(0.15).reach_m == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    ("place", "window"),
+    [
+        ((-0.9, 0.1, 1.5), None),
+        ((0.3, 0.1, 0.06), "whole"),
+        ((9.0, 0.1, 1.5), "nowhere"),
+    ],
+)
+def test_part_of_the_image_that_the_sheet_may_lie_in_holds_it(
+    marker: FloorMarker, place: tuple[float, ...], window: str | None
+) -> None:
+    T = camera_pose(np.array(place), 0.0, -0.85 if window != "whole" else -0.1, 0.0)
+    found = _window(marker, T, CAMERA.K_px, (480, 640))
+    if window == "nowhere":
+        assert found is None
+    elif window == "whole":
+        assert found == (0, 480, 0, 640)
+    else:
+        uvw = (marker.outline_m - T[:3, 3]) @ T[:3, :3] @ CAMERA.K_px.T
+        (u0, v0), (u1, v1) = (getattr(uvw[:, :2] / uvw[:, 2:], way)(axis=0) for way in ("min", "max"))
+        edges = [np.floor(v0) - 1, np.ceil(v1) + 1, np.floor(u0) - 1, np.ceil(u1) + 1]
+        assert found == tuple(np.clip(edges, 0, (480, 480, 640, 640)))

@@ -1,11 +1,23 @@
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
 from readygo.apps.capture.ground import Ground, walking_ground
-from readygo.apps.capture.walk import HEIGHTS_M, SPEED_MAX_MPS, camera_pose, plan_walk
+from readygo.apps.capture.walk import HEIGHTS_M, SPEED_MAX_MPS, Sway, _window, camera_pose, plan_walk
 from readygo.apps.run.scene_argument import open_scene
+
+WALK = [
+    9.8181, 8.3181, -1.875, -0.075,
+    -0.5746, -0.0804, 1.5144, 3.1416, -0.7336, 0.0185,
+    -1.0783, 0.011, 1.512, 3.2466, -0.9282, 0.0086,
+    -2.025, 1.0469, 1.4484, 4.3084, -0.2856, -0.0192,
+    -2.7981, -0.5222, 1.5363, 6.983, -0.2421, -0.0074,
+    -0.092, -0.1453, 1.5045, 9.4559, -0.3319, -0.0079,
+    -1.5213, 0.8178, 1.5188, 9.084, -0.5286, 0.0047,
+]  # fmt: skip
+"""Way, loop and marker of a walk, and some of its knots."""
 
 
 def rng(seed: int = 0) -> np.random.Generator:
@@ -53,3 +65,46 @@ def test_seed_alone_decides(ground: Ground) -> None:
     one, same, other = (plan_walk(scene, ground, 10.0, rng(seed)).knots for seed in (1, 1, 2))
     np.testing.assert_array_equal(one, same)
     assert np.abs(one - other).max() > 0.01
+
+
+def test_walk_is_what_it_was(ground: Ground) -> None:
+    walk = plan_walk(open_scene("embedded"), ground, 20.0, rng(3))
+    assert (len(walk.knots), walk.seconds) == (401, 20.0)
+    found = [walk.way_m, walk.loop_m, *walk.marker_xy_m, *walk.knots[[0, 55, 130, 211, 333, 400]].ravel()]
+    np.testing.assert_allclose(found, WALK, atol=2e-4)
+
+
+def test_camera_rests_before_and_after_the_walk_and_passes_every_knot(ground: Ground) -> None:
+    walk = plan_walk(open_scene("embedded"), ground, 4.0, rng())
+    np.testing.assert_array_equal(walk.pose_at(-3.0), walk.pose_at(0.0))
+    np.testing.assert_array_equal(walk.pose_at(99.0), walk.pose_at(4.0))
+    for number in (0, 1, 33, 79, 80):
+        place, (yaw, pitch, roll) = walk.knots[number, :3], walk.knots[number, 3:]
+        np.testing.assert_allclose(walk.pose_at(number / 20), camera_pose(place, yaw, pitch, roll), atol=1e-12)
+    line = dataclasses.replace(walk, knots=np.outer(np.arange(81.0), [0.1, -0.2, 0.3, 0.01, 0.0, 0.0]))
+    np.testing.assert_allclose(line.pose_at(1.2345)[:3, 3], 20 * 1.2345 * np.array([0.1, -0.2, 0.3]), atol=1e-12)
+
+
+def test_rolled_camera_has_its_right_below_the_horizon() -> None:
+    yaw, pitch, roll = 2.5, -0.3, 0.2
+    right, down, forward = camera_pose(np.zeros(3), yaw, pitch, roll)[:3, :3].T
+    level_right = np.array([math.sin(yaw), -math.cos(yaw), 0.0])
+    np.testing.assert_allclose(
+        forward, [math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), math.sin(pitch)]
+    )
+    assert right[2] == pytest.approx(-math.sin(roll) * math.cos(pitch))
+    assert right @ level_right == pytest.approx(math.cos(roll))
+    np.testing.assert_allclose(np.cross(right, down), forward, atol=1e-12)
+
+
+def test_sway_stays_within_its_amplitude_and_comes_close_to_it() -> None:
+    swings = Sway(rng(4)).slow(np.arange(0.0, 400.0, 0.05), 0.3, 7.0)
+    assert 0.27 < np.abs(swings).max() <= 0.3
+    crossings = np.count_nonzero(np.diff(np.sign(swings)) > 0)
+    assert 400 / 7.0 * 0.9 < crossings < 400 / 7.0 * 2.5
+
+
+def test_window_rises_before_it_begins_and_falls_before_it_ends() -> None:
+    times_s = np.array([-1.1, -1.0, -0.5, 0.0, 2.0, 3.0, 3.5, 4.0, 9.0])
+    np.testing.assert_allclose(_window(times_s, 0.0, 4.0), [0, 0, 0.5, 1, 1, 1, 0.5, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(_window(np.array([1.75, 1.5]), 2.0, 9.0, 0.5), [0.5, 0.0], atol=1e-12)

@@ -1,15 +1,19 @@
 """`readygo avatar import`: a file in, an avatar and a report out; mistakes end in one line and exit code 2."""
 
+import dataclasses
 import json
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from readygo.__main__ import main
-from readygo.apps.commands.avatar_import import avatar_import
+from readygo.apps.commands.avatar_import import _has_wide_scales, _print_report, avatar_import
 from readygo.common.avatars import load_avatar, load_avatars
+from readygo.common.avatars.importers import ImportReport
+from readygo.common.avatars.importers.report import SkeletonReport
 from readygo.common.errors import AvatarError
 from readygo.common.gaussians import save_ply
 from tests.common.avatars.importers.humans import write_glb
@@ -101,3 +105,34 @@ def test_humans_who_cannot_walk_are_refused(tmp_path: Path) -> None:
     with pytest.raises(AvatarError, match="cannot walk"):
         avatar_import(tmp_path / "p.ply", out=tmp_path / "a.npz", license="x", weights=tmp_path / "w.npz")
     assert not (tmp_path / "a.npz").exists()
+
+
+def test_report_tells_all_that_was_done(capsys: pytest.CaptureFixture[str]) -> None:
+    skeleton = SkeletonReport(
+        bone_of_joint={"pelvis": "[hips]"}, estimated=("left_hand", "neck"),
+        merged={"toe": "left_foot", "tail": "pelvis"}, source="geometry",
+    )  # fmt: skip
+    report = ImportReport(
+        kind="figure", name="ann", license="CC0", gaussians=12345, height_m=1.678, scale=0.01, skeleton=skeleton,
+        notes=("It has no hands.",),
+    )  # fmt: skip
+    _print_report(report, Path("ann.npz"), Path("ann.png"))
+    assert capsys.readouterr().out.splitlines() == [
+        "ann.npz: ann, a figure, 1.68 m tall, 12,345 Gaussians",
+        "license: CC0",
+        "skeleton, recognised by geometry:",
+        "  pelvis          [hips]",
+        "  estimated: left_hand, neck",
+        "  merged: toe -> left_foot, tail -> pelvis",
+        "It has no hands.",
+        "preview: ann.png",
+    ]
+    _print_report(dataclasses.replace(report, skeleton=None, notes=()), Path("ann.npz"), None)
+    assert len(capsys.readouterr().out.splitlines()) == 2
+
+
+@pytest.mark.parametrize(("largest_m", "wide"), [(0.1, False), (0.11, True)])
+def test_scales_are_wide_from_ten_times_the_median_on(largest_m: float, wide: bool) -> None:
+    scales_m = np.tile([0.001, 0.01, 0.002], (5, 1))
+    scales_m[3, 0] = largest_m
+    assert _has_wide_scales(SimpleNamespace(cloud=SimpleNamespace(scales_m=scales_m))) is wide  # type: ignore[arg-type]

@@ -103,7 +103,7 @@ def test_inspect_lists_the_outputs(folder, tmp_path, capsys) -> None:
         inspect(data, json=True)
         assert json.loads(capsys.readouterr().out)["outputs"] == want
     inspect(tmp_path / "rich")
-    assert "rgb, depth, mask" in capsys.readouterr().out
+    assert "rgb, depth (mean), mask" in capsys.readouterr().out
 
 
 def test_inspect_lists_the_labels(folder, tmp_path, capsys) -> None:

@@ -1,5 +1,7 @@
 """`readygo drive` against a robot on a network of its own, and what it says to those who ask for nonsense."""
 
+import dataclasses
+import io
 import os
 import signal
 import subprocess
@@ -7,20 +9,26 @@ import sys
 import threading
 import time
 from contextlib import closing
+from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 
+from readygo.apps.commands import drive as command
 from readygo.apps.commands.drive import drive
 from readygo.apps.drive.calibration import info_of
 from readygo.apps.drive.messages import Command
 from readygo.apps.drive.ros_codec import IMAGE_TYPE, TWIST_TYPE, RosCodec
 from readygo.apps.drive.trial_log import RECORD
 from readygo.apps.robot_logs.reader import INFO_TYPE, ODOMETRY_TYPE
+from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.foreign import ForeignSession
 from readygo.common.bus.zenoh_bus import Router, free_endpoint
 from readygo.common.dataset.ros_log import read_record
 from readygo.common.errors import BusError, ConfigError, PolicyError
+from readygo.common.policy import PolicySpec
+from readygo.common.robot import CameraConfig, RobotConfig
 from tests.apps.drive.conftest import CAMERA, odometry
 from tests.common.policy.artifacts import write_policy
 
@@ -118,3 +126,108 @@ def test_policy_for_several_robots_wants_to_know_which_one_it_drives(policy, tmp
 def test_what_is_no_policy_is_said(tmp_path):
     with pytest.raises(PolicyError, match=r"holds no policy\.toml"):
         drive(tmp_path, goal=(1.0, 0.0))
+
+
+LEARNED = RobotConfig(v_max_mps=0.9, w_max_radps=0.7, camera=CameraConfig(latency_s=0.1), camera_hz=10, control_hz=20)
+
+
+def trained(**changes):
+    return SimpleNamespace(spec=dataclasses.replace(PolicySpec(robot=LEARNED), **changes))
+
+
+def test_limits_are_the_policys_unless_others_are_named():
+    plain = command._config(trained(), True, None, None, None, None)
+    assert (plain.v_max_mps, plain.w_max_radps, plain.goal_in_start_frame) == (0.9, 0.7, True)
+    episode = command.settings_of_policy(trained().spec).episode
+    assert (plain.goal_radius_m, plain.time_limit_s) == (episode.success_radius_m, episode.time_limit_s)
+    own = command._config(trained(), False, 0.4, 30.0, 0.5, 0.3)
+    assert (own.v_max_mps, own.w_max_radps, own.goal_radius_m, own.time_limit_s) == (0.5, 0.3, 0.4, 30.0)
+    assert not own.goal_in_start_frame
+    for radius_m, limit_s in ((0.0, 30.0), (0.4, 0.0)):
+        with pytest.raises(ConfigError, match="--goal-radius and --time-limit must be positive"):
+            command._config(trained(), True, radius_m, limit_s, None, None)
+
+
+@pytest.mark.parametrize(("age_s", "told"), [(0.16, True), (0.14, False), (0.06, False), (0.04, True)])
+def test_end_of_a_trial_is_told_with_rates_and_images_that_are_late(age_s, told):
+    console = PlainConsole(file=io.StringIO(), width=300)
+    measures = {
+        "inference_hz": 9.96, "inference_hz_possible": 123.4, "command_hz": 19.97, "latency_median_ms": 4.56,
+        "latency_p99_ms": 7.89, "frame_age_median_s": age_s,
+    }  # fmt: skip
+    command._tell(
+        console, {"reason": "at the goal", "duration_s": 12.36, "driven_m": 7.89, "measures": measures}, LEARNED
+    )
+    lines = console.file.getvalue().splitlines()
+    assert lines[:2] == [
+        "at the goal after 12.4 s and 7.9 m",
+        "inference 10.0 Hz (123 Hz possible), commands 20.0 Hz, image to command 4.6 ms, p99 7.9 ms",
+    ]
+    learned = f"images are {1000 * age_s:.0f} ms old when they come, the policy learned with 100 ms: train one with"
+    steps_s = {0.16: "0.15", 0.04: "0.05"}.get(age_s)
+    assert lines[2:] == ([f"{learned} latency_s = {steps_s} in [camera] of robot.toml"] if told else [])
+    console = PlainConsole(file=io.StringIO(), width=300)
+    command._tell(console, {"reason": "stopped", "duration_s": 0.0, "driven_m": 0.0, "measures": {}}, LEARNED)
+    assert console.file.getvalue() == "stopped after 0.0 s and 0.0 m\n"
+
+
+def test_image_of_the_goal_is_wanted_or_not(tmp_path):
+    wants = SimpleNamespace(spec=SimpleNamespace(wants_goal_image=True))
+    blind = SimpleNamespace(spec=SimpleNamespace(wants_goal_image=False))
+    file, text = tmp_path / "goal.png", tmp_path / "goal.txt"
+    bgr = np.full((4, 6, 3), (10, 20, 200), np.uint8)
+    cv2.imwrite(str(file), bgr)
+    text.write_text("no image")
+    assert np.array_equal(command._goal_image(wants, file), bgr)
+    assert command._goal_image(blind, None) is None
+    for policy, path, words in (
+        (blind, file, "leave --goal-image out"),
+        (wants, None, "pass --goal-image FILE"),
+        (wants, text, "is no JPEG or PNG image"),
+        (wants, tmp_path / "none", "cannot be read: No such file"),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            command._goal_image(policy, path)
+
+
+def test_camera_that_is_narrower_or_mounted_elsewhere_is_told():
+    console = PlainConsole(file=io.StringIO(), width=300)
+    learned = CameraConfig(height_px=72, width_px=128, horizontal_fov_deg=90.0)
+    narrow = CameraConfig(height_px=480, width_px=640, horizontal_fov_deg=87.0, mount_height_m=0.9, mount_x_m=0.2)
+    rectify = command._rectifier(learned, narrow, console)
+    assert console.file.getvalue().splitlines() == [
+        f"{100 * rectify.unseen:.1f} % of the policy's image is black: the robot's camera is narrower.",
+        "The camera is mounted elsewhere than the policy's: mount_x_m 0 (the robot's: 0.2).",
+        "The camera is mounted elsewhere than the policy's: mount_height_m 0.5 (the robot's: 0.9).",
+    ]
+    console = PlainConsole(file=io.StringIO(), width=300)
+    command._rectifier(learned, learned, console)
+    assert console.file.getvalue() == ""
+
+
+def test_robot_is_waited_for_until_it_sends_what_is_asked_or_what_cannot_be_used(monkeypatch):
+    now_s, asked = [0.0], []
+    monkeypatch.setattr(
+        command, "time", SimpleNamespace(monotonic=lambda: now_s[0], sleep=lambda s: now_s.__setitem__(0, now_s[0] + s))
+    )
+    robot = SimpleNamespace(broken="", absent=lambda: "", goal=None)
+    answer = command._awaited(robot, lambda: (asked.append(1), 7 if len(asked) > 3 else None)[1], "goal")
+    assert (answer, len(asked)) == (7, 4)
+    with pytest.raises(BusError, match="no goal after 10 s; pass --calibration FILE"):
+        command._goal_of(robot)
+    assert now_s[0] == pytest.approx(10.06, abs=0.05)
+    robot.absent = lambda: "nobody publishes /goal"
+    with pytest.raises(BusError, match="no goal after 10 s; nobody publishes /goal"):
+        command._goal_of(robot)
+    robot.broken = "/goal: 3 bytes"
+    with pytest.raises(BusError, match="The robot sends what cannot be used: /goal: 3 bytes"):
+        command._goal_of(robot)
+
+
+def test_signals_are_left_alone_while_the_robot_is_told_to_stand():
+    before = signal.getsignal(signal.SIGINT)
+    with command._undisturbed():
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    assert signal.getsignal(signal.SIGINT) is before
+    with pytest.raises(KeyboardInterrupt):
+        command._hang_up(1, None)

@@ -1,5 +1,6 @@
 """Which camera `readygo evaluate` looks through."""
 
+import io
 import json
 import sys
 from pathlib import Path
@@ -11,9 +12,13 @@ import pytest
 from readygo.__main__ import main
 from readygo.apps.commands import evaluate as evaluate_command
 from readygo.apps.run.config import RunConfig
+from readygo.apps.terminal import PlainConsole
 from readygo.common.camera import CameraConfig, SensorConfig
+from readygo.common.errors import RunError
 from readygo.common.policy import PolicySpec
 from readygo.common.robot import RobotConfig
+from readygo.services.evaluator import Task
+from tests.services.evaluator.test_scores import RECORDS
 
 
 class StandIn:
@@ -151,3 +156,74 @@ def test_films_need_a_folder_and_episodes_that_can_be_understood(evaluate) -> No
     code, printed, _ = evaluate("--video", "best", "--out", "x")
     assert code == 2
     assert "'best'" in printed.err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ((None, 1, "", ()), "--workers keep their records"),
+        ((None, 0, "tcp/lab:1", ()), "--workers keep their records"),
+        ((Path("out"), 0, "tcp/lab:1", ()), "--listen is for workers"),
+        ((None, 0, "", ("worst",)), "--video writes films"),
+        ((Path("out"), 1, "tcp/lab:1", ("worst",)), ""),
+        ((None, 0, "", ()), ""),
+    ],
+)
+def test_what_needs_a_folder_is_refused_without_one(options, words: str) -> None:
+    if words:
+        with pytest.raises(RunError, match=words):
+            evaluate_command._check_folder(*options)
+    else:
+        evaluate_command._check_folder(*options)
+
+
+def test_avatars_are_those_that_are_named_else_the_policys_or_those_that_it_has_not_seen(monkeypatch) -> None:
+    policy = SimpleNamespace(spec="spec")
+    monkeypatch.setattr(evaluate_command, "unseen_avatars", lambda spec: Path(f"unseen of {spec}"))
+    monkeypatch.setattr(evaluate_command, "avatars_of_policy", lambda spec: Path(f"those of {spec}"))
+    bodies = evaluate_command._bodies
+    assert bodies(Path("mine"), policy, ("avatars",)) == Path("mine")
+    assert bodies(None, None, ()) is None
+    assert bodies(None, policy, ("scenes",)) == Path("those of spec")
+    assert bodies(None, policy, ("scenes", "avatars")) == Path("unseen of spec")
+
+
+def test_methods_without_a_policy_and_those_that_fail_are_told() -> None:
+    assert evaluate_command._without_policy(("policy", "expert", "mine")) == ("expert", "mine")
+    assert evaluate_command._without_policy(()) == ()
+    with pytest.raises(RunError, match="The method `policy` needs a policy"):
+        evaluate_command._without_policy(("policy",))
+    failed = [SimpleNamespace(method=m, reason=r, episode=SimpleNamespace(episode_id=f"e{k}"))
+              for k, (m, r) in enumerate([("a", ""), ("a", "no <map>"), ("b", "lost"), ("a", "later")])]  # fmt: skip
+    assert evaluate_command._failed_drivers(failed) == [
+        "a failed in 2 episodes, in e1: no <map>",
+        "b failed in 1 episodes, in e2: lost",
+    ]
+
+
+def test_success_rate_of_each_method_is_shown_as_it_drives() -> None:
+    console = PlainConsole(file=io.StringIO(), width=200)
+    with evaluate_command._progress(console, 8, quiet=False) as (show, say):
+        say("More workers <can> join.")
+        for record in RECORDS[4:7]:
+            show(record)
+    lines = console.file.getvalue().splitlines()
+    assert lines[0] == "More workers <can> join."
+    assert lines[-1].startswith("episodes 3/8 dynamic policy: SR 67 %, ETA")
+
+
+def test_what_is_kept_of_those_that_were_asked_for_is_counted(tmp_path: Path) -> None:
+    request = SimpleNamespace(tasks=(Task.STATIC, Task.DYNAMIC), methods=("policy", "expert"))
+    there = [
+        (Task.STATIC, "policy", 0),
+        (Task.REACTIVE, "policy", 0),
+        (Task.STATIC, "other", 1),
+        (Task.DYNAMIC, "expert", 2),
+    ]
+    results = SimpleNamespace(records=there, folder=tmp_path)
+    for total, words in ((9, "2 of 9"), (1, "1 of 1")):
+        with (
+            pytest.raises(KeyboardInterrupt, match=f"^{words} episodes are kept in {tmp_path}; the same command"),
+            evaluate_command._kept(results, request, total),
+        ):
+            raise KeyboardInterrupt

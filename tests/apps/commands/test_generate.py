@@ -1,5 +1,7 @@
 """The assembly line as a user starts it: one process, fleets, interruptions; always the same samples."""
 
+import dataclasses
+import json
 import signal
 import subprocess
 import sys
@@ -7,14 +9,19 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from readygo.apps.commands.generate import generate
+from readygo.apps.commands import generate as command
+from readygo.apps.commands.generate import Where, _check_where, _how_to_join, _record, generate, progress_bar
+from readygo.apps.run.folder import RunFolder
 from readygo.benchmarks.recording.memory import workers_below
 from readygo.common.dataset import Dataset, validate
-from readygo.common.errors import RunError
+from readygo.common.errors import CertificateError, ConfigError, RunError
+from readygo.common.messages import StatusReply
 from readygo.common.scenes.embedded import ensure_embedded_scene
+from tests.common.messages.run_specs import SPEC
 
 ROOT = Path(__file__).resolve().parents[3]
 EPISODES = 8
@@ -145,3 +152,142 @@ def test_port_in_use_exits_with_2_and_one_line(scene: Path, config: Path, tmp_pa
     assert (
         done.stderr == f"readygo: Cannot listen on {endpoint}: the port is in use; choose another --listen endpoint.\n"
     )
+
+
+@pytest.mark.parametrize("counts", [{"episodes": 0}, {"episodes": 10**12}, {"workers": 257}])
+def test_count_that_cannot_be_is_refused_before_anything_is_made_or_shown(
+    counts: dict[str, int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(RunError, match=r"--episodes must be 1\.\."):
+        generate("a scene that is not there", out=tmp_path / "out", **counts)  # type: ignore[arg-type]
+    assert capsys.readouterr() == ("", "")
+    assert not (tmp_path / "out").exists()
+
+
+def test_missing_packages_of_an_option_are_said_before_anything_is_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.split(".")[0] == "opentelemetry"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "opentelemetry", None)
+    with pytest.raises(ConfigError, match="--traces needs OpenTelemetry"):
+        generate("embedded", out=tmp_path / "out", traces=str(tmp_path / "spans"))
+    assert not (tmp_path / "out").exists()
+
+
+HERE = Where(workers=3, endpoint="", joins=False, priority=None, slurm=None, certs=None, hosts=False)
+SUMMARY = {"episodes": 7, "samples": 1234, "wall_s": 5.67, "rejected": {"timeout": 2, "no <path>": 1}}
+
+
+@pytest.mark.parametrize(
+    ("where", "words"),
+    [
+        ({"on": "local", "slurm": "-p short"}, "--slurm has options of sbatch"),
+        ({"on": "slurm", "workers": 0, "listen": "tcp/10.0.0.5:1"}, "--workers of at least 1"),
+        ({"on": "slurm"}, "needs --listen"),
+        ({"on": "local", "connect": "tcp/10.0.0.5:1"}, "add --on hosts"),
+        ({"on": "local", "workers": 0, "watch": True}, "--watch needs a fleet"),
+        ({"on": "hosts"}, "Name one of --listen"),
+        ({"on": "local", "workers": 0}, ""),
+        ({"on": "local", "workers": 1, "watch": True}, ""),
+        ({"on": "slurm", "listen": "tcp/10.0.0.5:1", "slurm": "-p short"}, ""),
+        ({"on": "hosts", "workers": 0, "watch": True, "listen": "tls/10.0.0.5:1"}, ""),
+        ({"on": "hosts", "connect": "tls/10.0.0.5:1"}, ""),
+    ],
+)
+def test_places_of_workers_that_do_not_go_together_are_refused(where: dict[str, object], words: str) -> None:
+    options = {"workers": 1, "listen": "", "connect": "", "slurm": "", "watch": False, **where}
+    if not words:
+        _check_where(**options)  # type: ignore[arg-type]
+        return
+    with pytest.raises((RunError, CertificateError), match=words):
+        _check_where(**options)  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def recorded(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, object]]:
+    """What `record` is asked for; the dataset that it makes is none."""
+    asked: list[dict[str, object]] = []
+
+    def record(spec: object, out: Path, **options: object) -> dict[str, object]:
+        asked.append({"spec": spec, "out": out, **options})
+        return SUMMARY
+
+    clarity = SimpleNamespace(to_mapping=lambda: {"sharp": 3}, warnings=lambda: ["it is foggy."])
+    monkeypatch.setattr(command, "record", record)
+    monkeypatch.setattr(command, "run_clarity", lambda spec, out: clarity)
+    return asked
+
+
+def test_run_is_recorded_where_it_was_asked_for_and_told_in_a_few_lines(
+    recorded: list[dict[str, object]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, certs = tmp_path / "data", tmp_path / "certs"
+    where = dataclasses.replace(HERE, endpoint="tls/lab:7447", slurm="-p short", certs=certs)
+    _record(SPEC, out, 9, where, json=False)
+    (asked,) = recorded
+    asked.pop("show")
+    assert asked == {
+        "spec": SPEC, "out": out, "episodes": 9, "workers": 3, "listen": "tls/lab:7447", "slurm": "-p short",
+        "certs": certs, "observing": where.observing,
+    }  # fmt: skip
+    assert capsys.readouterr().err.splitlines()[-6:] == [
+        f"7 episodes, 1,234 samples in {out} (5.7 s).",
+        "  rejected 2: timeout",
+        "  rejected 1: no <path>",
+        "Warning: it is foggy.",
+        f"Next: readygo validate {out} && readygo train {out} --out policy",
+        f"What it covers: readygo coverage {out} --out coverage",
+    ]
+    _record(SPEC, out, 9, dataclasses.replace(HERE, priority=7), json=True)
+    said = capsys.readouterr()
+    assert json.loads(said.out) == {**SUMMARY, "clarity": {"sharp": 3}}
+    assert said.err == ""
+    assert recorded[1]["spec"].config["coordinator"]["priority"] == 7
+
+
+def test_run_on_other_hosts_is_led_from_here_without_workers(
+    recorded: list[dict[str, object]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    begun, led = [], []
+    monkeypatch.setattr(command, "begin", lambda *words: begun.append(words))
+    monkeypatch.setattr(command, "lead_run", lambda folder, endpoint, **more: led.append((folder.path, endpoint, more)))
+    where = dataclasses.replace(HERE, endpoint="tcp/lab:7447", joins=True, hosts=True)
+    _record(SPEC, tmp_path, 5, where, json=False)
+    assert begun == [(SPEC, tmp_path, 5)]
+    assert led == [
+        (tmp_path, "tcp/lab:7447", {"joins": True, "certs": None, "strict": False, "observing": where.observing})
+    ]
+    assert recorded == []
+    assert capsys.readouterr().err == _how_to_join(SPEC, tmp_path, where) + "\n"
+
+
+def test_further_workers_are_told_how_to_join(tmp_path: Path) -> None:
+    state, role = RunFolder(tmp_path).state / "endpoint", SPEC.stages[-1].role
+    command = f"readygo worker {role} --connect tcp/lab:7447 --run {SPEC.run}"
+    open_to_all = dataclasses.replace(HERE, endpoint="tcp/lab:7447")
+    assert (
+        _how_to_join(SPEC, tmp_path, open_to_all)
+        == f"More workers can join: READYGO_TOKEN=$(tail -1 {state}) {command}"
+    )
+    certified = dataclasses.replace(open_to_all, certs=tmp_path)
+    assert _how_to_join(SPEC, tmp_path, certified) == f"More workers can join: {command} --certs CERTS"
+
+
+def test_progress_tells_samples_a_second_of_this_command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now_s = [100.0]
+    monkeypatch.setattr(command, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    status = StatusReply(
+        wanted=9, committed=2, samples=1000, waiting={}, leased={}, rejected={"a": 2, "b": 3}, requeued=0, cpu_s={},
+        finished=False,
+    )  # fmt: skip
+    with progress_bar(first_words="Workers can join.") as show:
+        show(status)
+        now_s[0] = 104.0
+        show(dataclasses.replace(status, committed=4, samples=1600, trouble="full"))
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "Workers can join."
+    assert lines[-1].startswith("episodes 4/9 150 samples/s, 5 rejected, ETA ")
+    assert lines[-1].endswith(" full")

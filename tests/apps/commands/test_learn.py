@@ -1,20 +1,25 @@
+import dataclasses
+import json
 import sys
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from readygo.__main__ import main
-from readygo.apps.commands.learn import line_of
+from readygo.apps.commands import learn as command
+from readygo.apps.commands.learn import learn, line_of
 from readygo.apps.learn.choice import Measurement
 from readygo.apps.learn.supervise import Now
 
 
 def test_line_says_what_is_known() -> None:
-    early = Now(fraction=0.0, minutes=0.1, recorded=1200, learned=0, policies=0, driven=None, latest=None)
-    assert line_of(early) == "0.1 min, 1,200 recorded, 0 learned, 0 policies"
+    early = Now(fraction=0, minutes=0.1, samples=6004, images=1200, learned=0, policies=0, driven=None, latest=None)
+    assert line_of(early) == "0.1 min, 6,004 samples recorded, 1,200 with an image, 0 learned from, 0 policies"
     latest = Measurement(fraction=0.1, policy="ab", episodes=8, static=0.5, dynamic=0.25)
-    late = Now(fraction=0.2, minutes=6.0, recorded=9000, learned=90_000, policies=4, driven=0.42, latest=latest)
-    assert line_of(late).endswith("4 policies, driving SR 42 %, val SR 50 / 25 %")
+    late = dataclasses.replace(early, images=30_000, learned=135_000, policies=4, driven=0.42, latest=latest)
+    assert ", 135,000 learned from (4.5 times each), 4 policies, driving SR 42 %, val SR 50 / 25 %" in line_of(late)
 
 
 @pytest.mark.parametrize(
@@ -37,3 +42,83 @@ def test_what_makes_no_sense_is_one_line_and_leaves_nothing(
     assert message in err
     assert err.count("\n") == 1
     assert not (tmp_path / "run").exists()
+
+
+@pytest.fixture
+def wired(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    """What the parts of the command are asked for, by their names."""
+    asked = {}
+    place = SimpleNamespace(folder=SimpleNamespace(state=tmp_path / "state"))
+    plan = SimpleNamespace(policy=tmp_path / "policy", places=[place])
+    learned = SimpleNamespace(replies={}, to_mapping=lambda: {"done": 1})
+
+    def note(name, result):
+        return lambda *words, **more: (asked.setdefault(name, (words, more)), result)[1]
+
+    for name, result in (
+        ("learn_configs", ("robot", "settings")),
+        ("make_plan", plan),
+        ("learn_policy", learned),
+        ("report_content", "content"),
+        ("write_report", None),
+        ("watched", nullcontext()),
+        ("identity_for", None),
+    ):
+        monkeypatch.setattr(command, name, note(name, result))
+    return asked, plan, learned
+
+
+def test_command_passes_on_what_it_is_told(wired, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asked, plan, learned = wired
+    out, config, robot, certs = (tmp_path / name for name in ("run", "a.toml", "robot.toml", "certs"))
+    learn(
+        ("one", "two"), out=out, minutes=7.0, samples=900, episodes=4, seed=3, avatars=tmp_path, robot=robot,
+        config=config, inputs="rgb,depth", cameras="left", goal="image", on="hosts", listen="tls/lab:1", certs=certs,
+        watch=True, json=True,
+    )  # fmt: skip
+    assert asked["identity_for"] == (("tls/lab:1", "coordinator"), {"certs": certs})
+    assert asked["learn_configs"] == ((config, robot, "rgb,depth", "left", "image"), {"scene_count": 2})
+    words, more = asked["make_plan"]
+    assert words[:4] == (("one", "two"), out, "robot", "settings")
+    assert (words[4].minutes, words[4].samples, more) == (7.0, 900, {"avatars": tmp_path, "seed": 3})
+    (where, begun, by), _ = asked["watched"]
+    assert (where, by) == (out, certs)
+    assert not begun()
+    plan.places[0].folder.state.mkdir()
+    (plan.places[0].folder.state / "endpoint").touch()
+    assert begun()
+    words, more = asked["learn_policy"]
+    assert (words, more["episodes"]) == ((plan,), 4)
+    assert (more["reach"].listen, more["reach"].certs, more["reach"].hosts) == ("tls/lab:1", certs, True)
+    assert asked["report_content"] == (
+        (learned, ("one", "two")), {"avatars": tmp_path, "robot": robot, "config": config, "seed": 3}
+    )  # fmt: skip
+    assert asked["write_report"] == ((out / "report.html", "content"), {})
+    said = capsys.readouterr()
+    assert json.loads(said.out) == {"done": 1}
+    assert said.err == "More workers can join: readygo worker all --connect tls/lab:1 --certs CERTS\n"
+
+
+def test_command_on_this_machine_is_neither_watched_nor_joined(wired, tmp_path: Path, capsys) -> None:
+    asked, plan, _ = wired
+    learn((), out=tmp_path / "run")
+    assert set(asked) == {"learn_configs", "make_plan", "learn_policy", "report_content", "write_report"}
+    assert asked["learn_configs"][1] == {"scene_count": 1}
+    assert asked["report_content"][1]["seed"] is None
+    reach = asked["learn_policy"][1]["reach"]
+    assert (reach.listen, reach.hosts) == ("", False)
+    said = capsys.readouterr().out
+    assert f"The policy: {plan.policy}. How it learned and what it fails in: {tmp_path / 'run' / 'report.html'}" in said
+    learn(("one",), out=tmp_path / "run", listen="tcp/lab:1")
+    token = f"READYGO_TOKEN=$(tail -1 {tmp_path / 'state' / 'endpoint'}) "
+    assert f"More workers can join: {token}readygo worker all --connect tcp/lab:1\n" in capsys.readouterr().err
+
+
+def test_bars_of_learning_and_of_the_test_are_shown_one_after_the_other(capsys: pytest.CaptureFixture[str]) -> None:
+    now = Now(fraction=0.25, minutes=2.0, samples=50, images=10, learned=20, policies=1, driven=None, latest=None)
+    with command.live_line(12) as (show, tested):
+        show(now)
+        tested(SimpleNamespace(task=SimpleNamespace(value="static"), method="expert"))
+        tested(SimpleNamespace(task=SimpleNamespace(value="dynamic"), method="policy"))
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said == f"learning  25% {line_of(now)}; test  17% dynamic, policy"

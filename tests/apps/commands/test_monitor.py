@@ -2,6 +2,7 @@ from pathlib import Path
 
 import pytest
 
+from readygo.apps.commands import monitor as command
 from readygo.apps.commands.monitor import monitor
 from readygo.common.bus.zenoh_bus import free_endpoint
 from readygo.common.errors import BusError, RunError
@@ -37,3 +38,43 @@ class _Screen:
 
     def close(self) -> None:
         pass
+
+
+@pytest.mark.parametrize(
+    ("host", "loopback", "named"),
+    [
+        ("127.0.0.1", True, "127.0.0.1"),
+        ("::1", True, "[::1]"),
+        ("localhost", True, "localhost"),
+        ("0.0.0.0", False, "0.0.0.0"),
+        ("lab", False, "lab"),
+    ],
+)
+def test_addresses_are_told_apart(host: str, loopback: bool, named: str) -> None:
+    assert (command._is_loopback(host), command._named(host)) == (loopback, named)
+
+
+@pytest.mark.parametrize(
+    ("variables", "desktop"), [({}, False), ({"DISPLAY": ":0"}, True), ({"WAYLAND_DISPLAY": "w"}, True)]
+)
+def test_browser_is_opened_where_there_is_a_desktop_and_somebody_asks_for_it(
+    variables: dict[str, str], desktop: bool, monkeypatch: pytest.MonkeyPatch, data: Path, capsys
+) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(command.sys, "platform", "linux")
+    opened: list[str] = []
+    screens: list[dict[str, object]] = []
+    monkeypatch.setattr(command.webbrowser, "open", opened.append)
+    monkeypatch.setattr(command, "Screen", lambda *_, **more: screens.append(more) or _Screen())
+    monkeypatch.setattr(command, "_wait", lambda: None)
+    monkeypatch.setenv("READYGO_MONITOR_TOKEN", "mine")
+    monitor(data, port=0, open=True)
+    monitor(data, port=0, open=False)
+    monitor(data, port=7, host="::", open=True)
+    assert opened == (["http://127.0.0.1:4711/", "http://[::]:4711/?token=mine"] if desktop else [])
+    assert [(one["host"], one["port"], one["token"]) for one in screens] == [
+        ("127.0.0.1", 0, ""), ("127.0.0.1", 0, ""), ("::", 7, "mine")
+    ]  # fmt: skip

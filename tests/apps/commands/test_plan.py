@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from readygo.apps.commands.plan import plan
+from readygo.apps.commands.plan import _check, _check_endings, _rows, plan
 from readygo.common.errors import ConfigError, ReadygoError, RunError, SceneError
 from readygo.common.maps import save_ros_map
 from readygo.services.planner.humans.scenario_file import load_scenarios
@@ -146,3 +146,46 @@ def test_picture_that_cannot_be_written_is_one_line(place, index, tmp_path) -> N
     (tmp_path / "file").write_text("")
     with pytest.raises(ReadygoError, match="cannot be written"):
         plan(place, seed=SEED, index=index, mode="paper", picture=tmp_path / "file" / "p.png")
+
+
+def test_rows_tell_the_same_as_the_numbers() -> None:
+    human = {"avatar": "ann", "encounter": "crossing", "speed_mps": 1.236}
+    met = human | {"closest_m": 0.456, "closest_s": 3.216, "visible_s": [(1.0, 2.5), (4.0, 4.05)]}
+    unseen = met | {"visible_s": []}
+    drawn = {"goal_distance_m": 7.126, "humans": [human], "rejected": "no_path"}
+    assert _rows(drawn) == [
+        ("goal", "7.13 m away"), ("person 1", "ann, crossing, 1.24 m/s"), ("recorded by generate", "no: no path")
+    ]  # fmt: skip
+    driven = {
+        **drawn, "outcome": "human_collision", "duration_s": 12.35, "path_length_m": 8.761,
+        "replans": 7, "ways": 3, "replan_p50_ms": 1.236, "replan_p99_ms": 9.876, "humans": [met, unseen],
+        "rejected": "", "human_visible_share": 0.376,
+    }  # fmt: skip
+    closest = "closest 0.46 m at 3.22 s; in view"
+    assert _rows(driven) == [
+        ("outcome", "human collision after 12.35 s"),
+        ("goal", "7.13 m away"),
+        ("way", "8.76 m"),
+        ("replans", "7, 3 different ways; p50 1.24 ms, p99 9.88 ms"),
+        ("a person in view", "38 % of the time"),
+        ("person 1", f"ann, crossing, 1.24 m/s; {closest} 1.00-2.50 s, 4.00-4.05 s"),
+        ("person 2", f"ann, crossing, 1.24 m/s; {closest} never"),
+        ("recorded by generate", "yes"),
+    ]
+    alone = {key: value for key, value in driven.items() if key != "rejected"} | {"humans": [], "replans": 0}
+    assert [row for row in _rows(alone) if row[0] in ("replans", "a person in view", "recorded by generate")] == [
+        ("replans", "0, 3 different ways")
+    ]
+
+
+def test_largest_and_smallest_arguments_are_taken() -> None:
+    _check("embedded", 0, 2**63 - 1, camera=True)
+    _check("map.yaml", 3, 0, camera=False)
+    _check_endings(Path("a.PNG"), Path("b.MP4"), Path("c.toml"))
+    _check_endings(None, Path("b.webm"), None)
+    for seed in (-1, 2**63):
+        with pytest.raises(RunError, match="--seed 0"):
+            _check("embedded", 0, seed, camera=False)
+    for name in ("map.yaml", "map.yml"):
+        with pytest.raises(RunError, match="is a map"):
+            _check(name, 0, 0, camera=True)

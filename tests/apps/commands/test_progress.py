@@ -1,9 +1,9 @@
 import io
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
 
 from readygo.apps.commands.progress import EVERY_S, SteadyProgress
+from readygo.apps.terminal import PlainConsole
 
 
 class Clock:
@@ -15,7 +15,7 @@ class Clock:
 
 def progress(file: io.StringIO, clock: Clock, *, quiet: bool = False, terminal: bool = False) -> SteadyProgress:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[said]}"))
-    console = Console(file=file, force_terminal=terminal, width=100)
+    console = PlainConsole(file=file, force_terminal=terminal, width=100)
     return SteadyProgress(*columns, console=console, quiet=quiet, clock=clock)
 
 
@@ -46,3 +46,12 @@ def test_a_terminal_gets_a_bar() -> None:
     file = io.StringIO()
     drive(file, terminal=True)
     assert "━" in file.getvalue()
+
+
+def test_what_a_task_says_is_no_markup() -> None:
+    file = io.StringIO()
+    with progress(file, Clock(), terminal=True) as bar:
+        bar.add_task("[/x]", total=1, said="\x1b]0;title\x07[link=evil]")
+    assert "[/x]" in file.getvalue()
+    assert "]0;title[link=evil]" in file.getvalue()
+    assert "\x1b]0;" not in file.getvalue()

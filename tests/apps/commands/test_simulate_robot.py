@@ -3,16 +3,22 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from mcap.reader import make_reader
 
-from readygo.apps.commands.simulate_robot import simulate_robot
+from readygo.apps.commands.simulate_robot import _check_suffixes, _drive_all, _topics, _without_latency, simulate_robot
+from readygo.apps.drive.robot import Topics
 from readygo.apps.drive.trial import OUTCOMES
 from readygo.apps.drive.trial_log import RECORD
+from readygo.apps.run.config import RunConfig
 from readygo.common.bus.zenoh_bus import free_endpoint
 from readygo.common.dataset.ros_log import read_record
 from readygo.common.errors import ConfigError
+from readygo.common.messages import Outcome
+from readygo.common.robot import CameraConfig, RobotConfig
+from readygo.services.evaluator import Task
 from tests.common.policy.artifacts import write_policy
 
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
@@ -70,3 +76,42 @@ def test_two_programs_drive_by_compressed_images_and_depths(tmp_path: Path, wire
     assert {topic for topic, type_name in types.items() if type_name == COMPRESSED} == {images[1], images[3]}
     record = read_record(log, RECORD)
     assert (record["ending"], record["left_out"]) == (OUTCOMES[outcome].name.lower(), 0)
+
+
+def test_every_image_has_its_topic_and_every_camera_its_info() -> None:
+    named = {"rgb": "/front/image", "depth": "/front/depth", "left.rgb": "/left/image"}
+    topics = _topics(named, "/odom", "/cmd")
+    assert topics == Topics(
+        image="/front/image",
+        odometry="/odom",
+        command="/cmd",
+        camera_info="/front/camera_info",
+        goal="/goal_pose",
+        outcome="/outcome",
+        beside={"depth": "/front/depth", "left.rgb": "/left/image"},
+        infos={"left": "/left/camera_info"},
+    )
+    _check_suffixes(["/a/compressed", "/b/compressedDepth"])
+    with pytest.raises(ConfigError, match="got /b/raw"):
+        _check_suffixes(["/a/compressed", "/b/raw"])
+
+
+def test_cameras_are_not_late_themselves() -> None:
+    late = CameraConfig(latency_s=0.1, mount_pitch_deg=3.0)
+    robot = RobotConfig(camera=late, cameras={"left": late})
+    punctual = CameraConfig(latency_s=0.0, mount_pitch_deg=3.0)
+    assert _without_latency(RunConfig(robot=robot)).robot == RobotConfig(camera=punctual, cameras={"left": punctual})
+
+
+def test_episodes_are_told_as_they_end() -> None:
+    said: list[str] = []
+    console = SimpleNamespace(print=lambda words, markup: said.append(words))
+    scenarios = [SimpleNamespace(episode=SimpleNamespace(episode_id=name)) for name in ("e1", "e2", "e3")]
+    episodes = [SimpleNamespace(task=Task.DYNAMIC, scenario=scenario) for scenario in scenarios]
+    outcomes = iter([Outcome.SUCCESS, Outcome.TIMEOUT, Outcome.SUCCESS])
+    evaluator = SimpleNamespace(simulation=lambda episode: SimpleNamespace(time_s=12.345))
+    found = _drive_all(lambda simulation: next(outcomes), evaluator, episodes, console)  # type: ignore[arg-type]
+    assert found == {Outcome.SUCCESS: 2, Outcome.TIMEOUT: 1}
+    assert said == [
+        f"dynamic e{k}: {word} after 12.35 s" for k, word in ((1, "success"), (2, "timeout"), (3, "success"))
+    ]

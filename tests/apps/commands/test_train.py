@@ -1,5 +1,6 @@
 import dataclasses
 import io
+import json
 import math
 import re
 import shutil
@@ -9,16 +10,17 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from rich.console import Console
 
 from readygo.__main__ import main
-from readygo.apps.commands.train import _default_recipe, _progress, train
+from readygo.apps.commands import train as command
+from readygo.apps.commands.train import _default_recipe, _progress, _report, train
+from readygo.apps.terminal import PlainConsole
 from readygo.common.errors import ConfigError
 from tests.common.dataset.episodes import ROBOT, provenance_with_robot, write_shard
 
 
 def test_losses_are_shown_once_they_are_known() -> None:
-    console = Console(file=io.StringIO(), width=200, force_terminal=True, color_system=None)
+    console = PlainConsole(file=io.StringIO(), width=200, force_terminal=True, color_system=None)
     with _progress(console, quiet=False) as show:
         show(SimpleNamespace(fraction=0.1, step=0, train_loss=math.nan, validation_loss=math.nan))
         show(SimpleNamespace(fraction=0.5, step=7, train_loss=0.25, validation_loss=math.nan))
@@ -28,7 +30,7 @@ def test_losses_are_shown_once_they_are_known() -> None:
 
 
 def test_recipe_that_nobody_named_is_said() -> None:
-    console = Console(file=io.StringIO(), width=200)
+    console = PlainConsole(file=io.StringIO(), width=200)
     assert _default_recipe(SimpleNamespace(has_expert=True), console, quiet=False) == "best"
     assert _default_recipe(SimpleNamespace(has_expert=False), console, quiet=True) == "fast"
     assert console.file.getvalue() == "Recipe best: the expert was asked at every state in these data.\n"
@@ -113,3 +115,86 @@ def test_recipe_of_another_architecture_does_not_go_on(tmp_path: Path, monkeypat
     assert code == 2
     assert re.search(r"checkpoint\.pt belongs to a run with another \w+; give another --out, or delete it\.$", line)
     assert (tmp_path / "policy" / "checkpoint.pt").read_bytes() == before
+
+
+METRICS = {
+    "parameters": 1234, "samples_seen": 5678, "elapsed_s": 12.6, "samples_per_s": 450.4, "chosen_step": 7, "steps": 9,
+    "validation_samples": 40, "validation_episodes": 3, "rmse_v_mps": 0.1234, "ratio_v": 0.456, "rmse_w_radps": 0.2345,
+    "ratio_w": 0.678, "history": [{"step": 1}],
+}  # fmt: skip
+
+
+def test_metrics_are_told_without_their_history(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _report(METRICS, tmp_path, as_json=True)
+    short = {name: value for name, value in METRICS.items() if name != "history"}
+    assert json.loads(capsys.readouterr().out) == {**short, "policy": str(tmp_path)}
+    _report(METRICS, tmp_path, as_json=False)
+    lines = [
+        "1,234 parameters, 5,678 samples learned from in 13 s (450 samples/s); step 7 of 9 chosen.",
+        "Held out (3 episodes): v 0.123 m/s = 46 %, w 0.234 rad/s = 68 % of predicting the mean.",
+        f"Next: readygo evaluate SCENE {tmp_path}",
+    ]
+    assert capsys.readouterr().out.splitlines() == lines
+    _report({**METRICS, "validation_samples": 0}, tmp_path, as_json=False)
+    assert capsys.readouterr().out.splitlines() == [lines[0], lines[2]]
+
+
+def test_training_beside_a_fleet_is_told_what_it_was_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked, closed = {}, []
+    bus = SimpleNamespace(close=lambda: closed.append(1))
+    monkeypatch.setattr(
+        "readygo.apps.fleet.access.join", lambda *words, **more: (asked.update(join=(words, more)), bus)[1]
+    )
+    trainer = pytest.importorskip("readygo.apps.fleet.trainer")
+    monkeypatch.setattr(trainer, "train_beside", lambda *words, **more: (asked.update(train=(words, more)), METRICS)[1])
+    monkeypatch.setattr(command.signal, "signal", lambda number, act: asked.setdefault("signals", []).append(act))
+    out, data = tmp_path / "out", (tmp_path / "a",)
+    train(data, out=out, live="tls/lab:1", run="run-7", certs=tmp_path, samples=64, seed=5, json=True)
+    assert asked["join"] == (("tls/lab:1", "run-7", "trainer"), {"certs": tmp_path})
+    (buses, config, where), more = asked["train"]
+    assert (buses, where, more["data"]) == ({"run-7": bus}, out, data)
+    assert (config.samples, config.seed) == (64, 5)
+    assert closed == [1]
+    assert len(asked["signals"]) == 2
+    assert not more["stop"].is_set()
+    asked["signals"][0]()
+    assert more["stop"].is_set()
+    assert json.loads(capsys.readouterr().out)["policy"] == str(out)
+    with pytest.raises(ConfigError, match="--live takes no --cameras"):
+        train(data, out=out, live="tls/lab:1", run="run-7", cameras="left")
+
+
+@pytest.mark.parametrize(
+    "option",
+    [{"live": "x"}, {"run": "x"}, {"val": (Path("x"),)}, {"val_scene": "x"}, {"inputs": "rgb"}, {"goal": "point"}],
+)
+def test_published_networks_take_no_options_of_ours(option: dict[str, object], tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="--recipe gnm takes no --val, --val-scene"):
+        train((tmp_path,), out=tmp_path, recipe="gnm", **option)  # type: ignore[arg-type]
+
+
+def test_published_network_is_told_with_how_well_it_steers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_shard(tmp_path / "data", [0])
+    asked = []
+    metrics = {
+        "parameters": 9, "samples_seen": 8, "elapsed_s": 7.4, "held_out_episodes": 3, "waypoint_error_m": 0.1236,
+        "waypoint_error_of_mean_m": 0.4567,
+    }  # fmt: skip
+    monkeypatch.setattr(
+        command, "make_network_config", lambda name, settings: asked.append((name, settings)) or "config"
+    )
+    monkeypatch.setattr(command, "run_network_training", lambda *words: asked.append(words[1:3]) or metrics)
+    train((tmp_path / "data",), out=tmp_path / "out", recipe="vint", minutes=3.0, batch_size=4, device="cpu")
+    name, settings = asked[0]
+    assert (name, settings["minutes"], settings["batch_size"]) == ("vint", 3.0, 4)
+    assert not {"memory_mb", "device", "goal"} & set(settings)
+    assert asked[1] == ("config", tmp_path / "out")
+    assert capsys.readouterr().out.splitlines() == [
+        "9 parameters, 8 samples learned from in 7 s.",
+        "Held out (3 episodes): 0.124 m from where the expert went to where it steers; 0.457 m to the mean.",
+        f"Next: readygo evaluate SCENE --methods vint --checkpoints {tmp_path / 'out'}",
+    ]

@@ -5,7 +5,9 @@ from pathlib import Path
 import pytest
 
 from readygo.apps.cli import run_command
+from readygo.apps.commands import train_gaussians as command
 from readygo.commands import COMMANDS
+from readygo.services.reconstructor.training.config import preset
 
 
 @pytest.mark.parametrize(
@@ -26,3 +28,38 @@ def test_mistakes_end_in_one_line(
     assert stop.value.code == 2
     assert words in capsys.readouterr().err
     assert not (tmp_path / "out" / "gaussians.ply").exists()
+
+
+REPORT = {
+    "seconds": {"images": 1.26, "steps": 30.5}, "gaussians": 98765, "images": 40, "psnr_db": 25.678, "ssim": 0.8126,
+    "held_out": [{"image": "9.jpg", "psnr_db": 19.996, "ssim": 0.7}], "gpu_bytes": 2_340_000_000,
+}  # fmt: skip
+
+
+def test_settings_are_those_of_the_preset_but_for_what_is_named(tmp_path: Path, monkeypatch, capsys) -> None:
+    asked = []
+    monkeypatch.setattr(command, "_train", lambda *words: asked.append(words) or REPORT)
+    command.scene_train(tmp_path, out=tmp_path / "out")
+    command.scene_train(
+        tmp_path, out=tmp_path / "out", preset="standard", steps=123, batch=3, gaussians=4567, side_px=321, hold_out=7,
+        method="mcmc", plain=True, neighbour_distance_m=0.3, device="cuda", seed=9, json=True,
+    )  # fmt: skip
+    (posed, out, plain, _), (_, _, own, _) = asked
+    assert (posed, out, plain) == (tmp_path, tmp_path / "out", preset("draft"))
+    assert (own.steps, own.batch, own.side_max_px, own.hold_out, own.device, own.seed) == (123, 3, 321, 7, "cuda", 9)
+    assert (own.density.count_max, own.density.method) == (4567, "mcmc")
+    assert (own.geometry.enabled, own.geometry.distance_max_m) == (False, 0.3)
+    command.scene_train(tmp_path, out=tmp_path / "out", bare_walls=True)
+    assert asked[2][2] == command.weak_texture(preset("draft"))
+
+
+def test_report_is_told_in_rows() -> None:
+    seconds = [("images", "1.3 s"), ("steps", "30.5 s"), ("in all", "31.8 s")]
+    assert command._rows(REPORT) == [
+        ("Gaussians", "98,765 of 40 images"), ("held out", "25.68 dB, SSIM 0.813"), ("9.jpg", "20.00 dB, SSIM 0.700"),
+        *seconds, ("memory of the GPU", "2.3 GB"),
+    ]  # fmt: skip
+    assert command._rows({**REPORT, "psnr_db": None, "gpu_bytes": 0}) == [
+        ("Gaussians", "98,765 of 40 images"),
+        *seconds,
+    ]

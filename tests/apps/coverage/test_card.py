@@ -1,7 +1,8 @@
+from collections.abc import Callable
 from pathlib import Path
 
 from readygo.apps.coverage.card import card_text
-from readygo.apps.coverage.summary import dataset_summary
+from readygo.apps.coverage.summary import dataset_summary, summary_lines
 from readygo.common.dataset import Dataset
 from tests.apps.coverage.drives import measured
 
@@ -17,3 +18,30 @@ def test_card_says_counts_balance_licenses_and_origin(data: Path) -> None:
     assert "| scene | plaza | CC0 |" in text
     assert f"`{dataset.content_hash}`" in text
     assert str(data) not in text
+
+
+def test_card_and_summary_look_as_they_did(data: Path, golden_page: Callable[[str, str], None]) -> None:
+    dataset = Dataset([data])
+    summary = {**dataset_summary(dataset, data), "folder": "data", "size_bytes": 4_560_000, "content_hash": "abc"}
+    golden_page("card", card_text("plaza", dataset, summary, measured(data)))
+    camera = {"mount_height_m": 0.7, "horizontal_fov_deg": 95.0}
+    crooked = {
+        **summary,
+        "episodes": 12345, "samples": 2_345_678, "hours": 32.5791, "labels": ["boxes", "joints"],
+        "cameras": {"front": [72, 128], "left": [36, 64]}, "human_distance_min_m": None, "seed": 7,
+        "readygo_version": "1.2", "commit": "0123456789abcdef", "human_visible_fraction": 0.126,
+        "config": {"robot": {
+            "radius_m": 0.31, "v_max_mps": 1.5, "camera_name": "front", "camera": camera,
+            "cameras": {
+                "left": {"mount_height_m": 0.4, "mount_yaw_deg": 75.0}, "right": {**camera, "mount_yaw_deg": -60.5},
+            },
+        }},
+        "scene": {"name": "", "hash": "0123456789abcdef01234567", "license": ""},
+        "avatars": {"bob": {"license": "CC0"}, "ann": {"license": ""}, "cyd": {"license": "CC0"}},
+        "scenarios": {"name": "", "sha256": "f" * 64}, "policy": {"name": "best", "sha256": "e" * 64},
+        "clarity": {
+            "episodes_blurred": 3, "episodes_looked_at": 40, "sharpness_median": 321.6, "sharpness_5_percent": 98.4,
+        },
+    }  # fmt: skip
+    lines = [f"{name}: {words}" for name, words in summary_lines(crooked).items()]
+    golden_page("card_crooked", card_text("hall", dataset, crooked, measured(data)) + "\n".join(lines) + "\n")

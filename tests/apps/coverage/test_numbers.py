@@ -1,15 +1,18 @@
 import dataclasses
 import math
+import statistics
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from readygo.apps.coverage.numbers import Histogram, Visits, count_encounters, measure, visited_share
 from readygo.common.dataset import ShardWriter, encode_episode, shard_name
 from readygo.common.dataset.casts import Cast
 from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.messages import EpisodeKey, Split
-from readygo.common.robot import RobotConfig
+from readygo.common.robot import Clock, RobotConfig
 from tests.apps.coverage.drives import COUNT, drive, measured
 from tests.common.dataset.episodes import PROVENANCE
 
@@ -155,3 +158,67 @@ def test_coarser_cells_have_the_count_of_their_busiest_one() -> None:
     visits = Visits(frame=frame, episodes=episodes).coarser(2)
     assert visits.episodes.tolist() == [[7, 0, 0], [0, 0, 3]]
     assert (visits.frame.origin_x_m, visits.frame.origin_y_m, visits.frame.resolution_m) == (1.0, 2.0, 0.2)
+
+
+@given(st.lists(st.floats(-1.0, 7.0) | st.just(math.inf) | st.sampled_from([0.0, 0.5, 1.25, 3.0]), min_size=1))
+def test_histogram_counts_every_value_once(values: list[float]) -> None:
+    edges = [0.0, 0.5, 1.25, 3.0]
+    found = Histogram.of(np.array(values), np.array(edges))
+    finite = sorted(value for value in values if value < math.inf)
+    lows = [-math.inf, *edges[1:-1]]
+    expected = [sum(low <= value < high for value in finite) for low, high in zip(lows, edges[1:], strict=True)]
+    assert found.counts.tolist() == expected
+    assert found.beyond == sum(value >= 3.0 for value in finite)
+    assert found.none == len(values) - len(finite)
+    assert found.median == (statistics.median(finite) if finite else None)
+
+
+def test_crooked_data_are_measured_as_by_hand() -> None:
+    data = FakeData(actions=[(0.37, 0.11), (-0.24, -0.9), (0.61, 1.07), (0.98, 0.0), (0.02, -0.3)])
+    data.robot, data.clock = RobotConfig(v_max_mps=1.3, w_max_radps=1.1), Clock(rate_hz=40)
+    data.episodes = [type("Entry", (), {"first_sample": a, "sample_count": n}) for a, n in ((0, 2), (2, 3))]
+    data.episode_of_sample = np.int32([0, 0, 1, 1, 1])
+    data.poses[:] = [
+        (1.33, -0.71, 0, 2.5),
+        (1.29, -0.64, 0, 2.6),
+        (-0.2, 0.4, 0, -2.5),
+        (-0.2, 0.5, 0, 0.1),
+        (1.3, -0.7, 0, 7),
+    ]
+    data.truth["human_distance_m"] = [3.1, 2.2, 0.9, math.inf, 1.4]
+    data.truth["time_to_collision_s"] = [math.inf, math.inf, 0.7, 4.9, 5.0]
+    data.truth["human_visible"] = [True, True, False, True, False]
+    casts = [
+        Cast(episode=EpisodeKey(seed=0, split=Split.TRAIN, index=k), avatars=names, encounters=kinds)
+        for k, (names, kinds) in enumerate([(("b", "a", "b"), ("x", "y", "x")), (("a",), ("y",))])
+    ]
+    found = measure(data, casts)
+    assert (found.episodes, found.samples, found.clock.rate_hz) == (2, 5, 40)
+    assert found.hours == pytest.approx(5 / 40 / 3600)
+    assert found.distance_m == pytest.approx((0.37 + 0.24 + 0.61 + 0.98 + 0.02) / 40)
+    assert found.visible_total == 0.6
+    assert np.flatnonzero(found.visible_share.counts).tolist() == [3, 9]
+    assert np.flatnonzero(found.closest_m.counts).tolist() == [3, 8]
+    assert (np.flatnonzero(found.collision_s.counts).tolist(), found.collision_s.none) == ([2], 1)
+    assert found.duration_s.counts[0] == 2
+    assert found.duration_s.edges.tolist() == pytest.approx([2.5 * k for k in range(21)])
+    assert found.v_edges_mps == pytest.approx([k / 10 for k in range(-3, 14)])
+    assert found.w_edges_radps == pytest.approx([-1.1 + 2.2 * k / 13 for k in range(14)])
+    rows, columns = np.nonzero(found.actions)
+    fields = sorted(
+        (math.floor((v + 0.3) * 10 + 1e-9), min(math.floor((w + 1.1) / 2.2 * 13), 12))
+        for v, w in data.actions.astype(float).round(4).tolist()
+    )
+    assert list(zip(rows.tolist(), columns.tolist(), strict=True)) == fields
+    width = math.tau / 24
+    turns = sorted({math.floor(((yaw + width / 2) % math.tau) / width) for yaw in data.poses[:, 3].tolist()})
+    assert np.flatnonzero(found.headings.counts).tolist() == turns
+    assert found.headings.edges[[0, -1]] == pytest.approx([-width / 2, math.tau - width / 2])
+    visits = found.visits
+    assert (visits.frame.origin_x_m, visits.frame.origin_y_m) == pytest.approx((-0.2, -0.8))
+    cells = {(1.33, -0.71), (1.29, -0.64), (-0.2, 0.4), (-0.2, 0.5), (1.3, -0.7)}
+    wanted = {(math.floor(y * 10 + 1e-9) + 8, math.floor(x * 10 + 1e-9) + 2) for x, y in cells}
+    assert set(zip(*(part.tolist() for part in np.nonzero(visits.episodes)), strict=True)) == wanted
+    assert found.encounters == {"y": (2, 2), "x": (1, 2)}
+    assert list(found.encounters) == ["y", "x"]
+    assert list(found.avatars.items()) == [("a", 2), ("b", 1)]

@@ -1,9 +1,13 @@
+import dataclasses
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from readygo.apps.coverage.numbers import Visits
 from readygo.apps.coverage.page import RunFacts, coverage_page, heat_map
 from readygo.common.maps import GridFrame, OccupancyMap
+from readygo.common.scenes.top_view import TopView
 from tests.apps.coverage.drives import measured
 from tests.apps.pages.browser import CHROMIUM, NO_CHROMIUM, assert_readable, browser
 
@@ -60,6 +64,23 @@ def test_page_tells_the_experts_failures_by_encounter(data) -> None:
     assert "of 6 tried" in html
 
 
+def test_page_looks_as_it_did(data, golden_page: Callable[[str, str], None]) -> None:
+    found, picture = measured(data), np.zeros((9, 9, 3), np.uint8)
+    golden_page("coverage", coverage_page(found, facts(), picture, picture))
+    failed = {"crossing": {"timeout": 3, "human_collision": 1}, "never_seen": {"timeout": 5}}
+    frame = GridFrame(origin_x_m=0.0, origin_y_m=0.0, resolution_m=0.1)
+    known = dataclasses.replace(
+        facts(), failed=failed, rejected={}, visited_share=0.678, scene="", provenance={"data": "<0>"},
+        occupancy=OccupancyMap(frame=frame, occupied=np.zeros((2, 2), np.bool_)),
+    )  # fmt: skip
+    large = dataclasses.replace(found, episodes=1234, samples=4_567_890, distance_m=98_765.4, visible_total=0.126)
+    golden_page("coverage_known", coverage_page(large, known, picture, picture))
+    golden_page(
+        "coverage_unknown",
+        coverage_page(found, dataclasses.replace(facts(), failed=None, rejected=None), picture, picture),
+    )
+
+
 @pytest.mark.skipif(CHROMIUM is None, reason=NO_CHROMIUM)
 def test_page_reads_well_on_telephones(data, tmp_path) -> None:
     found = measured(data)
@@ -71,3 +92,37 @@ def test_page_reads_well_on_telephones(data, tmp_path) -> None:
             chromium.open(tmp_path / "page.html", width_px)
             assert_readable(chromium, width_px)
     assert chromium.complaints == []
+
+
+def test_heat_map_looks_as_it_did(golden_image: Callable[[str, np.ndarray], None]) -> None:
+    episodes = np.zeros((9, 14), np.int64)
+    episodes[2, 1:12], episodes[2:8, 11], episodes[6, 3] = 3, 7, 1
+    visits = Visits(frame=GridFrame(origin_x_m=-1.3, origin_y_m=2.1, resolution_m=0.3), episodes=episodes)
+    occupied = np.ones((30, 33), np.bool_)
+    occupied[3:26, 4:30] = False
+    occupied[14:17, 9:14] = True
+    near = OccupancyMap(frame=GridFrame(origin_x_m=-2.7, origin_y_m=0.9, resolution_m=0.2), occupied=occupied)
+    golden_image("heat_map", heat_map(visits, near))
+    golden_image("heat_map_alone", heat_map(visits, None))
+
+
+@pytest.mark.parametrize(
+    ("side_m", "visited_m", "vast"), [(60, 1.0, False), (61, 1.0, True), (80, 20.0, False), (81, 20.0, True)]
+)
+def test_map_is_cut_where_what_was_visited_would_be_lost(
+    side_m: int, visited_m: float, vast: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown_m: list[float] = []
+
+    def window(ground: OccupancyMap, low_m: np.ndarray, high_m: np.ndarray, *, pixel_m: float) -> TopView:
+        shown_m.append(float((high_m - low_m).max()))
+        return TopView(rgb=np.zeros((90, 400, 3), np.uint8), frame=ground.frame)
+
+    monkeypatch.setattr("readygo.apps.coverage.page.map_window", window)
+    frame = GridFrame(origin_x_m=90.0, origin_y_m=90.0, resolution_m=visited_m)
+    around = GridFrame(origin_x_m=60.0, origin_y_m=60.0, resolution_m=1.0)
+    heat_map(
+        Visits(frame=frame, episodes=np.ones((1, 1), np.int64)),
+        OccupancyMap(frame=around, occupied=np.zeros((side_m, 7), np.bool_)),
+    )
+    assert shown_m == [(visited_m if vast else side_m) + 1.0]

@@ -1,9 +1,11 @@
+import dataclasses
 from pathlib import Path
 
 import pytest
 
-from readygo.apps.coverage.summary import dataset_summary
+from readygo.apps.coverage.summary import dataset_summary, summary_lines
 from readygo.common.dataset import Dataset
+from tests.common.dataset.episodes import PROVENANCE, write_shard
 
 
 def test_summary_counts_what_the_shards_hold(data: Path) -> None:
@@ -26,3 +28,12 @@ def test_summary_says_what_it_was_made_of(data: Path) -> None:
     assert summary["scene"]["name"] == "plaza"
     assert set(summary["config"]) == {"robot", "episode"}
     assert summary["config"]["episode"] == {"time_limit_s": 50.0}
+
+
+@pytest.mark.parametrize(("renderer", "depth"), [({}, "mean"), ({"depth": "median"}, "median")])
+def test_summary_says_which_depth_was_recorded(tmp_path: Path, renderer: dict[str, str], depth: str) -> None:
+    provenance = dataclasses.replace(PROVENANCE, config={**PROVENANCE.config, "renderer": renderer})
+    write_shard(tmp_path, [0], outputs=("depth", "mask"), provenance=provenance)
+    summary = dataset_summary(Dataset([tmp_path]), tmp_path)
+    assert summary["depth"] == depth
+    assert f", rgb, depth ({depth}), mask" in summary_lines(summary)["images"]

@@ -9,6 +9,7 @@ from readygo.apps.drive.calibration import (
     camera_from_file,
     camera_from_info,
     info_of,
+    inside_of,
     mount_differences,
 )
 from readygo.apps.robot_logs.reader import LogCamera
@@ -148,3 +149,62 @@ def test_depths_and_colours_in_each_others_place_and_depths_of_another_size_are_
         rectify.depth(np.zeros((72, 128, 3), np.uint8))
     with pytest.raises(ValueError, match=r"depths of 36x64 px, and images of 72x128: have its driver align"):
         rectify.depth(depth_m[::2, ::2])
+
+
+@pytest.mark.parametrize("line", ["camera_matrix: 3", "camera_matrix:\n  data: {a: 1}", "camera_matrix: [1, 2]"])
+def test_matrix_of_another_shape_is_refused(tmp_path, line):
+    (tmp_path / "c.yaml").write_text(f"image_width: 10\nimage_height: 8\n{line}\ndistortion_model: plumb_bob\n")
+    with pytest.raises(ConfigError, match="Calibration"):
+        camera_from_file(CameraConfig(), tmp_path / "c.yaml")
+
+
+def test_mounts_differ_from_more_than_five_centimetres_on_and_lenses_never():
+    robot = dataclasses.replace(WIDE, mount_x_m=0.2, mount_y_m=-0.1, mount_height_m=0.7, mount_pitch_deg=9.0)
+    near = dataclasses.replace(robot, mount_x_m=0.249, mount_y_m=-0.149, mount_height_m=0.651, mount_pitch_deg=0.0)
+    assert mount_differences(robot, near) == []
+    far = dataclasses.replace(robot, mount_x_m=0.251, mount_y_m=-0.151, mount_height_m=0.649)
+    assert mount_differences(robot, far) == [
+        "mount_x_m 0.251 (the robot's: 0.2)",
+        "mount_y_m -0.151 (the robot's: -0.1)",
+        "mount_height_m 0.649 (the robot's: 0.7)",
+    ]
+
+
+def test_camera_info_counts_pixels_from_their_centres_and_names_the_lens():
+    crooked = CameraConfig(
+        height_px=48, width_px=64, fx_px=31.0, fy_px=33.0, cx_px=30.2, cy_px=25.7, distortion="brown_conrady",
+        k1=-0.05, k2=0.01, p1=0.002, p2=-0.003,
+    )  # fmt: skip
+    info = info_of(crooked)
+    assert info.K_px == pytest.approx((31.0, 0.0, 29.7, 0.0, 33.0, 25.2, 0.0, 0.0, 1.0))
+    assert (info.height_px, info.width_px, info.model) == (48, 64, "plumb_bob")
+    assert info.distortion[:4] == (-0.05, 0.01, 0.002, -0.003)
+    assert info_of(CameraConfig(distortion="fisheye")).model == "equidistant"
+
+
+@pytest.mark.parametrize(("K_px", "count"), [((0.0,) * 9, 9), ((3.0, 0, 0, 0, 0.0, 0, 0, 0, 1), 9), ((3.0,) * 8, 8)])
+def test_intrinsics_without_focal_lengths_are_none(K_px, count):
+    assert len(K_px) == count
+    with pytest.raises(ConfigError, match="not calibrated"):
+        camera_from_info(POLICY, LogCamera(height_px=4, width_px=6, K_px=K_px, model="", distortion=()))
+
+
+def test_places_of_an_image_end_at_its_edges():
+    camera = CameraConfig(height_px=72, width_px=128)
+    uv = [(0.0, 0.0), (128.0, 72.0), (-0.01, 5.0), (5.0, -0.01), (128.01, 5.0), (5.0, 72.01), (np.nan, 5.0)]
+    assert inside_of(np.array(uv), camera).tolist() == [True, True, False, False, False, False, False]
+
+
+def test_image_that_lacks_too_much_is_refused_and_less_is_black():
+    narrower = dataclasses.replace(POLICY, horizontal_fov_deg=86.0)
+    share = 1.0 - (np.tan(np.radians(43.0)) / np.tan(np.radians(45.0))) ** 2
+    with pytest.raises(ConfigError, match=f"does not show {100 * share:.0f} % of what the policy's shows"):
+        Rectifier(narrower, POLICY)
+    little = Rectifier(dataclasses.replace(POLICY, horizontal_fov_deg=88.0), POLICY)
+    assert 0.04 < little.unseen < 0.1
+    white = little(np.full((72, 128, 3), 255, np.uint8))
+    assert (white[0] == 0).all()
+    assert (white[10:-10, 10:-10] == 255).all()
+    depth_m = little.depth(np.full((72, 128), 2.5, np.float32))
+    assert np.isinf(depth_m[0]).all()
+    assert (depth_m[10:-10, 10:-10] == 2.5).all()

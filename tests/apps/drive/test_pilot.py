@@ -6,7 +6,7 @@ import pytest
 
 from readygo.apps.drive.calibration import Rectifier
 from readygo.apps.drive.messages import Command, Goal, Odometry, Picture
-from readygo.apps.drive.pilot import DriveConfig, Ending, Pilot, limited
+from readygo.apps.drive.pilot import DriveConfig, Ending, Pilot, limited, words_of
 from readygo.common.frames import goal_in_robot_frame
 from readygo.common.messages import Outcome
 from readygo.common.policy import load_policy
@@ -288,3 +288,164 @@ def test_robot_stands_without_one_of_its_cameras_and_goes_on_with_it(fake_policy
     assert ride.run(1.0).v_mps > 0
     ride.run(12.0, without=(name,))
     assert (ride.pilot.ending, ride.pilot.reason) == (Ending.STALE, f"no new {words} for 10 s")
+
+
+def crooked_robot(fake_policy, answer=(0.9, -0.4), **changes):
+    """A policy of a robot that drives backwards as well, with other limits and rates."""
+    policy = fake_policy(answer)
+    limits = {"v_max_mps": 0.9, "v_min_mps": -0.4, "w_max_radps": 0.7, "a_max_mps2": 0.6, "alpha_max_radps2": 1.1}
+    robot = RobotConfig(camera=CAMERA, **{**limits, **changes})
+    policy.spec = dataclasses.replace(policy.spec, robot=robot)
+    return policy
+
+
+def test_limits_of_a_drive_are_at_most_the_robots_also_backwards():
+    robot = RobotConfig(v_max_mps=0.9, v_min_mps=-0.4, w_max_radps=0.7)
+    for v_max_mps, v_min_mps in ((0.9, -0.4), (0.25, -0.25)):
+        found = limited(robot, DriveConfig(v_max_mps=v_max_mps, w_max_radps=0.7))
+        assert found == dataclasses.replace(robot, v_max_mps=v_max_mps, v_min_mps=v_min_mps)
+    for v_max_mps, w_max_radps in ((0.0, 0.5), (0.5, -0.1), (0.91, 0.5), (0.5, 0.71)):
+        with pytest.raises(ValueError, match=r"must be above 0 and at most 0\.[79], what the policy learned"):
+            limited(robot, DriveConfig(v_max_mps=v_max_mps, w_max_radps=w_max_radps))
+
+
+def test_first_command_is_one_step_of_the_robots_clock_and_later_ones_go_by_the_time_between(make_ride, fake_policy):
+    ride = make_ride(crooked_robot(fake_policy), v_max_mps=0.9, w_max_radps=0.7)
+    ride.now_ns = 20 * S
+    ride.step()
+    first = ride.commands[-1]
+    assert (first.v_mps, first.w_radps) == pytest.approx((0.6 * 0.05, -1.1 * 0.05))
+    second = ride.pilot.command(20 * S + 20_000_000)
+    assert (second.v_mps, second.w_radps) == pytest.approx((0.6 * 0.07, -1.1 * 0.07))
+    third = ride.pilot.command(20 * S + 190_000_000)
+    assert (third.v_mps, third.w_radps) == pytest.approx((0.6 * 0.12, -1.1 * 0.12)), "one step at most"
+
+
+@pytest.mark.parametrize(("control_hz", "camera_hz", "decided"), [(10, 20, 6), (20, 20, 11), (20, 10, 11), (5, 20, 3)])
+def test_policy_decides_as_often_as_the_robot_is_commanded(make_ride, fake_policy, control_hz, camera_hz, decided):
+    policy = crooked_robot(fake_policy, control_hz=control_hz, camera_hz=camera_hz)
+    ride = make_ride(policy, v_max_mps=0.9, w_max_radps=0.7)
+    ride.now_ns = S
+    for k in range(11):
+        ride.step(images=k % (20 // camera_hz) == 0, x_m=0.01 * k)
+    assert len(policy.goals) == decided
+    assert len(policy.seen_ns) == -(-11 // (20 // camera_hz))
+
+
+def test_decision_is_taken_with_four_fifths_of_its_time_passed(make_ride, fake_policy):
+    for late_ns, decided in ((80_000_000, 1), (80_000_001, 2)):
+        policy = crooked_robot(fake_policy, control_hz=10, camera_hz=20)
+        ride = make_ride(policy, v_max_mps=0.9, w_max_radps=0.7)
+        for now_ns in (S, S + late_ns):
+            ride.now_ns = now_ns
+            ride.step()
+        assert len(policy.goals) == decided
+
+
+def test_goal_and_what_moves_are_told_as_the_robot_stands(make_ride, fake_policy):
+    policy = crooked_robot(fake_policy)
+    told = []
+    decide = policy.decide
+    policy.decide = lambda memories, moving, goals: (told.append((moving, goals)), decide(memories, moving, goals))[1]
+    ride = make_ride(policy, goal=(2.0, -1.5), v_max_mps=0.9, w_max_radps=0.7)
+    ride.now_ns = S
+    ride.pilot.hear(Odometry(stamp_ns=T0 + S, x_m=-3.2, y_m=7.1, yaw_rad=2.5, v_mps=0.35, w_radps=-0.21), S)
+    ride.step(moves=False)
+    c, s = math.cos(2.5), math.sin(2.5)
+    assert (ride.pilot.goal.x_m, ride.pilot.goal.y_m) == pytest.approx((-3.2 + 2 * c + 1.5 * s, 7.1 + 2 * s - 1.5 * c))
+    moving, goals = told[0]
+    assert moving.tolist() == [pytest.approx([0.35, -0.21])]
+    assert goals.tolist() == [pytest.approx([2.0, -1.5], abs=1e-6)]
+    assert ride.pilot.straight_m == pytest.approx(2.5 - 1.0)
+    assert ride.pilot.moving_mps == 0.35
+    assert ride.pilot.words == "goal 2.5 m, v 0.03 m/s, w -0.06 rad/s"
+
+
+@pytest.mark.parametrize(("away_m", "ending"), [(0.75, Ending.GOAL), (0.76, None)])
+def test_robot_has_arrived_on_the_circle_around_the_goal(make_ride, away_m, ending):
+    ride = make_ride(goal=(3.0, 1.0), goal_radius_m=0.75, goal_in_start_frame=False)
+    ride.step(x_m=3.0 - away_m, y_m=1.0)
+    assert ride.pilot.ending is ending
+
+
+def test_trial_is_late_when_its_time_is_over_and_not_a_step_before(make_ride):
+    ride = make_ride(time_limit_s=1.5)
+    ride.step(images=False)
+    ride.steps(30)
+    assert ride.pilot.ending is None
+    ride.step()
+    assert ride.pilot.ending is Ending.LATE
+    ride.pilot.end(Ending.FAILED, "later")
+    assert ride.pilot.reason == "out of time", "the first reason counts"
+
+
+def test_trial_is_given_up_10_seconds_after_something_was_missed_first(make_ride):
+    ride = make_ride()
+    ride.steps(20)
+    ride.steps(207, images=False)
+    assert ride.pilot.ending is None
+    ride.step(images=False)
+    assert ride.pilot.ending is Ending.STALE
+    waiting = make_ride()
+    waiting.steps(300, images=False)
+    assert waiting.pilot.ending is None, "it has not begun"
+
+
+@pytest.mark.parametrize(("leap_m", "leaps"), [(0.57, False), (0.59, True)])
+def test_odometry_may_move_half_a_metre_beyond_twice_what_the_robot_drives(make_ride, leap_m, leaps):
+    ride = make_ride(v_max_mps=0.8)
+    ride.steps(5, x_m=0.3, y_m=-0.2)
+    ride.step(x_m=0.3 + 0.6 * leap_m, y_m=-0.2 - 0.8 * leap_m)
+    assert (ride.pilot.ending is Ending.LEAP) == leaps
+    assert ride.pilot.driven_m == pytest.approx(leap_m)
+    slow = make_ride(v_max_mps=0.8)
+    slow.steps(5)
+    slow.steps(3, moves=False)
+    slow.step(x_m=leap_m + 2 * 0.8 * 0.15)
+    assert (slow.pilot.ending is Ending.LEAP) == leaps
+    before = make_ride(v_max_mps=0.8)
+    for x_m in (0.0, 30.0):
+        before.step(images=False, x_m=x_m)
+    assert (before.pilot.ending, before.pilot.driven_m) == (None, 0.0), "it has not begun"
+
+
+def test_messages_without_stamps_count_from_when_they_come_and_old_ones_change_nothing(make_ride):
+    ride = make_ride()
+    ride.now_ns = S
+    for k in range(3):
+        ride.pilot.hear(odometry(0, x_m=0.01 * k), ride.now_ns)
+        ride.pilot.look(picture(0), ride.now_ns)
+        assert ride.pilot.command(ride.now_ns).v_mps == pytest.approx(0.05 * (k + 1))
+        ride.now_ns += STEP_NS
+    assert ride.policy.seen_ns == [S, S + STEP_NS, S + 2 * STEP_NS]
+    driven_m, distance_m = ride.pilot.driven_m, ride.pilot.goal_distance_m
+    ride.pilot.hear(odometry(S + 2 * STEP_NS, x_m=0.4), ride.now_ns)
+    ride.pilot.look(picture(S + 2 * STEP_NS), ride.now_ns)
+    ride.pilot.look(picture(S + 3 * STEP_NS), ride.now_ns, "rear.rgb")
+    assert (ride.pilot.driven_m, ride.pilot.goal_distance_m, ride.pilot.seen) == (driven_m, distance_m, 3)
+
+
+def test_what_a_trial_that_ends_counts_as():
+    counts = {ending: ending.outcome for ending in Ending}
+    assert counts.pop(Ending.GOAL) is Outcome.SUCCESS
+    assert counts.pop(Ending.STATIC_COLLISION) is Outcome.STATIC_COLLISION
+    assert counts.pop(Ending.HUMAN_COLLISION) is Outcome.HUMAN_COLLISION
+    assert set(counts.values()) == {Outcome.TIMEOUT}
+
+
+def test_images_are_called_after_their_camera_where_there_are_several():
+    robot = RobotConfig(camera_name="middle")
+    both = dataclasses.replace(robot, cameras={"left": robot.camera})
+    assert [words_of(name, robot) for name in ("rgb", "depth")] == ["images", "depths"]
+    names = ("rgb", "depth", "left.rgb", "left.depth")
+    assert [words_of(name, both) for name in names] == [
+        "images of middle", "depths of middle", "images of left", "depths of left"
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("camera_hz", "apart_ns"), [(20, 30_000_000), (10, 50_000_000)])
+@pytest.mark.parametrize("beyond_ns", [0, 1_000_000])
+def test_images_are_of_one_time_up_to_the_limit(fake_policy, camera_hz, apart_ns, beyond_ns):
+    ride = ThreeCameraRide(fake_policy, camera_hz=camera_hz)
+    ride.run(1.0, every_ns=4 * STEP_NS, taken_ns={"left.rgb": apart_ns + beyond_ns})
+    assert (ride.pilot.seen > 0) == (beyond_ns == 0)

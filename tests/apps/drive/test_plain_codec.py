@@ -1,3 +1,6 @@
+import time
+import tracemalloc
+
 import msgpack
 import numpy as np
 import pytest
@@ -45,3 +48,44 @@ def test_what_is_no_message_is_refused():
     broken = msgpack.packb({"encoding": "jpeg", "height_px": 4, "width_px": 4, "data": b"x"})
     with pytest.raises(ValueError, match="no jpeg"):
         CODEC.read(types.IMAGE_TYPE, broken).decode()
+
+
+@pytest.mark.parametrize("kind", [ODOMETRY_TYPE, types.IMAGE_TYPE, INFO_TYPE])
+def test_many_small_objects_are_refused_before_they_cost_memory(kind):
+    payload = b"\x81\xa4data\xdd" + (8_000_000).to_bytes(4, "big") + b"\x90" * 8_000_000
+    begin_s = time.process_time()
+    tracemalloc.start()
+    with pytest.raises(ValueError, match="no message"):
+        CODEC.read(kind, payload)
+    assert tracemalloc.get_traced_memory()[1] < 20e6
+    tracemalloc.stop()
+    assert time.process_time() - begin_s < 1.0
+    with pytest.raises(ValueError, match="no message"):
+        CODEC.read(kind, b"\x81\xa4data" + b"\x91" * 100_000)
+
+
+@pytest.mark.parametrize("number", [float("nan"), float("inf"), 1e200, -1e7])
+def test_numbers_that_no_robot_means_are_refused(number):
+    for name in ("x_m", "yaw_rad", "w_radps"):
+        odometry = {"x_m": 0.0, "y_m": 0.0, "yaw_rad": 0.0, "v_mps": 0.0, "w_radps": 0.0} | {name: number}
+        with pytest.raises(ValueError, match="it must be finite"):
+            CODEC.read(ODOMETRY_TYPE, msgpack.packb(odometry))
+    with pytest.raises(ValueError, match="it must be finite"):
+        CODEC.read(types.TWIST_TYPE, msgpack.packb({"v_mps": number, "w_radps": 0.0}))
+
+
+@pytest.mark.parametrize("stamp_ns", [-1, 2**63 - 1])
+def test_times_that_are_none_are_refused(stamp_ns):
+    sent = msgpack.packb({"encoding": "jpeg", "data": b"x", "stamp_ns": stamp_ns})
+    with pytest.raises(ValueError, match="its time is"):
+        CODEC.read(types.IMAGE_TYPE, sent)
+
+
+@pytest.mark.parametrize(
+    "fields", [[1, 2], {"encoding": "bgr8", "data": "text"}, {"encoding": "bgr8", "data": b"abc"}, {"encoding": "jpeg"}]
+)
+def test_images_of_another_shape_are_refused_as_they_come(fields):
+    with pytest.raises(ValueError, match="no message"):
+        CODEC.read(types.IMAGE_TYPE, msgpack.packb(fields))
+    with pytest.raises(ValueError, match="no message"):
+        CODEC.read(ODOMETRY_TYPE, msgpack.packb([1.0, 2.0]))

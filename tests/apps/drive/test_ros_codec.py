@@ -1,8 +1,12 @@
+import struct
+
+import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from readygo.apps.drive import ros_codec as types
-from readygo.apps.drive.messages import Command, Goal, Odometry
+from readygo.apps.drive.messages import Command, Encoded, Goal, Odometry
 from readygo.apps.robot_logs.reader import INFO_TYPE, ODOMETRY_TYPE, LogCamera
 
 pytest.importorskip("rosbags", reason="rosbags (extra robot-logs) is not installed")
@@ -35,22 +39,88 @@ def test_types_have_the_published_hashes(codec):
     assert codec.type_hash(types.TWIST_TYPE) == twist
 
 
+@pytest.fixture(scope="module")
+def ros():
+    """Types and bytes of ROS 2 without the codec."""
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS2_HUMBLE)
+
+
+CAMERA = LogCamera(
+    height_px=4,
+    width_px=6,
+    K_px=(5.0, 0.25, 3.5, 0.0, 7.0, 2.5, 0.0, 0.0, 1.0),
+    model="plumb_bob",
+    distortion=(0.1, -0.2, 0.3, -0.4, 0.5),
+)
+ODOMETRY = Odometry(stamp_ns=STAMP_NS, x_m=1.5, y_m=-2.0, yaw_rad=2.5, v_mps=0.5, w_radps=-0.1)
+
+
 @pytest.mark.parametrize(
     ("kind", "value"),
     [
-        (ODOMETRY_TYPE, Odometry(stamp_ns=STAMP_NS, x_m=1.5, y_m=-2.0, yaw_rad=2.5, v_mps=0.5, w_radps=-0.1)),
+        (types.STAMPED_TWIST_TYPE, Command(v_mps=0.5, w_radps=-0.25)),
         (types.GOAL_TYPE, Goal(x_m=3.0, y_m=1.5)),
         (types.OUTCOME_TYPE, "human_collision"),
-        (INFO_TYPE, LogCamera(height_px=4, width_px=6, K_px=(5.0,) * 9, model="plumb_bob", distortion=(0.1,) * 5)),
+        (INFO_TYPE, CAMERA),
     ],
 )
 def test_what_is_written_is_read(codec, kind, value):
-    found = codec.read(kind, codec.write(kind, value, STAMP_NS))
-    if isinstance(value, Odometry):
-        assert found.yaw_rad == pytest.approx(value.yaw_rad)
-        assert (found.stamp_ns, found.x_m, found.v_mps) == (STAMP_NS, 1.5, 0.5)
-    else:
-        assert found == value
+    assert codec.read(kind, codec.write(kind, value, STAMP_NS)) == value
+
+
+def test_odometry_has_all_that_ros_says_of_a_pose(codec, ros):
+    sent = codec.write(ODOMETRY_TYPE, ODOMETRY, STAMP_NS)
+    message = ros.deserialize_cdr(sent, ODOMETRY_TYPE)
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1_700_000_000, 123_456_789)
+    assert (message.header.frame_id, message.child_frame_id) == ("odom", "base_link")
+    place, turn = message.pose.pose.position, message.pose.pose.orientation
+    assert (place.x, place.y, place.z) == (1.5, -2.0, 0.0)
+    want = Rotation.from_euler("z", 2.5).as_quat()
+    assert np.allclose((turn.x, turn.y, turn.z, turn.w), want)
+    linear, angular = message.twist.twist.linear, message.twist.twist.angular
+    assert (linear.x, linear.y, linear.z, angular.x, angular.y, angular.z) == (0.5, 0.0, 0.0, 0.0, 0.0, -0.1)
+    assert not np.any([message.pose.covariance, message.twist.covariance])
+    found = codec.read(ODOMETRY_TYPE, sent)
+    assert found.yaw_rad == pytest.approx(2.5)
+    assert (found.stamp_ns, found.x_m, found.y_m, found.v_mps, found.w_radps) == (STAMP_NS, 1.5, -2.0, 0.5, -0.1)
+
+
+def test_yaw_of_a_robot_that_is_tilted_is_that_of_its_forward_axis_on_the_floor(codec, ros):
+    message = ros.deserialize_cdr(codec.write(ODOMETRY_TYPE, ODOMETRY, STAMP_NS), ODOMETRY_TYPE)
+    turn = message.pose.pose.orientation
+    angles = np.random.default_rng(3).uniform((-np.pi, -1.4, -np.pi), (np.pi, 1.4, np.pi), (40, 3))
+    for yaw, pitch, roll in angles:
+        rotation = Rotation.from_euler("ZYX", (yaw, pitch, roll))
+        turn.x, turn.y, turn.z, turn.w = rotation.as_quat().tolist()
+        forward = rotation.apply((1.0, 0.0, 0.0))
+        found = codec.read(ODOMETRY_TYPE, bytes(ros.serialize_cdr(message, ODOMETRY_TYPE)))
+        assert found.yaw_rad == pytest.approx(np.arctan2(forward[1], forward[0]))
+        assert found.yaw_rad == pytest.approx(yaw)
+
+
+def test_goals_cameras_and_images_have_all_that_ros_says_of_them(codec, ros):
+    goal = ros.deserialize_cdr(codec.write(types.GOAL_TYPE, Goal(x_m=3.0, y_m=1.5), 5), types.GOAL_TYPE)
+    turn = goal.pose.orientation
+    assert (goal.header.frame_id, goal.pose.position.x, goal.pose.position.y) == ("odom", 3.0, 1.5)
+    assert (turn.x, turn.y, turn.z, turn.w) == (0.0, 0.0, 0.0, 1.0)
+    info = ros.deserialize_cdr(codec.write(INFO_TYPE, CAMERA, STAMP_NS), INFO_TYPE)
+    assert (info.header.frame_id, info.height, info.width, info.distortion_model) == ("camera", 4, 6, "plumb_bob")
+    assert (info.binning_x, info.binning_y, info.roi.width, info.roi.do_rectify) == (0, 0, 0, False)
+    assert np.array_equal(info.r.reshape(3, 3), np.eye(3))
+    assert np.array_equal(info.p.reshape(3, 4), np.column_stack([np.reshape(CAMERA.K_px, (3, 3)), np.zeros(3)]))
+    image = ros.deserialize_cdr(codec.write(types.IMAGE_TYPE, np.zeros((3, 5, 3), np.uint8), 0), types.IMAGE_TYPE)
+    assert (image.height, image.width, image.step, image.encoding, image.is_bigendian) == (3, 5, 15, "bgr8", 0)
+    depth = ros.deserialize_cdr(codec.write(types.IMAGE_TYPE, np.ones((3, 5), np.float32), 0), types.IMAGE_TYPE)
+    assert (depth.step, depth.encoding, depth.data.view("<u2").tolist()) == (10, "16UC1", [1000] * 15)
+
+
+def test_big_endian_depths_of_a_robot_are_read(codec, ros):
+    image = ros.deserialize_cdr(codec.write(types.IMAGE_TYPE, np.ones((3, 5), np.float32), 0), types.IMAGE_TYPE)
+    image.is_bigendian, image.data = 1, image.data.view("<u2").astype(">u2").view(np.uint8)
+    found = codec.read(types.IMAGE_TYPE, bytes(ros.serialize_cdr(image, types.IMAGE_TYPE)))
+    assert np.array_equal(found.decode(), np.ones((3, 5), np.float32))
 
 
 def test_pictures_keep_their_pixels_and_time(codec):
@@ -59,8 +129,27 @@ def test_pictures_keep_their_pixels_and_time(codec):
     assert raw.stamp_ns == STAMP_NS
     assert np.array_equal(raw.decode(), bgr)
     flat = np.full((8, 10, 3), 90, np.uint8)
-    compressed = codec.read(types.COMPRESSED_TYPE, codec.write(types.COMPRESSED_TYPE, flat, STAMP_NS))
+    sent = codec.write(types.COMPRESSED_TYPE, flat, STAMP_NS)
+    compressed = codec.read(types.COMPRESSED_TYPE, sent)
     assert np.abs(compressed.decode().astype(int) - 90).max() <= 2
+    assert (compressed.stamp_ns, compressed.encoded.format) == (STAMP_NS, "jpeg")
+    assert codec.write(types.COMPRESSED_TYPE, compressed.encoded, STAMP_NS) == sent
+    depth_m = np.array([[0.5, 1.25, 3.0]], np.float32)
+    depths = codec.read(types.COMPRESSED_TYPE, codec.write(types.COMPRESSED_TYPE, depth_m, STAMP_NS))
+    assert "compressedDepth" in depths.encoded.format
+    assert np.array_equal(depths.decode(), depth_m)
+
+
+def test_compressed_colour_is_blue_green_red_also_of_grey_images(codec):
+    bgr = np.full((8, 8, 3), (200, 100, 20), np.uint8)
+    grey = np.full((8, 8), 77, np.uint8)
+    for pixels in (bgr, grey):
+        file = cv2.imencode(".png", pixels)[1]
+        sent = codec.write(types.COMPRESSED_TYPE, Encoded(file, "png"), 1)
+        assert np.array_equal(codec.read(types.COMPRESSED_TYPE, sent).decode(), np.broadcast_to(pixels.T, (3, 8, 8)).T)
+    broken = codec.write(types.COMPRESSED_TYPE, Encoded(file[:20], "png"), 1)
+    with pytest.raises(ValueError, match=r"no JPEG or PNG \(format 'png'\)"):
+        codec.read(types.COMPRESSED_TYPE, broken).decode()
 
 
 def test_bytes_of_another_type_are_refused(codec):
@@ -76,3 +165,14 @@ def test_depths_go_as_millimetres_and_come_back_in_metres(codec):
     assert found.stamp_ns == STAMP_NS
     expected = np.array([[0.5, np.inf, np.inf], [1.234, 3.0, np.inf]], np.float32)
     assert np.array_equal(found.decode(), expected)
+
+
+@pytest.mark.parametrize("number", [1e200, -1e200, float("nan"), float("inf")])
+def test_odometry_with_numbers_that_no_robot_means_is_refused(codec, number):
+    sent = bytearray(codec.write(ODOMETRY_TYPE, Odometry(stamp_ns=7, x_m=0, y_m=0, yaw_rad=0, v_mps=0, w_radps=0), 7))
+    place = sent.index(struct.pack("<4d", 0.0, 0.0, 0.0, 1.0))
+    for k in range(4):
+        changed = bytearray(sent)
+        changed[place + 8 * k : place + 8 * k + 8] = struct.pack("<d", number)
+        with pytest.raises(ValueError, match="finite"):
+            codec.read(ODOMETRY_TYPE, bytes(changed))

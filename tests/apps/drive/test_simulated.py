@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from readygo.apps.drive.calibration import Rectifier, camera_from_info, info_of
-from readygo.apps.drive.messages import Goal
+from readygo.apps.drive.messages import Goal, Odometry
 from readygo.apps.drive.named_topics import image_topics
 from readygo.apps.drive.pilot import DriveConfig, Ending, Pilot
 from readygo.apps.drive.plain_codec import PlainCodec
 from readygo.apps.drive.robot import Topics, connected
 from readygo.apps.drive.ros_codec import RosCodec
-from readygo.apps.drive.simulated import Manners, SimulatedRobot
+from readygo.apps.drive.simulated import Manners, SimulatedRobot, odometry_of
+from readygo.apps.drive.simulated import sent as sent_as
 from readygo.apps.drive.trial import Measures, _step, run_trial
 from readygo.apps.drive.wires import RosWire, TopicWire
 from readygo.apps.run.config import RunConfig
@@ -25,7 +26,7 @@ from readygo.common.bus.zenoh_bus import Router, free_endpoint
 from readygo.common.camera import CameraConfig
 from readygo.common.messages import Outcome, Split
 from readygo.common.policy.artifact import PolicyInputs
-from readygo.common.robot import RobotConfig
+from readygo.common.robot import Clock, RobotConfig
 from readygo.services.evaluator import Task
 from tests.apps.drive.conftest import CAMERA, FakePolicy, open_ground
 
@@ -178,3 +179,31 @@ def test_policy_sees_over_the_network_what_it_sees_in_an_evaluation(evaluator, c
 def test_manners_that_no_robot_has_are_refused(wrong):
     with pytest.raises(ValueError, match="must"):
         Manners(**wrong)
+
+
+def test_images_are_as_late_and_as_often_lost_as_manners_say():
+    manners, rng = Manners(latency_s=0.05, jitter_s=0.02, drop_share=0.3), np.random.default_rng(1)
+    sent = [manners.sent(("rgb", "depth"), rng) for _ in range(4000)]
+    late_s = np.array([late for one in sent for late in one.values()])
+    assert len(late_s) / 8000 == pytest.approx(0.7, abs=0.02)
+    assert {name for one in sent for name in one} == {"rgb", "depth"}
+    assert late_s.min() >= 0.0
+    assert (late_s.mean(), late_s.std()) == pytest.approx((0.05, 0.02), abs=0.002)
+    assert Manners(latency_s=0.0, jitter_s=0.0, drop_share=0.0).sent(("rgb",), rng) == {"rgb": 0.0}
+    with pytest.raises(ValueError, match="must"):
+        Manners(jitter_s=-0.1)
+    with pytest.raises(ValueError, match="must"):
+        Manners(drop_share=-0.01)
+    assert Manners(camera_hz=2.5).image_every(Clock(image_every=2)) == 8
+
+
+def test_odometry_is_of_the_moment():
+    run = open_ground()
+    run.advance(0.7, -0.4)
+    run.advance(0.9, 0.3)
+    wanted = Odometry(stamp_ns=5, x_m=run.x_m, y_m=run.y_m, yaw_rad=run.yaw_rad, v_mps=run.v_mps, w_radps=run.w_radps)
+    assert odometry_of(run, 5) == wanted
+    assert len({wanted.x_m, wanted.y_m, wanted.yaw_rad, wanted.v_mps, wanted.w_radps}) == 5
+    image = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)
+    np.testing.assert_array_equal(sent_as(image), image[:, :, [2, 1, 0]])
+    assert sent_as(image[..., 0]) is not None

@@ -90,3 +90,69 @@ def test_what_somebody_says_of_the_trial_and_wrong_messages_end_it(make_ride):
 
 def test_measures_of_no_drive_are_none():
     assert Measures().summary() == {}
+
+
+def test_measures_are_rates_and_latencies_of_the_drive():
+    measures = Measures(
+        latencies_ms=[10.0, 20.0, 60.0], thinking_ms=[4.0, 6.0], frame_ages_s=[0.1, 0.2, 0.6], sent=9, duration_s=1.5
+    )
+    assert measures.summary() == {
+        "inference_hz": 2.0, "inference_hz_possible": 200.0, "command_hz": 6.0, "latency_median_ms": 20.0,
+        "latency_p99_ms": 59.2, "latency_max_ms": 60.0, "frame_age_median_s": 0.2,
+    }  # fmt: skip
+    assert Measures(latencies_ms=[1.0], duration_s=0.0).summary() == {}
+
+
+class StepPilot:
+    """Notes what it hears and sees, and has no will of its own."""
+
+    def __init__(self, *, started_ns=None):
+        self.told, self.seen, self.frame_age_s, self.seen_arrived_ns = [], 4, 0.25, 3_000_000
+        self.started_ns = started_ns
+        self.endings = []
+
+    def hear(self, odometry, arrived_ns):
+        self.told.append(("odometry", odometry, arrived_ns))
+
+    def look(self, picture, arrived_ns, name="rgb"):
+        self.told.append((name, picture, arrived_ns))
+        self.seen += 1
+
+    def end(self, ending, reason=""):
+        self.endings.append((ending, reason))
+
+    def command(self, now_ns):
+        return ("command", now_ns)
+
+
+@pytest.mark.parametrize(("pictures", "started_ns"), [(True, 1), (True, None), (False, 1)])
+def test_step_hears_and_sees_all_that_came_before_it_commands(monkeypatch, pictures, started_ns):
+    clock_ns = iter([1_000_000, 6_000_000, 9_000_000, 11_000_000] if pictures else [1_000_000, 9_000_000])
+    monkeypatch.setattr(trial.time, "monotonic_ns", lambda: next(clock_ns))
+    robot, pilot, measures, until = FakeRobot(), StepPilot(started_ns=started_ns), Measures(), []
+    robot.odometry = lambda: [("o1", 5), ("o2", 6)]
+    robot.beside = lambda: [("depth", "d", 7)] if pictures else []
+    robot.next_picture = lambda until_s: until.append(until_s) or (("p", 8) if pictures else None)
+    trial._step(robot, pilot, measures, 12.5)
+    heard = [("odometry", "o1", 5), ("odometry", "o2", 6)]
+    assert pilot.told == [*heard, *([("depth", "d", 7), ("rgb", "p", 8)] if pictures else [])]
+    assert (until, robot.told, pilot.endings) == ([12.5], [("command", 9_000_000)], [])
+    assert (measures.thinking_ms, measures.frame_ages_s) == (([5.0], [0.25]) if pictures else ([], []))
+    assert measures.latencies_ms == ([8.0] if pictures and started_ns else [])
+    assert measures.sent == (1 if started_ns else 0)
+
+
+@pytest.mark.parametrize(
+    ("outcome", "ending"),
+    [
+        ("success", Ending.GOAL),
+        ("timeout", Ending.LATE),
+        ("static_collision", Ending.STATIC_COLLISION),
+        ("human_collision", Ending.HUMAN_COLLISION),
+    ],
+)
+def test_outcome_that_somebody_says_ends_the_trial(outcome, ending):
+    robot, pilot = FakeRobot(sends=False), StepPilot()
+    robot.outcome = outcome
+    trial._step(robot, pilot, Measures(), 0.0)
+    assert pilot.endings == [(ending, "")]

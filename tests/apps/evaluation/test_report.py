@@ -1,3 +1,5 @@
+import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -6,8 +8,9 @@ import pytest
 from readygo.apps.evaluation.replay import StripImage
 from readygo.apps.evaluation.report import EvaluationContent, Failure, draw_runs, gallery_html, report_html
 from readygo.common.drawing.plan_view import HUMANS, ROBOT
+from readygo.common.episode import Conduct, Contact
 from readygo.common.messages import Outcome
-from readygo.services.evaluator import POLICY, summarize_records
+from readygo.services.evaluator import POLICY, Category, Task, summarize_records
 from tests.apps.evaluation.test_choice import RECORDS
 from tests.services.planner.runs import make_run
 from tests.services.planner.worlds import rooms
@@ -64,3 +67,38 @@ def test_ways_and_ends_are_on_the_map(content):
     picture = draw_runs(content.occupancy, content.runs[2:3]).reshape(-1, 3)
     for colour in (ROBOT, HUMANS[0]):
         assert (picture == colour).all(axis=1).any()
+
+
+def test_pages_look_as_they_did(content, golden_page: Callable[[str, str], None]):
+    conduct = Conduct(
+        intrusion_s=1.25,
+        near_misses=2,
+        jerk_mps3=2.5,
+        turn_acceleration_radps2=0.5,
+        contact=Contact(robot_mps=0.45, in_view=False, seen_s=2.34),
+    )
+    why = dataclasses.replace(
+        content.failures[1].record,
+        result=dataclasses.replace(content.failures[1].record.result, conduct=conduct, duration_s=7.125),
+        category=Category.SEEN_HUMAN,
+        reason="it <slept>",
+    )
+    seen = dataclasses.replace(
+        why,
+        task=Task.STATIC,
+        result=dataclasses.replace(
+            why.result, conduct=dataclasses.replace(conduct, contact=Contact(robot_mps=0.45, in_view=True, seen_s=0.06))
+        ),
+    )
+    first, second, third = content.failures
+    failures = [
+        dataclasses.replace(second, record=why, film=None),
+        dataclasses.replace(first, goal_distance_m=0.67, command=""),
+        third,
+        dataclasses.replace(second, record=seen, strip=[*second.strip, StripImage(time_s=2.25, rgb=second.picture)]),
+    ]
+    crooked = dataclasses.replace(content, failures=failures, failure_count=17, tables={"More": "<i>m</i>", "No": ""})
+    golden_page("evaluation_report", report_html(crooked))
+    golden_page("evaluation_failures", gallery_html(crooked))
+    fine = dataclasses.replace(content, failures=[], failure_count=0, runs=[], films=[], watched="straight-line")
+    golden_page("evaluation_without_failures", report_html(fine) + gallery_html(fine))

@@ -6,7 +6,9 @@ import pytest
 from readygo.apps.export.source import Source
 from readygo.common.dataset import ShardWriter, encode_episode, shard_name
 from readygo.common.messages import EpisodeKey, Split
+from readygo.common.messages.plan import Outcome
 from tests.common.dataset.episodes import PROVENANCE, make_episode
+from tests.crooked import ODD_RATES, write_crooked_shard
 
 ROWS = {(Split.VAL, 4): 6, (Split.TRAIN, 0): 21, (Split.TRAIN, 2): 10}
 """Samples of each episode, in the order in which they are recorded."""
@@ -28,3 +30,12 @@ def data(tmp_path: Path) -> Path:
 @pytest.fixture
 def source(data: Path) -> Source:
     return Source([data])
+
+
+@pytest.fixture
+def crooked_source(tmp_path: Path) -> Source:
+    """Two episodes of a crooked robot at 30 steps and 15 images a second: a collision with a human, and a timeout."""
+    for index, outcome in ((3, Outcome.HUMAN_COLLISION), (8, Outcome.TIMEOUT)):
+        folder = tmp_path / f"crooked-{index}"
+        write_crooked_shard(folder, (index,), 9 + index, robot=ODD_RATES, outcome=outcome)
+    return Source([tmp_path / "crooked-3", tmp_path / "crooked-8"])

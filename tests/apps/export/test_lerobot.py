@@ -44,3 +44,38 @@ def test_statistics_cover_all_features(out: Path) -> None:
     assert set(stats) == set(info["features"])
     assert stats["action"]["count"] == [37]
     assert stats["index"]["max"] == [36.0]
+
+
+def test_failures_are_done_without_success_and_rows_are_at_the_cameras_rate(
+    crooked_source: Source, tmp_path: Path
+) -> None:
+    (part,) = crooked_source.parts(10**9)
+    lerobot.finish(crooked_source, tmp_path, [lerobot.write(crooked_source, part, tmp_path)])
+    rows = pq.read_table(tmp_path / "data" / "chunk-000" / "file-000.parquet").to_pydict()
+    assert rows["next.success"] == [False] * 15
+    assert [row for row, done in enumerate(rows["next.done"]) if done] == [5, 14]
+    assert rows["episode_index"] == [0] * 6 + [1] * 9
+    assert rows["frame_index"] == [*range(6), *range(9)]
+    assert rows["index"] == list(range(15))
+    assert rows["task_index"] == [0] * 15
+    np.testing.assert_allclose(rows["timestamp"], [*np.arange(6) / 15, *np.arange(9) / 15], atol=1e-6)
+    columns = [crooked_source.episode(number).columns for number in range(2)]
+    goals = np.concatenate([of["goal_xy_m"] for of in columns])
+    velocities = np.concatenate([of["velocity"] for of in columns])
+    np.testing.assert_array_equal(np.array(rows["observation.state"], np.float32), np.hstack([goals, velocities]))
+    info = json.loads((tmp_path / "meta" / "info.json").read_text())
+    assert (info["fps"], info["total_episodes"], info["total_frames"]) == (15, 2, 15)
+    assert info["splits"] == {"train": "0:2"}
+    assert info["features"][lerobot.IMAGE]["shape"] == [22, 34, 3]
+    assert info["features"]["observation.state"]["shape"] == [4]
+    assert info["features"]["next.done"]["shape"] == [1]
+    (about, other) = pq.read_table(tmp_path / "meta" / "episodes" / "chunk-000" / "file-000.parquet").to_pylist()
+    assert (about["length"], about["dataset_from_index"], about["dataset_to_index"]) == (6, 0, 6)
+    assert (other["length"], other["dataset_from_index"], other["dataset_to_index"]) == (9, 6, 15)
+    assert (about["outcome"], other["outcome"]) == ("human_collision", "timeout")
+    stats = json.loads((tmp_path / "meta" / "stats.json").read_text())
+    assert stats["frame_index"]["mean"] == pytest.approx([(15 + 36) / 15])
+
+
+def test_success_is_at_the_last_row_alone(source: Source) -> None:
+    assert lerobot.numbers_of(source.episode(1))["next.success"].tolist() == [False] * 9 + [True]

@@ -1,3 +1,4 @@
+import functools
 import json
 import struct
 from collections.abc import Iterator
@@ -9,11 +10,18 @@ import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
 from readygo.apps.export import rlds
+from readygo.apps.export.common import TASK
 from readygo.apps.export.source import Source
+from readygo.common.messages.plan import Outcome
+from tests.crooked import ODD_RATES, crooked_episode, write_crooked_shard
 
 
+@functools.cache
 def example_class() -> Any:
-    """The message of TensorFlow's example.proto, from its published field numbers."""
+    """The message of TensorFlow's example.proto, from its published field numbers.
+
+    Kept: protobuf crashes when a message outlives the pool of its class.
+    """
     field = descriptor_pb2.FieldDescriptorProto
     file = descriptor_pb2.FileDescriptorProto(name="example.proto", package="published", syntax="proto3")
     kinds = {"BytesList": field.TYPE_BYTES, "FloatList": field.TYPE_FLOAT, "Int64List": field.TYPE_INT64}
@@ -69,6 +77,54 @@ def test_records_are_examples_with_all_steps(out: Path, source: Source) -> None:
     assert list(read["steps/is_first"].Int64List.value) == [1] + [0] * 9
     assert list(read["steps/reward"].FloatList.value) == [0.0] * 9 + [1.0]
     assert list(read["episode_metadata/episode_id"].BytesList.value) == [b"train-7-000002"]
+
+
+@pytest.mark.parametrize("outcome", list(Outcome))
+def test_success_alone_is_rewarded_and_at_its_last_step(tmp_path: Path, outcome: Outcome) -> None:
+    write_crooked_shard(tmp_path / "data", (3,), 7, robot=ODD_RATES, outcome=outcome)
+    source = Source([tmp_path / "data"])
+    (part,) = source.parts(10**9)
+    rlds.write(source, part, tmp_path)
+    (data,) = records(next(tmp_path.glob("*.part")))
+    read = example_class().FromString(data).features.feature
+    # 15 images a second of 30 steps: every second step is a row.
+    reward = 1.0 if outcome is Outcome.SUCCESS else 0.0
+    assert list(read["steps/reward"].FloatList.value) == [0.0, 0.0, 0.0, reward]
+    assert list(read["steps/discount"].FloatList.value) == [1.0] * 4
+    assert list(read["steps/is_first"].Int64List.value) == [1, 0, 0, 0]
+    assert list(read["steps/is_last"].Int64List.value) == [0, 0, 0, 1]
+    assert list(read["steps/language_instruction"].BytesList.value) == [TASK.encode()] * 4
+    assert list(read["episode_metadata/outcome"].BytesList.value) == [outcome.value.encode()]
+    assert list(read["episode_metadata/driver"].BytesList.value) == [b"policy"]
+    _, samples = crooked_episode(3, 7, robot=ODD_RATES)
+    for name, values in (
+        ("goal_xy_m", [sample.goal_xy_robot_m for sample in samples[::2]]),
+        ("pose", [sample.robot_xyzyaw for sample in samples[::2]]),
+    ):
+        stored = np.array(read[f"steps/observation/{name}"].FloatList.value).reshape(4, -1)
+        np.testing.assert_allclose(stored, values, atol=1e-6)
+    actions = np.array([(sample.action_v_mps, sample.action_w_radps) for sample in samples])
+    means = [actions[0:2].mean(axis=0), actions[2:4].mean(axis=0), actions[4:6].mean(axis=0), actions[6]]
+    stored = np.array(read["steps/action"].FloatList.value).reshape(4, 2)
+    np.testing.assert_allclose(stored, means, atol=1e-6)
+    stored = np.array(read["steps/observation/velocity"].FloatList.value).reshape(4, 2)
+    np.testing.assert_allclose(stored, [(0.0, 0.0), *means[:-1]], atol=1e-6)
+
+
+def test_facts_of_a_part_count_its_episodes_and_bytes(tmp_path: Path) -> None:
+    write_crooked_shard(tmp_path / "data", (3, 8), 6)
+    source = Source([tmp_path / "data"])
+    (part,) = source.parts(10**9)
+    facts = rlds.write(source, part, tmp_path)
+    sizes = [len(data) for data in records(tmp_path / f"{facts['name']}.part")]
+    assert (facts["episodes"], facts["bytes"], facts["image"]) == (2, sum(sizes), "jpg")
+    rlds.finish(source, tmp_path, [facts])
+    (split,) = json.loads((tmp_path / "dataset_info.json").read_text())["splits"]
+    assert (split["name"], split["shardLengths"], split["numBytes"]) == ("train", ["2"], str(sum(sizes)))
+    features = json.loads((tmp_path / "features.json").read_text())["featuresDict"]["features"]
+    steps = features["steps"]["sequence"]["feature"]["featuresDict"]["features"]
+    image = steps["observation"]["featuresDict"]["features"]["image"]["image"]
+    assert image == {"shape": {"dimensions": ["22", "34", "3"]}, "dtype": "uint8", "encodingFormat": "jpeg"}
 
 
 def test_features_describe_what_the_records_hold(out: Path) -> None:

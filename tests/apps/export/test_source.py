@@ -6,6 +6,7 @@ import pytest
 from readygo.apps.export.source import Source
 from readygo.common.errors import ConfigError
 from readygo.common.messages import Split
+from tests.crooked import ODD_RATES, crooked_episode
 
 
 def test_training_comes_first_and_every_row_has_a_number(source: Source) -> None:
@@ -45,3 +46,35 @@ def test_images_are_the_recorded_bytes(source: Source) -> None:
 def test_rate_without_an_image_at_every_row_is_refused(data: Path, rate_hz: int) -> None:
     with pytest.raises(ConfigError, match="possible are 20, 10, 5, 4, 2, 1"):
         Source([data], rate_hz)
+
+
+def test_numbers_of_the_rows_are_those_of_the_samples_with_images(crooked_source: Source) -> None:
+    assert (crooked_source.rate_hz, crooked_source.stride, crooked_source.dt_s) == (15, 2, 2 / 30)
+    first, second = (crooked_source.episode(number) for number in range(2))
+    assert (len(first), first.first_row, len(second), second.first_row) == (6, 0, 9, 6)
+    assert second.name == "000001-train-7-000008"
+    assert (first.facts["outcome"], second.facts["outcome"]) == ("human_collision", "timeout")
+    assert first.facts["policy"] == "5a" * 32
+    _, samples = crooked_episode(8, 17, robot=ODD_RATES)
+    rows = samples[::2]
+    for name, values in (
+        ("time_s", [row.seq / 30 for row in rows]),
+        ("goal_xy_m", [row.goal_xy_robot_m for row in rows]),
+        ("pose", [row.robot_xyzyaw for row in rows]),
+        ("human_distance_m", [row.human_distance_m for row in rows]),
+        ("time_to_collision_s", [row.time_to_collision_s for row in rows]),
+        ("human_visible", [row.human_visible for row in rows]),
+        ("replanned", [row.replanned for row in rows]),
+    ):
+        np.testing.assert_allclose(second.columns[name], values, atol=1e-6, err_msg=name)
+    # The last row's command lasts for a single step: the episode has an odd number of them.
+    np.testing.assert_allclose(second.columns["action"][-1], (samples[16].action_v_mps, samples[16].action_w_radps))
+    assert list(second.images()) == [row.image for row in rows]
+    assert list(second.images("left.depth")) == [row.outputs["left.depth"] for row in rows]
+
+
+def test_parts_are_filled_up_to_their_size_and_not_beyond(source: Source) -> None:
+    sizes = [sum(map(len, source.episode(number).images())) for number in range(2)]
+    assert source.parts(sum(sizes))[0].episodes == range(0, 2)
+    assert [part.episodes for part in source.parts(sum(sizes) - 1)][:2] == [range(0, 1), range(1, 2)]
+    assert [part.number for part in source.parts(1)] == [0, 1, 2]

@@ -5,10 +5,12 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from readygo.apps.fleet.fleet import CANNOT_WORK, RESTARTS_MAX, RESTARTS_S, Fleet, Member
+from readygo.apps.fleet import fleet as supervision
+from readygo.apps.fleet.fleet import CANNOT_WORK, RESTARTS_MAX, RESTARTS_S, Fleet, Member, last_words
 from readygo.common.errors import RunError
 
 OBEYS = """
@@ -211,3 +213,166 @@ def test_processes_are_told_the_token_and_nobody_sees_it_on_their_command_line(t
     fleet = Fleet(connect="tcp/x:1", run="a", data=tmp_path, logs=tmp_path, token="secret")
     assert fleet._forks._environment["READYGO_TOKEN"] == "secret"
     assert "secret" not in fleet.command(Member(role="all", name="w0", log=tmp_path / "log"))
+
+
+class FakeProcess:
+    """A worker's process that ends when it is told, or not at all."""
+
+    def __init__(self, number: int, place: "FakeForks") -> None:
+        self.pid, self.place, self.returncode = number, place, None
+        self.stubborn, self.stdin = False, SimpleNamespace(close=lambda: self.note("closed"))
+
+    def note(self, what: str) -> None:
+        self.place.said.append((self.pid, what))
+
+    def poll(self) -> int | None:
+        return self.returncode
+
+    def terminate(self) -> None:
+        self.note("terminated")
+
+    def send_signal(self, number: int) -> None:
+        self.note(signal.Signals(number).name)
+
+    def kill(self) -> None:
+        self.note("killed")
+        self.stubborn, self.returncode = False, -signal.SIGKILL
+
+    def wait(self, timeout: float | None = None) -> int:
+        if timeout is not None:
+            self.note(f"waited {timeout:g}")
+            self.place.now_s += 1.5
+        if self.stubborn:
+            raise subprocess.TimeoutExpired("w", timeout or 0.0)
+        self.returncode = self.returncode or 0
+        return self.returncode
+
+
+class FakeForks:
+    """Stands in for a fork server and for the clock."""
+
+    def __init__(self) -> None:
+        self.now_s, self.stopped = 5000.0, set[int]()
+        self.processes: list[FakeProcess] = []
+        self.said: list[tuple[int, str]] = []
+
+    def start(self, words: list[str], output: int) -> FakeProcess:
+        self.processes.append(FakeProcess(len(self.processes), self))
+        return self.processes[-1]
+
+    def close(self) -> None:
+        self.said.append((-1, "closed"))
+
+
+@pytest.fixture
+def forks(monkeypatch: pytest.MonkeyPatch) -> FakeForks:
+    forks = FakeForks()
+    monkeypatch.setattr(supervision, "time", SimpleNamespace(monotonic=lambda: forks.now_s))
+    monkeypatch.setattr(supervision, "_is_stopped", lambda pid: pid in forks.stopped)
+    return forks
+
+
+@pytest.fixture
+def faked(forks: FakeForks, tmp_path: Path) -> Fleet:
+    return Fleet(connect="tcp/x:1", run="a", data=tmp_path, logs=tmp_path, forks=forks)  # type: ignore[arg-type]
+
+
+def test_worker_is_started_anew_ten_times_an_hour(forks: FakeForks, faked: Fleet) -> None:
+    faked.add("animator", "w0")
+    for number in range(10):
+        forks.processes[-1].returncode = 1
+        faked.check()
+        assert len(forks.processes) == number + 2
+        faked.check()
+        assert len(forks.processes) == number + 2, "it runs"
+        forks.now_s += 100.0
+    forks.processes[-1].returncode = 1
+    forks.now_s = 5000.0 + 3600.0
+    with pytest.raises(RunError, match=r"w0 ended with exit code 1: it left no log|w0 ended with exit code 1: "):
+        faked.check()
+    forks.now_s += 0.5
+    faked.check()
+    assert (len(forks.processes), faked.members[0].restarts) == (12, 11)
+    assert [pid for pid, what in forks.said if what == "closed"] == list(range(11)), "of those that ended"
+
+
+def test_process_that_is_stopped_for_20_seconds_is_started_anew(forks: FakeForks, faked: Fleet) -> None:
+    for name in ("w0", "w1"):
+        faked.add("renderer", name)
+    forks.stopped = {1}
+    faked.check()
+    forks.now_s += 19.9
+    faked.check()
+    forks.stopped = set()
+    faked.check()
+    forks.stopped = {1}
+    faked.check()
+    forks.now_s += 19.9
+    faked.check()
+    assert len(forks.processes) == 2, "it went on in between"
+    forks.now_s += 0.1
+    faked.check()
+    assert [member.process.pid for member in faked.members if member.process] == [0, 2]
+    assert (1, "killed") in forks.said
+
+
+def test_end_gives_workers_5_seconds_together_and_recorders_and_the_coordinator_15_each(
+    forks: FakeForks, faked: Fleet
+) -> None:
+    for role in ("coordinator", "animator", "recorder", "renderer", "animator", "animator", "animator"):
+        faked.add(role, f"{role}{len(faked.members)}")
+    forks.processes[3].stubborn = True
+    faked.stop()
+    waits = {pid: what for pid, what in forks.said if what.startswith("waited")}
+    assert waits == {
+        1: "waited 5", 3: "waited 3.5", 4: "waited 2", 5: "waited 0.5", 6: "waited 0.1", 2: "waited 15", 0: "waited 15"
+    }  # fmt: skip
+    first = [pid for pid, what in forks.said if what == "terminated"]
+    assert (sorted(first[:5]), first[5:]) == ([1, 3, 4, 5, 6], [2, 0])
+    assert [pid for pid, what in forks.said if what == "killed"] == [3]
+    for pid in range(7):
+        said = [what for other, what in forks.said if other == pid]
+        assert said[:2] == ["terminated", "SIGCONT"]
+        assert said[-1] == "closed"
+    assert (-1, "closed") not in forks.said, "the fork server is another's"
+
+
+def test_process_ends_with_the_arguments_of_its_fleet(tmp_path: Path, forks: FakeForks) -> None:
+    fleet = Fleet(
+        connect="tls/x:1", run="a,b", data=[tmp_path / "a", tmp_path / "b"], logs=tmp_path, certs=tmp_path / "certs",
+        forks=forks,  # type: ignore[arg-type]
+    )  # fmt: skip
+    fleet.add("trainer", "t", "--out", "policy")
+    assert fleet.command(fleet.members[0]) == [
+        "worker", "trainer", "--name", "t", "--out", "policy", "--connect", "tls/x:1", "--run", "a,b",
+        "--data", str(tmp_path / "a"), str(tmp_path / "b"), "--exit-with-parent", "--certs", str(tmp_path / "certs"),
+    ]  # fmt: skip
+    assert fleet.members[0].log == tmp_path / "t.log"
+
+
+@pytest.mark.parametrize("role", ["recorder", "renderer"])
+@pytest.mark.parametrize("code", [0, 1, -signal.SIGTERM, -signal.SIGKILL])
+@pytest.mark.parametrize("unfinished", [False, True])
+def test_only_a_recorder_that_left_a_shard_unfinished_is_told(
+    faked: Fleet, forks: FakeForks, tmp_path: Path, role: str, code: int, unfinished: bool
+) -> None:
+    faked.add(role, "w0")
+    forks.processes[0].returncode = code
+    if unfinished:
+        (tmp_path / "shard-w0-00003.mcap.part").touch()
+    if role == "recorder" and (code in (1, -signal.SIGKILL) or (code == -signal.SIGTERM and unfinished)):
+        with pytest.raises(RunError, match=rf"Recorder w0 could not finish its shard \(exit code {code}\)"):
+            faked.check_recorders()
+    else:
+        faked.check_recorders()
+
+
+def test_last_line_of_a_log_is_what_a_worker_said_last(tmp_path: Path) -> None:
+    assert last_words(tmp_path / "none.log") == "it left no log."
+    (tmp_path / "w.log").write_text("first\nlast\n\n")
+    assert last_words(tmp_path / "w.log") == "last"
+
+
+def test_process_that_runs_or_is_gone_is_not_stopped() -> None:
+    assert not supervision._is_stopped(os.getpid())
+    assert not supervision._is_stopped(2**30)

@@ -1,6 +1,7 @@
 """A run whose workers and recorder share no files with its coordinator, over mTLS, one of them cut off for a while."""
 
 import contextlib
+import dataclasses
 import shutil
 import socket
 import threading
@@ -8,6 +9,8 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 from unittest.mock import Mock
 
 import pytest
@@ -272,12 +275,13 @@ def test_leader_prepares_disks_and_leaves_out_recorders_that_were_given_up(
     ledger.close()
     opened: list[tuple[str, ...]] = []
 
-    def open_none(recorders: tuple[str, ...], listen: str, **how: object) -> Router:
+    def open_noted(recorders: tuple[str, ...], listen: str, **how: Any) -> Router:
         opened.append(recorders)
-        raise BusError("no router")
+        return open_router(recorders, listen, **how)
 
-    monkeypatch.setattr(leading, "open_router", open_none)
-    with pytest.raises(BusError, match="no router"):
+    monkeypatch.setattr(leading, "open_router", open_noted)
+    monkeypatch.setattr(leading, "take_the_lead", Mock(side_effect=BusError("is led already")))
+    with pytest.raises(BusError, match="is led already"):
         lead(folder, free_endpoint())
     assert opened == [("rec0",)]
     assert folder.place_of("rec0") == tmp_path / "rec0"
@@ -312,3 +316,44 @@ def _cancel(listen: str, certs: Path) -> None:
     operator = join(listen, RUN, "operator", certs=certs)
     operator.request(topics.CONTROL, ControlRequest(command=Command.CANCEL))
     operator.close()
+
+
+@pytest.mark.parametrize("joins", [False, True])
+def test_endpoint_that_cannot_be_used_binds_nothing(joins: bool, tmp_path: Path) -> None:
+    folder = make_folder(tmp_path, (DRAW, FILM), wanted=3)
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        taken = f"tcp/127.0.0.1:{other.getsockname()[1]}"
+        unused = free_endpoint()
+        with pytest.raises(BusError, match="No router answers" if joins else "the port is in use"):
+            lead(folder, unused if joins else taken, joins=joins)
+    spec, _ = folder.load()
+    folder.check(dataclasses.replace(spec, seed=spec.seed + 1))
+
+
+@pytest.mark.parametrize(("stays", "ticks"), [(0, 3), (2, 5), (99, 8)])
+def test_leader_stays_until_all_have_left_or_had_their_time(
+    monkeypatch: pytest.MonkeyPatch, stays: int, ticks: int
+) -> None:
+    done: list[str] = []
+    bus, now_s = Mock(), [100.0]
+    coordinator = SimpleNamespace(over=False)
+
+    def tick(*_: object) -> None:
+        done.append("tick")
+        now_s[0] += 7.0
+        (changed,) = bus.watch.call_args.args
+        changed(Member("renderer", "r0", "s"), len(done) < 3 + stays)
+        coordinator.over = len(done) >= 3
+
+    status = SimpleNamespace(failed="", committed=3, wanted=5)
+    service = SimpleNamespace(attach=Mock(), tick=tick, handle_status=lambda *_: status)
+    bus.watch.side_effect = lambda changed: changed(Member("coordinator", "coordinator", "s"), True)
+    monkeypatch.setattr(leading, "coordination", service)
+    monkeypatch.setattr(leading, "TICK_S", 0.0)
+    monkeypatch.setattr(leading.time, "monotonic", lambda: now_s[0])
+    led: list[int] = []
+    assert leading._until_over(bus, coordinator, lambda: led.append(1)) is status  # type: ignore[arg-type]
+    assert (len(done), len(led)) == (ticks, ticks)
+    status.failed = "The disk is full."
+    with pytest.raises(RunError, match=r"The disk is full\. \(3 of 5 episodes are recorded\.\)"):
+        leading._until_over(bus, coordinator, lambda: None)  # type: ignore[arg-type]

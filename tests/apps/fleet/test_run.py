@@ -1,21 +1,26 @@
 import dataclasses
+import queue
+import socket
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from readygo.apps.fleet.run import begin, record
+from readygo.apps.fleet import run as module
+from readygo.apps.fleet.run import begin, record, run_fleet
 from readygo.apps.fleet.worker import make_coordinator, make_recorder
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.stages import LINE, Entry, stage_works
 from readygo.apps.run.world import World
-from readygo.common.bus import Bus
+from readygo.common.bus import Bus, InProcessBus
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.dataset import validate
 from readygo.common.dataset.casts import read_casts
-from readygo.common.errors import RunError
+from readygo.common.errors import BusError, RunError
 from readygo.common.fleet import Inputs, StageResult, Work, Worker, pull
 from readygo.common.messages import ClaimReply, OnRejection, RunSpec, Stage, StatusReply, StatusRequest
 from readygo.services import coordinator as coordination
@@ -164,6 +169,17 @@ def test_of_two_runs_that_begin_in_a_folder_at_once_the_later_one_is_refused(
     assert folder.load() == (spec, 3)
 
 
+def test_endpoint_that_cannot_be_opened_binds_nothing(tmp_path: Path) -> None:
+    spec, _ = make_folder(tmp_path / "first", (DRAW, FILM), wanted=3).load()
+    folder = RunFolder(tmp_path / "second")
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        taken = f"tcp/127.0.0.1:{other.getsockname()[1]}"
+        with pytest.raises(BusError, match="the port is in use"):
+            record(spec, folder.path, episodes=3, workers=1, listen=taken)
+    assert not folder.ledger.exists()
+    begin(dataclasses.replace(spec, seed=spec.seed + 1), folder.path, 3)
+
+
 def test_run_cannot_be_made_shorter_than_what_is_recorded(tmp_path: Path) -> None:
     folder = make_folder(tmp_path, (DRAW, FILM), wanted=4)
     assert in_process(folder, (DRAW, FILM)).finished
@@ -171,3 +187,171 @@ def test_run_cannot_be_made_shorter_than_what_is_recorded(tmp_path: Path) -> Non
     with pytest.raises(RunError, match=r"holds 4 episodes already.* at least 4 with --episodes"):
         record(spec, tmp_path, episodes=3, workers=0)
     assert folder.load() == (spec, 4)
+
+
+class Noted:
+    """Stands in for a part of a fleet; keeps what is asked of all of them, in order."""
+
+    def __init__(self, name: str, said: list[tuple[str, object]]) -> None:
+        self._name, self._said = name, said
+
+    def __getattr__(self, what: str) -> Callable[..., object]:
+        return lambda *words, **more: self._said.append((f"{self._name}.{what}", (words, more)))
+
+
+@pytest.fixture
+def assembled(monkeypatch: pytest.MonkeyPatch):
+    """What `run_fleet` is made of, and what was asked of it."""
+    said: list[tuple[str, object]] = []
+
+    def made(name: str, result: object) -> Callable[..., object]:
+        return lambda *words, **more: (said.append((name, (words, more))), result)[1]
+
+    class Jobs(Noted):
+        def __enter__(self) -> "Jobs":
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            self._said.append(("jobs.cancel", ((), {})))
+
+    for name, result in (
+        ("open_router", Noted("router", said)),
+        ("join", Noted("bus", said)),
+        ("new_token", "fresh"),
+        ("given_token", ""),
+        ("SlurmWorkers", Jobs("jobs", said)),
+        ("refusals_on_stderr", nullcontext()),
+    ):
+        monkeypatch.setattr(module, name, made(name, result))
+    fleet = Noted("fleet", said)
+    fleet.members = ["members"]
+    monkeypatch.setattr(module, "Fleet", made("Fleet", fleet))
+    monkeypatch.setattr(module, "_observer", lambda folder, observing: nullcontext(Noted("observer", said)))
+    return said
+
+
+def status_of(**changes: object) -> StatusReply:
+    values = {
+        "wanted": 9, "committed": 3, "samples": 1000, "waiting": {}, "leased": {}, "rejected": {"fog": 2},
+        "requeued": 4,
+        "cpu_s": {"film": 1.236}, "finished": True, "kept": {"late": 1}, **changes,
+    }  # fmt: skip
+    return StatusReply(**values)
+
+
+@pytest.mark.parametrize("slurm", [None, "-p short"])
+@pytest.mark.parametrize("certs", [None, Path("certs")])
+def test_fleet_is_put_together_as_it_was_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, assembled, slurm: str | None, certs: Path | None
+) -> None:
+    said = assembled
+    folder = make_folder(tmp_path, (DRAW, FILM), wanted=2, recorders=("rec0", "east"))
+    folder.state.mkdir(exist_ok=True)
+    seen: list[object] = []
+
+    def supervise(checks, bus, show) -> StatusReply:
+        seen.append((len(checks), show, folder.fleet_endpoint()))
+        return status_of()
+
+    monkeypatch.setattr(module, "_supervise", supervise)
+    endpoint, show = "tls/0.0.0.0:7447", lambda status: None
+    run_fleet(folder, 3, endpoint, show, slurm=slurm, certs=certs)
+    asked = dict(said)
+    token = "" if certs else "fresh"
+    here, run = "tls/127.0.0.1:7447", folder.load()[0].run
+    assert asked["open_router"] == ((("rec0", "east"), endpoint), {"certs": certs, "token": token})
+    assert asked["join"] == ((here, run, "coordinator"), {"certs": certs, "token": token})
+    made = asked["Fleet"][1]
+    assert (made["connect"], made["run"], made["data"], made["logs"]) == (here, run, tmp_path.resolve(), folder.logs)
+    assert (made["token"], made["certs"]) == (token, certs)
+    added = [words for name, (words, _) in said if name == "fleet.add"]
+    roles = [role for role, _ in added]
+    assert ("coordinator", "coordinator") in added
+    assert {("recorder", "rec0"), ("recorder", "east")} <= set(added)
+    assert (set(roles) == {"coordinator", "recorder"}) == (slurm is not None)
+    assert seen == [(1 if slurm is None else 2, show, (here, token))]
+    assert ("refusals_on_stderr" in asked) == (certs is not None)
+    if slurm is not None:
+        assert asked["SlurmWorkers"][1] == {
+            "connect": endpoint, "run": run, "logs": folder.logs, "options": slurm, "token": token, "certs": certs
+        }  # fmt: skip
+        assert asked["jobs.submit"] == ((3,), {})
+    assert asked["observer.launcher"] == ((["members"],), {})
+    order = [name for name, _ in said]
+    assert order[-4:] == ["fleet.stop", "bus.close", "router.close", "fleet.check_recorders"]
+
+
+def test_fleet_that_fails_is_ended_and_its_recorders_are_not_blamed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, assembled
+) -> None:
+    folder = make_folder(tmp_path, (DRAW, FILM), wanted=2)
+    folder.state.mkdir(exist_ok=True)
+
+    def fail(checks, bus, show) -> StatusReply:
+        raise RunError("it fell")
+
+    monkeypatch.setattr(module, "_supervise", fail)
+    with pytest.raises(RunError, match="it fell"):
+        run_fleet(folder, 1, "tcp/127.0.0.1:1", lambda status: None)
+    assert [name for name, _ in assembled][-3:] == ["fleet.stop", "bus.close", "router.close"]
+    with pytest.raises(RunError, match="No fleet is at work"):
+        folder.fleet_endpoint()
+    monkeypatch.setattr(module, "_supervise", lambda checks, bus, show: status_of(finished=False, failed="cancelled"))
+    run_fleet(folder, 1, "tcp/127.0.0.1:1", lambda status: None)
+    assert assembled[-1][0] == "router.close"
+
+
+def test_fleet_is_looked_at_until_the_run_is_over_or_nobody_leads_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s, shown, checked = [0.0], [], []
+    bus = InProcessBus()
+    replies = iter([status_of(finished=False), None, status_of(finished=False, failed="full")])
+
+    class Heard:
+        def put(self, status: StatusReply) -> None: ...
+
+        def get(self, timeout: float) -> StatusReply:
+            now_s[0] += 1.0
+            reply = next(replies, None)
+            if reply is None:
+                raise queue.Empty
+            return reply
+
+    monkeypatch.setattr(module, "queue", SimpleNamespace(SimpleQueue=Heard, Empty=queue.Empty))
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    status = module._supervise([lambda: checked.append("a"), lambda: checked.append("b")], bus, shown.append)
+    assert (status.failed, len(shown), checked) == ("full", 2, ["a", "b"] * 2)
+    with pytest.raises(BusError, match=f"has said nothing for {module.COORDINATOR_ABSENT_S:g} s"):
+        module._supervise([], bus, shown.append)
+    assert now_s[0] == 3.0 + module.COORDINATOR_ABSENT_S + 1.0
+
+
+def test_summary_tells_what_this_command_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    spec, _ = make_folder(tmp_path / "spec", (DRAW, FILM), wanted=2).load()
+    times_s = iter([100.0, 112.346])
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: next(times_s)))
+    monkeypatch.setattr(module, "_recorded", lambda folder, wanted: (1, 400))
+    monkeypatch.setattr(module, "run_in_process", lambda folder, show, observing: status_of())
+    monkeypatch.setattr(module, "check_recorded", lambda folder: None)
+    found = record(spec, tmp_path / "data", episodes=9, workers=0)
+    want = {
+        "episodes": 3, "samples": 1000, "wall_s": 12.35, "samples_per_s": 48.6, "rejected": {"fog": 2},
+        "kept": {"late": 1}, "requeued": 4, "cpu_s": {"film": 1.24}, "data": str(tmp_path / "data"),
+    }  # fmt: skip
+    assert {name: found[name] for name in want} == want
+
+
+@pytest.mark.parametrize(
+    ("episodes", "workers", "fine"), [(0, 1, False), (1, -1, False), (1, 257, False), (1, 256, True), (1, 0, True)]
+)
+def test_numbers_of_episodes_and_workers_have_limits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, episodes: int, workers: int, fine: bool
+) -> None:
+    monkeypatch.setattr(module, "run_in_process", lambda folder, show, observing: status_of())
+    monkeypatch.setattr(module, "run_fleet", lambda *words, **more: status_of())
+    monkeypatch.setattr(module, "check_recorded", lambda folder: None)
+    spec, _ = make_folder(tmp_path / "spec", (DRAW, FILM), wanted=2).load()
+    if fine:
+        assert record(spec, tmp_path / "data", episodes=episodes, workers=workers)["episodes"] == 3
+        return
+    with pytest.raises(RunError, match=r"and --workers 0\.\.256"):
+        record(spec, tmp_path / "data", episodes=episodes, workers=workers)

@@ -1,4 +1,7 @@
+import dataclasses
 from collections.abc import Callable
+
+import pytest
 
 from readygo.apps.fleet.runs import BARRED_S, FRESH_S, STEADY_S, Runs, none_such
 from readygo.common.messages import StatusReply, topics
@@ -133,3 +136,90 @@ def test_unknown_run_is_told_with_those_that_there_are() -> None:
     assert none_such("x", "tcp/lab:1", []) == "Nobody leads run x at tcp/lab:1 (there is no run)."
     router.tell("a")
     assert none_such("x", "tcp/lab:1", router.runs.statuses()) == "Nobody leads run x at tcp/lab:1 (there: a)."
+
+
+def test_coordinator_that_is_silent_for_5_seconds_gives_out_no_work() -> None:
+    router = Router()
+    router.tell("a")
+    router.now_s += 4.9
+    assert (router.runs.choose(), router.runs.open()) == ("a", ["a"])
+    router.now_s += 0.1
+    assert (router.runs.choose(), router.runs.open(), router.runs.statuses()) == ("", [], [])
+
+
+@pytest.mark.parametrize(("waited_s", "leaves"), [(1.9, False), (2.0, True)])
+def test_more_urgent_run_must_have_had_work_for_2_seconds(waited_s: float, leaves: bool) -> None:
+    router = Router()
+    router.tell("own", priority=2)
+    router.tell("urgent", priority=3, waiting={})
+    router.now_s += 3.0
+    for run, priority in (("own", 2), ("urgent", 3)):
+        router.tell(run, priority=priority)
+    router.now_s += waited_s
+    for run, priority in (("own", 2), ("urgent", 3)):
+        router.tell(run, priority=priority)
+    assert router.runs.better_than("own") == leaves
+    assert not router.runs.better_than("urgent")
+    router.tell("urgent", priority=2)
+    assert not router.runs.better_than("own"), "it is as urgent"
+
+
+@pytest.mark.parametrize(("waited_s", "leaves"), [(1.9, False), (2.0, True)])
+def test_run_without_work_is_left_after_2_seconds_for_one_that_is_less_urgent(waited_s: float, leaves: bool) -> None:
+    router = Router()
+    router.tell("own", priority=9)
+    router.tell("other")
+    router.now_s += 4.0
+    router.tell("own", priority=9, waiting={"render": 0})
+    router.now_s += waited_s
+    router.tell("own", priority=9, waiting={"render": 0})
+    router.tell("other")
+    assert router.runs.better_than("own") == leaves
+    assert not router.runs.better_than("unknown")
+
+
+@pytest.mark.parametrize(("silent_s", "leaves"), [(4.9, False), (5.0, True)])
+def test_run_whose_coordinator_is_silent_for_5_seconds_is_left_for_one_that_is_heard(
+    silent_s: float, leaves: bool
+) -> None:
+    router = Router()
+    router.tell("own", priority=9)
+    router.tell("other")
+    router.now_s += silent_s
+    assert not router.runs.better_than("own") or not leaves
+    router.tell("other")
+    assert router.runs.better_than("own") == leaves
+
+
+def test_workers_of_a_run_are_those_of_all_its_stages() -> None:
+    router = Router()
+    for run, leased in (("spread", {"render": 2, "animate": 3}), ("few", {"render": 4})):
+        router.tell(run, leased=0)
+        router._hear(dataclasses.replace(router.runs._heard[run].status, leased=leased))
+    assert router.runs.choose() == "few"
+
+
+@pytest.mark.parametrize(("role", "chosen"), [("all", "planned"), ("recorder", "planned"), ("renderer", "")])
+def test_recorders_and_workers_of_everything_take_part_wherever_there_is_work(role: str, chosen: str) -> None:
+    router = Router(role=role)
+    router.tell("planned")
+    assert router.runs.choose() == chosen
+
+
+def test_what_is_heard_of_other_runs_says_nothing_of_those_that_are_named() -> None:
+    router = Router(named=("mine",))
+    router.now_s += 7.0
+    router.tell("other")
+    assert router.runs.heard_s == 100.0
+    router.tell("mine", failed="cancelled")
+    assert (router.runs.heard_s, router.runs.over, router.runs.open()) == (107.0, True, [])
+    router.runs.bar("mine")
+    router.now_s += BARRED_S - 0.1
+    router.tell("mine")
+    assert (router.runs.heard_s, router.runs.choose()) == (107.0, "")
+    router.runs.left("mine", over=False)
+    router.now_s += 0.1
+    router.tell("mine")
+    assert router.runs.choose() == "mine"
+    router.runs.left("mine", over=False)
+    assert router.runs.choose() == ""

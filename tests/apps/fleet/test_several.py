@@ -4,7 +4,7 @@ import dataclasses
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from pathlib import Path
 
 import pytest
@@ -191,3 +191,94 @@ def test_named_runs_that_nobody_leads_are_not_waited_for_for_ever(begun, monkeyp
     for part in (fleet.work, fleet.record):
         with pytest.raises(BusError, match=r"Nobody leads a run of x, y there\."):
             start(part, named=("y", "x")).result(timeout=60)
+
+
+class FakeRuns:
+    """Runs that are over after so many looks at them."""
+
+    def __init__(self, *choices: str, named: tuple[str, ...] = ("a", "b"), heard_s: float = 0.0) -> None:
+        self.choices, self.named, self.heard_s = list(choices), set(named), heard_s
+        self.told: list[tuple[object, ...]] = []
+
+    @property
+    def over(self) -> bool:
+        return not self.choices
+
+    def choose(self) -> str:
+        return self.choices.pop(0)
+
+    def open(self) -> list[str]:
+        return [run for run in self.choices.pop(0).split() if run]
+
+    def bar(self, run: str) -> None:
+        self.told.append(("bar", run))
+
+    def left(self, run: str, *, over: bool) -> None:
+        self.told.append(("left", run, over))
+
+    def better_than(self, run: str) -> bool:
+        return run == "b"
+
+
+class FakeStop:
+    """Is never set from outside, and counts its waits."""
+
+    def __init__(self) -> None:
+        self.waits: list[float] = []
+        self.ended = False
+
+    def is_set(self) -> bool:
+        return self.ended
+
+    def set(self) -> None:
+        self.ended = True
+
+    def wait(self, seconds: float) -> None:
+        self.waits.append(seconds)
+
+
+def _part(run: str, leave: Callable[[], bool]) -> bool:
+    if run == "c":
+        raise RunError("of another version")
+    return not leave()
+
+
+def test_worker_does_one_run_after_the_other_and_leaves_alone_what_it_cannot_do(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(several.time, "monotonic", lambda: 30.0)
+    runs, stop = FakeRuns("a", "", "c", "b", ""), FakeStop()
+    several.work_for(runs, _part, stop)  # type: ignore[arg-type]
+    assert runs.told == [("left", "a", True), ("bar", "c"), ("left", "b", False)]
+    assert stop.waits == [0.2, 0.2]
+
+
+def test_recorder_takes_part_in_all_open_runs_at_once_and_again_where_it_was_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(several.time, "monotonic", lambda: 30.0)
+    begun: list[str] = []
+    both = threading.Barrier(2)
+
+    def part(run: str, leave: Callable[[], bool]) -> bool:
+        begun.append(run)
+        if run in "ab":
+            both.wait(10.0)
+        return leave()
+
+    runs, stop = FakeRuns("a b", "d", ""), FakeStop()
+    several.record_for(runs, part, stop)  # type: ignore[arg-type]
+    assert sorted(begun) == ["a", "b", "d"]
+    assert sorted(told[1] for told in runs.told) == ["a", "b", "d"]
+    assert (stop.waits, stop.ended) == ([0.2] * 3, True)
+
+
+@pytest.mark.parametrize(("now_s", "named", "given_up"), [(40.0, ("x", "y"), False), (40.1, ("x", "y"), True),
+                                                          (99.0, (), False)])  # fmt: skip
+def test_named_runs_are_waited_for_half_a_minute(
+    monkeypatch: pytest.MonkeyPatch, now_s: float, named: tuple[str, ...], given_up: bool
+) -> None:
+    monkeypatch.setattr(several.time, "monotonic", lambda: now_s)
+    for serve in (several.work_for, several.record_for):
+        with pytest.raises(BusError, match=r"Nobody leads a run of x, y there") if given_up else nullcontext():
+            serve(FakeRuns("", named=named, heard_s=10.0), _part, FakeStop())  # type: ignore[arg-type]

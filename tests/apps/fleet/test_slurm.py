@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -78,6 +79,53 @@ def test_array_is_asked_for_with_the_users_options(asked: Path) -> None:
     assert "$SLURM_ARRAY_TASK_ID-${SLURM_RESTART_COUNT:-0}" in script
 
 
+def test_jobs_are_asked_for_with_all_that_a_worker_needs(asked: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    given = []
+    monkeypatch.setattr(
+        slurm, "_slurm", lambda *words, environment=None: given.append((words, environment)) or "17;cluster"
+    )
+    logs, certs = asked.parent / "logs", asked.parent / "certs"
+    workers = SlurmWorkers(
+        connect="tls/lab:7447", run="run-7", logs=logs, options="-p 'a b'", token="secret", certs=certs
+    )
+    workers.submit(5)
+    ((words, environment),) = given
+    root = Path(slurm.__file__).resolve().parents[2]
+    assert words[:-1] == (
+        "sbatch", "--parsable", "--array=0-4", "--requeue", "--open-mode=append", "--cpus-per-task=1",
+        "--job-name=readygo-run-7", f"--output={logs}/slurm-%A_%a.log", f"--chdir={root}", "-p", "a b", "--wrap",
+    )  # fmt: skip
+    threads = "OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1"
+    command = f"{sys.executable} -m readygo worker all --connect tls/lab:7447 --run run-7 --certs {certs}"
+    name = "slurm-$SLURM_ARRAY_JOB_ID-$SLURM_ARRAY_TASK_ID-${SLURM_RESTART_COUNT:-0}"
+    assert words[-1] == f"exec env {threads} {command} --name {name}"
+    assert environment["READYGO_TOKEN"] == "secret"
+
+
+def test_slurm_is_asked_every_5_seconds_and_workers_are_submitted_ten_times_again(
+    asked: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s, calls = [100.0], []
+    monkeypatch.setattr(slurm, "CHECK_S", 5.0)
+    monkeypatch.setattr(slurm, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    monkeypatch.setattr(
+        slurm, "_slurm", lambda *words, environment=None: calls.append(words[0]) or {"sbatch": "17"}.get(words[0], "")
+    )
+    workers = _workers(asked)
+    workers.submit(3)
+    now_s[0] += 4.9
+    workers.check()
+    assert calls == ["sbatch"]
+    for number in range(1, 11):
+        now_s[0] += 5.0
+        workers.check()
+        workers.check()
+        assert calls == ["sbatch", *["squeue", "sbatch"] * number]
+    now_s[0] += 5.0
+    with pytest.raises(RunError, match=r"job 17 ended: they left no log\."):
+        workers.check()
+
+
 def test_workers_are_asked_for_anew_only_once_none_is_left(asked: Path) -> None:
     workers = _workers(asked)
     workers.submit(2)
@@ -99,6 +147,56 @@ def test_workers_that_end_again_and_again_end_the_run_with_their_last_words(aske
         workers.check()
 
 
+UNREACHABLE = "slurm_load_jobs error: Unable to contact slurm controller (connect failure)"
+
+
+def _answers(asked: Path, command: str, answer: str) -> None:
+    (asked.parent / "bin" / command).write_text(f"#!/bin/sh\necho {command} >> {asked}\n{answer}\n")
+
+
+def _fails(asked: Path, command: str) -> None:
+    _answers(asked, command, f"echo '{UNREACHABLE}' >&2\nexit 1")
+
+
+def test_workers_of_a_slurm_that_does_not_answer_count_as_being_there(
+    asked: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with _workers(asked) as workers:
+        workers.submit(2)
+        _fails(asked, "squeue")
+        for _ in range(3):
+            workers.check()
+        assert "scancel" not in asked.read_text().splitlines()
+        assert [record.getMessage() for record in caplog.records] == [
+            f"Slurm: {UNREACHABLE}; the run waits 10 min for Slurm, its workers go on."
+        ]
+        _answers(asked, "squeue", "echo")
+        _fails(asked, "sbatch")
+        workers.check()
+        _answers(asked, "sbatch", "echo 18")
+        workers.check()
+        assert asked.read_text().splitlines().count("sbatch") == 3, "it is asked for workers again"
+    assert asked.read_text().splitlines()[-3:] == ["scancel", "17", "18"]
+
+
+def test_slurm_that_does_not_answer_for_minutes_ends_the_run(asked: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    workers = _workers(asked)
+    workers.submit(2)
+    _fails(asked, "squeue")
+    workers.check()
+    _answers(asked, "squeue", "echo RUNNING")
+    workers.check()
+    _fails(asked, "squeue")
+    now_s = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now_s)
+    workers.check()
+    monkeypatch.setattr(time, "monotonic", lambda: now_s + slurm.UNANSWERED_MAX_S)
+    workers.check()
+    monkeypatch.setattr(time, "monotonic", lambda: now_s + slurm.UNANSWERED_MAX_S + 1.0)
+    with pytest.raises(RunError, match=r"controller .*; so for 10 min: run the same command again"):
+        workers.check()
+
+
 def test_end_of_the_run_cancels_what_is_left(asked: Path) -> None:
     with _workers(asked) as workers:
         workers.submit(1)
@@ -113,6 +211,7 @@ def test_refusals_are_one_line(asked: Path, monkeypatch: pytest.MonkeyPatch) -> 
         _workers(asked, "--comment='open")
     with pytest.raises(RunError, match="--listen with an address"):
         check_slurm(2, "")
+    check_slurm(1, "tcp/10.0.0.5:7447")
     with pytest.raises(RunError, match="at least 1"):
         check_slurm(0, "tcp/10.0.0.5:7447")
     monkeypatch.setenv("PATH", "")

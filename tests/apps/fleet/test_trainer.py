@@ -27,7 +27,7 @@ def make_bus(robot=ROBOT):
     bus, offered = InProcessBus(), []
     spec = dataclasses.replace(SPEC, config=resolved_sections(RunConfig(robot=robot)))
     bus.serve(topics.SPEC, lambda _: spec)
-    bus.serve(topics.OFFER, lambda request: (offered.append(request), OfferReply(version=1, sha256="x"))[1])
+    bus.serve(topics.OFFER, lambda request: (offered.append(request), OfferReply(version=1, sha256="ab" * 32))[1])
     return bus, offered
 
 

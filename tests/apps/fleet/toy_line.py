@@ -54,7 +54,7 @@ def make_folder(
     spec = RunSpec(
         run="run-test",
         scene_path="nowhere",
-        scene_hash="0",
+        scene_hash="0" * 64,
         scene_files=(),
         avatars_path="",
         avatar_hashes={},

@@ -1,11 +1,15 @@
 """The task without Gymnasium."""
 
+import dataclasses
 import itertools
+import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from readygo.apps.gym.point_nav import PointNav, Reward
+from readygo.common.episode.conduct import PERSONAL_SPACE_M
 from readygo.common.errors import ConfigError, PolicyError
 from readygo.common.policy import PolicySpec, save_spec
 from readygo.common.robot import CameraConfig, RobotConfig
@@ -39,6 +43,66 @@ def test_collision_ends_the_episode_and_is_a_cost(task):
     assert not task.info(ride)["success"]
     assert task.info(ride)["cost_collision"] == 1.0
     assert reward < -9.0
+
+
+@pytest.fixture(scope="module")
+def hurried(tmp_path_factory):
+    """A robot commanded at 10 Hz and simulated at 30 Hz, with 0.5 s for its way, among two people."""
+    config = tmp_path_factory.mktemp("run") / "run.toml"
+    config.write_text(
+        "[episode]\ntime_limit_s = 0.5\n[robot]\ncontrol_hz = 10\ncamera_hz = 15\n"
+        "[robot.camera]\nheight_px = 24\nwidth_px = 32\n"
+    )
+    return PointNav(
+        humans=2, config=config, reward=Reward(per_metre=3.0, per_second=-0.4, success=50.0, collision=-70.0)
+    )
+
+
+def test_time_limit_truncates_the_episode_and_earns_nothing_else(hurried):
+    ride = hurried.begin(0, itertools.count())
+    steps = [hurried.advance(ride, (0.0, 0.0)) for _ in range(15)]
+    assert [(terminated, truncated) for _, terminated, truncated in steps] == [(False, False)] * 14 + [(False, True)]
+    assert [reward for reward, _, _ in steps] == pytest.approx([-0.4 / 30] * 15)
+    info = hurried.info(ride)
+    assert (info["outcome"], info["success"], info["cost_collision"]) == ("timeout", False, 0.0)
+
+
+def test_way_that_is_gained_earns_by_the_metre(hurried):
+    ride = hurried.begin(0, itertools.count())
+    left_m, earned = ride.left_m, []
+    for _ in range(14):
+        reward, *_ = hurried.advance(ride, (0.5, 0.2))
+        assert reward == pytest.approx(3.0 * (left_m - ride.left_m) - 0.4 / 30)
+        left_m = ride.left_m
+        earned.append(reward)
+    assert len({round(reward, 6) for reward in earned}) > 1
+    assert hurried.info(ride)["way_left_m"] == left_m
+
+
+def test_person_nearby_is_an_intrusion_and_distances_are_of_the_nearest(hurried):
+    ride = hurried.begin(0, itertools.count())
+
+    def info(*places):
+        simulation = SimpleNamespace(x_m=-2.5, y_m=3.0, human_xy_m=places, contact_m=0.7, outcome=None)
+        return hurried.info(dataclasses.replace(ride, simulation=simulation))
+
+    far = info((-2.5, 3.0 + 0.7 + PERSONAL_SPACE_M + 0.01), (9.0, 9.0))
+    assert (far["cost_intrusion"], far["human_distance_m"]) == (0.0, pytest.approx(0.71 + PERSONAL_SPACE_M))
+    near = info((9.0, 9.0), (-2.5 - 0.7 - PERSONAL_SPACE_M + 0.01, 3.0))
+    assert (near["cost_intrusion"], near["human_distance_m"]) == (1.0, pytest.approx(0.69 + PERSONAL_SPACE_M))
+    assert info()["human_distance_m"] == math.inf
+    assert info()["cost_intrusion"] == 0.0
+
+
+def test_humans_of_the_settings_are_as_many_as_asked_for(hurried):
+    indices = itertools.count(5)
+    rides = [hurried.begin(2, indices) for _ in range(3)]
+    assert {len(ride.simulation.human_xy_m) for ride in rides} == {2}
+    numbers = [ride.key.index for ride in rides]
+    assert numbers[0] >= 5
+    assert numbers == sorted(set(numbers))
+    assert {ride.key.seed for ride in rides} == {2}
+    assert rides[0].expert is None
 
 
 def test_robots_see_together_what_they_see_alone(task):

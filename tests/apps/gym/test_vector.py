@@ -29,13 +29,9 @@ def test_robots_drive_side_by_side_and_begin_again_when_they_have_ended():
 def test_make_vec_begins_again_at_once_and_tells_what_was_last():
     from gymnasium.vector import AutoresetMode
 
-    from readygo.apps.gym.registration import ENVIRONMENT, register
-
-    register()
     env = gymnasium.make_vec(
-        ENVIRONMENT,
+        "readygo.gym:ReadyGo/PointNav-v0",
         num_envs=2,
-        vectorization_mode="vector_entry_point",
         humans=0,
         image_px=(24, 32),
         autoreset_mode=AutoresetMode.SAME_STEP,

@@ -1,6 +1,10 @@
+import base64
+import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -58,6 +62,35 @@ def test_what_is_not_known_is_left_out() -> None:
 def test_ground_that_is_not_closed_is_said() -> None:
     filmed = {"share_median": 0.8, "filmed_m2": 12.0, "share_min": 0.5, "closed": False}
     assert "nothing is closed" in health_page(numbers(filmed=filmed), PICTURES)
+
+
+def test_page_looks_as_it_did(golden_page: Callable[[str, str], None]) -> None:
+    golden_page("health", health_page(numbers(), PICTURES))
+    plain = {"metres_per_unit": 0.0123456, "source": "as <in> the file", "interval_percent": None}
+    unwanted = {"floaters": {"count": 1234, "share": 0.01234}, "haze": {"count": 5, "share": 0.2}}
+    unknown = numbers(
+        scale=plain, registered=None, held_out=None, filmed=None, findings=[], cameras=0, license="CC <0>",
+        unwanted=unwanted, floor_holes={"count": 7, "total_m2": 1.257, "largest_m2": 0.996},
+    )  # fmt: skip
+    golden_page("health_unknown", health_page(unknown, {TOP: np.zeros((4, 6, 3), np.uint8)}))
+    undrifted = {**MADE["verdict"], "components": [30, 8], "reprojection_px": 0.456, "drift": "1 <cm>"}
+    open_ground = {"share_median": 0.26, "filmed_m2": 12.0, "share_min": 0.35, "closed": False}
+    held_out = {"psnr_db": None, "ssim": None, "images": MADE["training"]["held_out"][:1]}
+    other = numbers(registered=undrifted, filmed=open_ground, held_out=held_out)
+    golden_page("health_open", health_page(other, {FILMED: PICTURES[FILMED]}))
+
+
+@pytest.mark.parametrize(("height", "width", "shown"), [(600, 2001, (360, 1200)), (30, 1200, (30, 1200))])
+def test_pictures_are_1200_pixels_wide_at_most_and_photographs_are_jpegs(
+    height: int, width: int, shown: tuple[int, int]
+) -> None:
+    html = health_page(numbers(), {name: np.zeros((height, width, 3), np.uint8) for name in (TOP, CLARITY)})
+    found = dict(re.findall(r'src="data:image/(\w+);base64,([^"]+)"', html))
+    assert set(found) == {"png", "jpeg"}
+    for data in found.values():
+        picture = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)
+        assert picture is not None
+        assert picture.shape[:2] == shown
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason=NO_CHROMIUM)

@@ -1,3 +1,5 @@
+import pytest
+
 from readygo.apps.learn.choice import Measurement, best_of, episodes_to_measure, has_stopped_rising
 
 
@@ -37,3 +39,23 @@ def test_measurement_takes_its_share_of_time_and_never_less_than_says_something(
     assert episodes_to_measure(1.0, 1.5, 50) == 4
     assert episodes_to_measure(1000.0, 1.5, 50) == 50
     assert episodes_to_measure(60.0, 1.5, 2) == 2
+
+
+def test_score_is_the_lower_end_of_wilsons_interval_of_both_tasks() -> None:
+    # 20 static and 20 dynamic episodes, of which 16 and 4 succeeded.
+    p, n, z = 0.5, 40, 1.959964
+    middle = (p + z * z / (2 * n)) / (1 + z * z / n)
+    half = z / (1 + z * z / n) * (p * (1 - p) / n + z * z / (4 * n * n)) ** 0.5
+    assert measured(0.1, 0.8, 0.2).score == pytest.approx(middle - half, abs=1e-6)
+
+
+def test_patience_is_counted_from_the_best_and_reached_at_its_end() -> None:
+    best = [measured(0.25, 0.8)]
+    assert has_stopped_rising([*best, *[measured(0.5, 0.7)] * 4], 0.75, 0.5)
+    assert not has_stopped_rising([*best, *[measured(0.5, 0.7)] * 4], 0.74, 0.5)
+    assert not has_stopped_rising([*best, *[measured(0.5, 0.7)] * 3], 0.75, 0.5)
+
+
+def test_two_tasks_share_the_time_of_a_measurement() -> None:
+    assert episodes_to_measure(59.9, 3.0, 50) == 9
+    assert episodes_to_measure(60.0, 3.0, 50) == 10

@@ -43,3 +43,22 @@ def test_collecting_waits_for_training_and_never_at_first() -> None:
     assert not is_ahead(learned=0, recorded=11_000, reuse=4.0)
     assert is_ahead(learned=40_000, recorded=20_000, reuse=4.0)
     assert not is_ahead(learned=39_000, recorded=20_000, reuse=4.0)
+
+
+def test_lead_of_collecting_is_ten_thousand_samples_to_the_sample() -> None:
+    assert is_ahead(learned=30, recorded=10_010, reuse=3.0)
+    assert not is_ahead(learned=29, recorded=10_010, reuse=3.0)
+
+
+def test_cores_go_to_collectors_as_the_formula_has_it() -> None:
+    for cores, collect_hz, train_hz, reuse in ((7, 90.0, 410.0, 3.0), (16, 55.0, 700.0, 5.0), (24, 130.0, 300.0, 2.5)):
+        found = split(cores, collect_hz=collect_hz, train_hz=train_hz, reuse=reuse)
+        assert found.collectors == round(cores * train_hz / (train_hz + reuse * collect_hz))
+        assert found.collectors + found.trainer_threads == cores
+
+
+def test_collectors_that_are_shared_out_are_all_of_them() -> None:
+    for collectors in range(5, 14):
+        shares = shared_out(collectors, 5)
+        assert sum(shares) == collectors
+        assert max(shares) - min(shares) <= 1

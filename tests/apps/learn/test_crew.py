@@ -144,11 +144,11 @@ def test_guests_are_given_time_to_finish_their_episodes_unless_it_is_stopped(
         raise KeyboardInterrupt
 
 
-def test_numbers_are_those_of_all_scenes_and_of_samples_with_images(plan: Plan) -> None:
+def test_numbers_are_those_of_all_scenes_and_images_are_counted_apart(plan: Plan) -> None:
     with Crew(plan, Split(2, 1)) as crew:
-        assert (crew.recorded, crew.policies, crew.collect_hz) == (0, 0, 0.0)
+        assert (crew.samples, crew.images, crew.policies, crew.collect_hz) == (0, 0, 0, 0.0)
         crew.status = {"embedded": status(), "embedded-2": status(samples=200, policies=2)}
-        assert (crew.recorded, crew.policies, crew.collect_hz) == (100, 3, 20.0)
+        assert (crew.samples, crew.images, crew.policies, crew.collect_hz) == (500, 100, 3, 20.0)
 
 
 def test_run_that_cannot_go_on_ends_it_all_and_one_that_is_finished_rests(plan: Plan) -> None:

@@ -8,9 +8,11 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from readygo.apps.learn import learn
 from readygo.apps.learn.curve import load_curve, measurements_of
 from readygo.apps.run.origin import origin_of_policy
 from readygo.common.dataset import validate
@@ -23,6 +25,17 @@ time_limit_s = 6.0
 human_count_max = 1
 """
 LIMIT_S = 400.0
+
+
+def test_data_are_complete_before_the_test(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    order: list[str] = []
+    supervisor = SimpleNamespace(learn=lambda: order.append("learned"), points=[], minutes=1.0)
+    tests = SimpleNamespace(test=lambda *_: order.append("tested"))
+    monkeypatch.setattr(learn, "Supervisor", lambda *_: supervisor)
+    monkeypatch.setattr(learn, "Measuring", lambda _: tests)
+    plan = SimpleNamespace(out=tmp_path, policy=tmp_path / "policy")
+    learn.learn_policy(plan, episodes=1, recorded=lambda: order.append("recorded"))
+    assert order == ["learned", "recorded", "tested"]
 
 
 @pytest.fixture

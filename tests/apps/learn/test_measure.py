@@ -2,9 +2,10 @@ import shutil
 
 import pytest
 
-from readygo.apps.learn.measure import Measuring, tried_settings
+from readygo.apps.learn.measure import Measuring, success_rate, tried_settings
 from readygo.apps.learn.plan import Plan
-from readygo.common.messages import Outcome
+from readygo.common.episode.metrics import EpisodeResult
+from readygo.common.messages import EpisodeKey, Outcome, Split
 from readygo.services.evaluator import EXPERT, POLICY, STRAIGHT_LINE, EpisodeRecord, EvaluateReply, Task
 
 
@@ -73,3 +74,23 @@ def test_test_episodes_that_are_there_are_not_driven_again(tiny: Plan, tmp_path)
     assert test(2)[0] == 12, "those that are kept are told of as well"
     lines = (tmp_path / "evaluation" / "embedded" / "episodes.jsonl").read_text().splitlines()
     assert len(lines) == 12, "more episodes: only those that were missing"
+
+
+def test_rate_of_a_task_is_that_of_its_own_episodes() -> None:
+    outcomes = {
+        Task.STATIC: [Outcome.SUCCESS, Outcome.SUCCESS, Outcome.TIMEOUT, Outcome.SUCCESS],
+        Task.DYNAMIC: [Outcome.HUMAN_COLLISION, Outcome.SUCCESS, Outcome.STATIC_COLLISION],
+    }
+    records = [
+        EpisodeRecord(
+            episode=EpisodeKey(seed=0, split=Split.VAL, index=index),
+            task=task,
+            method=POLICY,
+            result=EpisodeResult(outcome=outcome, duration_s=3.0, path_length_m=2.0, shortest_m=2.0),
+            human_distance_min_m=1.0,
+        )
+        for task, found in outcomes.items()
+        for index, outcome in enumerate(found)
+    ]
+    assert success_rate(records, Task.STATIC) == 0.75
+    assert success_rate(records, Task.DYNAMIC) == pytest.approx(1 / 3)

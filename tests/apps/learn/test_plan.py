@@ -71,6 +71,10 @@ def test_images_of_goals_are_recorded_where_the_policy_sees_them(tmp_path: Path)
         learn_configs(tmp_path / "run.toml", None, "rgb,depth", "")
 
 
+def test_a_fifth_of_the_samples_has_an_image(tmp_path: Path) -> None:
+    assert plan_of(tmp_path / "run").image_count(83_126) == 16_625
+
+
 def test_two_scenes_of_one_name_have_a_folder_each() -> None:
     assert [free_name("flat", []), free_name("flat", ["flat"])] == ["flat", "flat-2"]
     assert free_name("flat", ["flat", "flat-2"]) == "flat-3"

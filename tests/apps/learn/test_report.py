@@ -75,6 +75,8 @@ def full_content(tmp_path: Path) -> ReportContent:
         run=RunNumbers(
             episodes=4,
             samples=1000,
+            images=200,
+            learned=900,
             wall_s=20.0,
             rejected={"no <way>": 1},
             cpu_s_by_stage={"render": 3.0, "expert": 1.0},
@@ -136,7 +138,8 @@ def test_text_is_escaped(tmp_path: Path) -> None:
 
 def test_numbers_of_run_and_scores_are_shown(tmp_path: Path) -> None:
     html = report_html(full_content(tmp_path))
-    assert "50.0 samples per second" in html
+    assert "4 episodes with 1,000 samples recorded in 20 s: 50.0 samples per second. 200 of them have an image;" in html
+    assert "each 4.5 times on average: 900 samples learned from." in html
     assert "<b>75 %</b>reaches its goal, with people" in html
     assert "Not recorded, of 5 tried" in html
     assert "75 %" in html

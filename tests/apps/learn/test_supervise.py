@@ -43,7 +43,7 @@ class Clock:
 
 
 class StandInCrew:
-    """A fleet that records 100 samples a tick, and a trainer that learns 800 and offers a policy every 6 ticks."""
+    """A fleet that records 100 images a tick, and a trainer that learns 800 and offers a policy every 6 ticks."""
 
     made: "list[StandInCrew]" = []  # noqa: RUF012
     learns = True
@@ -51,7 +51,7 @@ class StandInCrew:
 
     def __init__(self, plan: Plan, split: Split, reach: object) -> None:
         self.plan, self.running, self.splits = plan, split, []
-        self.recorded = self.policies = self.ticks = self.fell = 0
+        self.samples = self.images = self.policies = self.ticks = self.fell = 0
         self.collect_hz, self.status = 100.0, {}
         self.made.append(self)
 
@@ -72,7 +72,8 @@ class StandInCrew:
         self.ticks += 1
         if self.ticks > self.dies_after:
             raise KeyboardInterrupt
-        self.recorded += 100
+        self.samples += 500
+        self.images += 100
         self.fell += (self.plan.policy / DECAY_FILE).exists()
         if self.learns:
             self._train()

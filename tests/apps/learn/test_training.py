@@ -16,7 +16,11 @@ TOLD = {
         {"step": 50, "folder": "candidates/0000050", "version": 1, "sha256": "ab"},
         {"step": 90, "folder": "candidates/0000090"},
     ],
-    "history": [{"train_loss": 0.2}, {"train_loss": float("nan")}],
+    "history": [
+        {"step": 50, "samples": 12_000, "train_loss": 0.2, "validation_loss": 0.3},
+        {"step": 60, "samples": 14_000, "train_loss": float("nan"), "validation_loss": 0.3},
+        {"train_loss": 0.1},
+    ],
 }
 
 
@@ -38,7 +42,7 @@ def test_newest_policy_is_the_last_one_that_the_fleet_took(tmp_path: Path) -> No
     assert training.offered is not None
     assert (training.offered.sha256, training.offered.folder) == ("ab", tmp_path / "candidates/0000050")
     assert len(read_history(tmp_path)) == 2
-    assert (training.loss, training.driven, training.samples_hz) == (0.2, 0.5, 800.0)
+    assert (training.loss, training.driven, training.samples_hz) == (0.1, 0.5, 800.0)
 
 
 def test_trainer_has_ended_only_with_its_budget(tmp_path: Path) -> None:
@@ -54,3 +58,16 @@ def test_fall_of_the_rate_is_asked_for_and_taken_back(tmp_path: Path) -> None:
     assert (tmp_path / live.DECAY_FILE).exists()
     forget_decay(tmp_path)
     assert not (tmp_path / live.DECAY_FILE).exists()
+
+
+def test_progress_of_another_shape_says_nothing(tmp_path: Path) -> None:
+    for text in (
+        "3",
+        "[" * 100_000,
+        '{"success": 1}',
+        '{"success": {}, "history": [3], "offers": []}',
+        '{"history": 3}',
+    ):
+        (tmp_path / "progress.json").write_text(text)
+        assert read_training(tmp_path) == Training()
+        assert read_history(tmp_path) == []

@@ -9,4 +9,4 @@ from tests.common.messages.run_specs import SPEC
 @pytest.fixture
 def spec() -> RunSpec:
     """A run whose scene is not on this machine."""
-    return dataclasses.replace(SPEC, run="run-a", scene_path="/nowhere", scene_hash="", seed=7)
+    return dataclasses.replace(SPEC, run="run-a", scene_path="/nowhere", seed=7)

@@ -1,4 +1,7 @@
+import dataclasses
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -67,3 +70,69 @@ def test_nobody_is_left_of_those_who_are_gone() -> None:
         for state in track.states:
             actor.show(state, "#0")
     assert len(scene.nodes) <= count + 1, "only a trail may come to it"
+
+
+class MeasuredScene(Scene):
+    """Keeps the size and the colour of what is added."""
+
+    def _add(self, name: str, *arguments: Any, **values: Any) -> Any:
+        arrays = [argument for argument in arguments if isinstance(argument, np.ndarray) and argument.dtype.kind == "f"]
+        if arrays:
+            values["bounds"] = np.concatenate([arrays[0].min(axis=0), arrays[0].max(axis=0)])
+        return super()._add(name, *arguments, **values)
+
+    add_frame = add_mesh_simple = add_camera_frustum = _add
+
+    def add_line_segments(self, name: str, points: Any, colors: Any, **values: Any) -> Any:
+        return self._add(name, points=points, colors=colors, **values)
+
+    def lines(self) -> list[str]:
+        found = []
+        for name, node in sorted(self.nodes.items()):
+            values = {key: value for key, value in vars(node).items() if key not in ("name", "_scene", "_acts")}
+            words = (f"{key}={_rounded(value)}" for key, value in sorted(values.items()))
+            found.append(f"{name}: {', '.join(words)}")
+        return found
+
+
+def _rounded(value: Any) -> str:
+    if isinstance(value, (np.ndarray, tuple, list, float)):
+        return str((np.round(np.asarray(value, float), 3) + 0.0).tolist())
+    return str(value)
+
+
+def test_everything_is_where_it_was(golden_page: Callable[[str, str], None]) -> None:
+    scene = MeasuredScene()
+    actor = Actor(scene, "/robots/0", TWO_CAMERAS, (10, 120, 250))
+    track = track_of(recorded_by_two())
+    way = np.array([[-3.2, 7.1, 0.3], [-3.0, 7.5, 0.3], [-2.99, 7.51, 0.3], [-2.0, 8.0, 0.35]])
+    humans = tuple(way + np.array([shift, -shift, 0.0]) for shift in (0.5, 1.5))
+    first = dataclasses.replace(
+        track.states[0], robot_xyzyaw=(-3.2, 7.1, 0.3, 2.5), goal_xy_m=(-2.0, 8.5), horizontal_fov_rad=1.9,
+        humans_xyzyaw=((1.0, 2.0, 0.1, -0.7), (3.0, -4.0, 0.2, 2.1)),
+    )  # fmt: skip
+    actor.plan(way, way[1:2], humans, of="a")
+    actor.show(first, "#7")
+    actor.show(dataclasses.replace(first, robot_xyzyaw=(-3.2, 7.16, 0.3, 2.4)), "#8")
+    actor.show(dataclasses.replace(first, robot_xyzyaw=(-3.2, 7.2, 0.3, 2.4), humans_xyzyaw=()), "#8")
+    lines = ["two steps:", *scene.lines()]
+    actor.plan(way * 2, way, of="a")
+    assert lines[1:] == scene.lines(), "the same ways are not drawn again"
+    actor.plan(way[:0], way[:0], (), of="b")
+    actor.show(dataclasses.replace(first, horizontal_fov_rad=1.2), "#9", trail=False)
+    golden_page("monitor_actor", "\n".join([*lines, "", "another plan:", *scene.lines()]))
+
+
+def test_trail_has_a_point_every_5_cm_and_begins_anew_after_a_leap() -> None:
+    scene = MeasuredScene()
+    actor = Actor(scene, "/r", ROBOT, (1, 2, 3))
+    state = track_of(recorded()).states[0]
+
+    def go(x_m: float) -> int:
+        actor.show(dataclasses.replace(state, robot_xyzyaw=(x_m, 0.0, 0.0, 0.0)), "")
+        return len(scene.nodes["/r/trail"].points) if "/r/trail" in scene.nodes else 0
+
+    assert [go(x) for x in (0.0, 0.04, 0.051, 0.1, 0.15, 1.64, 3.2, 3.3)] == [0, 0, 1, 1, 2, 3, 0, 1]
+    for k in range(500):
+        count = go(3.3 + 0.06 * k)
+    assert count == 399

@@ -1,8 +1,10 @@
 import http.client
 import http.server
 import socket
+import socketserver
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -23,11 +25,13 @@ class Viewer(http.server.BaseHTTPRequestHandler):
 
 
 @pytest.fixture
-def behind() -> Iterator[int]:
-    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Viewer)
+def behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    # The name of a socket is short.
+    monkeypatch.chdir(tmp_path)
+    server = socketserver.ThreadingUnixStreamServer("viewer", Viewer)
     thread = threading.Thread(target=server.serve_forever)
     thread.start()
-    yield server.server_port
+    yield Path("viewer")
     server.shutdown()
     thread.join()
     server.server_close()
@@ -55,13 +59,34 @@ def test_this_machine_is_let_in_by_its_own_name_alone() -> None:
     assert answer().startswith("403")
 
 
+@pytest.mark.parametrize("token", ["", "secret"])
+@pytest.mark.parametrize("origin", ["null", "", "127.0.0.1:80", "ftp://127.0.0.1:80", "http://127.0.0.1", "http://["])
+@pytest.mark.parametrize("host", [{"host": "127.0.0.1:80"}, {"host": ""}, {}])
+def test_page_of_another_origin_is_refused_even_with_the_cookie(token: str, origin: str, host: dict[str, str]) -> None:
+    answer = judge(Request("/", {"origin": origin, "cookie": f"{COOKIE}=secret", **host}), token, COOKIE)
+    assert answer is not None
+    assert answer.status.startswith("403")
+
+
+@pytest.mark.parametrize("scheme", ["http", "https"])
+def test_own_page_is_let_in_also_behind_a_proxy_with_tls(scheme: str) -> None:
+    headers = {"host": "lab:80", "origin": f"{scheme}://lab:80", "cookie": f"{COOKIE}=secret"}
+    assert judge(Request("/", headers), "secret", COOKIE) is None
+
+
+def test_host_that_is_none_is_refused() -> None:
+    answer = judge(Request("/", {"host": "[::1"}), "", COOKIE)
+    assert answer is not None
+    assert answer.status.startswith("403")
+
+
 def test_head_that_is_none_is_refused() -> None:
     assert parse_head(b"hello\r\n\r\n") is None
     request = parse_head(b"GET /a?b=c HTTP/1.1\r\nHost: x\r\n\r\n")
     assert request == ("/a?b=c", {"host": "x"})
 
 
-def test_token_comes_once_by_the_link_and_then_by_a_cookie(behind: int) -> None:
+def test_token_comes_once_by_the_link_and_then_by_a_cookie(behind: Path) -> None:
     gate = Gate("127.0.0.1", 0, behind=behind, token="secret")
     status, _, body = get(gate.port)
     assert (status, b"token" in body) == (401, True)
@@ -75,7 +100,7 @@ def test_token_comes_once_by_the_link_and_then_by_a_cookie(behind: int) -> None:
     gate.close()
 
 
-def test_a_browser_that_goes_away_disturbs_nobody(behind: int) -> None:
+def test_a_browser_that_goes_away_disturbs_nobody(behind: Path) -> None:
     gate = Gate("127.0.0.1", 0, behind=behind)
     for _ in range(3):
         with socket.create_connection(("127.0.0.1", gate.port)) as browser:
@@ -84,6 +109,23 @@ def test_a_browser_that_goes_away_disturbs_nobody(behind: int) -> None:
     gate.close()
 
 
-def test_port_in_use_says_so(behind: int) -> None:
-    with pytest.raises(RunError, match="choose another --host or --port"):
-        Gate("127.0.0.1", behind, behind=behind)
+def test_port_in_use_says_so(behind: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other, pytest.raises(RunError, match="another --host or --port"):
+        Gate("127.0.0.1", other.getsockname()[1], behind=behind)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("Host", "[::1"), ("Host", "a]b"), ("Origin", "http://[::1"), ("Origin", "[")]
+)
+def test_addresses_that_are_none_are_refused_quietly(
+    behind: Path, name: str, value: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    for token in ("", "secret"):
+        gate = Gate("127.0.0.1", 0, behind=behind, token=token)
+        try:
+            status, _, _ = get(gate.port, **{name: value})
+        finally:
+            gate.close()
+        assert status in (400, 403)
+    assert not caplog.records
+    assert parse_head(b"GET //[::1 HTTP/1.1\r\nHost: localhost\r\n\r\n") is None

@@ -1,10 +1,14 @@
 import dataclasses
 import re
+from collections.abc import Callable
+
+import numpy as np
 
 from readygo.apps.monitor import panels
 from readygo.apps.monitor.track import track_of
 from readygo.apps.monitor.watch import Seen, Watch
-from readygo.common.messages import Outcome
+from readygo.apps.pages.charts import Curve
+from readygo.common.messages import Driver, Outcome
 from readygo.common.messages.live import LiveEvaluation, LivePreview
 from readygo.common.robot import RobotConfig
 from tests.apps.monitor.test_track import TWO_CAMERAS, recorded, recorded_by_two
@@ -81,3 +85,72 @@ def test_moment_says_who_is_near() -> None:
     assert "nobody" in panels.moment(state, track)
     assert "success" in panels.moment(state, track)
     assert "under way" in panels.moment(state, None, "render0")
+
+
+def test_panels_look_as_they_did(spec, golden_page: Callable[[str, str], None]) -> None:
+    now_s = [500.0]
+    watch = Watch(lambda: now_s[0])
+    parts = {"begun": panels.header("flat", watch, 0)}
+    watch.connection = "No <router> answers."
+    parts |= {
+        "recorded": panels.header("flat", watch, 1234, "Its scene is gone."),
+        "lost": panels.header("a", watch, 0),
+    }
+    watch.connection = ""
+    counts = {
+        "wanted": 1300, "committed": 417, "samples": 98_765, "requeued": 3, "trouble": "full & read-only",
+        "waiting": {"human-plan": 7, "render": 2}, "leased": {"render": 5, "animate": 1},
+        "rejected": {"no_path": 12, "timeout": 30} | {f"r{k}": k for k in range(1, 9)}, "kept": {"human_collision": 4},
+        "cpu_s": {"render": 75.0, "animate": 25.0, "human-plan": 12.5},
+    }  # fmt: skip
+    watch.status = status(**counts)
+    for k in range(30):
+        watch.progress.add(10.0 * k, (137.0 * k, 2.0 * k, 40 - k, k % 7, 0, 0))
+    parts |= {"header": panels.header("flat", watch, 0), "stages": panels.stages(watch.status, spec)}
+    parts |= {"without a spec": panels.stages(watch.status, None), "charts": panels.charts(watch)}
+    watch.connection = "gone"
+    parts["waiting"] = panels.header("flat", watch, 0)
+    few = Watch()
+    for k in range(4):
+        few.progress.add(2.0 + 45.0 * k, (7.0 * k, 0, 3, k, 0, 0))
+    parts |= {"seconds": panels.charts(few), "nothing": panels.charts(Watch())}
+    losses = [Curve(name="training", x=np.array([10.0, 500.0]), y=np.array([2.0, 1.5]))]
+    rates = [Curve(name="driving", x=np.array([1.0, 9.0]), y=np.array([0.2, 0.7]))]
+    parts["learning"] = panels.learning(losses, rates)
+    key = recorded().header.episode
+    for policy, method, outcome in (
+        ("", "expert", Outcome.SUCCESS), ("ab" * 32, "policy", Outcome.TIMEOUT), ("ab" * 32, "policy", Outcome.SUCCESS),
+        ("ab" * 32, "policy", Outcome.SUCCESS), ("cd" * 32, "policy", Outcome.STATIC_COLLISION),
+    ):  # fmt: skip
+        watch.evaluations.append(
+            LiveEvaluation(episode=key, task="static", method=method, policy=policy, outcome=outcome, duration_s=1.0)
+        )
+    parts["evaluations"] = panels.evaluations(watch)
+    members = [
+        Seen(role="renderer", name="r1", stage="render", episode=key, since_s=463.4, done=1200, cpu_s=1234.5),
+        Seen(role="renderer", name="r0", stage="warm", since_s=499.0, memory_bytes=1_234_567_890),
+        Seen(role="animator", name="z", alive=False, stage="animate", trouble="it <fell>"),
+        Seen(role="animator", name="y", trouble="late"),
+        Seen(role="animator", name="x"),
+    ]
+    watch.workers = {(seen.role, seen.name): seen for seen in members}
+    parts |= {"workers": panels.workers(watch), "nobody": panels.workers(Watch())}
+    text = "\n\n".join(f"{name}: {part}" for name, part in parts.items())
+    golden_page("monitor_panels", text.replace(panels.CSS, "").replace("</div>", "</div>\n"))
+
+
+def test_moments_look_as_they_did(golden_page: Callable[[str, str], None]) -> None:
+    track = track_of(recorded())
+    state = dataclasses.replace(
+        track.states[2], time_ns=1_234_000_000, v_mps=-0.237, w_radps=0.456, driver=Driver.POLICY,
+        goal_xy_m=(3.0, -4.0), robot_xyzyaw=(-1.0, 1.5, 0.2, 2.5), human_distance_m=1.26, time_to_collision_s=2.34,
+    )  # fmt: skip
+    ended = [dataclasses.replace(track, outcome=outcome) for outcome in Outcome]
+    texts = [panels.moment(state, None, "render<0>"), *(panels.moment(state, one) for one in ended)]
+    preview = LivePreview(episode=track.episode, time_ns=2_340_000_000, format="png", image=b"png")
+    texts.append(
+        panels.cameras([Seen(role="r", name="r<0>", preview=preview), Seen(role="r", name="b")], RobotConfig())
+    )
+    texts += [panels.cameras([], TWO_CAMERAS), panels.pictures({"rgb": b"1"}, "gif", RobotConfig())]
+    assert panels.pictures({}, "jpeg", RobotConfig()) == ""
+    golden_page("monitor_moments", "\n\n".join(texts).replace(panels.CSS, "").replace("</div>", "</div>\n"))

@@ -1,6 +1,10 @@
 """The page as browsers get it; the last tests open it in a real one."""
 
+import contextlib
+import http.client
+import os
 import shutil
+import tempfile
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +16,7 @@ import pytest
 from readygo.apps.monitor.screen import Screen
 from readygo.apps.monitor.subject import Subject
 from readygo.common.bus import InProcessBus
+from readygo.common.errors import RunError
 from readygo.common.messages import topics
 from tests.apps.monitor.test_page import house
 from tests.apps.monitor.test_watch import renderer, states
@@ -50,6 +55,78 @@ def test_page_is_served_and_ends(data: Path) -> None:
     assert screen.port > 0
     screen.close()
     assert not [thread for thread in threading.enumerate() if thread.name in ("gate", "screen")]
+
+
+def listening_ports() -> set[int]:
+    """TCP ports at which this process listens."""
+    own = set()
+    for name in os.listdir("/proc/self/fd"):
+        with contextlib.suppress(FileNotFoundError):
+            own.add(os.readlink(f"/proc/self/fd/{name}"))
+    lines = [
+        line.split()
+        for table in ("tcp", "tcp6")
+        for line in Path(f"/proc/self/net/{table}").read_text().splitlines()[1:]
+    ]
+    return {int(line[1].rsplit(":", 1)[1], 16) for line in lines if line[3] == "0A" and f"socket:[{line[9]}]" in own}
+
+
+def test_viewer_behind_the_gate_cannot_be_reached_beside_it(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = listening_ports()
+    with tempfile.TemporaryDirectory() as short:
+        monkeypatch.setattr(tempfile, "tempdir", short)
+        screen = Screen([Subject("data", data=data)], host="127.0.0.1", port=0, token="secret")
+        assert listening_ports() - before == {screen.port}
+        (folder,) = Path(short).iterdir()
+        assert (folder / "viewer").is_socket()
+        assert folder.stat().st_mode & 0o077 == 0, "another user of the machine cannot enter it"
+        screen.close()
+        assert not folder.exists()
+
+
+def test_gate_shows_the_viewer_to_who_has_the_token(data: Path) -> None:
+    client = pytest.importorskip("websockets.sync.client")
+    viser = pytest.importorskip("viser")
+    screen = Screen([Subject("data", data=data)], host="127.0.0.1", port=0, token="secret")
+    own = f"127.0.0.1:{screen.port}"
+    cookie = f"readygo-monitor-{screen.port}=secret"
+
+    def status(**headers: str) -> int:
+        connection = http.client.HTTPConnection(own, timeout=60)
+        connection.request("GET", "/", headers=headers)
+        answer = connection.getresponse()
+        body = answer.read()
+        connection.close()
+        assert (b"<html" in body) == (answer.status == 200)
+        return answer.status
+
+    assert (status(), status(Cookie=cookie), status(Cookie=cookie, Origin="http://evil.com")) == (401, 200, 403)
+
+    def first_message(origin: str, **headers: str) -> Any:
+        words = f"viser-v{viser.__version__}"
+        with client.connect(f"ws://{own}", origin=origin, additional_headers=headers, subprotocols=[words]) as page:
+            return page.recv(timeout=60)
+
+    assert first_message(f"http://{own}", Cookie=cookie)
+    for origin, headers in (
+        ("http://evil.com", {"Cookie": cookie}),
+        ("null", {"Cookie": cookie}),
+        (f"http://{own}", {}),
+    ):
+        with pytest.raises(Exception, match=r"HTTP 40[13]"):
+            first_message(origin, **headers)
+    screen.close()
+
+
+def test_folder_with_a_long_name_is_refused_in_a_line(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / ("long" * 30)
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    with pytest.raises(RunError, match="set TMPDIR to a folder with a short name"):
+        Screen([Subject("data", data=data)], host="127.0.0.1", port=0)
+    assert not list(folder.iterdir())
 
 
 def test_page_moves_fits_a_telephone_and_survives_the_fleet(

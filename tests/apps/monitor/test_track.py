@@ -61,3 +61,33 @@ def test_texts_and_floors() -> None:
     assert time_text(math.inf) == "never"
     assert time_text(1.25) == "1.2 s"
     assert on_floor(np.zeros((3, 2), np.float32), 0.5)[:, 2].tolist() == [0.5] * 3
+
+
+def test_state_of_a_time_lies_between_its_neighbours_and_images_are_the_newest() -> None:
+    track = track_of(recorded(count=4))
+    times_s = [state.time_ns / 1e9 for state in track.states]
+    first, second = track.states[1], track.states[2]
+    found = track.at(times_s[1] + 0.3 * (times_s[2] - times_s[1]))
+    want = between(first, second, 0.3)
+    assert found.robot_xyzyaw == pytest.approx(want.robot_xyzyaw)
+    assert found.time_ns == pytest.approx(want.time_ns, abs=1)
+    assert found.sample == 1
+    assert track.at(times_s[2]) == second
+    assert track.at(times_s[0] - 1.0) == track.states[0]
+    before = times_s[2] - 2e-9
+    assert track.images_at(before) == {"rgb": track.images[1][1]["rgb"]}
+    assert track.images_at(times_s[2] - 1e-9) == track.images[2][1]
+    assert track.images_at(-1.0) == track.images[0][1]
+    assert dataclasses.replace(track, images=()).images_at(1.0) == {}
+    assert track.way.tolist() == [list(state.robot_xyzyaw[:3]) for state in track.states]
+
+
+def test_replans_are_where_the_robot_was() -> None:
+    committed = recorded(count=4)
+    samples = tuple(
+        dataclasses.replace(one, replanned=k in (1, 3), robot_xyzyaw=(k + 0.5, -2.0 * k, 0.3, 2.5))
+        for k, one in enumerate(committed.samples)
+    )
+    track = track_of(dataclasses.replace(committed, samples=samples))
+    assert track.replans.tolist() == [[1.5, -2.0, 0.3], [3.5, -6.0, 0.3]]
+    assert (track.outcome, track.image_format) == (committed.header.outcome, committed.header.image_format)

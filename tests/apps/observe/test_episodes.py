@@ -1,3 +1,8 @@
+import dataclasses
+
+import pytest
+
+from readygo.apps.observe import episodes
 from readygo.apps.observe.episodes import EpisodeClock
 from readygo.common.messages import (
     ClaimReply,
@@ -21,3 +26,22 @@ def test_episode_takes_from_its_first_lease_until_it_is_durable_once() -> None:
     for _ in range(2):
         clock.answered("done", report, Verdict(status=VerdictStatus.OK))
     assert done == [(KEY.episode_id, 10, 30, 2, 40)]
+
+
+def test_episodes_that_were_begun_elsewhere_or_are_not_durable_are_not_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    done: list[object] = []
+    clock = EpisodeClock(lambda *known: done.append(known[0]), lambda: 5)
+    monkeypatch.setattr(episodes, "EPISODES_MAX", 2)
+    report = DoneRequest(recorder="rec0", index=4, attempt=1, shard="s", sample_count=40)
+    ok = Verdict(status=VerdictStatus.OK)
+    clock.answered("done", report, ok)
+    for index in (4, 5, 6):
+        episode = dataclasses.replace(KEY, index=index)
+        clock.answered("claim", None, ClaimReply(status=ClaimStatus.LEASE, episode=episode, attempt=1))
+    clock.answered("claim", None, ClaimReply(status=ClaimStatus.WAIT))
+    clock.answered("done", dataclasses.replace(report, index=5), Verdict(status=VerdictStatus.STALE))
+    clock.answered("other", dataclasses.replace(report, index=5), None)
+    assert done == []
+    for index in (4, 5, 6):
+        clock.answered("done", dataclasses.replace(report, index=index), ok)
+    assert done == [dataclasses.replace(KEY, index=index).episode_id for index in (5, 6)], "the oldest is forgotten"

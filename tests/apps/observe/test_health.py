@@ -1,4 +1,7 @@
+import os
 import queue
+import socket
+import time
 from pathlib import Path
 
 import pytest
@@ -20,3 +23,12 @@ def test_process_says_how_it_is_while_somebody_listens(tmp_path: Path, monkeypat
     assert (said.role, said.name, said.metrics) == ("recorder", "rec0", "127.0.0.1:9464")
     assert 0 < said.disk_free_bytes <= said.disk_size_bytes
     bus.close()
+
+
+def test_process_without_data_has_no_disk_and_says_what_it_takes() -> None:
+    said = health._health("renderer", "r0", None, "")
+    assert (said.disk_free_bytes, said.disk_size_bytes, said.pid, said.metrics) == (0, 0, os.getpid(), "")
+    assert said.host == socket.gethostname()
+    assert 0 < said.cpu_s <= time.process_time()
+    assert 0 < said.uptime_s <= time.monotonic()
+    assert 1e6 < said.memory_bytes < 1e12

@@ -3,6 +3,7 @@ import logging
 import sys
 import threading
 from collections.abc import Iterator
+from typing import Literal
 
 import pytest
 
@@ -37,6 +38,19 @@ def test_log_lines_name_the_episode(capsys: pytest.CaptureFixture[str]) -> None:
         "episode": "train-7-000003",
         "attempt": 2,
     }
+
+
+@pytest.mark.usefixtures("logging_as_before")
+@pytest.mark.parametrize("log_format", ["json", "text"])
+def test_log_of_what_a_peer_said_steers_no_terminal(
+    log_format: Literal["json", "text"], capsys: pytest.CaptureFixture[str]
+) -> None:
+    logging.getLogger().handlers = []
+    begin_logging(log_format, run="run-test", role="all", worker="all0")
+    logging.getLogger("elsewhere").warning("%s", "\x1b]0;title\x07\x9b2J")
+    said = capsys.readouterr().err
+    assert "0;title" in said
+    assert not {"\x1b", "\x07", "\x9b"} & set(said)
 
 
 def test_last_words_are_read_of_both_formats() -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from readygo.apps.fleet.run import run_in_process
+from readygo.apps.observe.observer import Observer
 from readygo.apps.observe.settings import Observing
 from readygo.apps.run.stages import Entry
 from readygo.common.dataset import Dataset
@@ -103,3 +104,12 @@ def test_trace_of_an_episode_has_its_stages_and_what_they_asked(shown: Shown) ->
         "episode",
     ]
     assert len({span["trace"] for span in shown.spans}) == 3
+
+
+def test_prometheus_of_another_user_gets_through_to_the_targets(tmp_path: Path) -> None:
+    state = tmp_path / ".readygo"
+    state.mkdir(mode=0o700)
+    with Observer(Observing(metrics="127.0.0.1:0"), run="r", role="all", name="w", state=state):
+        assert state.stat().st_mode & 0o777 == 0o711
+        assert (state / "targets").stat().st_mode & 0o055 == 0o055
+        assert (state / "targets" / "w.json").stat().st_mode & 0o044 == 0o044

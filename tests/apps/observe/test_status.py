@@ -1,9 +1,13 @@
+import dataclasses
 import io
+import re
 import time
+from collections.abc import Callable
 
-from rich.console import Console
+import pytest
 
-from readygo.apps.observe.status import Look, Observed, left_s, status_table
+from readygo.apps.observe.status import Look, Observed, duration, left_s, runs_table, status_table
+from readygo.apps.terminal import PlainConsole
 from readygo.common.bus import InProcessBus
 from readygo.common.messages import StatusReply, topics
 from readygo.common.messages.fleet import FleetReply, HeldLease, WorkerState
@@ -60,7 +64,7 @@ FLEET = FleetReply(
 
 
 def shown(observed: Observed) -> list[str]:
-    console = Console(file=io.StringIO(), width=160)
+    console = PlainConsole(file=io.StringIO(), width=160)
     console.print(status_table(observed))
     return console.file.getvalue().splitlines()  # type: ignore[attr-defined]
 
@@ -95,3 +99,76 @@ def test_cores_in_use_come_from_two_words_of_a_process() -> None:
         time.sleep(0.01)
     bus.close()
     assert look.now().cpu == {("recorder", "rec0"): 0.5}
+
+
+def test_names_are_shown_as_they_are() -> None:
+    name = "[/x] [link=http://evil.example]"
+    status = dataclasses.replace(STATUS, run=name, waiting={name: 1}, rejected={f"\x1b[2J{name}": 1})
+    fleet = FleetReply(stages=(name,), workers=(worker(name, name, 1.0, lease(8)),), done_per_minute={})
+    said = dataclasses.replace(health(1.0, 1.0), metrics=name)
+    text = "\n".join(shown(Observed(status=status, fleet=fleet, healths={(name, name): said})))
+    assert text.count(name) == 4
+    assert "\x1b" not in text
+    console = PlainConsole(file=io.StringIO(), width=160)
+    console.print(runs_table([status]))
+    assert name in console.file.getvalue()  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0.4, "0 s"), (119.6, "120 s"), (120.0, "2 min"), (7199.0, "120 min"), (7200.0, "2.0 h"), (9000.0, "2.5 h")],
+)
+def test_times_are_told_in_a_unit_that_fits(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
+
+
+def test_tables_look_as_they_did(golden_page: Callable[[str, str], None]) -> None:
+    held = (lease(8), dataclasses.replace(lease(9), held_s=500.0))
+    workers = (
+        WorkerState(role="renderer", name="r0", silent_s=10.0, done=0, failed=0, holds=held),
+        WorkerState(role="renderer", name="r1", silent_s=10.1, done=12, failed=3, holds=held[:1]),
+        WorkerState(role="", name="gone", silent_s=1.0, done=0, failed=0, holds=held[1:]),
+        WorkerState(role="recorder", name="rec0", silent_s=99.0, done=0, failed=0, holds=()),
+        WorkerState(role="recorder", name="rec1", silent_s=99.0, done=0, failed=0, holds=()),
+    )
+    fleet = FleetReply(stages=("human-plan", "render"), workers=workers, done_per_minute={"render": 7.26})
+    full = health(1.0, 1.0, free=4_999_999_999)
+    status = dataclasses.replace(
+        STATUS, rejected={f"reason {k}": k for k in range(12)}, kept={"timeout": 5}, policies=3, failed="cancelled",
+        waiting={"human-plan": 2, "render": 3}, cpu_s={"render": 12.56},
+    )  # fmt: skip
+    healths = {("recorder", "rec0"): full, ("renderer", "r0"): dataclasses.replace(full, disk_size_bytes=0)}
+    shown_all = shown(Observed(status=status, fleet=fleet, healths=healths, cpu={("renderer", "r0"): 0.876}))
+    plain = dataclasses.replace(STATUS, trouble="", paused=False, requeued=0, rejected={}, finished=True)
+    shown_plain = shown(Observed(status=plain, fleet=dataclasses.replace(fleet, workers=())))
+    console = PlainConsole(file=io.StringIO(), width=160)
+    runs = [
+        dataclasses.replace(plain, run="over", priority=-3), dataclasses.replace(plain, run="on", finished=False),
+        dataclasses.replace(status, run="failed"), dataclasses.replace(STATUS, run="paused"),
+        dataclasses.replace(STATUS, run="waits", paused=False),
+    ]  # fmt: skip
+    console.print(runs_table(runs))
+    console.print(runs_table([]))
+    lines = [*shown_all, "", *shown_plain, "", *console.file.getvalue().splitlines()]
+    golden_page("status_tables", "\n".join(line.rstrip() for line in lines))
+
+
+@pytest.mark.parametrize(("free", "low"), [(4_999_999_999, True), (5_000_000_000, False)])
+def test_disk_with_less_than_a_twentieth_of_its_room_is_red(free: int, low: bool) -> None:
+    console = PlainConsole(file=io.StringIO(), width=160, force_terminal=True)
+    fleet = FleetReply(stages=("render",), workers=(worker("recorder", "rec0", 1.0),), done_per_minute={})
+    status = dataclasses.replace(STATUS, trouble="", paused=False)
+    observed = Observed(status=status, fleet=fleet, healths={("recorder", "rec0"): health(1.0, 1.0, free=free)})
+    assert left_s(observed) is None
+    console.print(status_table(observed))
+    assert bool(re.search(r"\x1b\[31m *5\.0 GB", console.file.getvalue())) == low
+
+
+def test_cores_are_not_told_of_a_process_that_was_started_anew_or_a_clock_that_stands() -> None:
+    look = Look(InProcessBus())
+    who = ("recorder", "rec0")
+    for one in (health(5.0, 1.0), health(5.0, 2.0), dataclasses.replace(health(9.0, 0.5), pid=8)):
+        look._hear(one)
+        assert look._cpu == {}
+    look._hear(dataclasses.replace(health(11.0, 2.0), pid=8))
+    assert look._cpu == {who: 0.75}

@@ -1,9 +1,10 @@
 import re
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from readygo.apps.pages.charts import Curve, line_chart, meter
+from readygo.apps.pages.charts import Curve, line_chart, meter, share_bar
 
 
 def test_line_chart_leaves_out_what_is_not_finite_and_turns_logarithmic() -> None:
@@ -54,3 +55,31 @@ def test_meter_puts_the_interval_on_the_bar() -> None:
     bar = meter(0.5, 0.25, 0.75)
     assert '<i style="width:50.0%">' in bar
     assert '<u style="left:25.0%;width:50.0%">' in bar
+
+
+def test_charts_look_as_they_did(golden_page: Callable[[str, str], None]) -> None:
+    x = np.array([3.0, 17.0, 41.0])
+    below = Curve(name="<left>", x=x, y=np.array([-0.7, 0.4, 2.3]))
+    above = Curve(name="right", x=np.array([5.0, 29.0]), y=np.array([1.1, 3.9]))
+    wide = Curve(name="loss", x=x, y=np.array([88.0, 0.7, 4.1]))
+    many = [Curve(name=str(k), x=x[:2], y=np.array([k + 0.5, 2.0])) for k in range(5)]
+    charts = [
+        line_chart([below, above], x_name="time [s] & more", what="<Rate>"),
+        line_chart([wide], x_name="epoch"),
+        line_chart([wide], x_name="epoch", y_max=95.0),
+        line_chart(many, x_name="step", y_max=1.0),
+    ]
+    golden_page("line_charts", "\n\n".join([*charts, meter(0.3, 0.12, 0.71), meter(-0.1, -0.2, 1.4), share_bar(0.37)]))
+
+
+@pytest.mark.parametrize(("span", "kind"), [(20.0, "Loss<"), (20.1, "Loss, logarithmic<")])
+def test_axis_is_logarithmic_above_a_factor_of_20(span: float, kind: str) -> None:
+    chart = line_chart([Curve(name="a", x=np.array([1.0, 2.0]), y=np.array([0.3, 0.3 * span]))], x_name="x")
+    assert f">{kind}" in chart
+
+
+@pytest.mark.parametrize("count", [30, 31])
+def test_curve_of_30_points_has_dots(count: int) -> None:
+    chart = line_chart([Curve(name="a", x=np.arange(count) + 1.0, y=np.arange(count) + 5.0)], x_name="x")
+    assert chart.count("<circle") == (30 if count == 30 else 0)
+    assert line_chart([Curve(name="a", x=np.array([0.0]), y=np.array([1.0]))], x_name="x").count("<circle") == 1

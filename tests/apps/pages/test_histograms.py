@@ -3,6 +3,7 @@
 import math
 import re
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -60,3 +61,38 @@ def test_empty_fields_stay_white_and_full_ones_are_darkest() -> None:
 
 def test_names_are_escaped() -> None:
     assert "<b>" not in bar_chart(np.array([0.0, 1.0]), np.array([1]), axis="<b>", count_name="<b>")
+
+
+def test_histograms_look_as_they_did(golden_page: Callable[[str, str], None]) -> None:
+    edges, counts = np.array([-0.5, 0.25, 1.0, 1.75]), np.array([7, 0, 3])
+    grid = np.array([[0, 1, 5], [12, 0, 2], [0, 3, 0], [1, 1, 0], [0, 0, 9], [2, 0, 0], [0, 7, 0], [1, 0, 0]])
+    rest = [("over <2>", 23), ("none", 0), ("never", 4)]
+    charts = [
+        bar_chart(edges, counts, axis="x [m] & y", count_name="Episodes", rest=rest),
+        bar_chart(np.arange(40.0), np.arange(39) % 7, axis="many", count_name="n"),
+        bar_chart(np.array([0.0, 1.0]), np.array([0]), axis="none", count_name="n"),
+        rose_chart(np.array([9, 4, 1, 0, 16]), name="headings"),
+        rose_chart(np.zeros(3, np.int64), name="none"),
+        grid_chart(edges, np.arange(9) * 0.3 - 0.6, grid, x_axis="w", y_axis="<v>", count_name="Samples"),
+        grid_chart(edges, np.arange(3.0), np.zeros((2, 3), np.int64), x_axis="w", y_axis="v", count_name="n"),
+    ]
+    golden_page("histograms", "\n\n".join(charts))
+
+
+def test_bars_stand_on_the_axis_within_the_picture() -> None:
+    svg = bar_chart(np.array([0.0, 1.0, 2.0, 3.0]), np.array([4, 0, 1]), axis="x [m]", count_name="Episodes")
+    _, _, width, height = map(float, ElementTree.fromstring(svg).attrib["viewBox"].split())
+    feet = {round(float(bar["y"]) + float(bar["height"]), 1) for bar in bars(svg)}
+    assert len(feet) == 1
+    assert 0.5 * height < feet.pop() < height
+    assert all(float(bar["y"]) > 0 and float(bar["height"]) >= 0 for bar in bars(svg))
+    lefts = [float(bar["x"]) for bar in bars(svg)]
+    assert 0 < lefts[0] < lefts[1] < lefts[2] < width
+    assert np.diff(lefts) == pytest.approx(lefts[1] - lefts[0], abs=0.2)
+
+
+def test_petals_stay_in_the_rose_and_the_fullest_reaches_its_rim() -> None:
+    svg = rose_chart(np.array([9, 4, 1, 0]), name="headings")
+    radii = [float(radius) for radius in re.findall(r"A([\d.]+),", svg)]
+    assert radii[1] == pytest.approx(radii[0] * 2 / 3, abs=0.1)
+    assert 60 < max(radii) < 130

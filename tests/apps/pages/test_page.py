@@ -1,4 +1,5 @@
 import base64
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -76,3 +77,24 @@ def test_details_legends_and_rates() -> None:
     assert details("<s>", "<p>1</p>") == "<details><summary>&lt;s&gt;</summary><p>1</p></details>"
     assert "rgb(1,2,3)" in legend([("<n>", (1, 2, 3))])
     assert [percent(rate) for rate in (0.0, 0.504, 1.0)] == ["0 %", "50 %", "100 %"]
+
+
+def test_page_looks_as_it_did(golden_page: Callable[[str, str], None], tmp_path: Path) -> None:
+    (tmp_path / "a.webm").write_bytes(b"RIFF")
+    cells = table(
+        [Column("<Driver>"), Column("Success", "n"), Column("Why", "wide")], [["me", "<b>5</b>", "x"], ["", "", "y"]]
+    )
+    body = "".join(
+        [
+            cells,
+            rejections({"no_<way>": 1, "b": 3, "a": 3, "too late": 1203}, 1006),
+            details("<s>", "<p>1</p>"),
+            legend([("<n>", (1, 2, 3)), ("m", (40, 50, 60))]),
+            figure("x.png", "a & b", alt='"c"'),
+            film_figure(tmp_path / "a.webm", "<c>", runs=True),
+            film_figure(tmp_path / "a.webm", "d"),
+        ]
+    )
+    sections = [("One", body), ("None", ""), ("<Two>", "2")]
+    html = page("<T>", "a & b", hero="<i>h</i>", tiles=[("<1>", "<n>")], sections=sections, facts={"<k>": "<v>"})
+    golden_page("page", html)

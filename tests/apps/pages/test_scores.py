@@ -1,3 +1,6 @@
+import dataclasses
+from collections.abc import Callable
+
 from readygo.apps.pages.scores import Score, scores_section
 from readygo.common.episode import TaskSummary
 
@@ -32,3 +35,13 @@ def test_all_numbers_are_there_and_the_note_is_no_markup() -> None:
     html = scores_section(scores(), note="Of <two> tasks.")
     for text in ("25 %", "12 % to 50 %", "12.3 s", "0.20", "30 %", "40 %", "5 %", "1,200", "Of &lt;two&gt; tasks."):
         assert text in html
+
+
+def test_section_looks_as_it_did(golden_page: Callable[[str, str], None]) -> None:
+    other = dataclasses.replace(SUMMARY, success_rate=0.62, success_rate_low=0.55, success_rate_high=0.71, art_s=9.96)
+    shown = [
+        Score(task="static", driver="policy", summary=SUMMARY),
+        Score(task="among <humans>", driver="policy", summary=other),
+        Score(task="static", driver="<expert>", summary=other),
+    ]
+    golden_page("scores", scores_section(shown, note="And & more."))

@@ -1,6 +1,7 @@
 """The film of an episode: it plays back, and shows what happened where."""
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
+from readygo.common.drawing.files import Picture
 from readygo.common.drawing.film import write_film
 from readygo.common.drawing.plan_view import GOAL, HUMANS, ROBOT
 from readygo.common.maps import GridFrame
@@ -118,3 +120,38 @@ def test_time_line_marks_when_a_human_is_seen(film: EpisodeFilm, top_view: TopVi
     warm = np.flatnonzero((line == HUMANS[2]).all(axis=1))
     assert warm.max() == pytest.approx(picture.shape[1] // 2, abs=8)
     assert warm.min() < 20
+
+
+def test_film_looks_as_it_did(top_view: TopView, golden_image: Callable[[str, Picture], None]) -> None:
+    rng, count = np.random.default_rng(3), 25
+    yaw = np.linspace(2.5, 3.4, count)
+    crooked = EpisodeFilm(
+        title="train-3-000017",
+        camera=list(rng.integers(0, 255, (count, 6, 10, 3)).astype(np.uint8)),
+        xyyaw=np.column_stack([np.linspace(3.1, 1.2, count), np.linspace(0.6, 1.9, count), yaw]),
+        actions=np.column_stack([np.linspace(0.2, 1.3, count), np.linspace(0.9, -0.4, count)]),
+        goal_xy_m=np.array([0.7, 2.2]),
+        humans_xy_m=(np.linspace((0.4, 0.4), (1.4, 0.7), 12), np.linspace((3.6, 2.7), (2.2, 2.5), count)),
+        human_visible=np.isin(np.arange(count), [3, 4, 5, 11, 24]),
+        replanned=np.isin(np.arange(count), [0, 9, 17]),
+        outcome="human collision",
+        robot_radius_m=0.31,
+        human_radius_m=0.17,
+        success_radius_m=0.4,
+        rate_hz=10,
+        v_max_mps=1.5,
+        w_max_radps=1.1,
+    )
+    frames = list(film_frames(crooked, top_view, camera_height_px=100, step=4))
+    plain = dataclasses.replace(crooked, enlarged=False, camera=list(crooked.camera or ()), outcome="success")
+    high = list(film_frames(dataclasses.replace(plain, rate_hz=13), top_view, camera_height_px=90, step=6))
+    golden_image("episode_film", np.concatenate([frames[1], frames[3], frames[4], high[4]]))
+
+
+def test_outcome_stands_in_the_last_second(film: EpisodeFilm, top_view: TopView) -> None:
+    def pictures(outcome: str) -> list[Picture]:
+        told = dataclasses.replace(film, outcome=outcome, rate_hz=5)
+        return list(film_frames(told, top_view, camera_height_px=36))
+
+    changed = [bool((a != b).any()) for a, b in zip(pictures(""), pictures("timeout"), strict=True)]
+    assert changed == [row >= COUNT - 5 for row in range(COUNT)]

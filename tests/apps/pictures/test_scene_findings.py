@@ -1,4 +1,5 @@
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -41,3 +42,19 @@ def test_ground_that_nobody_filmed_is_coloured_and_the_sentences_stand_below(pla
 def test_places_in_fog_are_numbered(plan: ScenePlan) -> None:
     sharp, foggy = (findings_map(plan, seen(value), [], "room", 0.3) for value in (500.0, 1.0))
     assert not np.array_equal(sharp[:700], foggy[:700])
+
+
+def test_map_looks_as_it_did(
+    plan: ScenePlan, golden_image: Callable[[str, Picture], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    blurred, coarse = np.zeros_like(plan.blurred), plan.coarse.copy()
+    blurred[20:40, 8:30] = True
+    coarse[30:50, 25:60] = False
+    crooked = dataclasses.replace(plan, blurred=blurred, coarse=coarse)
+    bare = Look(xyyaw=(2.6, 0.7, 0.4), rgb=np.zeros((8, 8, 3), np.uint8), sharpness=900.0, coverage=0.1)
+    places = (seen(500.0).places[0], seen(3.0).places[0], Place(looks=(bare, bare)))
+    monkeypatch.setattr("readygo.apps.pictures.scene_findings.HEIGHT_PX", 260)
+    high = findings_map(crooked, SceneViews(places=places), ["a wall is blurred", "long " * 40], "room", 0.3)
+    golden_image("scene_findings", high)
+    monkeypatch.setattr("readygo.apps.pictures.scene_findings.WIDTH_MAX_PX", 150)
+    golden_image("scene_findings_narrow", findings_map(crooked, seen(500.0), [], "room", 0.3))

@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -45,3 +46,17 @@ def test_data_have_several_images_at_a_time_or_one(tmp_path: Path) -> None:
     write_shard(tmp_path / "one", [0], outputs=("mask",))
     write_left_shard(tmp_path / "two", [0])
     assert [has_several(Dataset([tmp_path / name])) for name in ("one", "two")] == [False, True]
+
+
+def test_pictures_look_as_they_did(golden_image: Callable[[str, np.ndarray], None]) -> None:
+    rng = np.random.default_rng(4)
+    images = {
+        "rgb": rng.integers(0, 255, (6, 11, 3)).astype(np.uint8),
+        "left.rgb": rng.integers(0, 255, (9, 8, 3)).astype(np.uint8),
+        "depth": np.geomspace(0.2, 14.0, 6 * 11).reshape(6, 11).astype(np.float32),
+    }
+    rows = shown_images(images, ROBOT)
+    assert rows == (("left.rgb", "rgb"), ("depth",))
+    large, small = (side_by_side(images, rows, ROBOT, width_px=width) for width in (270, 19))
+    golden_image("side_by_side", large)
+    assert small.shape == (2 * (7 + CAPTION_PX), round(8 * 7 / 9) + round(11 * 7 / 6) + GAP_PX, 3)

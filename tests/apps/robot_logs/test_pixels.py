@@ -94,3 +94,43 @@ def test_quantised_inverse_depths_are_read_as_ros_writes_them():
 def test_compressed_depths_that_are_none_are_said(data, image_format, words):
     with pytest.raises(ValueError, match=words):
         compressed_depth_of(data, image_format)
+
+
+def test_size_that_an_encoding_cannot_have_is_refused() -> None:
+    with pytest.raises(ValueError, match="a size that"):
+        bgr_of(np.zeros(6, np.uint8), encoding="yuv422_yuy2", height_px=1, width_px=3, row_bytes=6)
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_sizes_that_just_fit_are_read_and_a_byte_less_is_refused(encoding):
+    channels = {"bgr8": 3, "8UC3": 3, "rgb8": 3, "rgba8": 4, "bgra8": 4}.get(encoding, 2 if "yu" in encoding else 1)
+    channels = 2 if encoding in ("uyvy", "yuyv", "yuv422", "yuv422_yuy2") else channels
+    size = {"encoding": encoding, "height_px": 4, "width_px": 6}
+    rng = np.random.default_rng(1)
+    data = rng.integers(0, 256, (4, 6 * channels), np.uint8)
+    tight = bgr_of(data, row_bytes=6 * channels, **size)
+    wide = bgr_of(np.pad(data, ((0, 0), (0, 3))), row_bytes=6 * channels + 3, **size)
+    assert np.array_equal(tight, wide)
+    for wrong, row_bytes in ((data[:, :-1], 6 * channels - 1), (data[:3], 6 * channels), (data[:0], 6 * channels)):
+        with pytest.raises(ValueError, match="an image of 4x6 px"):
+            bgr_of(wrong, row_bytes=row_bytes, **size)
+
+
+@pytest.mark.parametrize("encoding", ["bayer_rggb8", "bayer_bggr8", "bayer_gbrg8", "bayer_grbg8"])
+def test_mosaics_are_read_in_their_order(encoding):
+    names = encoding[6:10]
+    colour = {"r": 200, "g": 120, "b": 40}
+    tile = np.array([[colour[names[0]], colour[names[1]]], [colour[names[2]], colour[names[3]]]], np.uint8)
+    found = bgr_of(np.tile(tile, (6, 6)), encoding=encoding, height_px=12, width_px=12, row_bytes=12)
+    assert (found[2:-2, 2:-2] == (40, 120, 200)).all()
+
+
+def test_depths_of_padded_rows_and_the_largest_millimetre():
+    stored = np.array([[1500, 65535, 7], [2, 0, 7]], "<u2")
+    size = {"encoding": "16UC1", "height_px": 2, "width_px": 2}
+    found = depth_of(stored.view(np.uint8), row_bytes=6, **size)
+    assert np.array_equal(found, np.array([[1.5, 65.535], [0.002, np.inf]], np.float32))
+    for data, row_bytes in ((stored.view(np.uint8)[:, :3], 3), (stored.view(np.uint8)[:1], 6)):
+        with pytest.raises(ValueError, match="depths of 2x2 px 16UC1"):
+            depth_of(data, row_bytes=row_bytes, **size)
+    assert millimetres(np.array([65.535, 65.536, 0.0005, 0.0004, 0.0016], np.float32)).tolist() == [65535, 0, 0, 0, 2]

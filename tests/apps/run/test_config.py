@@ -92,3 +92,29 @@ def test_camera_whose_latency_falls_between_pictures_is_refused(tmp_path: Path) 
         load_run_config(run_config(tmp_path, text + "4\n"))
     with pytest.raises(ConfigError, match="camera_hz must be 20 Hz divided by a whole number, got 6"):
         load_run_config(run_config(tmp_path, "[driver]\ncamera_hz = 6\n"))
+
+
+@pytest.mark.parametrize("text", [b"a = " + b"[" * 100_000, b"a = " + b"9" * 5000, b"a = '\xff'"])
+def test_file_beyond_a_limit_is_refused_in_one_line(tmp_path: Path, text: bytes) -> None:
+    (tmp_path / "run.toml").write_bytes(text)
+    with pytest.raises(ConfigError, match=r"^Configuration .*run\.toml cannot be read: .*\.$"):
+        load_run_config(tmp_path / "run.toml")
+
+
+def test_sensor_recipe_is_that_of_every_camera_and_keeps_where_each_looks() -> None:
+    front = CameraConfig(height_px=72, width_px=128, horizontal_fov_deg=95.0, mount_height_m=0.41, mount_x_m=0.13)
+    rear = CameraConfig(height_px=54, width_px=96, distortion="fisheye", k1=0.02, mount_x_m=-0.21)
+    base = RunConfig(robot=RobotConfig(camera=front, cameras={"rear": rear}, v_max_mps=0.8))
+    phone = load_run_config(None, sensor="sensor_phone_like", base=base)
+    plain = load_run_config(None, sensor="off", base=phone)
+    for name, before in base.robot.all_cameras.items():
+        drawn, ideal = phone.robot.all_cameras[name], plain.robot.all_cameras[name]
+        assert (drawn.distortion, drawn.k1) == ("brown_conrady", -0.015)
+        assert drawn.exposure_s == pytest.approx((1 / 200 + 1 / 60) / 2)
+        for found in (drawn, ideal):
+            for key in ("height_px", "width_px", "horizontal_fov_deg", "mount_height_m", "mount_x_m"):
+                assert getattr(found, key) == getattr(before, key), (name, key)
+        assert (ideal.distortion, ideal.k1, ideal.exposure_s) == (CameraConfig().distortion, 0.0, 0.0)
+    assert (phone.renderer.sub_frames, phone.renderer.sensor.k1) == (4, (-0.04, 0.01))
+    assert plain.renderer.sensor == SensorConfig()
+    assert phone.robot.v_max_mps == 0.8

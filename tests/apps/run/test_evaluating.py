@@ -30,7 +30,7 @@ def test_methods_that_cannot_drive_here_are_said_before_any_work(world) -> None:
     with pytest.raises(PolicyError, match="No policy is given"):
         evaluation_work(world, bus_of("policy"))
     with pytest.raises(RunError, match="is not on this machine"):
-        evaluation_work(world, bus_of("gnm", hashes={"gnm": "ab"}))
+        evaluation_work(world, bus_of("gnm", hashes={"gnm": "ab" * 32}))
 
 
 def test_episode_of_which_nothing_is_missing_is_not_driven(world) -> None:

@@ -14,6 +14,7 @@ from readygo.apps.run.evaluation import (
     make_evaluator,
     make_evaluator_config,
     make_request,
+    references,
     summarize,
     trained_settings,
 )
@@ -194,3 +195,10 @@ def test_checkpoints_are_measured_with_the_camera_of_the_policy(monkeypatch: pyt
         closed_loop("embedded", episodes=1, seed=0)(Path("policy"))
     assert configs[0].robot == robot
     assert configs[0].renderer.sensor == spec.sensor
+
+
+def test_others_are_compared_with_the_first_method_and_the_expert() -> None:
+    assert references(("policy", STRAIGHT_LINE, EXPERT)) == ["policy", EXPERT]
+    assert references((EXPERT, "policy")) == [EXPERT]
+    assert references((STRAIGHT_LINE, "policy")) == [STRAIGHT_LINE]
+    assert references(()) == []

@@ -1,15 +1,17 @@
 import copy
 import dataclasses
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from readygo.apps.run.config import RunConfig, load_run_config, resolved_sections, with_outputs
-from readygo.apps.run.folder import RunFolder
+from readygo.apps.run.folder import TARGETS, RunFolder
 from readygo.common.errors import RunError
 from readygo.common.messages import OnRejection
 from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN, RENDER, ROBOT_PLAN
+from readygo.services.coordinator import Ledger
 from tests.common.messages.run_specs import SPEC
 
 
@@ -45,6 +47,19 @@ def test_folder_from_before_there_were_labels_is_refused_but_with_labels_off(tmp
     folder.check(dataclasses.replace(SPEC, config=resolved_sections(without)))
     with pytest.raises(RunError, match=r"config \(renderer\) differ"):
         folder.check(dataclasses.replace(SPEC, config=resolved_sections(with_labels)))
+
+
+def test_folder_from_before_depth_was_the_median_is_refused_but_with_the_mean(tmp_path: Path) -> None:
+    folder, config = RunFolder(tmp_path), RunConfig()
+    mean = dataclasses.replace(config, renderer=dataclasses.replace(config.renderer, depth="mean"))
+    old = dataclasses.replace(SPEC, config=copy.deepcopy(resolved_sections(config)))
+    del old.config["renderer"]["depth"]
+    with folder.locked():
+        folder.save(old, 3)
+        folder.ledger.touch()
+    folder.check(dataclasses.replace(SPEC, config=resolved_sections(mean)))
+    with pytest.raises(RunError, match=r"config \(renderer\) differ"):
+        folder.check(dataclasses.replace(SPEC, config=resolved_sections(config)))
 
 
 def test_folder_from_before_the_camera_was_one_section_can_be_gone_on_with(tmp_path: Path) -> None:
@@ -127,6 +142,21 @@ def test_start_that_failed_binds_nobody(tmp_path: Path) -> None:
         folder.check(SPEC)
 
 
+def test_ledger_without_an_episode_binds_nothing_and_one_with_an_episode_does(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    other = dataclasses.replace(SPEC, seed=SPEC.seed + 1)
+    with folder.locked():
+        folder.save(other, 3)
+    ledger = Ledger(folder.ledger)
+    folder.check(SPEC)
+    assert not folder.has_data
+    ledger.open_episodes(1)
+    with pytest.raises(RunError, match="seed differ"):
+        folder.check(SPEC)
+    ledger.close()
+    assert folder.has_data
+
+
 def test_run_has_one_coordinator(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path)
     with pytest.raises(RunError, match="is no data folder of a run"), folder.coordinated(patience_s=0.0):
@@ -141,3 +171,49 @@ def test_run_has_one_coordinator(tmp_path: Path) -> None:
         pass
     with folder.coordinated(patience_s=0.0):
         pass
+
+
+def test_endpoint_that_is_no_text_is_none(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    folder.state.mkdir()
+    (folder.state / "endpoint").write_bytes(b"tcp/\xff\n")
+    with pytest.raises(RunError, match="No fleet is at work"):
+        folder.fleet_endpoint()
+
+
+def test_state_of_a_run_is_its_owners_alone_and_becomes_so_when_it_is_resumed(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path / "data")
+    with folder.locked():
+        assert folder.state.stat().st_mode & 0o777 == 0o700
+        folder.save(SPEC, 3)
+    assert folder.path.stat().st_mode & 0o055, "shards can be read"
+    folder.state.chmod(0o755)
+    with folder.locked():
+        assert folder.state.stat().st_mode & 0o777 == 0o700
+    (folder.state / TARGETS).mkdir()
+    with folder.locked():
+        assert folder.state.stat().st_mode & 0o777 == 0o711, "Prometheus gets through to the targets"
+
+
+@pytest.mark.parametrize("kept", [0, 10, 100])
+def test_spec_that_is_cut_is_named(kept: int, tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    with folder.locked():
+        folder.save(SPEC, 3)
+    spec = folder.state / "spec.msgpack"
+    spec.write_bytes(spec.read_bytes()[:kept])
+    folder.ledger.touch()
+    named = rf"^{re.escape(str(spec))} is damaged: Payload of {kept} bytes is no RunSpec"
+    with pytest.raises(RunError, match=named):
+        folder.load()
+    with pytest.raises(RunError, match=named):
+        folder.check(SPEC)
+
+
+def test_number_of_wanted_episodes_that_is_none_is_named(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    with folder.locked():
+        folder.save(SPEC, 3)
+    (folder.state / "wanted").write_text("")
+    with pytest.raises(RunError, match=r"wanted is damaged: write the number of wanted episodes"):
+        folder.load()

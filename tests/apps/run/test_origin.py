@@ -26,6 +26,7 @@ from readygo.common.messages import RunSpec, Split
 from readygo.common.policy import PolicySpec, load_spec, save_spec
 from readygo.common.robot import RobotConfig
 from readygo.services.planner.humans.config import HumanPlannerConfig
+from readygo.services.renderer import RendererConfig
 
 SPEC = PolicySpec(robot=RobotConfig(height_m=0.8), sensor=SensorConfig(k1=(0.0, 0.02)), training={"seed": 3})
 
@@ -69,6 +70,15 @@ def test_evaluation_has_the_settings_of_the_data_and_the_policys_robot(policy: P
     assert settings.renderer.detail == "lod"
     assert (settings.robot, settings.renderer.sensor) == (SPEC.robot, SPEC.sensor)
     assert settings.expert == RunConfig().expert
+
+
+@pytest.mark.parametrize("depth", ["median", "mean"])
+def test_depth_is_what_it_was_in_the_data_and_the_mean_where_they_do_not_say(avatars: Path, depth: str) -> None:
+    config = RunConfig(renderer=RendererConfig(depth=depth))
+    spec = with_origin(SPEC, origin_of_runs([run_of(config, avatars)]))
+    assert settings_of_policy(spec).renderer.depth == depth
+    del spec.training["data"]["settings"]["renderer"]["depth"]
+    assert settings_of_policy(spec).renderer.depth == "mean"
 
 
 def test_humans_are_left_out_where_a_recipe_names_them(policy: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from readygo.apps.run import recovery
 from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.recovery import Witness, check_recorded, recover
+from readygo.apps.run.recovery import Findings, Witness, check_recorded, recover
 from readygo.common.dataset import Dataset, ShardWriter, validate
 from readygo.common.dataset.committed import episode_indices
 from readygo.common.dataset.index import load_index
@@ -366,3 +366,14 @@ def test_ledger_that_cannot_be_used_for_now_is_not_damaged(folder: RunFolder, mo
             recover(folder)
     assert recover(folder) == recovery.Findings()
     assert not list(folder.state.glob("damaged-*"))
+
+
+def test_findings_are_told_one_a_line() -> None:
+    assert Findings().lines == []
+    found = Findings(rebuilt=True, damaged={Path("d/a.mcap"): "cut"}, doubles={Path("d/b.mcap"): 3}, lost=[4, 9])
+    assert found.lines == [
+        "The run's ledger was lost or damaged: it is made anew of the shards.",
+        "a.mcap is damaged (cut): what is whole in it is saved.",
+        "b.mcap had 3 episodes that are in other shards as well: they are dropped from it.",
+        "2 durable episodes are in no sound shard: what cannot be saved is recorded again.",
+    ]

@@ -32,3 +32,16 @@ def test_index_without_a_scenario_is_named(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr("readygo.apps.run.take.handle_human_plan", lambda planner, request: refused)
     with pytest.raises(RunError, match=r"has no scenario: no room\. Ask for another --index"):
         Takes(maps_of(rooms()), {}, RunConfig()).take(key(4), static=False)
+
+
+def test_humans_that_cannot_walk_end_the_take(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = object()
+    monkeypatch.setattr(
+        "readygo.apps.run.take.handle_human_plan", lambda planner, request: SimpleNamespace(scenario=scenario)
+    )
+    monkeypatch.setattr(
+        "readygo.apps.run.take.handle_animate", lambda animator, request: SimpleNamespace(motions=None, rejected="feet")
+    )
+    monkeypatch.setattr("readygo.apps.run.take.AnimateRequest", SimpleNamespace)
+    take = Takes(maps_of(rooms()), {}, RunConfig()).take(key(4), static=False)
+    assert (take.scenario, take.run, take.rejected, take.drive_ms) == (scenario, None, "feet", 0.0)

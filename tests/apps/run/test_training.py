@@ -51,3 +51,9 @@ def test_setting_that_makes_no_sense_is_one_line() -> None:
 def test_best_is_for_data_in_which_the_expert_was_asked() -> None:
     assert default_recipe(SimpleNamespace(has_expert=True)) == "best"
     assert default_recipe(SimpleNamespace(has_expert=False)) == "fast"
+
+
+def test_table_in_place_of_a_number_is_refused(tmp_path) -> None:
+    (tmp_path / "a.toml").write_text("[minutes]\na = 1\n")
+    with pytest.raises(ConfigError, match="minutes"):
+        make_config("fast", tmp_path / "a.toml")

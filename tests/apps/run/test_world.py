@@ -1,8 +1,10 @@
 import dataclasses
+import hashlib
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import msgpack
 import pytest
 
 from readygo.apps.fleet.worker import make_coordinator
@@ -13,8 +15,8 @@ from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
 from readygo.common.avatars.file import avatar_paths
 from readygo.common.bus import InProcessBus
-from readygo.common.errors import AvatarError, RunError
-from readygo.common.messages import FileRef, RunSpec, Split
+from readygo.common.errors import AvatarError, MessageError, RunError
+from readygo.common.messages import BlobReply, FileRef, RunSpec, Split, decode, encode, topics
 from readygo.services.coordinator import attach
 
 
@@ -78,10 +80,37 @@ def test_map_is_shown_where_the_scene_is(bus: InProcessBus, spec: RunSpec, elsew
     assert there.maps is None
 
 
-def test_scene_file_outside_of_the_bundle_is_refused(bus: InProcessBus, elsewhere: RunSpec) -> None:
-    evil = dataclasses.replace(elsewhere.scene_files[0], path="../../escaped")
-    with pytest.raises(RunError, match="outside of its bundle"):
-        _ = World(dataclasses.replace(elsewhere, scene_files=(evil,)), bus).scene
+def _rogue(tmp_path: Path) -> InProcessBus:
+    """A coordinator that answers with a file that the run does not need."""
+    bus = InProcessBus()
+    bus.serve(topics.BLOB, lambda _: BlobReply(size=len(EVIL), data=EVIL))
+    return bus
+
+
+EVIL = b"* * * * * root touch /tmp/owned"
+EVIL_FILE = FileRef(path="cron.d/evil", sha256=hashlib.sha256(EVIL).hexdigest(), size=len(EVIL))
+
+
+@pytest.mark.parametrize("place", ["{tmp_path}/etc", "../../../etc", "..", "", "/"])
+@pytest.mark.parametrize("path", ["cron.d/evil", "../evil", "../../../etc/evil", "{tmp_path}/etc/evil"])
+def test_rogue_coordinator_writes_nothing_outside_of_the_cache(
+    elsewhere: RunSpec, tmp_path: Path, place: str, path: str
+) -> None:
+    """Neither where the spec's class lets these pass."""
+    place, path = place.format(tmp_path=tmp_path), path.format(tmp_path=tmp_path)
+    fields = msgpack.unpackb(encode(elsewhere))
+    with pytest.raises(MessageError, match="is no RunSpec: scene_hash must be 64 hexadecimal digits"):
+        decode(RunSpec, msgpack.packb(fields | {"scene_hash": place}))
+    file = dataclasses.replace(EVIL_FILE)
+    object.__setattr__(file, "path", path)
+    for scene_hash in (place, elsewhere.scene_hash):
+        spec = dataclasses.replace(elsewhere, scene_files=(file,))
+        object.__setattr__(spec, "scene_hash", scene_hash)
+        if (scene_hash, path) == (elsewhere.scene_hash, "cron.d/evil"):
+            continue
+        with pytest.raises(RunError, match="outside of its bundle"):
+            _ = World(spec, _rogue(tmp_path)).scene
+    assert [entry for entry in tmp_path.rglob("*") if entry.name.endswith(("evil", ".part", ".lock"))] == []
 
 
 def test_scene_file_that_the_run_does_not_have_is_an_error(bus: InProcessBus, elsewhere: RunSpec) -> None:

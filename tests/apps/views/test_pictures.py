@@ -1,8 +1,13 @@
+from collections.abc import Callable
+
 import numpy as np
+import pytest
 
 from readygo.apps.views.pictures import ALARM, captioned, clarity_map, sharpness_colour, views_sheet
+from readygo.apps.views.views import Place, SceneViews
 from readygo.common.drawing.plan_view import INK
 from readygo.common.maps import GridFrame, OccupancyMap
+from readygo.services.renderer import Look
 from tests.apps.views.looks import views
 
 
@@ -42,3 +47,23 @@ def test_captions_stay_within_their_picture() -> None:
         tile = captioned(picture, text, ALARM)
         assert tile.shape == captioned(picture, "", INK).shape
         assert (tile[-20:, -2:] == 255).all()
+
+
+def test_map_and_sheet_look_as_they_did(
+    golden_image: Callable[[str, np.ndarray], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(5)
+    looks = [
+        Look(xyyaw=(x, y, 2.5), rgb=rng.integers(0, 255, (4, 7, 3)).astype(np.uint8), sharpness=sharp, coverage=share)
+        for x, y, sharp, share in ((-0.4, 0.3, 12.0, 0.9), (1.7, 0.1, 240.0, 0.97), (3.9, 1.6, 470.0, 0.2))
+    ]
+    found = SceneViews(places=tuple(Place(looks=(look, look)) for look in looks))
+    occupied = np.zeros((31, 62), np.bool_)
+    occupied[:, 30], occupied[12:20, 30] = True, False
+    occupied[25:, :20] = True
+    occupancy = OccupancyMap(frame=GridFrame(origin_x_m=-1.1, origin_y_m=-0.6, resolution_m=0.1), occupied=occupied)
+    monkeypatch.setattr("readygo.apps.views.pictures.MAP_SIDE_PX", 300)
+    golden_image("clarity_map", clarity_map(found, occupancy, 0.2))
+    monkeypatch.setattr("readygo.apps.views.pictures.COLUMNS", 2)
+    monkeypatch.setattr("readygo.apps.views.pictures.TILE_WIDTH_PX", 200)
+    golden_image("views_sheet", views_sheet(found, "hall"))

@@ -1,3 +1,6 @@
+import os
+import tracemalloc
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -168,7 +171,7 @@ def test_corrupted_array_is_refused(tmp_path: Path) -> None:
 def test_single_array_file_is_refused(tmp_path: Path) -> None:
     with (tmp_path / "array.npz").open("wb") as stream:
         np.save(stream, np.zeros(3))
-    with pytest.raises(AvatarError, match="not a NumPy archive"):
+    with pytest.raises(AvatarError, match="not a readable NumPy archive"):
         load_avatar(tmp_path / "array.npz")
 
 
@@ -221,3 +224,63 @@ def test_shared_avatars_load_as_they_are(shared_data: Path) -> None:
     avatars = load_avatars(shared_data / "avatars")
     assert len(avatars) == 4
     assert all(1.5 < avatar.height_m < 2.0 for avatar in avatars.values())
+
+
+SIGFPE = b"\x93NUMPY\x01\x00F\x00" + b"{'descr': 'm8[s/0]', 'fortran_order': False, 'shape': (), }".ljust(69) + b"\n"
+
+
+@pytest.mark.parametrize("data", [SIGFPE, b"no array", b"\x93NUMPY\x01\x00F\x00" + b"(" * 70])
+def test_array_that_is_none_is_refused_in_one_line(plain_file: Path, data: bytes) -> None:
+    """The first one ends a process in which NumPy reads it, with SIGFPE."""
+    with zipfile.ZipFile(plain_file) as archive:
+        entries = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(plain_file, "w") as archive:
+        for name, entry in (entries | {"means.npy": data}).items():
+            archive.writestr(name, entry)
+    with pytest.raises(AvatarError, match=r"is not a readable NumPy archive \(\.npz\): means: ") as error:
+        load_avatar(plain_file)
+    assert "\n" not in str(error.value)
+
+
+def test_archive_that_unpacks_to_a_gigabyte_costs_nothing(plain_file: Path) -> None:
+    entries = entries_of(plain_file)
+    np.savez_compressed(plain_file, **(entries | {"other": np.zeros(2**26, np.uint8)}))
+    tracemalloc.start()
+    load_avatar(plain_file)
+    assert tracemalloc.get_traced_memory()[1] < 2**22
+    np.savez_compressed(plain_file, **(entries | {"means": np.zeros((2**27 + 2**25, 2), np.uint8)}))
+    tracemalloc.reset_peak()
+    with pytest.raises(AvatarError, match=r"unpacks to 335[0-9]* bytes, 300000000 are read at most"):
+        load_avatar(plain_file)
+    assert tracemalloc.get_traced_memory()[1] < 2**22
+    tracemalloc.stop()
+
+
+def test_more_gaussians_than_an_avatar_has_are_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    save_avatar(make_avatar(count=50), tmp_path / "a.npz")
+    monkeypatch.setattr("readygo.common.avatars.file.GAUSSIANS_MAX", 49)
+    with pytest.raises(AvatarError, match="holds 50 Gaussians; an avatar has at most 49"):
+        load_avatar(tmp_path / "a.npz")
+    with pytest.raises(AvatarError, match="has 50 Gaussians; give at most 49"):
+        save_avatar(make_avatar(count=50), tmp_path / "b.npz")
+
+
+def test_ends_of_codes_that_would_repeat_an_array_do_not_fit(plain_file: Path) -> None:
+    entries = entries_of(plain_file)
+    entries |= {"opacities": np.zeros(50, np.uint8), "opacities_max": np.ones(50)}
+    np.savez(plain_file, **entries, opacities_min=np.zeros((1000, 1)))
+    with pytest.raises(AvatarError, match="do not fit"):
+        load_avatar(plain_file)
+
+
+@pytest.mark.parametrize("name", [np.array(["a", "b"]), np.array(7), np.array("x" * 3000)])
+def test_name_that_is_no_text_is_refused(plain_file: Path, name: Any) -> None:
+    np.savez(plain_file, **(entries_of(plain_file) | {"name": name}))
+    with pytest.raises(AvatarError, match="name must be one text of at most 2000 characters"):
+        load_avatar(plain_file)
+
+
+def test_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.npz")
+    with pytest.raises(AvatarError, match=r"a\.npz cannot be read: it is a pipe or a device"):
+        load_avatars(tmp_path)

@@ -42,21 +42,34 @@ def test_weights_add_up_to_the_opacity_that_was_kept(avatar: Avatar, model: Foot
     assert model.weights.sum() == pytest.approx(kept.sum())
 
 
-def test_voxel_is_the_point_nearest_to_the_mean_by_opacity(avatar: Avatar) -> None:
-    first = np.arange(5)
+def few_points(avatar: Avatar, means_m: list[list[float]], opacities: list[float], scales_m: list[float]) -> Avatar:
+    rows = np.arange(len(means_m))
     cloud = dataclasses.replace(
-        avatar.cloud.select(first),
-        means_m=np.float32([[0.001, 1, 0], [0.02, 1, 0], [0.045, 1, 0], [0.2, 1, 0], [0.3, 1, 0]]),
-        opacities=np.float32([0.9, 0.1, 0.1, 0.4, 0.5]),
-        scales_m=np.full((5, 3), 0.01, np.float32) * np.float32([[1], [1], [1], [1], [9]]),
+        avatar.cloud.select(rows),
+        means_m=np.float32(means_m),
+        opacities=np.float32(opacities),
+        scales_m=np.outer(np.float32(scales_m), np.float32([1, 1, 1])),
     )
-    few = dataclasses.replace(
-        avatar, cloud=cloud, lbs_index=avatar.lbs_index[first], lbs_weight=avatar.lbs_weight[first]
+    return dataclasses.replace(
+        avatar, cloud=cloud, lbs_index=avatar.lbs_index[rows], lbs_weight=avatar.lbs_weight[rows]
     )
+
+
+def test_voxel_is_the_point_nearest_to_the_mean_by_opacity(avatar: Avatar) -> None:
+    means_m = [[0.001, 1, 0], [0.02, 1, 0], [0.045, 1, 0], [0.2, 1, 0], [0.3, 1, 0]]
+    few = few_points(avatar, means_m, [0.9, 0.1, 0.1, 0.4, 0.5], [0.01, 0.01, 0.01, 0.01, 0.09])
     model = FootprintModel.from_avatar(few, voxel_m=0.05)
     np.testing.assert_allclose(model.points_m[:, 0], [0.001, 0.2], atol=1e-6)
     np.testing.assert_allclose(model.weights, [1.1, 0.4], atol=1e-6)
     np.testing.assert_array_equal(model.lbs_index, avatar.lbs_index[[0, 3]])
+
+
+@pytest.mark.parametrize(("limit", "points"), [(5, 5), (4, 4), (1, 1)])
+def test_voxels_grow_by_tenths_from_the_first_point_beyond_the_limit(avatar: Avatar, limit: int, points: int) -> None:
+    # Voxels of 5.5 cm join the first two alone.
+    means_m = [[0.01, 0, 0], [0.052, 0, 0], [0.012, 0.06, 0], [0.012, 0, 0.06], [0.012, 0.06, 0.06]]
+    few = few_points(avatar, means_m, [0.5] * 5, [0.01] * 5)
+    assert len(FootprintModel.from_avatar(few, voxel_m=0.05, point_limit=limit).points_m) == points
 
 
 def test_points_limit_holds_for_a_fine_grid(avatar: Avatar) -> None:

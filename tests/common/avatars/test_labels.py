@@ -110,3 +110,12 @@ def test_human_without_solid_gaussians_has_a_box(avatar: Avatar) -> None:
     faint = dataclasses.replace(avatar.cloud, opacities=np.full_like(avatar.cloud.opacities, 0.2))
     model = LabelModel.from_avatar(dataclasses.replace(avatar, cloud=faint))
     assert human_labels(model, some_motion(0), 0, 0.0).box[5] > 1.0
+
+
+def test_labels_of_somebody_in_motion_are_as_they_were(avatar: Avatar, model: LabelModel, golden_figures) -> None:
+    labels = human_labels(model, some_motion(4, steps=3), 1, 2.5)
+    golden_figures("avatars/joints", labels.joints_m)
+    golden_figures("avatars/box", [labels.box])
+    golden_figures("avatars/footprint", 5.0 * labels.footprint_xy_m)
+    points = 30.0 * model.footprint.points_m, model.footprint.weights, model.footprint.lbs_weight
+    golden_figures("avatars/footprint model", *points)

@@ -23,3 +23,8 @@ def test_light_comes_from_one_side_and_is_the_same_for_all_colours():
     towards, away = irradiance(fixed_light(), np.array([LIGHT_FROM, -np.array(LIGHT_FROM)]))
     assert towards == pytest.approx(towards[0])
     assert towards[0] > 2 * away[0] > 0
+
+
+def test_mesh_and_its_light_are_as_they_were(golden_figures):
+    golden_figures("avatars/mesh colours", mesh_like(load_avatars()["gil"]).cloud.sh[::7, 0])
+    golden_figures("avatars/mesh light", fixed_light().reshape(3, 16))

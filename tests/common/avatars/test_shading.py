@@ -59,3 +59,13 @@ def test_an_embedded_avatar_looks_outward_at_its_head_hands_and_back() -> None:
     top, back = points[:, 1] > points[:, 1].max() - 0.02, points[:, 2] < np.quantile(points[:, 2], 0.01)
     assert (normals[top, 1] > 0.4).all()
     assert np.mean(normals[back, 2] < -0.5) > 0.9
+
+
+def test_normals_of_an_avatar_are_as_they_were(golden_figures) -> None:
+    rng = np.random.default_rng(6)
+    axes, joint_weights = rng.normal(size=(300, 3)), rng.random((300, 24)).astype(np.float32) ** 6
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    joint_weights /= joint_weights.sum(axis=1, keepdims=True)
+    joints = rng.uniform(-1, 1, (24, 3)).astype(np.float32)
+    normals = outward_normals(rng.uniform(-1, 1, (300, 3)), axes, rng.random(300), joint_weights, joints)
+    golden_figures("avatars/normals", normals)

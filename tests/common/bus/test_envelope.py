@@ -1,3 +1,5 @@
+import pytest
+
 from readygo.common.bus.envelope import TRACE, opened, seal
 
 
@@ -19,3 +21,19 @@ def test_trace_travels_and_ends_with_the_request() -> None:
 def test_trace_that_is_none_is_left_out() -> None:
     with opened(b"blob\n" + b"x" * 100) as topic:
         assert (topic, TRACE.get()) == ("blob", "")
+
+
+@pytest.mark.parametrize(("length", "kept"), [(64, True), (65, False)])
+def test_trace_of_64_characters_is_one_and_a_longer_one_is_none(length: int, kept: bool) -> None:
+    with opened(b"blob\n" + b"x" * length):
+        assert TRACE.get() == ("x" * length if kept else "")
+    with opened("blob\n\u00e9".encode("latin-1")) as topic:
+        assert (topic, TRACE.get()) == ("blob", "\ufffd")
+
+
+def test_trace_of_the_thread_comes_back_also_after_a_failure() -> None:
+    before = TRACE.set("outer")
+    with pytest.raises(ZeroDivisionError), opened(b"blob\ninner"):
+        raise ZeroDivisionError
+    assert TRACE.get() == "outer"
+    TRACE.reset(before)

@@ -177,3 +177,74 @@ def test_access_control_names_every_role_and_refuses_what_it_does_not_name() -> 
     rules = [rule["id"] for rule in access["rules"]]
     assert len(rules) == len(set(rules))
     assert all(rule in rules for policy in access["policies"] for rule in policy["rules"])
+
+
+OPEN = {"ctl", "ctl/status", "ctl/fleet", "coord/spec", "coord/*/claim"}
+WORK = OPEN | {"coord/*/renew", "coord/*/complete", "blob", "rec/*/append"}
+ASKED = {
+    "coordinator": None, "monitor": OPEN | {"blob"}, "operator": OPEN | {"blob"}, "renderer": WORK,
+    "evaluator": WORK | {"evaluate/*"}, "all": WORK | {"evaluate/*"}, "trainer": OPEN | {"coord/policy"},
+    "recorder.rec0": OPEN | {"coord/rec/*", "blob"}, "recorder.west": OPEN | {"coord/rec/*", "blob"},
+}  # fmt: skip
+"""What each may ask, under its own name; the coordinator may do everything."""
+WORKER_HEARS = {"live/wake", "live/progress"}
+HEARD = {
+    "monitor": {"live/**", "train/**"}, "operator": {"live/**", "train/**"}, "renderer": WORKER_HEARS,
+    "evaluator": WORKER_HEARS, "all": WORKER_HEARS, "trainer": {"train/*"}, "recorder.rec0": {"live/progress"},
+    "recorder.west": {"live/progress"},
+}  # fmt: skip
+
+
+def test_router_lets_each_name_do_this_and_nothing_else() -> None:
+    access = access_control(("renderer", "evaluator"), ("rec0", "west"))
+    rules = {rule["id"]: rule for rule in access["rules"]}
+    assert access["enabled"]
+    assert {name for subject in access["subjects"] for name in subject["cert_common_names"]} == set(ASKED)
+    out = rules["out"]
+    assert (out["flows"], out["key_exprs"], out["permission"]) == (["egress"], ["readygo/*/**"], "allow")
+    for policy in access["policies"]:
+        (name,) = policy["subjects"]
+        assert policy["rules"][0] == "out"
+        own = [rules[number] for number in policy["rules"][1:]]
+        assert all((rule["flows"], rule["permission"]) == (["ingress"], "allow") for rule in own)
+        allowed: dict[str, set[str]] = {}
+        for rule in own:
+            for message in rule["messages"]:
+                allowed.setdefault(message, set()).update(key.removeprefix("readygo/*/") for key in rule["key_exprs"])
+        if name == "coordinator":
+            assert allowed == {message: {"**"} for message in out["messages"]}
+            continue
+        role, _, who = name.partition(".")
+        assert allowed.pop("query") == {f"by/{name}/{topic}" for topic in ASKED[name]}
+        assert allowed.pop("declare_subscriber") == HEARD[name]
+        if role in ("monitor", "operator"):
+            assert allowed == {"declare_liveliness_subscriber": {"alive/**"}, "liveliness_query": {"alive/**"}}
+            continue
+        place = f"{role}/{who or '*'}"
+        want = {"liveliness_token": {f"alive/{place}/**"}, "liveliness_query": {f"alive/{place}/**"}}
+        want["put"] = {f"live/{place}/*"}
+        if role == "recorder":
+            want["put"].add("train/episodes")
+            want |= {message: {f"by/*/rec/{who}/append"} for message in ("declare_queryable", "reply")}
+        assert allowed == want
+
+
+@pytest.mark.parametrize(
+    ("asker", "roles", "request_", "refused"),
+    [
+        ("coordinator", ("operator",), CANCEL, False),
+        ("operator", ("operator", "all"), CANCEL, False),
+        ("monitor", ("operator", "all"), CANCEL, True),
+        ("recorder.rec0", ("recorder",), DONE, False),
+        ("recorder.rec1", ("recorder",), DONE, True),
+        ("recorder.rec1", ("recorder",), CANCEL, False),
+        ("renderer", (), RunSpecRequest(role="renderer"), False),
+        ("renderer", (), RunSpecRequest(role="animator"), True),
+        ("recorder.rec0", (), RunSpecRequest(role="recorder"), False),
+        ("recorder.rec0", (), RunSpecRequest(role="recorder.rec1"), False),
+        ("renderer", (), RunSpecRequest(), False),
+        ("renderer", (), DONE, False),
+    ],
+)
+def test_handler_refuses_other_roles_other_recorders_and_joining_as_another(asker, roles, request_, refused) -> None:
+    assert bool(refusal(asker, roles, request_)) == refused

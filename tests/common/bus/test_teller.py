@@ -46,3 +46,19 @@ def test_messages_keep_their_distance() -> None:
         now_s[0] = 0.05 * step + 1e-6 * step
         teller.tell(NEWS, lambda: REPLY)
     assert len(bus.published) == 5
+
+
+def test_message_comes_again_when_its_time_has_passed_and_each_kind_has_its_own() -> None:
+    bus, now_s = Listened(), [10.0]
+    teller, other = Teller(bus, clock=lambda: now_s[0]), Live("other", BlobReply, every_s=0.25)
+    teller.me = "renderer", "r0"
+    for at_s, live in ((10.0, other), (10.0, NEWS), (10.0, other), (10.125, other), (10.25, other), (10.375, other)):
+        now_s[0] = at_s
+        teller.tell(live, lambda: REPLY)
+    assert bus.published == ["live/renderer/r0/other", "live/renderer/r0/news", "live/renderer/r0/other"]
+    bus.heard_now = False
+    now_s[0] = 20.0
+    teller.tell(NEWS, lambda: REPLY)
+    bus.heard_now = True
+    teller.tell(NEWS, lambda: REPLY)
+    assert bus.published[-1] == "live/renderer/r0/news", "what nobody heard does not count"

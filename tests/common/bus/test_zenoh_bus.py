@@ -1,12 +1,15 @@
 import dataclasses
 import threading
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import pytest
 
 from readygo.common.bus import zenoh_bus
+from readygo.common.bus.foreign import ForeignSession
 from readygo.common.bus.zenoh_bus import _ASTRAY, Router, ZenohBus, free_endpoint
-from readygo.common.errors import BusError
+from readygo.common.errors import BusError, ConfigError, ReadygoError
 from readygo.common.messages import PendingReply, PendingRequest, StatusReply, topics
 from readygo.common.messages.codec import encode
 from tests.apps.monitor.watched import status, wait_for
@@ -36,6 +39,45 @@ def test_absent_router_is_said_in_one_line() -> None:
     with pytest.raises(BusError, match=r"No router answers at .*: Unable to connect") as error:
         ZenohBus(free_endpoint(), "test")
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("endpoint", ["foo", "tcp/127.0.0.1:99999", "tcp/", ""])
+@pytest.mark.parametrize("opens", [Router, partial(ZenohBus, run="test"), ForeignSession])
+def test_endpoint_that_is_none_is_refused_in_a_line(opens: Callable[[str], object], endpoint: str) -> None:
+    with pytest.raises(ConfigError, match=r"of the form tcp/HOST:PORT") as error:
+        opens(endpoint)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("opens", [Router, partial(ZenohBus, run="test"), ForeignSession])
+def test_endpoint_that_zenoh_refuses_is_one_line(opens: Callable[[str], object]) -> None:
+    for endpoint in ("ttt/127.0.0.1:7447", "tcp/127.0.0.1:7447?=#;;", "serial/#"):
+        with pytest.raises(ReadygoError) as error:
+            opens(endpoint)
+        assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["\x1b[2J", "a/b", "*", "a#b", "", "x" * 201])
+def test_name_that_cannot_be_shown_or_found_is_refused(name: str) -> None:
+    router = Router(free_endpoint())
+    bus = ZenohBus(router.endpoint, "test")
+    with pytest.raises(BusError, match="choose another --name"):
+        bus.announce("renderer", name)
+    for each in (bus, router):
+        each.close()
+
+
+def test_tokens_with_names_that_cannot_be_shown_are_left_out() -> None:
+    router = Router(free_endpoint())
+    watcher, other = ZenohBus(router.endpoint, "test"), ZenohBus(router.endpoint, "test")
+    seen: list[tuple[str, str, bool]] = []
+    watcher.watch(lambda member, alive: seen.append((member.role, member.name, alive)))
+    for role, name in (("renderer", "\x1b[2J"), ("\x9b", "b"), ("renderer", "last")):
+        other._declared.append(other._session.liveliness().declare_token(f"readygo/test/alive/{role}/{name}/session"))
+    wait_for(lambda: seen)
+    assert seen == [("renderer", "last", True)]
+    for each in (other, watcher, router):
+        each.close()
 
 
 def test_request_that_goes_astray_is_not_handled_and_sent_again() -> None:

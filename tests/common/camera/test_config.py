@@ -7,6 +7,7 @@ import pytest
 from readygo.common.camera import CameraConfig
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.errors import ConfigError
+from readygo.common.frames import matrix_from_axis_angle
 
 FOCAL = {"fx_px": 120.0, "fy_px": 118.0, "cx_px": 131.0, "cy_px": 70.5}
 
@@ -84,3 +85,78 @@ def test_ideal_is_what_the_rasterizer_draws_and_nothing_else() -> None:
     assert CameraConfig(**FOCAL, mount_pitch_deg=10.0, latency_s=0.1).ideal
     for optics in ({"exposure_ev": 0.1}, {"distortion": "fisheye"}, {"readout_s": 0.01}, {"red_gain": 1.1}):
         assert not CameraConfig(**optics).ideal
+
+
+def test_defaults_are_those_of_the_runs_that_name_none() -> None:
+    assert section_to_mapping(CameraConfig()) == {
+        "height_px": 144,
+        "width_px": 256,
+        "horizontal_fov_deg": 100.0,
+        "fx_px": None,
+        "fy_px": None,
+        "cx_px": None,
+        "cy_px": None,
+        "distortion": "none",
+        "k1": 0.0,
+        "k2": 0.0,
+        "k3": 0.0,
+        "k4": 0.0,
+        "p1": 0.0,
+        "p2": 0.0,
+        "mount_x_m": 0.0,
+        "mount_y_m": 0.0,
+        "mount_height_m": 0.5,
+        "mount_yaw_deg": 0.0,
+        "mount_pitch_deg": 0.0,
+        "exposure_ev": 0.0,
+        "red_gain": 1.0,
+        "blue_gain": 1.0,
+        "vignetting": 0.0,
+        "shot_noise": 0.0,
+        "read_noise": 0.0,
+        "exposure_s": 0.0,
+        "readout_s": 0.0,
+        "latency_s": 0.0,
+        "depth_min_m": 0.0,
+        "depth_max_m": 10.0,
+        "depth_noise": 0.0,
+        "depth_lost": 0.0,
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high"),
+    [
+        ("exposure_ev", -8.0, 8.0), ("red_gain", 0.1, 10.0), ("blue_gain", 0.1, 10.0), ("vignetting", 0.0, 1.0),
+        ("shot_noise", 0.0, 1.0), ("read_noise", 0.0, 1.0), ("exposure_s", 0.0, 0.05), ("readout_s", 0.0, 0.05),
+        ("mount_x_m", -5.0, 5.0), ("mount_y_m", -5.0, 5.0), ("mount_height_m", 0.0, 10.0),
+        ("mount_yaw_deg", -180.0, 180.0), ("mount_pitch_deg", -89.0, 89.0), ("latency_s", 0.0, 1.0),
+        ("depth_max_m", 0.1, 65.0), ("depth_noise", 0.0, 0.1), ("depth_lost", 0.0, 0.9),
+        ("horizontal_fov_deg", 10.0, 170.0), ("height_px", 8, 4095), ("width_px", 8, 4095),
+    ],
+)  # fmt: skip
+def test_limits_are_allowed_and_what_is_beyond_them_is_not(name: str, low: float, high: float) -> None:
+    words = "image size" if name.endswith("_px") else name
+    for value, step in ((low, -1), (high, 1)):
+        assert getattr(CameraConfig(**{name: value}), name) == value
+        with pytest.raises(ValueError, match=words):
+            CameraConfig(**{name: value + step * (1 if name.endswith("_px") else 0.001)})
+
+
+def test_pose_is_that_of_the_mount_on_a_turned_robot() -> None:
+    """Rotations one after the other: robot's yaw, mount's yaw, pitch down, axes of OpenCV."""
+    camera = CameraConfig(
+        mount_x_m=0.31, mount_y_m=-0.17, mount_height_m=0.72, mount_yaw_deg=140.0, mount_pitch_deg=23.0
+    )
+    yaw_rad, turned_rad, down_rad = 2.5, math.radians(140.0), math.radians(23.0)
+    R_world_robot = matrix_from_axis_angle([0.0, 0.0, yaw_rad])
+    R_robot_mount = matrix_from_axis_angle([0.0, 0.0, turned_rad]) @ matrix_from_axis_angle([0.0, down_rad, 0.0])
+    R_mount_camera = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    T = camera.T_world_camera(-1.3, 4.1, yaw_rad, -0.2)
+    np.testing.assert_allclose(T[:3, :3], R_world_robot @ R_robot_mount @ R_mount_camera, atol=1e-12)
+    np.testing.assert_allclose(T[:3, 3], [-1.3, 4.1, -0.2] + R_world_robot @ [0.31, -0.17, 0.72], atol=1e-12)
+    assert T[3].tolist() == [0.0, 0.0, 0.0, 1.0]
+    assert camera.place_m(-1.3, 4.1, yaw_rad) == pytest.approx(T[:2, 3].tolist())
+    x_m, y_m, heading_rad = camera.eye(-1.3, 4.1, yaw_rad)
+    assert (x_m, y_m) == pytest.approx(T[:2, 3].tolist())
+    assert math.remainder(heading_rad - math.atan2(T[1, 2], T[0, 2]), math.tau) == pytest.approx(0.0, abs=1e-12)

@@ -66,3 +66,49 @@ def test_a_human_is_seen_if_any_part_of_its_disc_is_in_view(bearing_deg, seen):
 def test_view_turns_with_the_robot_and_ends_at_its_range():
     assert in_view((0.0, 0.0, 7 * math.pi), -3.0, 0.0, VIEW, 10.0, 0.25)
     assert not in_view((0.0, 0.0, 0.0), 10.1, 0.0, VIEW, 10.0, 0.25)
+
+
+@pytest.mark.parametrize("yaw_rad", [2.5, -9.3, 40.0])
+def test_disc_is_in_view_if_one_of_its_points_is_between_the_borders(yaw_rad):
+    """Unlike borders to the left and to the right, and a view that is bounded above and below."""
+    view = View(left_rad=0.93, right_rad=0.41, rise=0.31, fall=-0.57, height_m=0.62)
+    rng, turn = np.random.default_rng(3), np.linspace(0.0, 2 * math.pi, 721)
+    seen = []
+    for x_m, y_m, radius_m in rng.uniform((-5.0, -5.0, 0.1), (5.0, 5.0, 0.6), (150, 3)).tolist():
+        eye = (0.4, -0.7, yaw_rad)
+        rim = np.exp(-1j * yaw_rad) * (complex(x_m - 0.4, y_m + 0.7) + radius_m * np.exp(1j * turn))
+        away_m = math.hypot(x_m - 0.4, y_m + 0.7)
+        bearings = np.angle(rim)
+        across = ((bearings <= 0.93) & (bearings >= -0.41)).any()
+        upright = 0.62 - 0.57 * away_m <= 1.9 and 0.62 + 0.31 * away_m >= 0.0
+        expected = away_m <= 4.1 and (away_m <= radius_m or bool(across and upright))
+        assert in_view(eye, x_m, y_m, view, 4.1, radius_m) is expected
+        seen.append(expected)
+    assert 20 < sum(seen) < 130
+
+
+@pytest.mark.parametrize("yaw_deg", [-140.0, 35.0])
+def test_borders_of_a_turned_and_tilted_camera_are_those_of_its_corner_rays(yaw_deg):
+    """The mount's yaw is left to the eye; pitch moves the upper and lower borders."""
+    camera = CameraConfig(
+        fx_px=120.0, fy_px=118.0, cx_px=110.0, cy_px=60.5, mount_yaw_deg=yaw_deg, mount_pitch_deg=17.0
+    )
+    view, T = view_of(camera), camera.T_world_camera(0.0, 0.0, -math.radians(yaw_deg), 0.0)
+    for v, slope in ((0.0, view.rise), (144.0, view.fall)):
+        ray = T[:3, :3] @ [0.0, (v - 60.5) / 118.0, 1.0]
+        assert slope == pytest.approx(ray[2] / ray[0])
+    assert view.rise > view.fall
+    for u, edge_rad in ((0.0, view.left_rad), (256.0, -view.right_rad)):
+        rays = np.array([T[:3, :3] @ [(u - 110.0) / 120.0, (v - 60.5) / 118.0, 1.0] for v in np.linspace(0, 144, 289)])
+        level = rays[np.argmin(np.abs(rays[:, 2]) / np.hypot(rays[:, 0], rays[:, 1]))]
+        assert edge_rad == pytest.approx(math.atan2(level[1], level[0]))
+
+
+@pytest.mark.parametrize(
+    ("height_m", "fall", "rise", "shown"),
+    [(0.5, 0.7, 1.0, True), (0.5, 0.71, 1.0, False), (1.0, -1.0, -0.5, True), (1.0, -1.0, -0.51, False)],
+)
+def test_body_is_shown_from_its_crown_to_its_soles(height_m, fall, rise, shown):
+    """2 m ahead the lower border is at the crown of 1.9 m, or the upper one at the floor."""
+    view = View(left_rad=0.5, right_rad=0.5, rise=rise, fall=fall, height_m=height_m)
+    assert view.shows_body(2.0) is shown

@@ -27,6 +27,17 @@ def test_mixed_sensors_are_refused_with_both(two_shards) -> None:
         Dataset([two_shards])
 
 
+def test_mixed_kinds_of_depth_are_refused_where_depths_are_recorded(two_shards) -> None:
+    median = dataclasses.replace(PROVENANCE, config={**PROVENANCE.config, "renderer": {"depth": "median"}})
+    assert (PROVENANCE.depth, median.depth) == ("mean", "median")
+    write_shard(two_shards, [7], number=7, outputs=("depth",), provenance=PROVENANCE)
+    write_shard(two_shards, [8], number=8, provenance=median)
+    assert len(Dataset([two_shards]).shards) == 4
+    write_shard(two_shards, [9], number=9, outputs=("depth",), provenance=median)
+    with pytest.raises(DatasetError, match=r"Depths differ: mean in .*00007.mcap, median in .*00009.mcap"):
+        Dataset([two_shards])
+
+
 def test_shard_of_before_the_camera_was_one_section_goes_with_one_of_today(two_shards) -> None:
     config = copy.deepcopy(dict(PROVENANCE.config))
     camera = config["robot"]["camera"]

@@ -1,4 +1,5 @@
 import dataclasses
+import os
 import re
 from pathlib import Path
 
@@ -6,8 +7,11 @@ import numpy as np
 import pytest
 
 from readygo.common.dataset import ShardWriter, committed_episodes, encode_episode, shard_name
+from readygo.common.dataset.committed import episode_indices, episode_keys
 from readygo.common.errors import DatasetError
 from readygo.common.messages import CommittedEpisode, Driver, EpisodeKey, Outcome, Split, decode, encode
+from readygo.common.robot import RobotConfig
+from tests import crooked
 from tests.common.dataset.episodes import PROVENANCE, make_episode, write_shard
 
 NAMES = ("depth", "mask", "joints", "boxes", "footprints", "expert", "drawn")
@@ -107,3 +111,26 @@ def test_shard_that_was_finished_meanwhile_is_found_under_its_name(tmp_path: Pat
     assert next(found).header.episode.index == 0
     part.rename(part.with_suffix(""))
     assert [episode.header.episode.index for episode in found] == [3]
+
+
+def test_pipe_that_is_called_as_a_shard_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "shard-rec0-00000.mcap")
+    with pytest.raises(DatasetError, match=r"shard-rec0-00000\.mcap cannot be read: it is a pipe or a device"):
+        list(committed_episodes(tmp_path))
+    assert episode_keys(tmp_path / "shard-rec0-00000.mcap") == []
+    assert list(episode_indices(tmp_path / "shard-rec0-00000.mcap")) == []
+
+
+@pytest.mark.parametrize("robot", [crooked.ROBOT, crooked.ODD_RATES], ids=["20 Hz", "30 Hz"])
+def test_episodes_of_a_crooked_robot_come_back_as_they_were(tmp_path: Path, robot: RobotConfig) -> None:
+    crooked.write_crooked_shard(tmp_path, (8, 3), 13, robot=robot)
+    found = {one.header.episode.index: one for one in committed_episodes(tmp_path)}
+    assert list(found) == [8, 3]
+    for index, got in found.items():
+        header, samples = crooked.crooked_episode(index, 13, robot=robot)
+        assert (got.header, got.attempt) == (header, 2)
+        for sample, want in zip(got.samples, samples, strict=True):
+            poses = {"robot_xyzyaw": (), "humans_xyzyaw": ()}
+            assert dataclasses.replace(sample, **poses) == dataclasses.replace(want, **poses)
+            np.testing.assert_allclose(sample.robot_xyzyaw, want.robot_xyzyaw, atol=1e-12)
+            np.testing.assert_allclose(sample.humans_xyzyaw, want.humans_xyzyaw, atol=1e-12)

@@ -1,5 +1,12 @@
 import copy
 import dataclasses
+import io
+import json
+import os
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -196,3 +203,82 @@ def test_indexes_that_differ_in_the_place_of_an_output_are_not_equal(two_rich_sh
     assert not index.equals(other)
     del other.outputs["mask"]
     assert not index.equals(other)
+
+
+def _stored(array: np.ndarray) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, array)
+    return buffer.getvalue()
+
+
+def _rewritten(path: Path, change: Callable[[dict[str, Any]], Any]) -> None:
+    """Write an index file with other arrays; bytes stand for entries as they are."""
+    with np.load(path) as file:
+        arrays: dict[str, Any] = dict(file)
+    change(arrays)
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, array in arrays.items():
+            archive.writestr(f"{name}.npy", array if isinstance(array, bytes) else _stored(array))
+
+
+def _changed_header(arrays: dict[str, Any], **fields: Any) -> None:
+    header = json.loads(arrays["header"].tobytes()) | fields
+    arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
+
+
+def _field(name: str, field: str, value: Any) -> Callable[[dict[str, Any]], Any]:
+    return lambda arrays: arrays[name][field].__setitem__(0, value)
+
+
+_SIGFPE = b"\x93NUMPY\x01\x00F\x00" + b"{'descr': 'm8[s/0]', 'fortran_order': False, 'shape': (), }".ljust(69) + b"\n"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda arrays: arrays.update(header=_SIGFPE),
+        lambda arrays: arrays.update(output_x=_SIGFPE),
+        lambda arrays: arrays.update(header=b"text"),
+        lambda arrays: arrays.update(header=np.frombuffer(b"[" * 100_000, np.uint8)),
+        lambda arrays: arrays.update(header=np.frombuffer(b"[]", np.uint8)),
+        lambda arrays: arrays.update(samples=arrays["samples"][:-1]),
+        lambda arrays: arrays.update(episodes=np.array(arrays["episodes"][0])),
+        lambda arrays: _changed_header(arrays, size_bytes=None),
+        lambda arrays: _changed_header(arrays, drawn=[1, 2, 3]),
+        lambda arrays: _changed_header(arrays, metadata={"scene": [1]}),
+        _field("episodes", "split", b"\xff"),
+        _field("episodes", "split", b"other"),
+        _field("episodes", "sha256", b"\xff"),
+        _field("episodes", "first_sample", 5),
+        _field("episodes", "sample_count", 4_000_000_000),
+        _field("samples", "image_offset", 2**64 - 1),
+        _field("samples", "image_length", 4_000_000_000),
+    ],
+)
+def test_damaged_index_is_made_again(two_shards: Path, change: Callable[[dict[str, Any]], Any]) -> None:
+    """The first one ends a process in which NumPy reads it, with SIGFPE."""
+    shard = two_shards / "shard-r0-00000.mcap"
+    want = index_path(shard).read_bytes()
+    _rewritten(index_path(shard), change)
+    assert index_path(shard).read_bytes() != want
+    assert read_index(index_path(shard)) is None
+    assert load_index(shard).episode_key(0).index >= 0
+    assert index_path(shard).read_bytes() == want
+
+
+def test_mutated_index_is_used_or_made_again(two_shards: Path) -> None:
+    shard = two_shards / "shard-r0-00000.mcap"
+    want, rng = index_path(shard).read_bytes(), np.random.default_rng(0)
+    for _ in range(300):
+        data = bytearray(want)
+        for at in rng.integers(0, len(data), 4):
+            data[at] = rng.integers(256)
+        index_path(shard).write_bytes(data)
+        read_index(index_path(shard))
+
+
+def test_pipe_that_is_called_as_a_shard_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "shard-rec0-00000.mcap")
+    for read in (lambda: load_index(tmp_path / "shard-rec0-00000.mcap"), lambda: Dataset([tmp_path])):
+        with pytest.raises(DatasetError, match=r"shard-rec0-00000\.mcap cannot be read: it is a pipe or a device"):
+            read()

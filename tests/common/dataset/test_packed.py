@@ -10,7 +10,8 @@ from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 
 from readygo.common.dataset import columns, packed, schemas
 from readygo.common.dataset.poses import pose_of
-from tests.common.dataset.episodes import make_episode
+from tests.common.dataset.episodes import make_episode, with_goal_image, with_left_camera
+from tests.crooked import crooked_episode
 
 
 @pytest.mark.parametrize("yaw_rad", [0.0, 0.3, -3.0, math.pi])
@@ -42,3 +43,28 @@ def test_people_may_come_and_go() -> None:
 def test_a_time_is_the_first_field_of_a_message() -> None:
     stamp = packed.stamp(1_500_000_000)
     assert stamp == schemas.serialized(CompressedImage(timestamp=schemas.timestamp(1_500_000_000)))
+
+
+def test_messages_come_in_the_order_of_their_channels_with_all_that_there_may_be() -> None:
+    """The order is part of what the hash of an episode covers."""
+    changes = {"drawn": {"v_max_mps": 0.7}, "labels": True, "avatars": ("ann",)}
+    header, samples = make_episode(3, 3, outputs=("depth",), **changes)
+    header, samples = with_goal_image(*with_left_camera(header, samples))
+    asked = [dataclasses.replace(sample, expert_commands=((0.5, 0.25), (0.5, 0.0))) for sample in samples]
+    topics = [each.channel.topic for each in packed.messages(asked, header)]
+    numbers = [each.channel.number for each in packed.messages(asked, header)]
+    assert topics[0] == "/camera/image"
+    after = numbers[numbers.index(schemas.EXPERT_CHANNELS[schemas.EXPERT].number) + 1 :]
+    assert len(after) == 4
+    assert after == sorted(after)
+    assert len(numbers) == len(set(numbers)) == 1 + 5 + 1 + 3 + 1 + 4
+
+
+def test_numbers_of_samples_keep_their_places() -> None:
+    _, samples = crooked_episode(3, 4)
+    for row, sample in zip(packed.numbers_of(samples), samples, strict=True):
+        assert row["action"].tolist() == [sample.action_v_mps, sample.action_w_radps]
+        assert row["goal_xy_m"].tolist() == list(sample.goal_xy_robot_m)
+        assert row["pose"].tolist() == list(sample.robot_xyzyaw)
+        for name in ("human_distance_m", "time_to_collision_s", "expert_cost", "human_visible", "replanned"):
+            assert row[name] == getattr(sample, name), name

@@ -51,3 +51,9 @@ def test_missing_folder_and_folder_without_shards_are_named(tmp_path) -> None:
     (tmp_path / "shard-r0-00000.mcap.part").write_bytes(b"")
     with pytest.raises(DatasetError, match="1 are still being written"):
         find_shards(tmp_path)
+
+
+def test_deep_note_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "recorders.json").write_text("[" * 100_000)
+    with pytest.raises(DatasetError, match="nest deeper"):
+        own_folders(tmp_path)

@@ -9,7 +9,7 @@ from mcap.reader import make_reader
 from readygo.common.dataset import AvatarOrigin, Dataset, Provenance, ScenarioOrigin, SceneOrigin, ShardWriter, validate
 from readygo.common.dataset.index import index_path
 from readygo.common.dataset.provenance import provenance_from_strings, provenance_to_strings
-from readygo.common.errors import DatasetError
+from readygo.common.errors import ConfigError, DatasetError
 from readygo.common.messages import RunSpec, Split
 from tests.common.dataset.episodes import PROVENANCE, ROBOT
 from tests.common.dataset.forge import chunks_of
@@ -92,7 +92,7 @@ def test_provenance_of_a_run_has_its_settings_and_seed() -> None:
     spec = RunSpec(
         run="run-0",
         scene_path="",
-        scene_hash="",
+        scene_hash="0" * 64,
         scene_files=(),
         avatars_path="",
         avatar_hashes={},
@@ -103,3 +103,15 @@ def test_provenance_of_a_run_has_its_settings_and_seed() -> None:
         metadata=made.to_mapping(),
     )
     assert Provenance.of_run(spec) == PROVENANCE
+
+
+@pytest.mark.parametrize("config", [{"renderer": 3}, {"renderer": {"sensor": {"ranges": {"k1": 7}}}}, {"renderer": []}])
+def test_settings_of_another_shape_are_refused_when_they_are_asked_for(config: dict[str, object]) -> None:
+    provenance = provenance_from_strings(provenance_to_strings(dataclasses.replace(PROVENANCE, config=config)))
+    with pytest.raises(ConfigError, match=r"settings are none|sensor"):
+        _ = provenance.sensor
+
+
+def test_deep_metadata_is_refused() -> None:
+    with pytest.raises(DatasetError, match="nest deeper"):
+        provenance_from_strings({"format": "[" * 100_000})

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from readygo.common.dataset import Dataset
+from readygo.common.dataset.shard_files import ShardFiles
 from readygo.common.errors import DatasetError
 from readygo.common.images.images import OUTPUTS
+from readygo.common.robot.command_grid import UNKNOWN_RISK, command_grid
+from tests import crooked
 from tests.common.dataset.episodes import (
     PROVENANCE,
     ROBOT,
@@ -107,13 +110,63 @@ def test_dataset_travels_to_other_processes(two_shards) -> None:
     assert dataset.image(0) == image
 
 
+def overwrite(shard, offset, data) -> None:
+    with shard.open("r+b") as file:
+        file.seek(offset)
+        file.write(data)
+
+
+@pytest.mark.parametrize("place", range(0, 100, 9))
+def test_any_flipped_bit_of_an_episode_is_noticed_at_its_first_use(place, tmp_path) -> None:
+    shard = write_shard(tmp_path, [0, 1], outputs=("depth",), labels=True)
+    files = Dataset(tmp_path)._files
+    files.is_sound(0, 0)
+    span = files._spans[0][0]
+    offset = span.body + place * (span.end - span.body - 1) // 99
+    overwrite(shard, offset, bytes([shard.read_bytes()[offset] ^ 1 << place % 8]))
+    dataset = Dataset(tmp_path)
+    for use in (dataset.image, dataset.decode, dataset.joints_m, lambda index: dataset.output(index, "depth")):
+        with pytest.raises(DatasetError, match=r"Episode train-7-000000 in .*shard-r0-00000\.mcap is damaged"):
+            use(3)
+    assert dataset.decode(20).shape == (24, 32, 3), "other episodes are as they were"
+    with pytest.raises(DatasetError, match=r"shard-r0-00000\.mcap is damaged"):
+        dataset.humans_of(0)
+
+
+def test_shard_that_cannot_be_followed_is_damaged_from_there_on(tmp_path) -> None:
+    shard = write_shard(tmp_path, [0, 1, 2])
+    files = Dataset(tmp_path)._files
+    files.is_sound(0, 1)
+    # The length of the second chunk.
+    overwrite(shard, files._spans[0][1].body - 48, b"\xff" * 4)
+    dataset = Dataset(tmp_path)
+    per_episode = len(dataset) // 3
+    assert dataset.image(0)
+    for number in (1, 2):
+        with pytest.raises(DatasetError, match=rf"Episode train-7-00000{number} in .* is damaged"):
+            dataset.image(number * per_episode)
+
+
+def test_an_episode_is_checked_once(two_shards, monkeypatch) -> None:
+    checked = []
+    sound = ShardFiles.is_sound
+    monkeypatch.setattr(ShardFiles, "is_sound", lambda *where: checked.append(where[1:]) or sound(*where))
+    dataset = Dataset(two_shards)
+    random = np.random.default_rng(0)
+    for index in random.integers(len(dataset), size=200).tolist():
+        dataset.image(index)
+    assert sorted(checked) == sorted(set(dataset._order))
+    dataset.close()
+    copied = pickle.loads(pickle.dumps(dataset))
+    copied.image(0)
+    assert len(checked) == len(dataset.episodes), "what was checked is known to a copy as well"
+
+
 def test_damaged_image_is_named(tmp_path) -> None:
     shard = write_shard(tmp_path, [0])
     dataset = Dataset([tmp_path])
-    data = bytearray(shard.read_bytes())
-    offset = int(dataset._table.rows[3]["image_offset"])
-    data[offset : offset + 100] = bytes(100)
-    shard.write_bytes(data)
+    dataset.image(0)
+    overwrite(shard, int(dataset._table.rows[3]["image_offset"]), bytes(100))
     with pytest.raises(DatasetError, match=r"image of sample 3 in .*shard-r0-00000\.mcap is damaged"):
         dataset.decode(3)
 
@@ -179,10 +232,8 @@ def test_pickled_dataset_reads_outputs(two_rich_shards) -> None:
 def test_damaged_output_is_named(tmp_path) -> None:
     shard = write_shard(tmp_path, [0], outputs=("depth",))
     dataset = Dataset([tmp_path])
-    data = bytearray(shard.read_bytes())
-    offset = int(dataset._table.payloads["depth"][3]["offset"])
-    data[offset : offset + 100] = bytes(100)
-    shard.write_bytes(data)
+    dataset.image(0)
+    overwrite(shard, int(dataset._table.payloads["depth"][3]["offset"]), bytes(100))
     with pytest.raises(DatasetError, match=r"depth image of sample 3 in .*shard-r0-00000\.mcap is damaged"):
         dataset.decode_output(3, "depth")
 
@@ -212,3 +263,63 @@ def test_labels_that_some_shards_lack_are_refused(tmp_path) -> None:
     assert dataset.labels == ()
     with pytest.raises(DatasetError, match=r"have no labels of people; record with labels = true"):
         dataset.boxes(0)
+
+
+@pytest.mark.parametrize("robot", [crooked.ROBOT, crooked.ODD_RATES], ids=["20 Hz", "30 Hz"])
+def test_everything_of_a_crooked_robot_comes_back(tmp_path, robot) -> None:
+    crooked.write_crooked_shard(tmp_path, (8, 3), 13, robot=robot)
+    dataset = Dataset(tmp_path)
+    episodes = [crooked.crooked_episode(index, 13, robot=robot) for index in (3, 8)]
+    samples = [sample for _, of_episode in episodes for sample in of_episode]
+    pictured = [bool(sample.image) for sample in samples]
+    nothing = np.full((crooked.EXPERT_AHEAD, 2), np.nan)
+    expert = [sample.expert_commands if sample.image else nothing for sample in samples]
+    command_count = len(command_grid(robot))
+    risks = [list(sample.risks) if sample.image else [UNKNOWN_RISK] * command_count for sample in samples]
+    assert len(dataset) == 26
+    assert dataset.clock == robot.clock
+    assert dataset.pictured.tolist() == pictured
+    assert dataset.time_ns.tolist() == [sample.time_ns for sample in samples]
+    assert dataset.image_sizes.tolist() == [len(sample.image) for sample in samples]
+    np.testing.assert_array_equal(dataset.actions, np.float32([(s.action_v_mps, s.action_w_radps) for s in samples]))
+    np.testing.assert_array_equal(dataset.goals_xy_m, np.float32([s.goal_xy_robot_m for s in samples]))
+    np.testing.assert_allclose(dataset.poses, [s.robot_xyzyaw for s in samples], atol=1e-12)
+    np.testing.assert_allclose(np.concatenate([dataset.expert_actions[:, None], dataset.expert_ahead], axis=1), expert)
+    assert dataset.risks.tolist() == risks
+    for name in ("human_distance_m", "time_to_collision_s", "human_visible", "expert_cost", "replanned"):
+        np.testing.assert_allclose(dataset.truth[name], [getattr(s, name) for s in samples], rtol=1e-6, err_msg=name)
+    for row, sample in enumerate(samples):
+        np.testing.assert_allclose(dataset.humans_xyzyaw[row], sample.humans_xyzyaw, atol=1e-12)
+        assert dataset.image(row) == sample.image
+        if sample.image:
+            assert {name: dataset.output(row, name) for name in sample.outputs} == sample.outputs
+    np.testing.assert_allclose(np.array(dataset.humans_of(1)), [s.humans_xyzyaw for s in episodes[1][1]], atol=1e-12)
+    for number, (entry, (header, _)) in enumerate(zip(dataset.episodes, episodes, strict=True)):
+        assert (entry.episode, entry.first_sample, entry.sample_count) == (header.episode, 13 * number, 13)
+        assert (entry.outcome, entry.driver, entry.policy) == (header.outcome, header.driver, header.policy)
+        assert entry.attempt == 2
+
+
+def test_cameras_of_a_crooked_robot_come_back(tmp_path) -> None:
+    crooked.write_crooked_shard(tmp_path, (3, 8), 5)
+    dataset = Dataset(tmp_path)
+    for camera, name in ((crooked.CAMERA, ""), (crooked.LEFT, "left")):
+        found = dataset.calibration(7, name)
+        assert (found.height_px, found.width_px) == (camera.height_px, camera.width_px)
+        np.testing.assert_allclose(found.K_px, camera.K_px)
+        image = dataset.decode_output(7, f"{name}.rgb" if name else "rgb")
+        assert image.shape == (camera.height_px, camera.width_px, 3)
+        depth_m = dataset.decode_output(7, f"{name}.depth" if name else "depth")
+        assert depth_m.shape == (camera.height_px, camera.width_px)
+
+
+def test_windows_follow_the_clock_and_the_pictures_of_a_crooked_robot(tmp_path) -> None:
+    crooked.write_crooked_shard(tmp_path, (3, 8), 21, robot=crooked.ODD_RATES)
+    dataset = Dataset(tmp_path)
+    # 0.2 s are 6 steps of 1/30 s; images are at even steps.
+    windows = dataset.windows([20, 17, 13, 12, 21, 22, 41], spacing_s=0.2)
+    assert windows.tolist() == [
+        [8, 14, 20], [4, 10, 16], [0, 6, 12], [0, 6, 12], [21, 21, 21], [21, 21, 21], [29, 35, 41],
+    ]  # fmt: skip
+    with pytest.raises(ValueError, match=r"multiple of 0\.0666667 s"):
+        dataset.windows(spacing_s=0.1)

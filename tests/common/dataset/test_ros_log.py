@@ -1,3 +1,5 @@
+import os
+
 import pytest
 
 from readygo.common.dataset.ros_log import PART_SUFFIX, RosLogWriter, read_record
@@ -31,3 +33,25 @@ def test_what_is_no_log_is_refused(tmp_path):
         read_record(tmp_path / "x.mcap", "trial")
     with pytest.raises(DatasetError, match="No such file"):
         read_record(tmp_path / "none.mcap", "trial")
+
+
+def test_pipe_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "a.mcap")
+    with pytest.raises(DatasetError, match=r"a\.mcap cannot be read: it is a pipe or a device"):
+        read_record(tmp_path / "a.mcap", "x")
+
+
+def test_log_costs_no_more_than_its_bytes(tmp_path):
+    with RosLogWriter(tmp_path / "a.mcap") as log:
+        log.add_record("trial", {"a": 1})
+    data = (tmp_path / "a.mcap").read_bytes()
+    footer = len(data) - 37
+    huge = (2**62).to_bytes(8, "little")
+    for changed in (
+        data[: footer + 9] + huge + data[footer + 17 :],
+        data[: footer + 9] + bytes(8) + data[footer + 17 :],
+        data.replace(b"trial", b"tri\xff\xff"),
+    ):
+        (tmp_path / "b.mcap").write_bytes(changed)
+        with pytest.raises(DatasetError):
+            read_record(tmp_path / "b.mcap", "trial")

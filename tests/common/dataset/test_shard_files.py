@@ -1,3 +1,4 @@
+import os
 import pickle
 from pathlib import Path
 
@@ -33,3 +34,9 @@ def test_closed_or_copied_files_are_opened_again(files: ShardFiles) -> None:
     files.close()
     assert files.open_count == 0
     assert files.read(3, 1, 1) == copied.read(3, 1, 1) == bytes([31])
+
+
+def test_pipe_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "shard-rec0-00000.mcap")
+    with pytest.raises(OSError, match="it is a pipe or a device"):
+        ShardFiles([tmp_path / "shard-rec0-00000.mcap"]).read(0, 0, 1)

@@ -1,4 +1,6 @@
 import dataclasses
+import importlib
+import struct
 
 import numpy as np
 import pytest
@@ -214,3 +216,14 @@ def write_chunks(folder, chunks) -> None:
     with ShardWriter(folder / "shard-rec0-00000.mcap", PROVENANCE, outputs=chunks[0].outputs, fsync=False) as writer:
         for chunk in chunks:
             writer.append(chunk)
+
+
+@pytest.mark.parametrize("error", [struct.error("needs 8 bytes"), MemoryError(), OverflowError()])
+def test_whatever_an_mcap_reader_raises_is_a_defect(shard, monkeypatch, error) -> None:
+    class Reader:
+        def get_summary(self) -> None:
+            raise error
+
+    module = importlib.import_module("readygo.common.dataset.validate")
+    monkeypatch.setattr(module, "make_reader", lambda *_, **__: Reader())
+    assert [defect.kind for defect in validate(shard.parent).defects] == ["summary"]

@@ -8,12 +8,22 @@ from readygo.common.drawing.plan_view import (
     FREE,
     OCCUPIED,
     WHITE,
+    draw_arrow_head,
+    draw_disc,
+    draw_goal,
+    draw_path,
+    draw_ring,
+    draw_robot,
     draw_scale_bar,
+    faded,
     fill_area,
     fill_band,
     map_view,
     map_window,
+    put_mark,
     put_text,
+    resized,
+    text_width_px,
 )
 from readygo.common.maps import GridFrame, OccupancyMap
 
@@ -105,3 +115,26 @@ def test_caption_with_a_halo_stands_out_from_any_ground(ground) -> None:
     put_text(letters, "caption", (8, 20), colour=WHITE)
     near, far = (cv2.dilate(letters, np.ones((size, size))).max(axis=2) > 0 for size in (1, 3))
     assert np.median(picture[far & ~near]) > 180, "on white"
+
+
+def test_plan_is_drawn_as_it_was(occupancy, golden_figures) -> None:
+    """Every mark once on a faded window that is no multiple of the cells."""
+    view = faded(map_window(occupancy, np.array([-1.13, 1.9]), np.array([1.21, 3.17]), pixel_m=0.017), share=0.4)
+    picture = view.rgb.copy()
+    path = np.array([[-0.8, 2.2], [0.1, 2.7], [0.6, 2.3], [0.9, 2.9]])
+    fill_band(picture, view, path, 0.11, RED, share=0.3)
+    fill_area(picture, view, path + np.array([0.0, 0.1]), (0, 0, 200), share=0.6)
+    draw_path(picture, view, path, (0, 120, 0))
+    draw_disc(picture, view, (-0.4, 2.9), 0.13, (120, 0, 90))
+    draw_ring(picture, view, (0.3, 2.3), 0.17, (10, 90, 60))
+    draw_goal(picture, view, (0.8, 2.5), radius_m=0.21)
+    draw_robot(picture, view, np.array([-0.6, 2.5, 2.5]), 0.12)
+    draw_arrow_head(picture, view, path, (0, 50, 200))
+    put_mark(picture, view, (0.0, 2.1), "7", (200, 100, 0))
+    draw_scale_bar(picture, view)
+    golden_figures("drawing/plan", picture.reshape(-1, 3) / 64.0)
+    smaller = resized(view, 41)
+    golden_figures("drawing/smaller plan", smaller.rgb.reshape(-1, 3) / 64.0)
+    expected = np.array(view.world_to_pixel((0.3, 2.4))) * 41 / len(view.rgb)
+    assert smaller.world_to_pixel((0.3, 2.4)) == pytest.approx(expected, abs=0.6)
+    golden_figures("drawing/text widths", [text_width_px(text, size=0.6) for text in ("", "i", "wide words")])

@@ -70,3 +70,12 @@ def test_area_lets_free_ground_shine_through_inside_of_its_edge():
     picture = drawn(area_swatch((200, 0, 0), 0.4))
     assert picture[20, 20].tolist() == [round(FREE * 0.6 + 80), round(FREE * 0.6), round(FREE * 0.6)]
     assert picture[20, 10].tolist() == [200, 0, 0]
+
+
+def test_sheet_is_drawn_as_it_was(golden_figures):
+    swatches = [(line_swatch(ROBOT, 3), "line"), (dotted_swatch(GOAL), "dots"), (ring_swatch(INK), "ring")]
+    swatches += [(ring_swatch(GOAL, filled=False), "hollow"), (area_swatch(ROBOT, 0.4), "area with a long name")]
+    rows = [[plain(31, 140, ROBOT), plain(23, 90, GOAL)], [plain(17, 60, INK)]]
+    picture = sheet(rows, [("A title", INK), ("that goes on", GOAL)], swatches)
+    golden_figures("drawing/sheet", picture.reshape(-1, 3) / 64.0)
+    golden_figures("drawing/sheet size", picture.shape, scale=0.1)

@@ -1,7 +1,9 @@
+import math
+
 import numpy as np
 import pytest
 
-from readygo.common.episode.conduct import Contact, conduct_of
+from readygo.common.episode.conduct import NEAR_MISS_M, PERSONAL_SPACE_M, Contact, conduct_of
 
 CONTACT_M = 0.5
 
@@ -52,3 +54,60 @@ def test_run_without_humans_or_steps_is_measured():
     )
     assert (nobody.intrusion_s, nobody.near_misses, nobody.contact) == (0.0, 0, None)
     assert measured(np.zeros(1), 2.0).turn_acceleration_radps2 == 0.0
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_conduct_is_that_of_a_loop_over_steps_and_people(seed):
+    """Three people come and go about a robot that drives a curve; times, gaps and changes are counted one by one."""
+    rng, dt_s, contact_m = np.random.default_rng(seed), 1 / 30, 0.57
+    poses, humans = rng.normal(0.0, 0.02, (91, 3)).cumsum(axis=0), rng.normal(0.0, 0.12, (91, 3, 2)).cumsum(axis=0)
+    humans += rng.uniform(0.8, 1.3) * np.array([[1.0, 0.3], [-0.7, 0.9], [-0.2, -1.0]])
+    actions = rng.normal(0.4, 0.3, (90, 2))
+    sees = lambda pose, human: (pose[0] + 2 * pose[1] + 3 * pose[2] + human[0] - human[1]) > 0  # noqa: E731
+
+    inside, misses = 0, 0
+    spell_m = [None] * 3
+    for k in range(91):
+        gaps_m = [math.dist(poses[k, :2], humans[k, n]) - contact_m for n in range(3)]
+        if k > 0 and min(gaps_m) < PERSONAL_SPACE_M:
+            inside += 1
+        for n, gap_m in enumerate(gaps_m):
+            if gap_m < NEAR_MISS_M:
+                spell_m[n] = min(gap_m, spell_m[n] if spell_m[n] is not None else gap_m)
+            if spell_m[n] is not None and (gap_m >= NEAR_MISS_M or k == 90):
+                misses += spell_m[n] >= 0
+                spell_m[n] = None
+    v, w = actions[:, 0], actions[:, 1]
+    jerks = [((v[k + 2] - v[k + 1]) / dt_s - (v[k + 1] - v[k]) / dt_s) / dt_s for k in range(88)]
+    turns = [abs(w[k + 1] - w[k]) / dt_s for k in range(89)]
+
+    conduct = conduct_of(poses, actions, humans, dt_s=dt_s, contact_m=contact_m, sees=sees)
+    assert conduct.intrusion_s == pytest.approx(inside * dt_s)
+    assert conduct.near_misses == misses
+    assert conduct.jerk_mps3 == pytest.approx(math.sqrt(sum(jerk**2 for jerk in jerks) / 88))
+    assert conduct.turn_acceleration_radps2 == pytest.approx(sum(turns) / 89)
+    assert (conduct.contact is not None) == (min(gaps_m) < 0)
+    if conduct.contact is not None:
+        touched = humans[:, int(np.argmin(gaps_m))]
+        seen = [bool(sees(pose, human)) for pose, human in zip(poses, touched, strict=True)]
+        assert conduct.contact == Contact(
+            robot_mps=v[-1], in_view=seen[-1], seen_s=pytest.approx(sum(seen[:-1]) * dt_s)
+        )
+
+
+def test_start_beside_somebody_is_no_time_in_their_space_and_limits_are_sharp():
+    assert measured(np.zeros(3), CONTACT_M + np.array([0.25, 0.75, 0.75])).intrusion_s == 0.0
+    # Sums of powers of two are exact.
+    assert measured(np.zeros(3), [2.0, CONTACT_M + PERSONAL_SPACE_M, 2.0]).intrusion_s == 0.0
+    assert measured(np.zeros(3), [2.0, CONTACT_M + PERSONAL_SPACE_M - 2**-20, 2.0]).intrusion_s == 0.05
+    touch = measured(np.zeros(3), [2.0, 0.6, CONTACT_M])
+    assert (touch.contact, touch.near_misses) == (None, 1)
+
+
+@pytest.mark.parametrize(
+    ("robot_mps", "seen_s", "moved", "at_fault"),
+    [(0.1, 1.0, True, True), (0.1, 0.95, True, False), (0.09, 2.0, False, False), (-0.3, 2.0, False, False)],
+)
+def test_fault_needs_a_robot_that_moves_and_a_second_of_sight(robot_mps, seen_s, moved, at_fault):
+    contact = Contact(robot_mps=robot_mps, in_view=True, seen_s=seen_s)
+    assert (contact.robot_moved, contact.at_fault) == (moved, at_fault)

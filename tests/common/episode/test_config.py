@@ -2,6 +2,7 @@ from typing import Any
 
 import pytest
 
+from readygo.common.config import section_to_mapping
 from readygo.common.episode import EpisodeConfig
 
 
@@ -32,3 +33,19 @@ def test_limits_themselves_are_allowed() -> None:
     EpisodeConfig(human_count_min=0, human_count_max=0)
     EpisodeConfig(human_count_min=8, human_count_max=8, human_speed_min_mps=3.5, human_speed_max_mps=3.5)
     EpisodeConfig(goal_distance_min_m=10.0)
+
+
+def test_defaults_are_those_of_the_runs_that_name_none() -> None:
+    assert section_to_mapping(EpisodeConfig()) == {
+        "time_limit_s": 50.0,
+        "success_radius_m": 1.0,
+        "goal_distance_min_m": 3.0,
+        "goal_distance_max_m": 10.0,
+        "human_count_min": 1,
+        "human_count_max": 2,
+        "human_speed_min_mps": 0.8,
+        "human_speed_max_mps": 1.4,
+        "human_radius_m": 0.25,
+        "sharpness_min": 0.0,
+        "coverage_min": 0.0,
+    }

@@ -1,4 +1,5 @@
 import heapq
+import itertools
 import math
 
 import numpy as np
@@ -6,6 +7,7 @@ import pytest
 
 from readygo.common.episode import GridSearch, shortest_way_m
 from readygo.common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
+from readygo.common.maps import GridFrame, OccupancyMap
 
 
 def _plain_dijkstra(factor, source):
@@ -71,6 +73,23 @@ def test_flood_that_stops_early_is_right_up_to_its_slack(ground):
 def test_source_outside_of_the_grid_is_refused(ground):
     with pytest.raises(ValueError, match="outside"):
         GridSearch(ground.shape).distances(ground, (99, 0))
+
+
+def test_ways_lead_from_corner_to_corner_of_an_oblong_grid_and_none_beyond():
+    frame = GridFrame(origin_x_m=-3.1, origin_y_m=7.2, resolution_m=0.13)
+    open_ground = OccupancyMap(frame=frame, occupied=np.zeros((11, 23), np.bool_))
+    ends = [frame.centre_m(0, 0), frame.centre_m(10, 22), frame.centre_m(0, 22), frame.centre_m(10, 0)]
+    for start, goal in itertools.permutations(ends, 2):
+        assert shortest_way_m(open_ground, 0.0, start, goal) == pytest.approx(math.dist(start, goal), rel=0.01)
+    for outside in (frame.centre_m(-1, 3), frame.centre_m(3, -1), frame.centre_m(11, 3), frame.centre_m(3, 23)):
+        assert shortest_way_m(open_ground, 0.0, outside, ends[0]) == math.inf
+        assert shortest_way_m(open_ground, 0.0, ends[0], outside) == math.inf
+    search, factor = GridSearch((11, 23)), np.full((11, 23), FREE, np.uint8)
+    for source in ((0, 0), (10, 22), (0, 22)):
+        assert np.array_equal(search.distances(factor, source), _plain_dijkstra(factor, source))
+    for source in ((-1, 0), (0, -1), (11, 0), (0, 23)):
+        with pytest.raises(ValueError, match="outside"):
+            search.distances(factor, source)
 
 
 def test_shortest_way_is_straight_where_nothing_stands(hall):

@@ -137,3 +137,56 @@ def test_misuse_is_refused(simulate):
         simulation.advance(0.0, 0.0)
     with pytest.raises(ValueError, match="human_visible"):
         simulation.trajectory(human_visible=[True, False])
+
+
+@pytest.mark.parametrize(("control_hz", "camera_hz"), [(10, 30), (15, 10)])
+def test_run_of_a_crooked_robot_is_that_of_a_plain_loop(simulate, control_hz, camera_hz):
+    """Held commands, limits, arcs, distances and times to contact beside two who walk, one of whom stops."""
+    robot = RobotConfig(
+        control_hz=control_hz, camera_hz=camera_hz, radius_m=0.31, planning_radius_m=0.4, v_max_mps=0.8, v_min_mps=-0.3,
+        w_max_radps=0.9, a_max_mps2=0.7, alpha_max_radps2=1.9,
+    )  # fmt: skip
+    k = np.arange(60)[:, None]
+    tracks = [[1.0, 2.2] + [0.03, -0.02] * k, [4.4, -0.6] + [-0.02, 0.01] * k[:25]]
+    simulation = simulate(
+        start=(2.1, 0.7, 2.5), goal=(7.7, 3.1), tracks=tracks, robot=robot, time_limit_s=2.0, human_radius_m=0.21
+    )
+    rng, dt_s, held = np.random.default_rng(control_hz), robot.clock.dt_s, robot.clock.control_every
+    commands = rng.uniform((-0.6, -1.5), (1.2, 1.5), (60, 2))
+    x, y, yaw, v, w = 2.1, 0.7, 2.5, 0.0, 0.0
+    rows, gaps_m, contacts_s = [], [], []
+    for step in range(round(2.0 * robot.clock.rate_hz)):
+        assert simulation.time_s == pytest.approx(step * dt_s)
+        forward, left = simulation.goal_xy_robot_m
+        assert np.hypot(forward, left) == pytest.approx(simulation.goal_distance_m)
+        c, s = math.cos(yaw), math.sin(yaw)
+        assert (x + c * forward - s * left, y + s * forward + c * left) == pytest.approx((7.7, 3.1))
+        simulation.advance(*commands[step].tolist())
+        wanted = np.clip(commands[step - step % held], (-0.3, -0.9), (0.8, 0.9))
+        v += np.clip(wanted[0] - v, -0.7 * dt_s, 0.7 * dt_s)
+        w += np.clip(wanted[1] - w, -1.9 * dt_s, 1.9 * dt_s)
+        rows.append((x, y, yaw, v, w))
+        humans = [np.array(track[min(step, len(track) - 1)]) for track in tracks]
+        later = [np.array(track[min(step + 1, len(track) - 1)]) for track in tracks]
+        gaps_m.append(min(np.hypot(*(human - (x, y))) for human in humans))
+        ahead_s = np.arange(0.0, 20.0, 0.004)[:, None]
+        first_s = math.inf
+        for human, after in zip(humans, later, strict=True):
+            closing = (after - human) / dt_s - np.array([v * math.cos(yaw), v * math.sin(yaw)])
+            touches = np.hypot(*(human - (x, y) + ahead_s * closing).T) <= 0.31 + 0.21
+            first_s = min(first_s, ahead_s[touches.argmax(), 0] if touches.any() else math.inf)
+        contacts_s.append(first_s)
+        for _ in range(40):
+            yaw += 0.5 * w * dt_s / 40
+            x, y = x + v * dt_s / 40 * math.cos(yaw), y + v * dt_s / 40 * math.sin(yaw)
+            yaw += 0.5 * w * dt_s / 40
+    assert simulation.outcome is Outcome.TIMEOUT
+    run = simulation.trajectory()
+    np.testing.assert_allclose(np.column_stack([run.xyyaw, run.actions]), rows, atol=1e-6)
+    np.testing.assert_allclose(run.human_distance_m, gaps_m, atol=1e-5)
+    finite = np.isfinite(contacts_s) & (np.array(contacts_s) < 15.0)
+    np.testing.assert_allclose(run.time_to_collision_s[finite], np.array(contacts_s)[finite], atol=0.01)
+    assert finite.sum() > 5
+    np.testing.assert_array_equal(simulation.path_xyyaw(3, simulation.step)[:-1], run.xyyaw[3:])
+    assert simulation.path_xyyaw(3, simulation.step)[-1] == pytest.approx((x, y, yaw), abs=1e-6)
+    assert len(simulation.path_xyyaw(2, 5)) == 4

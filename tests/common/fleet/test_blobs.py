@@ -1,4 +1,5 @@
 import hashlib
+import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -109,3 +110,36 @@ def test_file_that_does_not_match_its_hash_is_refused_and_what_was_begun_wrong_i
     path.write_bytes(b"z" * len(DATA))
     fetch_file(Server().bus, FILE, path)
     assert path.read_bytes() == DATA
+
+
+def test_blob_that_is_larger_than_any_message_is_refused_at_once() -> None:
+    asked: list[BlobRequest] = []
+    bus = InProcessBus()
+    bus.serve(topics.BLOB, lambda request: (asked.append(request), BlobReply(size=2**62, data=bytes(1000)))[1])
+    with pytest.raises(RunError, match=rf"Blob {SHA256} has {2**62} bytes, more than"):
+        fetch_blob(bus, SHA256)
+    assert len(asked) == 1
+
+
+def test_blob_whose_size_grows_ends_at_the_size_of_a_message(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blobs, "MESSAGE_BYTES_MAX", 10_000)
+    bus = InProcessBus()
+    bus.serve(topics.BLOB, lambda request: BlobReply(size=min(request.offset + 2000, 10_000), data=bytes(1000)))
+    with pytest.raises(RunError, match=r"more than the 10000 of any message|arrived damaged"):
+        fetch_blob(bus, SHA256)
+
+
+def test_file_gets_no_more_bytes_than_were_promised(tmp_path: Path) -> None:
+    bus = InProcessBus()
+    bus.serve(topics.BLOB, lambda _: BlobReply(size=len(DATA), data=bytes(10**6)))
+    with pytest.raises(RunError, match=r"scene\.ply of the run is gone, or has changed"):
+        fetch_file(bus, FILE, tmp_path / "scene.ply")
+    assert (tmp_path / ".scene.ply.part").stat().st_size <= len(DATA)
+
+
+def test_pipe_at_the_path_of_a_file_is_not_the_file(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    empty = FileRef(path="pipe", sha256=hashlib.sha256(b"").hexdigest(), size=0)
+    assert not blobs.is_whole(tmp_path / "pipe", empty)
+    assert not blobs.is_whole(Path("/dev/zero"), empty)
+    assert not blobs.is_whole(Path("a\0b"), empty)

@@ -1,4 +1,5 @@
 import dataclasses
+import hashlib
 import threading
 from collections.abc import Iterator
 
@@ -28,7 +29,7 @@ from readygo.common.messages import (
 from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN
 
 EPISODE = EpisodeKey(seed=0, split=Split.TRAIN, index=0)
-PLAN = Blob(sha256="0", data=b"plan")
+PLAN = Blob(sha256="0" * 64, data=b"plan")
 LEASE = ClaimReply(status=ClaimStatus.LEASE, episode=EPISODE, attempt=1, ttl_s=15.0, inputs=(PLAN,))
 
 
@@ -158,7 +159,7 @@ def test_idle_worker_asks_when_it_is_woken_and_hardly_ever_else(monkeypatch: pyt
 
 def test_unanswered_input_is_no_failure_of_the_episode_but_a_refused_one_is() -> None:
     """What the coordinator does not answer says nothing of an episode; what cannot be had or read does."""
-    lease = dataclasses.replace(LEASE, inputs=(Blob(sha256="0"),))
+    lease = dataclasses.replace(LEASE, inputs=(Blob(sha256="0" * 64),))
     completed: list[CompleteRequest] = []
     bus = _bus(iter([lease, lease]), completed)
     with pytest.raises(BusError, match="Nobody answered blob"):
@@ -166,7 +167,7 @@ def test_unanswered_input_is_no_failure_of_the_episode_but_a_refused_one_is() ->
     assert completed == []
     bus.serve(topics.BLOB, lambda _: BlobReply(size=-1, data=b""))
     claim_any(bus, _worker(lambda *_: StageResult()))
-    assert completed[0].failed == "Blob 0 is not known to the run."
+    assert completed[0].failed == f"Blob {'0' * 64} is not known to the run."
 
 
 def test_input_that_cannot_be_decoded_is_a_failure_of_the_episode() -> None:
@@ -195,3 +196,80 @@ def test_lease_is_renewed_well_before_its_end_and_no_more_once_the_work_is_done(
     pull(bus, _worker(work), leave=lambda: False)
     assert [(r.worker, r.index, r.attempt) for r in renewals] == [("w", EPISODE.index, 7)]
     assert not [thread for thread in threading.enumerate() if thread.name == "renew"]
+
+
+def test_work_is_shown_as_it_begins_and_ends_and_reported_with_its_lease(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    shown: list[tuple[str, int, dict[str, object]]] = []
+    times_s, at_work = iter([3.0, 5.5]), list[dict[str, object]]()
+    monkeypatch.setattr(
+        leases, "show_work", lambda bus, stage, claim, **said: shown.append((stage.name, claim.attempt, said))
+    )
+    monkeypatch.setattr(leases.time, "thread_time", lambda: next(times_s))
+    working = leases.working
+    monkeypatch.setattr(leases, "working", lambda **what: at_work.append(what) or working(**what))
+    completed: list[CompleteRequest] = []
+    lease = dataclasses.replace(LEASE, attempt=4, lease="proof")
+    bus = _bus(iter([lease]), completed)
+
+    def complete(request: CompleteRequest) -> Verdict:
+        completed.append(request)
+        return Verdict(status=VerdictStatus.STALE, reason="too late")
+
+    bus.serve(topics.complete("animate"), complete)
+    claim_any(bus, _worker(lambda *_: StageResult(result=b"r", rejected="fog")))
+    wanted = CompleteRequest(
+        worker="w", index=0, attempt=4, result=b"r", rejected="fog", failed="", cpu_s=2.5, lease="proof"
+    )
+    assert completed == [wanted]
+    assert at_work == [{"stage": "animate", "episode": EPISODE.episode_id, "attempt": 4}]
+    assert shown == [
+        ("animate", 4, {"begins": True}),
+        ("animate", 4, {"begins": False, "rejected": "fog", "failed": ""}),
+    ]
+    assert caplog.messages == [f"{EPISODE.episode_id}: result of attempt 4 is stale too late"]
+
+
+def test_result_that_was_handed_over_elsewhere_is_empty_and_large_inputs_are_fetched() -> None:
+    completed: list[CompleteRequest] = []
+    fetched = Blob(sha256=hashlib.sha256(b"large").hexdigest())
+    bus = _bus(iter([dataclasses.replace(LEASE, inputs=(fetched,))]), completed)
+    bus.serve(topics.BLOB, lambda request: BlobReply(size=5, data=b"large"[request.offset :]))
+    seen: list[Inputs] = []
+    assert claim_any(bus, _worker(lambda claim, inputs: seen.append(dict(inputs)))) is ClaimStatus.LEASE
+    assert seen == [{"human-plan": b"large"}]
+    assert (completed[0].result, completed[0].rejected, completed[0].failed) == (b"", "", "")
+
+
+def test_run_that_is_over_is_no_reason_to_ask_for_the_next_stage() -> None:
+    bus = _bus(iter([]), [])
+    bus.serve(topics.claim("human-plan"), lambda _: ClaimReply(status=ClaimStatus.WAIT))
+    done = ClaimReply(status=ClaimStatus.DONE)
+    bus.serve(topics.claim("animate"), lambda _: done)
+    both = Worker(name="w", numeric_class="this", works={HUMAN_PLAN: lambda *_: None, ANIMATE: lambda *_: None})
+    assert claim_any(bus, both) is ClaimStatus.DONE
+    assert pull(bus, both, leave=lambda: False)
+    assert not pull(bus, both, leave=lambda: True)
+
+
+def test_silence_is_counted_anew_after_every_answer(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
+    pauses: list[float] = []
+    monkeypatch.setattr(leases.time, "sleep", pauses.append)
+
+    def answers() -> Iterator[ClaimReply | BusError]:
+        for step_s in (40.0, 20.0):
+            for _ in range(3):
+                yield BusError("away")
+                clock.now_s += step_s / 2
+            yield LEASE
+        yield BusError("away")
+        clock.now_s += 60.0
+        yield BusError("away")
+        clock.now_s += 0.1
+        yield BusError("away")
+
+    with pytest.raises(BusError, match="away"):
+        pull(_bus(answers(), []), _worker(lambda *_: StageResult()), leave=lambda: False)
+    assert pauses == [0.5] * 8
+    assert clock.now_s == pytest.approx(60.0 + 30.0 + 60.1)

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation, Slerp
 
 from readygo.common.frames.turning import turn_between
 
@@ -21,3 +22,13 @@ def test_ends_are_the_rotations_themselves():
     first, last = rng.uniform(-1, 1, (2, 24, 3)).astype(np.float32)
     np.testing.assert_allclose(between(first, last, 0.0), first, atol=1e-6)
     np.testing.assert_allclose(between(first, last, 1.0), last, atol=1e-6)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.37, 0.8])
+def test_rotations_between_are_those_of_slerp(share):
+    first, last = (Rotation.random(30, random_state=seed).as_rotvec().astype(np.float32) for seed in (1, 2))
+    found = Rotation.from_rotvec(between(first, last, share))
+    for k in range(30):
+        expected = Slerp([0.0, 1.0], Rotation.from_rotvec([first[k], last[k]]))(share)
+        assert (expected.inv() * found[k]).magnitude() < 1e-5
+    assert np.linalg.norm(found.as_rotvec(), axis=1).max() <= np.pi + 1e-6

@@ -1,4 +1,5 @@
 import dataclasses
+import os
 
 import numpy as np
 import pytest
@@ -6,6 +7,7 @@ import pytest
 from readygo.common.errors import SceneError
 from readygo.common.gaussians import load_gaussians
 from readygo.common.gaussians.files import read_gaussians, with_unit_rotations
+from readygo.common.gaussians.ply import save_ply
 from tests.common.gaussians.ply_files import FIELDS, good_row, write_ply
 
 
@@ -91,5 +93,25 @@ def test_other_files_and_what_they_claim_are_refused(tmp_path, content, message)
 def test_missing_files_and_devices_are_refused(tmp_path):
     with pytest.raises(SceneError, match="cannot be read: No such file"):
         read_gaussians(tmp_path / "none.ply")
-    with pytest.raises(SceneError, match="no file that can be read"):
+    with pytest.raises(SceneError, match="it is a pipe or a device"):
         read_gaussians("/dev/null")
+
+
+@pytest.mark.parametrize("name", ["a.ply", "a.splat", "a.spz", "a.ckpt"])
+def test_pipe_is_refused_and_not_waited_for(tmp_path, name):
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(SceneError, match=rf"{name} cannot be read: it is a pipe or a device, no regular file\.$"):
+        read_gaussians(tmp_path / name)
+    with pytest.raises(SceneError, match="no file can have this name"):
+        read_gaussians(tmp_path / "a\0.ply")
+
+
+def test_file_with_more_than_the_machine_has_room_for_is_refused(tmp_path, make_cloud, monkeypatch):
+    save_ply(make_cloud(3), tmp_path / "a.ply")
+
+    def full(*_):
+        raise MemoryError
+
+    monkeypatch.setattr("readygo.common.gaussians.files.read_ply", full)
+    with pytest.raises(SceneError, match=r"a\.ply holds more Gaussians than this machine has memory for"):
+        read_gaussians(tmp_path / "a.ply")

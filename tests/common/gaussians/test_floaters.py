@@ -83,3 +83,19 @@ def test_coarse_room_around_a_detailed_corner_is_kept_and_cleaned_only_once() ->
     kept, _ = without(scene, unwanted(scene))
     assert len(kept) > 0.97 * len(scene)
     assert unwanted(kept)["floaters"].mean() < 0.01
+
+
+def test_same_gaussians_float_as_did(golden_figures) -> None:
+    """Of a room with dust, a thin cloud around it, a sky and haze: each Gaussian's kind."""
+    parts = [
+        furnished(), dust(3000, size_m=0.006, low=(0.3, 0.2, 0.4), high=(3.7, 2.6, 2.2)),
+        dust(200, size_m=0.03, low=(-7, -8, -5), high=(12, 9, 8)), dome(60, radius_m=20.0, size_m=2.0),
+        dust(40, size_m=0.5, low=(0, 0, 0), high=(4, 3, 2)),
+    ]  # fmt: skip
+    for number, cloud in enumerate([concatenate(parts), concatenate(parts[:2]), concatenate([parts[0], parts[3]])]):
+        masks = told_apart(cloud)
+        golden_figures(f"gaussians/kinds {number}", *masks.values())
+        low, high = np.quantile(cloud.means_m.astype(np.float64), [0.01, 0.99], axis=0)
+        golden_figures(
+            f"gaussians/floating {number}", floating(cloud, low, high), np.arange(len(cloud)) % 97, scale=0.7
+        )

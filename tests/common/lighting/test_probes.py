@@ -112,3 +112,8 @@ def test_probes_are_made_once_and_again_where_the_file_is_damaged(bright_east: L
 def test_probes_are_had_where_nothing_can_be_written(bright_east: LightProbes, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
     assert load_or_make_probes(tmp_path / "file" / "light.npz", lambda: bright_east) is bright_east
+
+
+def test_light_of_a_room_is_as_it_was(bright_east: LightProbes, golden_figures) -> None:
+    places = np.random.default_rng(1).uniform(-0.5, 6.5, (40, 2))
+    golden_figures("lighting/probes", np.array([bright_east.at(x, y).ravel() for x, y in places.tolist()]))

@@ -26,3 +26,9 @@ def test_single_known_cell_fills_everything(shape):
     known = np.zeros(shape, np.bool_)
     known[0, -1] = True
     assert (fill_smoothly(np.full(shape, 2.5), known) == 2.5).all()
+
+
+def test_holes_are_filled_as_they_were(golden_figures):
+    rng = np.random.default_rng(2)
+    known = rng.random((19, 33)) < 0.15
+    golden_figures("maps/filled", fill_smoothly(rng.normal(size=(19, 33)), known).reshape(-1), np.arange(627) % 31)

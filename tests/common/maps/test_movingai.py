@@ -1,3 +1,5 @@
+import os
+
 import numpy as np
 import pytest
 
@@ -37,3 +39,12 @@ def test_city_maps_have_their_published_size(shared_data):
         occupancy = load_movingai_map(shared_data / "maps" / "movingai" / f"{name}.map", 0.2)
         assert occupancy.occupied.shape == (cells, cells)
         assert 0.2 < occupancy.occupied.mean() < 0.8
+
+
+def test_pipes_and_other_bytes_are_refused_in_one_line(tmp_path):
+    os.mkfifo(tmp_path / "pipe.map")
+    with pytest.raises(SceneError, match=r"pipe\.map cannot be read: it is a pipe or a device"):
+        load_movingai_map(tmp_path / "pipe.map", 0.5)
+    (tmp_path / "a.map").write_bytes(b"\xff")
+    with pytest.raises(SceneError, match=r"a\.map cannot be read: 'ascii'"):
+        load_movingai_map(tmp_path / "a.map", 0.5)

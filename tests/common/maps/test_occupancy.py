@@ -5,6 +5,7 @@ import pytest
 
 from readygo.common.gaussians import concatenate, load_gaussians, transform_cloud
 from readygo.common.maps import MapConfig, largest_free_area, plan_scene
+from tests.common.maps.crooked import crooked_scene
 from tests.common.maps.room import box, room, sheet
 
 CONFIG = MapConfig()
@@ -170,3 +171,17 @@ def test_thick_gaussians_of_the_floor_are_no_obstacle_but_low_boxes_are():
         plan = plan_scene(concatenate([room(), box((2, 2, 0), (2.3, 2.3, height_m))]), CONFIG)
         assert state(plan.robot, 2.15, 2.15)
         assert not plan.phantoms.any()
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_maps_of_a_crooked_scene_are_as_they_were(number, golden_figures):
+    config = [MapConfig(), MapConfig(resolution_m=0.07, robot_height_m=1.1), MapConfig(close_coarse=True)][number]
+    plan = plan_scene(crooked_scene(), config, np.array([[0.0, 5.0, 1.9], [0.6, 5.6, 1.9]]))
+    frame, robot = plan.robot.frame, plan.robot.occupied
+    place = [frame.origin_x_m, frame.origin_y_m, frame.resolution_m, *robot.shape]
+    golden_figures(f"maps/frame {number}", [place])
+    cells = [one.reshape(-1) for one in (robot, plan.human.occupied, plan.unknown, plan.coarse, plan.blurred)]
+    golden_figures(f"maps/cells {number}", *cells, np.arange(robot.size) % 89, scale=0.9)
+    height_m = plan.floor.height_m.reshape(-1)
+    golden_figures(f"maps/floor {number}", 20.0 * height_m, np.arange(len(height_m)) % 89)
+    golden_figures(f"maps/ground size {number}", [plan.ground_size_m])

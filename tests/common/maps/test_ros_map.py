@@ -1,4 +1,5 @@
 import math
+import os
 
 import cv2
 import numpy as np
@@ -138,7 +139,8 @@ def test_missing_yaml_key_and_broken_picture_are_named(tmp_path):
     [
         (b"", "is empty"),
         (b"P5\n40 20\n255\nfew", "truncated"),
-        (b"P5\n400000 200000\n255\nfew", "not a png or pgm"),
+        (b"P5\n400000 200000\n255\nfew", "claims 400000 x 200000 pixels, more than"),
+        (b"P7\nno picture", "not a png or pgm"),
         (b"\x89PNG\r\n\x1a\n", "truncated"),
     ],
 )
@@ -176,3 +178,19 @@ def test_maps_of_real_robots_have_the_size_of_their_buildings(shared_data):
         occupancy = load_ros_map(shared_data / "maps" / f"{name}.yaml")
         area_m2 = (~occupancy.occupied).sum() * occupancy.frame.resolution_m**2
         assert area_m2 == pytest.approx(free_m2, rel=0.01)
+
+
+def test_picture_that_is_no_file_is_refused_in_one_line(tmp_path):
+    os.mkfifo(tmp_path / "pipe.png")
+    for name, message in (
+        ("pipe.png", "a pipe or a device"),
+        ("a\0b.png", "no file can have this name"),
+        (".", "direc"),
+    ):
+        (tmp_path / "map.yaml").write_text(f"image: {name}\nresolution: 0.05\norigin: [0, 0, 0]\n")
+        with pytest.raises(SceneError, match=message) as caught:
+            load_ros_map(tmp_path / "map.yaml")
+        assert "\n" not in str(caught.value)
+    os.mkfifo(tmp_path / "pipe.yaml")
+    with pytest.raises(SceneError, match="pipe\\.yaml cannot be read: it is a pipe or a device"):
+        load_ros_map(tmp_path / "pipe.yaml")

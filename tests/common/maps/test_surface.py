@@ -57,3 +57,10 @@ def test_haze_is_no_floor(opacity, covers):
 @pytest.mark.parametrize(("scales_m", "covers"), [((0.2, 0.2, 0.15), False), ((0.02, 0.02, 0.02), True)])
 def test_thick_gaussian_is_floor_only_where_it_is_small(scales_m, covers):
     assert (area_m2(plate(scales_m=scales_m)) > 0) is covers
+
+
+def test_samples_of_turned_plates_are_as_they_were(golden_figures):
+    plates = [(17.0, (0.2, 0.1, 0.002)), (-20.0, (0.3, 0.12, 0.004)), (9.0, (0.2, 0.31, 0.01))]
+    for number, (tilt_deg, scales_m) in enumerate(plates):
+        samples = sample_surfaces(plate(tilt_deg, scales_m, 0.63), 0.037)
+        golden_figures(f"maps/surface {number}", samples.xyz_m, 1e3 * samples.area_m2)

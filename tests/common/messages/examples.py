@@ -22,6 +22,7 @@ from readygo.common.messages import (
 )
 
 KEY = EpisodeKey(seed=7, split=Split.VAL, index=3)
+SHA256 = "0123456789abcdef" * 4
 
 
 def example(hint: typing.Any) -> typing.Any:
@@ -86,7 +87,14 @@ def message(cls: type) -> typing.Any:
     if cls in arrays:
         return arrays[cls]()
     hints = typing.get_type_hints(cls)
-    return cls(**{field.name: example(hints[field.name]) for field in dataclasses.fields(cls)})
+    return cls(**{field.name: _field(field.name, hints[field.name]) for field in dataclasses.fields(cls)})
+
+
+def _field(name: str, hint: typing.Any) -> typing.Any:
+    """A value of a message's field; those with these names hold a SHA-256."""
+    if name in ("avatar_hashes", "method_hashes"):
+        return {"key": SHA256}
+    return SHA256 if name in ("sha256", "scene_hash", "policy") and hint is str else example(hint)
 
 
 MESSAGES = [

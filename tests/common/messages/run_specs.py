@@ -5,7 +5,7 @@ from readygo.common.messages import RunSpec, Split
 SPEC = RunSpec(
     run="run-test",
     scene_path="scene",
-    scene_hash="0",
+    scene_hash="0" * 64,
     scene_files=(),
     avatars_path="",
     avatar_hashes={},

@@ -1,7 +1,13 @@
 import numpy as np
 import pytest
 
-from readygo.common.messages.checks import NAME_MAX, check_array, check_printable
+from readygo.common.messages.checks import (
+    NAME_MAX,
+    check_array,
+    check_printable,
+    check_relative_path,
+    check_sha256,
+)
 
 
 @pytest.mark.parametrize("shape", [(4, 3), (None, 3), (None, None)])
@@ -44,3 +50,31 @@ def test_printable_names_pass(name: str) -> None:
 def test_names_that_steer_a_terminal_are_refused(name: str, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         check_printable("name", name)
+
+
+@pytest.mark.parametrize("text", ["", "a", "a" * 63, "a" * 65, "A" * 64, "g" * 64, "a" * 64 + "\n", "/etc", "../../.."])
+def test_text_that_is_no_sha256_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"scene_hash must be 64 hexadecimal digits, got"):
+        check_sha256("scene_hash", text)
+    if text:
+        with pytest.raises(ValueError, match=r"policy must be empty or 64 hexadecimal digits"):
+            check_sha256("policy", text, empty=True)
+
+
+def test_sha256_may_be_empty_where_that_is_said() -> None:
+    check_sha256("policy", "", empty=True)
+    check_sha256("policy", "0123456789abcdef" * 4)
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["", "/", "/etc/cron.d/evil", "..", "../x", "a/../b", "a/..", "./a", "a//b", "a/", "a\\b", "a\0b", "a" * 1001],
+)
+def test_path_that_leaves_its_folder_is_refused(path: str) -> None:
+    with pytest.raises(ValueError, match=r"path must be a path within a folder, got"):
+        check_relative_path("path", path)
+
+
+@pytest.mark.parametrize("path", ["scene.ply", "maps/robot.yaml", ".hidden", "a..b", "Anna Maria é.npz", "a" * 1000])
+def test_path_within_a_folder_is_taken(path: str) -> None:
+    check_relative_path("path", path)

@@ -1,11 +1,18 @@
 import dataclasses
+import enum
 import hashlib
+import math
 import tracemalloc
 import typing
+from collections.abc import Mapping
 
 import msgpack
 import numpy as np
+import numpy.typing as npt
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 
 from readygo.common.errors import MessageError
 from readygo.common.messages import (
@@ -23,6 +30,7 @@ from readygo.common.messages import (
     decode,
     encode,
 )
+from readygo.common.messages.codec import ITEMS_MAX, MESSAGE_BYTES_MAX
 from tests.common.messages.examples import MESSAGES, header, message, sample
 
 
@@ -74,7 +82,7 @@ def test_message_without_the_new_fields_takes_their_defaults() -> None:
 
 
 def test_missing_new_field_takes_its_default() -> None:
-    old = encode(Blob(sha256="a"))
+    old = encode(Blob(sha256="a" * 64))
     assert decode(Blob, old.replace(b"\xa4data\xc4\x00", b"").replace(b"\x82", b"\x81", 1)).data == b""
 
 
@@ -137,6 +145,160 @@ def test_many_empty_lists_cost_no_more_than_they_are_long(lists: bytes) -> None:
         assert tracemalloc.get_traced_memory()[1] < 20e6
     finally:
         tracemalloc.stop()
+
+
+class Kind(enum.Enum):
+    LEFT = "left"
+    RIGHT = "right"
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Inner:
+    ITEMS_MAX: typing.ClassVar[int] = 5
+    rows: tuple[tuple[int, ...], ...] = ()
+    pair: tuple[float, float] | None = None
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Crooked:
+    """Every kind of field."""
+
+    kind: Kind = Kind.RIGHT
+    count: int = -7
+    share: float = 0.3
+    flag: bool = False
+    text: str = "é/\n"
+    data: bytes = b"\xff\x00"
+    inner: Inner = dataclasses.field(default_factory=Inner)
+    named: dict[str, tuple[float, ...]] = dataclasses.field(default_factory=dict)
+    least: float = dataclasses.field(default=2.5, metadata={"omitted_when_default": True})
+    array: npt.NDArray[np.float32] | None = None
+    free: typing.Any = None
+
+
+DTYPES = ("|b1", "|u1", "|i1", "<u2", "<i2", "<u4", "<i4", "<u8", "<i8", "<f2", "<f4", "<f8")
+WHOLE = st.integers(-(2**63), 2**63 - 1)
+NUMBER = st.floats(allow_nan=False)
+CROOKED = st.builds(
+    Crooked,
+    kind=st.sampled_from(Kind),
+    count=WHOLE,
+    share=NUMBER,
+    flag=st.booleans(),
+    text=st.text(),
+    data=st.binary(),
+    inner=st.builds(
+        Inner,
+        rows=st.lists(st.lists(WHOLE, max_size=3).map(tuple), max_size=4).map(tuple),
+        pair=st.none() | st.tuples(NUMBER, NUMBER),
+    ),
+    named=st.dictionaries(st.text(), st.lists(NUMBER, max_size=3).map(tuple)),
+    least=NUMBER | st.just(2.5),
+    free=st.none() | st.lists(st.text() | WHOLE),
+)
+
+
+@settings(max_examples=25, deadline=None)
+@given(CROOKED)
+def test_fields_of_every_kind_come_back_and_one_with_its_default_may_stay_away(value: Crooked) -> None:
+    packed = msgpack.unpackb(encode(value))
+    assert list(packed) == [name for name in Crooked.__annotations__ if name != "least" or value.least != 2.5]
+    assert (packed["kind"], packed["inner"]["rows"]) == (value.kind.value, [*map(list, value.inner.rows)])
+    assert decode(Crooked, encode(value)) == value
+    assert decode(Crooked, msgpack.packb({**packed, "newer": 1})) == value
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    hnp.arrays(
+        st.sampled_from([*DTYPES]).map(np.dtype),
+        hnp.array_shapes(min_dims=0, max_dims=4, min_side=0, max_side=5),
+    )
+)
+def test_arrays_come_back_with_type_shape_and_bytes(array: npt.NDArray[typing.Any]) -> None:
+    for sent in (array, array.T):
+        back = decode(Crooked, encode(Crooked(array=sent))).array
+        assert back is not None
+        assert (back.dtype, back.shape, back.tobytes()) == (sent.dtype, sent.shape, sent.tobytes())
+
+
+@pytest.mark.parametrize("side", [0, 1, 127, 128, 255, 256, 65_535, 65_536])
+def test_every_way_to_write_a_length_is_read(side: int) -> None:
+    array = (np.arange(2 * side) % 251).astype(np.uint8).reshape(side, 2)
+    assert np.array_equal(decode(Crooked, encode(Crooked(array=array))).array, array)
+    short = msgpack.packb(["|u1", [side, 2]]) + bytes(2 * side + 1)
+    with pytest.raises(MessageError, match=rf"an array of shape \[{side}, 2\] has {2 * side + 1} bytes"):
+        decode(Crooked, msgpack.packb({"array": msgpack.ExtType(1, short)}))
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"kind": "up"}, "'up' is not a valid Kind"),
+        ({"kind": 1}, "a text was due, not int 1"),
+        ({"share": "0.5"}, "a number was due, not str '0.5'"),
+        ({"share": True}, "a number was due, not bool True"),
+        ({"flag": 1}, "bool was due, not int 1"),
+        ({"data": "a"}, "bytes was due, not str 'a'"),
+        ({"inner": [1]}, "a map was due, not <class 'list'>"),
+        ({"inner": {"pair": [1.0]}}, "a list of 2 was due, not <class 'list'>"),
+        ({"inner": {"pair": [1.0, 2.0, 3.0]}}, "a list of 2 was due"),
+        ({"inner": {"rows": "ab"}}, "a list of values was due, not str 'ab'"),
+        ({"inner": {"rows": [["a"]]}}, "a whole number of 64 bits was due, not str 'a'"),
+        ({"named": {"a": None}}, "a list of values was due, not <class 'NoneType'>"),
+        ({"array": [1.0]}, "ndarray was due, not <class 'list'>"),
+        ({"text": b"a"}, "a text was due, not <class 'bytes'>"),
+    ],
+)
+def test_value_of_another_type_is_refused_by_what_was_due(fields: Mapping[str, object], words: str) -> None:
+    with pytest.raises(MessageError) as error:
+        decode(Crooked, msgpack.packb(fields))
+    assert words in str(error.value)
+    assert str(error.value).startswith(f"Payload of {len(msgpack.packb(fields))} bytes is no Crooked: ")
+
+
+def test_number_may_be_written_as_a_whole_one_and_numpys_as_plain_ones() -> None:
+    assert decode(Crooked, msgpack.packb({"share": 3, "count": 2**63 - 1})) == Crooked(share=3, count=2**63 - 1)
+    assert decode(Crooked, msgpack.packb({"count": -(2**63)})).count == -(2**63)
+    assert decode(Crooked, encode(Crooked(share=np.float32(0.25), count=np.int16(-3)))) == Crooked(share=0.25, count=-3)
+    assert math.isnan(decode(Crooked, encode(Crooked(share=math.nan))).share)
+    with pytest.raises(TypeError, match="set cannot travel in a message"):
+        encode(Crooked(free={1}))
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_limits_may_be_reached_and_not_passed(more: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of lists and maps, of items, of texts and of a whole message; those of a class are its own."""
+    within = {
+        "list": encode(Inner(rows=((0,) * (20_000 + more),))),
+        "map": encode(Crooked(named={str(n): () for n in range(20_000 + more)})),
+        "items": encode(Inner(rows=((1, 2, 3),) * (3 + more))),
+        "items of any class": encode(Crooked(free=[[[]] * 19_999] * 4 + [[[]] * (19_994 + more)])),
+        "text": encode(Crooked(text="a" * (16 * 2**20 + more))),
+    }
+    monkeypatch.setattr("readygo.common.messages.codec.MESSAGE_BYTES_MAX", 2**40)
+    for name, payload in within.items():
+        cls = Inner if name in ("list", "items") else Crooked
+        if more:
+            with pytest.raises(MessageError):
+                decode(cls, payload)
+        else:
+            decode(cls, payload)
+    payload = encode(Crooked())
+    monkeypatch.setattr("readygo.common.messages.codec.MESSAGE_BYTES_MAX", len(payload) - more)
+    if more:
+        with pytest.raises(MessageError, match=f"larger than {len(payload) - 1} bytes"):
+            decode(Crooked, payload)
+    else:
+        assert decode(Crooked, payload) == Crooked()
+
+
+def test_arrays_count_as_lists_and_maps_do() -> None:
+    assert (MESSAGE_BYTES_MAX, ITEMS_MAX) == (268_435_456, 100_000)
+    empty = msgpack.ExtType(1, b"\x92\xa3|u1\x91\0")
+    decode(Inner, msgpack.packb({"newer": [empty] * 3}))
+    with pytest.raises(MessageError, match="more than 5 lists, maps and arrays"):
+        decode(Inner, msgpack.packb({"newer": [empty] * 4}))
 
 
 def test_payload_larger_than_any_message_is_not_even_read(monkeypatch: pytest.MonkeyPatch) -> None:

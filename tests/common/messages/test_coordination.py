@@ -1,5 +1,7 @@
+import dataclasses
 import hashlib
 
+import msgpack
 import pytest
 
 from readygo.common.errors import MessageError
@@ -7,12 +9,17 @@ from readygo.common.messages import (
     AppendReply,
     AppendStatus,
     Blob,
+    BlobRequest,
     ClaimReply,
     ClaimStatus,
     Command,
     ControlRequest,
+    DoneRequest,
+    Driver,
     EpisodeKey,
     FileRef,
+    OfferReply,
+    Outcome,
     PolicyRef,
     RunSpec,
     Split,
@@ -22,15 +29,17 @@ from readygo.common.messages import (
     decode,
     encode,
 )
+from readygo.common.messages.live import LiveCommit, LiveEvaluation
 from readygo.common.messages.stages import EXPERT_LINE, RENDER, Stage
+from tests.common.messages.examples import header
 
 KEY = EpisodeKey(seed=7, split=Split.VAL, index=3)
-DIGEST = "0d0b523104236eb124895cf494c0303116ac732cc937b66446fb484626df8075"
+DIGEST = "72dd964371afe90ac6a9b8b78887a4da1a4b7051cbb8305961cc47021515dae1"
 """Of the messages below when their statuses were still strings, and all runs had the same stages."""
 
 
 def _claim(status: ClaimStatus) -> ClaimReply:
-    inputs = (Blob(sha256="a", data=b"x"),)
+    inputs = (Blob(sha256="a" * 64, data=b"x"),)
     return ClaimReply(status=status, episode=KEY, attempt=2, ttl_s=15.0, inputs=inputs, recorder="rec0")
 
 
@@ -38,10 +47,10 @@ def _spec(**changes: object) -> RunSpec:
     fields = {
         "run": "run-1",
         "scene_path": "s",
-        "scene_hash": "0",
-        "scene_files": (FileRef(path="p", sha256="b", size=1),),
+        "scene_hash": "0" * 64,
+        "scene_files": (FileRef(path="p", sha256="b" * 64, size=1),),
         "avatars_path": "",
-        "avatar_hashes": {"ann": "c"},
+        "avatar_hashes": {"ann": "c" * 64},
         "seed": 7,
         "split": Split.TRAIN,
         "static": False,
@@ -113,3 +122,41 @@ def test_policy_travels_with_the_spec_where_there_is_one() -> None:
 def test_mix_is_a_share(mix: float) -> None:
     with pytest.raises(ValueError, match=r"mix must be 0\.\.1"):
         PolicyRef(path="p", files=(), mix=mix)
+
+
+WRONG = ("", "a", "/etc/cron.d", "../../..", "A" * 64)
+
+
+@pytest.mark.parametrize("sha256", WRONG)
+def test_hash_that_is_none_is_no_message(sha256: str) -> None:
+    """The name of a folder or of a file is made of each of these."""
+    file = FileRef(path="scene.ply", sha256="b" * 64, size=1)
+    good = (_spec(), Blob(sha256="a" * 64), BlobRequest(sha256="a" * 64), file, OfferReply(version=1, sha256="a" * 64))
+    for each in good:
+        fields = msgpack.unpackb(encode(each))
+        name = "scene_hash" if isinstance(each, RunSpec) else "sha256"
+        with pytest.raises(MessageError, match=f"is no {type(each).__name__}: {name} must be 64 hexadecimal digits"):
+            decode(type(each), msgpack.packb(fields | {name: sha256}))
+    with pytest.raises(ValueError, match="avatar_hashes of 'ann' must be 64"):
+        _spec(avatar_hashes={"ann": sha256})
+
+
+@pytest.mark.parametrize("change", [{"path": "/etc/passwd"}, {"path": "../x"}, {"size": -1}, {"size": 2**62}])
+def test_file_outside_of_its_bundle_or_of_no_size_is_no_message(change: dict[str, object]) -> None:
+    fields = msgpack.unpackb(encode(FileRef(path="scene.ply", sha256="b" * 64, size=1)))
+    with pytest.raises(MessageError, match=r"is no FileRef: (path|size) must be"):
+        decode(FileRef, msgpack.packb(fields | change))
+
+
+@pytest.mark.parametrize("policy", WRONG[1:])
+def test_policy_of_what_was_recorded_is_a_hash_or_empty(policy: str) -> None:
+    done = DoneRequest(recorder="r", index=0, attempt=1, shard="s", sample_count=3)
+    ended = {"episode": KEY, "outcome": Outcome.SUCCESS}
+    with pytest.raises(ValueError, match="policy must be empty or 64"):
+        dataclasses.replace(done, policy=policy)
+    with pytest.raises(ValueError, match="policy must be empty or 64"):
+        header(policy=policy)
+    with pytest.raises(ValueError, match="policy must be empty or 64"):
+        LiveCommit(**ended, attempt=1, driver=Driver.POLICY, policy=policy, sample_count=1, shard="s")
+    with pytest.raises(ValueError, match="policy must be empty or 64"):
+        LiveEvaluation(**ended, task="static", method="policy", policy=policy, duration_s=1.0)

@@ -25,10 +25,10 @@ def test_files_travel_whole() -> None:
 
 
 def test_hash_of_a_policy_is_over_names_and_contents_in_any_order() -> None:
-    a, b = FileRef(path="a", sha256="1", size=1), FileRef(path="b", sha256="2", size=1)
+    a, b = FileRef(path="a", sha256="1" * 64, size=1), FileRef(path="b", sha256="2" * 64, size=1)
     policy = PolicyRef(path="", files=(a, b), mix=0.5)
     assert PolicyRef(path="elsewhere", files=(b, a), mix=0.1).sha256 == policy.sha256
-    renamed = FileRef(path="c", sha256="2", size=1)
+    renamed = FileRef(path="c", sha256="2" * 64, size=1)
     assert PolicyRef(path="", files=(a, renamed), mix=0.5).sha256 != policy.sha256
 
 

@@ -35,10 +35,8 @@ def test_plan_has_a_flag_for_every_pose() -> None:
         (LiveHealth, "metrics"),
         (LiveWork, "stage"),
         (LiveCommit, "shard"),
-        (LiveCommit, "policy"),
         (LiveEvaluation, "task"),
         (LiveEvaluation, "method"),
-        (LiveEvaluation, "policy"),
     ],
 )
 def test_names_that_steer_a_terminal_are_refused(cls: type, field: str) -> None:
@@ -47,3 +45,14 @@ def test_names_that_steer_a_terminal_are_refused(cls: type, field: str) -> None:
     plain = msgpack.unpackb(encode(said)) | {field: "\x1b]0;title\x07"}
     with pytest.raises(MessageError, match=f"{field} must be at most 200 printable characters"):
         decode(cls, msgpack.packb(plain))
+
+
+@pytest.mark.parametrize("cls", [LiveCommit, LiveEvaluation])
+def test_policies_are_named_by_their_hash(cls: type) -> None:
+    for policy in ("", "0a" * 32):
+        plain = msgpack.unpackb(encode(message(cls))) | {"policy": policy}
+        assert decode(cls, msgpack.packb(plain)).policy == policy
+    for policy in ("\x1b]0;title\x07", "0a" * 31, "0A" * 32):
+        plain = msgpack.unpackb(encode(message(cls))) | {"policy": policy}
+        with pytest.raises(MessageError, match="policy must be empty or 64 hexadecimal digits"):
+            decode(cls, msgpack.packb(plain))

@@ -72,6 +72,12 @@ def test_missing_folder_says_what_to_give(tmp_path):
         ('format = "readygo-policy/1"\nframe_spacing_s = 0.5\n[robot]\nwheels = 4', "wheels"),
         ('format = "readygo-policy/2"\nframe_spacing_s = 0.5\n[robot]', "inputs"),
         ('format = "readygo-policy/1"\nframe_spacing_s = 0.33\n[robot]', "frame_spacing_s"),
+        ('format = "readygo-policy/1"\nframe_spacing_s = inf\n[robot]', "frame_spacing_s"),
+        (
+            'format = "readygo-policy/2"\nframe_spacing_s = 0.5\n[robot]\n'
+            '[inputs]\nfusion = "late"\nlatent_count = inf',
+            "cannot be used",
+        ),
     ],
 )
 def test_spec_that_cannot_be_used_is_refused(tmp_path, text, message):
@@ -85,3 +91,10 @@ def test_names_that_toml_must_quote_come_back(tmp_path):
     training = {"data": {"avatars": {"Anna B.": "12", "plain_name-3": "34"}}}
     save_spec(PolicySpec(robot=RobotConfig(), training=training), tmp_path)
     assert load_spec(tmp_path).training == training
+
+
+@pytest.mark.parametrize("text", [b"a = " + b"[" * 100_000, b"a = " + b"9" * 5000, b"a = '\xff'"])
+def test_file_beyond_a_limit_is_refused_in_one_line(tmp_path, text):
+    (tmp_path / "policy.toml").write_bytes(text)
+    with pytest.raises(PolicyError, match=r"policy\.toml is no TOML file: .*; export the policy again\.$"):
+        load_spec(tmp_path)

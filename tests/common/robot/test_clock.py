@@ -1,3 +1,6 @@
+import math
+from fractions import Fraction
+
 import pytest
 
 from readygo.common.config import section_from_mapping
@@ -63,3 +66,36 @@ def test_spacing_is_a_multiple_of_the_time_between_images():
 def test_rates_and_speeds_that_make_no_sense_are_refused_in_a_line(wrong, words):
     with pytest.raises(ConfigError, match=words):
         section_from_mapping(RobotConfig, wrong)
+
+
+@pytest.mark.parametrize(("control_hz", "camera_hz"), [(10, 30), (30, 20), (15, 10), (60, 24), (25, 50)])
+def test_commands_images_and_delays_are_those_of_counting_on_the_time_axis(control_hz, camera_hz):
+    """Times as fractions: commands at multiples of 1/control_hz, images at multiples of 1/camera_hz."""
+    clock = make_clock(control_hz, camera_hz)
+    times = [Fraction(step, clock.rate_hz) for step in range(240)]
+    commanded = [(time * control_hz).denominator == 1 for time in times]
+    pictured = [(time * camera_hz).denominator == 1 for time in times]
+    assert [clock.commands(step) for step in range(240)] == commanded
+    for step in range(200):
+        assert clock.held_for(step) == next(k for k in range(1, 99) if commanded[step + k])
+        for late in (0, 1, 4, 7):
+            assert clock.sees(step, late) == (
+                step == 0
+                or (step >= late and pictured[step - late])
+                or (step < late and (step - late) % clock.image_every == 0)
+            )
+            newest = max((k for k in range(step - late + 1) if pictured[k]), default=0)
+            assert clock.image_step(step, late) == newest
+        assert clock.time_ns(step) == math.floor(times[step] * 10**9)
+    for time_s in (0.0, 0.04, 0.26, 0.5, 1.3):
+        apart = [k for k in range(1, 200) if pictured[k]]
+        nearest = min(abs(times[k] - Fraction(time_s)) for k in apart)
+        assert abs(times[clock.nearest_images(time_s)] - Fraction(time_s)) == pytest.approx(float(nearest), abs=1e-12)
+        assert pictured[clock.nearest_images(time_s)]
+
+
+def test_rates_that_need_too_many_steps_or_are_none_are_refused_at_their_limits():
+    assert (make_clock(1, 1).rate_hz, make_clock(120, 120).rate_hz, make_clock(40, 60).rate_hz) == (20, 120, 120)
+    for rates in ((0, 20), (20, 0), (121, 20), (20, 121), (50, 60)):
+        with pytest.raises(ValueError, match=r"must be 1\.\.120|at most 120"):
+            make_clock(*rates)

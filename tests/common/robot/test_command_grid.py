@@ -1,6 +1,7 @@
 """The grid of commands."""
 
 import numpy as np
+import pytest
 
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import COMMAND_COUNT, command_grid, mirrored, speed_shares
@@ -27,3 +28,16 @@ def test_grid_of_a_robot_that_reverses_has_further_speeds_as_far_apart() -> None
     assert grid.shape == (63, 2)
     np.testing.assert_array_equal(grid[18:], command_grid())
     np.testing.assert_array_equal(grid[mirrored(robot)], grid * [1, -1])
+
+
+@pytest.mark.parametrize(
+    ("v_max_mps", "v_min_mps", "backward"), [(1.0, 0.0, 0), (0.8, -0.2, 1), (0.8, -0.21, 2), (0.9, -0.9, 4)]
+)
+def test_speeds_backwards_reach_the_lowest_one(v_max_mps: float, v_min_mps: float, backward: int) -> None:
+    robot = RobotConfig(v_max_mps=v_max_mps, v_min_mps=v_min_mps)
+    shares = speed_shares(robot)
+    assert len(shares) == 5 + backward
+    np.testing.assert_allclose(np.diff(shares), 0.25)
+    assert shares[0] * v_max_mps <= v_min_mps + 1e-12 < (shares[1] if backward else 1.0) * v_max_mps
+    grid = command_grid(robot)
+    assert grid.tolist() == [[v, w] for v in shares for w in np.linspace(-1, 1, 9)]

@@ -74,3 +74,37 @@ def test_first_of_several_cameras_is_the_one_that_others_stand_beside(tmp_path: 
 def test_missing_robot_file_is_a_config_error(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot be read"):
         load_robot(tmp_path / "none.toml")
+
+
+@pytest.mark.parametrize(
+    "text", [b"a = " + b"[" * 100_000, b"a = " + b"9" * 5000, b"a = 0x" + b"f" * 5000, b"a = '\xff'"]
+)
+def test_file_beyond_a_limit_is_refused_in_one_line(tmp_path: Path, text: bytes) -> None:
+    (tmp_path / "robot.toml").write_bytes(text)
+    with pytest.raises(ConfigError, match=r"^Robot file .*robot\.toml cannot be read: .*\.$"):
+        load_robot(tmp_path / "robot.toml")
+
+
+def test_defaults_are_those_of_the_runs_that_name_none() -> None:
+    assert {name: value for name, value in section_to_mapping(RobotConfig()).items() if name not in ("camera",)} == {
+        "radius_m": 0.25,
+        "planning_radius_m": 0.3,
+        "height_m": 0.6,
+        "v_max_mps": 1.0,
+        "v_min_mps": 0.0,
+        "w_max_radps": 1.2,
+        "a_max_mps2": 1.0,
+        "alpha_max_radps2": 3.0,
+        "control_hz": 20,
+        "camera_hz": 20,
+        "camera_name": "front",
+        "cameras": {},
+        "ranges": {
+            "mount_height_m": [],
+            "horizontal_fov_deg": [],
+            "mount_pitch_deg": [],
+            "radius_m": [],
+            "v_max_mps": [],
+            "w_max_radps": [],
+        },
+    }

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from readygo.common.camera.captured import CapturedViews
+from readygo.common.frames import matrix_from_axis_angle
 from readygo.common.maps import FloorMap, GridFrame, SightMap
 from readygo.common.scenes.filmed import FILMED_MIN, filmed_share
 
@@ -72,3 +73,19 @@ def test_many_cameras_are_thinned_and_tell_the_same() -> None:
     few = filmed_from([(1.0 + 0.5 * k, 2.0) for k in range(4)], ALL_AROUND)
     many = filmed_from([(1.0 + 0.5 * k, 2.0) for k in np.linspace(0, 3, 120)], ALL_AROUND)
     assert np.mean((share(few) > FILMED_MIN) == (share(many) > FILMED_MIN)) == pytest.approx(1.0, abs=0.1)
+
+
+def test_share_of_a_crooked_place_is_as_it_was(golden_figures) -> None:
+    """Things of several heights on an oblong map off the origin, filmed by tilted cameras on uneven ground."""
+    rng, shape = np.random.default_rng(3), (53, 71)
+    frame = GridFrame(origin_x_m=-3.1, origin_y_m=2.2, resolution_m=0.13)
+    heights = rng.integers(1, 2**32, shape, dtype=np.uint64).astype(np.uint32)
+    opaque = np.where(rng.random(shape) < 0.05, heights, np.uint32(0))
+    sight = SightMap(frame=frame, opaque=opaque, layer_m=0.047)
+    floor = FloorMap(frame=frame, height_m=rng.uniform(0.0, 0.2, shape).astype(np.float32))
+    views = filmed_from([(-1.2, 4.3), (1.1, 6.7), (3.2, 3.9)], [0.4, 2.5, 4.1], height_m=1.37)
+    tilt = matrix_from_axis_angle([0.2, 0.1, -0.15])
+    views.T_world_camera[:, :3, :3] = views.T_world_camera[:, :3, :3] @ tilt
+    share = filmed_share(views, sight, floor, opaque == 0)
+    assert 0.05 < (share > FILMED_MIN).mean() < 0.95
+    golden_figures("scenes/filmed", share.reshape(-1), np.arange(share.size) % 67)

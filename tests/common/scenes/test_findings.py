@@ -6,6 +6,7 @@ from readygo.common.gaussians import R_from_up, concatenate, transform_cloud
 from readygo.common.maps import MapConfig, plan_scene
 from readygo.common.scenes.findings import findings, goals_line
 from readygo.common.scenes.report import scene_report
+from tests.common.maps.crooked import crooked_scene
 from tests.common.maps.room import box, room
 
 
@@ -65,3 +66,18 @@ def test_second_floor_is_named_with_its_height(furnished):
     assert any(
         "another floor at about z = 2.8 m" in sentence for sentence in _findings(concatenate([furnished, upper]))
     )
+
+
+def test_report_of_a_crooked_scene_is_as_it_was(golden_figures):
+    cloud = crooked_scene()
+    plan = plan_scene(cloud, MapConfig())
+    report = scene_report(cloud, cloud.select(np.arange(50)), plan.robot, plan.human, plan.floor, 0.23)
+
+    def numbers(part):
+        for value in part.values() if isinstance(part, dict) else part if isinstance(part, (list, tuple)) else [part]:
+            if isinstance(value, (dict, list, tuple)):
+                yield from numbers(value)
+            elif isinstance(value, (int, float)):
+                yield float(value)
+
+    golden_figures("scenes/report", list(numbers(report)))

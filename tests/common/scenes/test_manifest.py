@@ -62,3 +62,17 @@ def test_digest_of_a_grid_depends_on_cells_kind_shape_and_place():
 def test_combined_hash_depends_on_names_and_digests_and_not_on_their_order():
     assert combined_hash({"a": "1", "b": "2"}) == combined_hash({"b": "2", "a": "1"})
     assert combined_hash({"a": "1", "b": "2"}) != combined_hash({"a": "2", "b": "1"})
+
+
+@pytest.mark.parametrize("text", ["a = " + "[" * 100_000, "a = " + "9" * 5000, "a" + ".a" * 9000 + " = 1"])
+def test_manifest_beyond_a_limit_is_refused(tmp_path, text):
+    (tmp_path / "scene.toml").write_text(text)
+    with pytest.raises(SceneError, match=r"scene\.toml cannot be read"):
+        load_scene(tmp_path)
+
+
+def test_file_of_a_name_that_no_file_can_have_is_missing(copy):
+    text = (copy / "scene.toml").read_text()
+    (copy / "scene.toml").write_text(text + '\n[files."' + "a" * 300 + '"]\nsize = 3\nsha256 = "00"\n')
+    with pytest.raises(SceneError, match="is missing"):
+        load_scene(copy)

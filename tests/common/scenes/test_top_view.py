@@ -61,3 +61,17 @@ def test_view_of_a_scene_has_the_extent_of_its_maps(tmp_path):
     assert view.world_to_pixel((view.frame.origin_x_m, view.frame.origin_y_m)).tolist() == [0, view.rgb.shape[0]]
     assert view.rgb[view.rgb.shape[0] // 2, view.rgb.shape[1] // 2] == pytest.approx([128] * 3, abs=12)
     assert (view.rgb[0, 0] > 220).all()
+
+
+def test_top_view_of_crooked_blobs_is_as_it_was(golden_figures):
+    rng = np.random.default_rng(5)
+    quats = rng.normal(size=(60, 4))
+    cloud = GaussianCloud(
+        means_m=rng.uniform((-1.2, -0.6, 1.8), (1.1, 0.6, 4.5), (60, 3)).astype(np.float32),
+        quats_wxyz=(quats / np.linalg.norm(quats, axis=1, keepdims=True)).astype(np.float32),
+        scales_m=rng.uniform(0.02, 0.2, (60, 3)).astype(np.float32),
+        opacities=rng.uniform(0.05, 1.0, 60).astype(np.float32),
+        sh=rng.uniform(-1.0, 1.0, (60, 1, 3)).astype(np.float32),
+    )
+    view = draw_top_view(cloud, FLOOR, FRAME, SHAPE)
+    golden_figures("scenes/top view", view.rgb.reshape(-1, 3) / 64.0)

@@ -1,9 +1,10 @@
 import dataclasses
+import re
 
 import numpy as np
 import pytest
 
-from readygo.common.errors import AvatarError
+from readygo.common.errors import AvatarError, MotionError
 from readygo.common.maps.grid import GridFrame, OccupancyMap
 from readygo.common.messages import (
     AnimateRequest,
@@ -13,6 +14,7 @@ from readygo.common.messages import (
     Split,
 )
 from readygo.services.animator import Animator, AnimatorConfig, handle_animate
+from readygo.services.animator.handlers import check_free
 from tests.services.animator.bodies import make_avatar
 from tests.services.animator.paths import circle, floor, line
 
@@ -102,3 +104,27 @@ def test_avatar_that_cannot_stand_is_refused():
     joints[:, 1] += 1.0
     with pytest.raises(AvatarError, match="'stump' cannot walk"):
         Animator({"stump": dataclasses.replace(body, joints_canonical_m=joints)}, floor(), AnimatorConfig())
+
+
+def test_trajectory_is_refused_at_its_first_point_in_an_obstacle():
+    """Random steps on an oblong map off the origin; points lie half a cell apart or nearer."""
+    rng = np.random.default_rng(4)
+    occupied = rng.random((23, 41)) < 0.04
+    obstacles = OccupancyMap(frame=GridFrame(origin_x_m=-2.3, origin_y_m=4.1, resolution_m=0.13), occupied=occupied)
+    found = []
+    for start in rng.uniform((-2.1, 4.3), (2.8, 6.9), (80, 2)):
+        xy = start + np.vstack([np.zeros(2), np.cumsum(rng.normal(0.0, 0.2, (4, 2)), axis=0)])
+        parts = int(np.ceil(2.0 * np.abs(np.diff(xy, axis=0)).max() / 0.13))
+        points = [(xy[k] + n / parts * (xy[min(k + 1, 4)] - xy[k]), k) for k in range(5) for n in range(parts)]
+        blocked = []
+        for (x_m, y_m), row in points:
+            i, j = obstacles.frame.cell(x_m, y_m)
+            if not (0 <= i < 23 and 0 <= j < 41) or occupied[i, j]:
+                blocked.append(f"({x_m:.2f}, {y_m:.2f}) m, row {row};")
+        found.append(bool(blocked))
+        if blocked:
+            with pytest.raises(MotionError, match=re.escape(blocked[0])):
+                check_free(obstacles, xy)
+        else:
+            check_free(obstacles, xy)
+    assert 10 < sum(found) < 70

@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 
 from readygo.common.maps import FloorMap, GridFrame
+from readygo.common.messages import Motion
 from readygo.services.animator.retime import BODY_TURN_RADPS, RetimedWalk
+from tests.services.animator.paths import s_curve
 
 FLOOR = FloorMap(
     frame=GridFrame(origin_x_m=-5.0, origin_y_m=-5.0, resolution_m=0.5), height_m=np.zeros((40, 60), np.float32)
@@ -52,3 +54,23 @@ def test_body_turns_to_where_it_goes_no_faster_than_bodies_turn(motion):
     assert walk._yaw_rad - before == pytest.approx(BODY_TURN_RADPS * 0.05)
     list(steps(walk, [(0.0, 1.0)] * 20))
     assert walk._yaw_rad == pytest.approx(np.pi / 2, abs=1e-6)
+
+
+def test_way_of_somebody_else_is_walked_as_it_was(animate, golden_figures):
+    """Of a bent walk over uneven ground: slow, fast, on the spot, backwards and far beyond the drawn way."""
+    height = np.random.default_rng(1).uniform(0.0, 0.1, (40, 60)).astype(np.float32)
+    uneven = FloorMap(frame=FLOOR.frame, height_m=height)
+    drawn = animate(s_curve(1.1)[:130], uneven, seed=3, style=1.0)
+    walk = RetimedWalk(drawn, uneven)
+    at_rest = walk.advance(np.zeros(2), np.zeros(2))
+    assert at_rest[0][2] - uneven.at(0.0, 0.0) == pytest.approx(float(walk._height_m[-1]))
+    velocities = [(0.7, 0.3)] * 40 + [(1.6, -0.2)] * 90 + [(0.05, 0.02)] * 15 + [(-0.9, 0.5)] * 60 + [(0.2, 0.25)] * 20
+    rows = [[*root, *pose.ravel()] for root, pose in steps(walk, velocities)]
+    golden_figures("animator/retimed", np.array(rows))
+
+
+def test_somebody_who_only_idles_goes_through_the_rows_one_by_one_and_stays_at_the_last():
+    pose = np.zeros((3, 24, 3), np.float32)
+    pose[:, 5, 0] = 0.1, 0.2, 0.3
+    idle = RetimedWalk(Motion(root_m=np.full((3, 3), 0.9, np.float32), pose_axis_angle=pose), FLOOR)
+    assert [turned[5, 0] for _, turned in steps(idle, [(0.0, 0.0)] * 4)] == pytest.approx([0.2, 0.3, 0.3, 0.3])

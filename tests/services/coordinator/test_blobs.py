@@ -79,3 +79,16 @@ def test_what_a_crash_left_half_written_is_written_again_or_goes_with_the_next_s
     store.keep_only({store.put(DATA)})
     assert store.get(SHA256) == DATA
     assert not other.exists()
+
+
+def test_blobs_that_the_system_takes_and_gives_in_pieces_are_whole(
+    store: BlobStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write, read = os.write, os.pread
+    monkeypatch.setattr(os, "write", lambda descriptor, data: write(descriptor, data[:7]))
+    monkeypatch.setattr(os, "pread", lambda descriptor, count, offset: read(descriptor, min(count, 3), offset))
+    assert store.put(DATA) == SHA256
+    assert store.get(SHA256) == DATA
+    assert store.read(SHA256, 41, 11) == (100, DATA[41:52])
+    assert store.read(SHA256, 120, 5) == (100, b"")
+    assert store.read(SHA256, 3, 0) == (100, b"")

@@ -70,3 +70,10 @@ def test_full_disk_is_said_in_one_line_and_undoes_the_step(tmp_path: Path) -> No
         ledger.open_episodes(10_000)
     assert ledger.census.waiting() == {"human-plan": 3}
     ledger.close()
+
+
+def test_text_that_is_none_is_damage(database: Database) -> None:
+    database.run("CREATE TABLE IF NOT EXISTS words (word TEXT)")
+    database.run("INSERT INTO words VALUES (CAST(x'88ff' AS TEXT))")
+    with pytest.raises(RunError, match="cannot be used"):
+        database.all("SELECT word FROM words")

@@ -1,3 +1,4 @@
+import itertools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -76,6 +77,24 @@ def test_commit_hands_back_what_nobody_needs_any_more(ledger: Ledger) -> None:
     assert ledger.commit(0, _written(attempt, "rec1", "other")) is None
 
 
+@pytest.mark.parametrize("order", [*itertools.permutations(range(3))])
+def test_commit_hands_back_no_result_that_an_earlier_or_a_later_episode_needs(
+    ledger: Ledger, order: tuple[int, ...]
+) -> None:
+    names = {0: [f"hash of {stage.name}" for stage in BEFORE_RENDER]}
+    names |= {1: ["of two", names[0][1], "own"], 2: [names[0][0], names[0][1], "of two"]}
+    for index in (1, 2):
+        for stage, name in zip(BEFORE_RENDER, names[index], strict=True):
+            lease = ledger.claim(stage, Holder(worker="w"), 10.0, "rec0")
+            assert lease is not None
+            assert ledger.advance(stage, index, lease.attempt, name)
+    for done, index in enumerate(order, 1):
+        needed = set().union(*(names[other] for other in order[done:]))
+        ledger.entrust(index, "rec0")
+        assert set(ledger.commit(index, _written(3)) or []) == set(names[index]) - needed
+        assert ledger.census.results() == needed
+
+
 def test_leases_end_by_time_and_grants_do_not(ledger: Ledger) -> None:
     attempt = _render(ledger)
     other = ledger.claim(HUMAN_PLAN, Holder(worker="w"), 12.0)
@@ -147,7 +166,7 @@ def test_shortest_run_reaches_to_the_last_durable_episode(tmp_path: Path) -> Non
 
 
 def _policy(sha256: str) -> PolicyRef:
-    return PolicyRef(path="", files=(FileRef(path="head", sha256=sha256, size=4),), mix=0.5)
+    return PolicyRef(path="", files=(FileRef(path="head", sha256=sha256 * 64, size=4),), mix=0.5)
 
 
 def test_assigned_policy_goes_before_the_newest(tmp_path: Path) -> None:

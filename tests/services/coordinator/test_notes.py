@@ -40,3 +40,15 @@ def test_counters_add_up_and_survive(tmp_path: Path) -> None:
         Notes(database).add("cpu_s", amount)
         database.close()
     assert Notes(Database(tmp_path / "ledger.sqlite")).counters() == {"cpu_s": 3.5}
+
+
+def test_notes_and_counters_are_of_their_own_key(notes: Notes) -> None:
+    for key in ("a", "b"):
+        notes.put(key, f"of {key}")
+    notes.drop("a")
+    assert (notes.get("a"), notes.get("b")) == ("", "of b")
+    assert notes.next_turn(-5) == 1
+    for counter, amount in (("cpu", 1.5), ("gpu", -2.0), ("cpu", 0.25)):
+        notes.add(counter, amount)
+    assert notes.counters() == {"cpu": 1.75, "gpu": -2.0}
+    assert notes.keys("tu") == {"rn"}

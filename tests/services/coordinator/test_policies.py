@@ -12,7 +12,7 @@ def ledger(tmp_path: Path) -> Ledger:
 
 
 def _policy(sha256: str) -> PolicyRef:
-    return PolicyRef(path="", files=(FileRef(path="head", sha256=sha256, size=4),), mix=0.5)
+    return PolicyRef(path="", files=(FileRef(path="head", sha256=sha256 * 64, size=4),), mix=0.5)
 
 
 def test_offers_are_numbered_and_say_when_they_came(ledger: Ledger) -> None:
@@ -29,4 +29,4 @@ def test_files_of_a_policy_are_idle_when_no_episode_names_it_and_there_is_a_newe
     ledger.assign({0: assigned.sha256, 1: ""})
     for name in ("b", "c"):
         ledger.policies.offer(_policy(name), 2)
-    assert ledger.policies.idle_files() == {"b"}
+    assert ledger.policies.idle_files() == {"b" * 64}

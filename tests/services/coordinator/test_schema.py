@@ -8,7 +8,7 @@ from readygo.services.coordinator import Holder, Ledger, Written
 from readygo.services.coordinator.schema import open_database
 
 FILM = Stage(name="film", role="camera", records=True)
-POLICY = PolicyRef(path="", files=(FileRef(path="head", sha256="a", size=1),), mix=0.5)
+POLICY = PolicyRef(path="", files=(FileRef(path="head", sha256="a" * 64, size=1),), mix=0.5)
 
 
 def _columns(path: Path) -> set[str]:

@@ -1,6 +1,9 @@
+import math
+
 import numpy as np
 import pytest
 
+from readygo.common.episode import Purpose, episode_rng
 from readygo.common.messages import EpisodeKey, Split
 from readygo.common.robot import RobotConfig
 from readygo.services.driver import Disturbance, DriverConfig, disturbs
@@ -35,17 +38,39 @@ def test_episode_has_pushes_of_its_own_and_always_the_same() -> None:
     assert not _pushes(3, push=0.0).any()
 
 
-def test_command_is_what_was_wanted_for_now_some_time_ago() -> None:
-    """At step t, the expert wants v = 100 t + k for the k-th step from there on."""
-    would = [tuple((100.0 * t + k, 0.0) for k in range(21)) for t in range(30)]
-    lags = set()
-    for index in range(60):
-        disturbance = Disturbance(_key(index), DriverConfig(push=0.0, late_max_s=0.3), ROBOT)
-        commands = [disturbance.command(would[: t + 1])[0] for t in range(30)]
-        lag = int(commands[-1] % 100)
-        lags.add(lag)
-        assert commands == [100.0 * max(t - lag, 0) + min(t, lag) for t in range(30)]
-    assert lags == {0, 1, 2, 3, 4, 5, 6}
+@pytest.mark.parametrize(("control_hz", "camera_hz", "lags"), [(20, 20, 7), (10, 30, 10), (10, 10, 7), (25, 25, 9)])
+def test_command_is_what_was_wanted_some_time_ago_for_the_end_of_the_held_steps_and_a_push(
+    control_hz: int, camera_hz: int, lags: int
+) -> None:
+    """At step t, the expert wants v = 100 t + k and w = -v for the k-th step from there on."""
+    robot = RobotConfig(control_hz=control_hz, camera_hz=camera_hz, a_max_mps2=1.7, alpha_max_radps2=4.3)
+    clock, config = robot.clock, DriverConfig(push=0.8, push_time_s=0.35, late_max_s=0.3)
+    keep = math.exp(-clock.dt_s / 0.35)
+    would = [tuple((100.0 * t + k, -100.0 * t - k) for k in range(21)) for t in range(25)]
+    found = set()
+    for index in range(80):
+        disturbance = Disturbance(_key(index), config, robot)
+        stream = episode_rng(_key(index), Purpose.DISTURBANCE)
+        stream.random()
+        lag = int(stream.integers(0, lags))
+        found.add(lag)
+        push = np.zeros(2)
+        for t in range(25):
+            held = clock.held_for(t)
+            push = keep * push + 0.8 * math.sqrt(1 - keep**2) * stream.standard_normal(2)
+            wanted = 100.0 * max(t - lag, 0) + min(t, lag) + held - 1
+            change = push * clock.dt_s * (1.7, 4.3)
+            assert disturbance.command(would[: t + 1], held) == pytest.approx((wanted + change[0], change[1] - wanted))
+    assert found == set(range(lags))
+
+
+def test_last_command_of_a_short_plan_is_held() -> None:
+    config = DriverConfig(push=0.0, late_max_s=0.0)
+    plan = ((0.1, 0.2), (0.3, 0.4), (0.5, 0.6))
+    assert [Disturbance(_key(0), config, ROBOT).command([plan], held) for held in (1, 3, 9)] == [
+        plan[0],
+        *[plan[2]] * 2,
+    ]
 
 
 def test_share_of_disturbed_episodes_depends_on_the_key_alone() -> None:

@@ -12,6 +12,7 @@ from readygo.common.robot import CameraConfig, RobotConfig
 from readygo.services.driver import Disturbance, DriverConfig, PolicyDriver, drive, driver_of
 
 START_X_M = 2.0
+CALM = DriverConfig(push=0.0, late_max_s=0.0)
 
 
 def late(latency_s: float) -> RobotConfig:
@@ -86,7 +87,7 @@ class _Policy:
 
 @pytest.fixture
 def make_simulation() -> Callable[..., EpisodeSimulation]:
-    def make(goal_x_m: float = 4.0, time_limit_s: float = 50.0) -> EpisodeSimulation:
+    def make(goal_x_m: float = 4.0, time_limit_s: float = 50.0, robot: RobotConfig | None = None) -> EpisodeSimulation:
         occupied = np.zeros((60, 120), np.bool_)
         occupied[[0, -1]] = occupied[:, [0, -1]] = True
         occupied[:, 80] = True
@@ -99,7 +100,7 @@ def make_simulation() -> Callable[..., EpisodeSimulation]:
         )
         robot_map = OccupancyMap(frame=frame, occupied=occupied)
         config = EpisodeConfig(time_limit_s=time_limit_s)
-        return EpisodeSimulation(scenario, EpisodeMotions(humans=()), robot_map, RobotConfig(), config)
+        return EpisodeSimulation(scenario, EpisodeMotions(humans=()), robot_map, robot or RobotConfig(), config)
 
     return make
 
@@ -115,6 +116,22 @@ def test_expert_that_drives_does_what_it_says(make_simulation: Callable[..., Epi
     assert [commands[0] for commands in driven.expert_commands] == [*map(tuple, driven.trajectory.actions.tolist())]
     assert driven.trajectory.replanned.tolist() == [step == 1 for step in steps]
     assert driven.trajectory.expert_cost[0] == 2.5
+
+
+@pytest.mark.parametrize(("control_hz", "held"), [(10, 3), (15, 2), (30, 1)])
+def test_robot_that_holds_commands_has_the_planned_speeds_at_the_end_of_each(
+    make_simulation: Callable[..., EpisodeSimulation], control_hz: int, held: int
+) -> None:
+    robot = RobotConfig(control_hz=control_hz, camera_hz=30)
+    for disturbance in (None, Disturbance(EpisodeKey(seed=0, split=Split.TRAIN, index=0), CALM, robot)):
+        simulation = make_simulation(time_limit_s=1.0, robot=robot)
+        driven = drive(simulation, _Expert(), _Camera(simulation), _Weigher(), disturbance=disturbance)
+        assert len(driven.trajectory.actions) == 30
+        assert {len(commands) for commands in driven.expert_commands} == {1 + 30}
+        for step in range(0, 30, held):
+            reached = tuple(driven.trajectory.actions[step + held - 1].tolist())
+            assert reached == pytest.approx(driven.expert_commands[step][held - 1])
+        assert driven.trajectory.actions[-1, 0] > 0
 
 
 def test_what_the_expert_goes_on_with_is_within_the_robots_reach(

@@ -49,3 +49,42 @@ def test_who_is_late_stood_or_drove_on():
 def test_success_is_no_failure_and_a_failed_driver_is_one_whatever_came_of_it():
     assert category_of(ended(Outcome.SUCCESS), None) is None
     assert category_of(ended(Outcome.HUMAN_COLLISION), None, "it raised") is Category.DRIVER_FAILED
+
+
+def far_away(outcome, *, humans=(), path=((-3.2, 7.1),), robot=RobotConfig()):  # noqa: B008
+    """A simulation that ends away from the origin."""
+    simulation = ended(outcome, humans, path)
+    simulation.x_m, simulation.y_m = path[-1]
+    simulation.clock = robot.clock
+    return simulation
+
+
+@pytest.mark.parametrize(
+    ("human", "category"),
+    [
+        ((-3.2 + 1.2, 7.1 - 1.59), Category.MAKING_WAY),
+        ((-3.2 + 1.2, 7.1 - 1.61), Category.THING),
+        ((0.0, 0.0), Category.THING),
+    ],
+)
+def test_human_is_beside_the_robot_within_two_metres_of_where_it_is(human, category):
+    crowd = [(4.0, -9.0), human]
+    assert category_of(far_away(Outcome.STATIC_COLLISION, humans=crowd), None) is category
+    assert category_of(far_away(Outcome.STATIC_COLLISION), None) is Category.THING
+
+
+@pytest.mark.parametrize(("moved_m", "category"), [(0.29, Category.STUCK), (-0.31, Category.LATE)])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_who_moved_less_than_a_foot_in_the_last_ten_seconds_is_stuck(moved_m, category, axis):
+    robot = RobotConfig(control_hz=10, camera_hz=15)
+    path = np.tile([-3.2, 7.1], (400, 1))
+    # At 30 steps a second the last ten seconds begin 300 steps before the end.
+    path[:99] -= 5.0
+    path[150, axis] += moved_m
+    assert category_of(far_away(Outcome.TIMEOUT, path=path, robot=robot), None) is category
+    path[99] -= 5.0
+    assert category_of(far_away(Outcome.TIMEOUT, path=path, robot=robot), None) is Category.LATE
+
+
+def test_contact_that_nobody_looked_into_has_no_category():
+    assert category_of(ended(Outcome.HUMAN_COLLISION), None) is None

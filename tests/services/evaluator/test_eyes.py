@@ -85,3 +85,16 @@ def test_policy_that_sees_depths_is_shown_what_its_camera_measures_of_them(make_
     assert set(np.unique(policy.levels)) <= {0, 191, 192}
     assert len(np.unique(policy.levels)) == 2
     assert not np.array_equal(policy.levels[0], policy.levels[1])
+
+
+def test_views_follow_the_clock_of_a_robot_of_other_rates(make_evaluator, services):
+    camera = dataclasses.replace(ROBOT.camera, latency_s=0.1)
+    robot = dataclasses.replace(ROBOT, camera=camera, control_hz=30, camera_hz=10)
+    request = EvaluateRequest(tasks=(Task.STATIC,), methods=(POLICY,), episodes=1)
+    handle_evaluate(make_evaluator(robot=robot, policy=GoalSeeker(robot)), request)
+    views = [asked.views[0] for asked in services.render_requests]
+    # An image every third step, which the policy has three steps later.
+    assert [view.step for view in views[:6]] == [0, 0, 3, 6, 9, 12]
+    assert [len(view.path_xyyaw) for view in views[:5]] == [1, 1, 4, 4, 4]
+    assert views[4].path_xyyaw[0] == views[3].path_xyyaw[3]
+    assert views[4].path_xyyaw[3][0] == views[4].T_world_camera[0, 3]

@@ -1,9 +1,10 @@
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
-from readygo.services.evaluator.network_driver import NetworkDriver, steer
+from readygo.services.evaluator.network_driver import NetworkDriver, Ride, steer
 from tests.services.evaluator.baselines.driving import drive
 from tests.services.evaluator.conftest import ROBOT
 
@@ -54,3 +55,23 @@ def test_network_looks_four_times_a_second_at_the_latest_images_and_the_goal():
     assert network.seen[0][1].item() == pytest.approx((200 / 255 - 0.485) / 0.229, abs=1e-4)
     # The third waypoint, 0.8 units of 0.25 m, in 0.25 s.
     assert simulation.v_mps == pytest.approx(0.8)
+
+
+def test_places_are_in_units_of_the_way_of_a_quarter_second_at_full_speed():
+    class Left(Ahead):
+        def waypoints(self, images, goal, generator):
+            return torch.tensor([[[9.0, 9.0], [9.0, 9.0], [0.6, 0.05]]])
+
+    robot = dataclasses.replace(ROBOT, v_max_mps=0.85, w_max_radps=0.95)
+    driver = NetworkDriver(Left(), Eyes())
+    ride = Ride(goal=torch.zeros(3, 6, 8), generator=None)
+    driver._decide(ride, np.zeros((6, 16, 3), np.uint8), robot)
+    assert ride.command == pytest.approx((0.6 * 0.85, 4 * math.atan(0.05 / 0.6)))
+
+
+def test_heading_counts_where_the_robot_is_already():
+    robot = dataclasses.replace(ROBOT, w_max_radps=9.0)
+    assert steer((0.0, 0.0, math.cos(0.3), math.sin(0.3)), robot) == (0.0, pytest.approx(1.2))
+    assert steer((0.0, -0.1, 1.0, 0.0), robot) == (0.0, pytest.approx(-4 * math.pi / 2))
+    v, w = steer((-0.1, 0.1), robot)
+    assert (v, w) == (0.0, pytest.approx(-math.pi))

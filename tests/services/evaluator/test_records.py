@@ -3,8 +3,8 @@ import json
 
 import numpy as np
 import pytest
-from rich.console import Console
 
+from readygo.apps.terminal import PlainConsole
 from readygo.services.evaluator import (
     STRAIGHT_LINE,
     EvaluateRequest,
@@ -25,7 +25,7 @@ def test_nearest_human_is_recorded(make_evaluator):
 
 def test_table_shows_rates_and_interval(make_evaluator):
     reply = handle_evaluate(make_evaluator(), EvaluateRequest(episodes=3, tasks=(Task.STATIC,)))
-    console = Console(width=80, record=True, file=io.StringIO())
+    console = PlainConsole(width=80, record=True, file=io.StringIO())
     console.print(summary_table(reply.summaries))
     text = console.export_text()
     assert "straight-line" in text

@@ -197,3 +197,10 @@ def test_episode_that_was_kept_survives_a_kill(tmp_path):
     assert done.returncode == -signal.SIGKILL
     with open_results(tmp_path, {}) as results:
         assert [episode.index for _, _, episode in results.records] == [3]
+
+
+@pytest.mark.parametrize("text", ["3", '{"methods": 3}', "[" * 100_000, '{"seed": ' + "9" * 5000 + "}"])
+def test_settings_of_another_shape_are_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "settings.json").write_text(text)
+    with pytest.raises(RunError, match=r"settings\.json cannot be read"), open_results(tmp_path, {"seed": 1}):
+        pass

@@ -76,3 +76,70 @@ def test_all_of_it_is_json_without_nan():
     text = json.dumps([comparison_mapping(each) for each in compared], allow_nan=False)
     assert '"success_ratio": {"mean": null' in text
     json.dumps(score_mapping(scores_of(RECORDS, time_limit_s=50.0)), allow_nan=False)
+
+
+def test_faults_and_contacts_are_told_apart():
+    """Contacts at which the robot stood, or saw nobody, are none of its fault."""
+    contacts = [
+        HIT,
+        Contact(robot_mps=0.0, in_view=True, seen_s=0.7),
+        Contact(robot_mps=0.6, in_view=False, seen_s=0.0),
+        None,
+        None,
+    ]
+    outcomes = [*[Outcome.HUMAN_COLLISION] * 3, Outcome.STATIC_COLLISION, Outcome.SUCCESS]
+    records = [
+        record("policy", index, outcome, duration_s=3.0 + index, contact=contact, intrusion_s=0.5 * index)
+        for index, (outcome, contact) in enumerate(zip(outcomes, contacts, strict=True))
+    ]
+    scores = scores_of(records, time_limit_s=20.0)[Task.DYNAMIC, "policy"]
+    at_fault = [contact.at_fault for contact in contacts if contact]
+    assert scores["at_fault"].mean == pytest.approx(sum(at_fault) / 5)
+    assert scores["not_at_fault"].mean == pytest.approx((3 - sum(at_fault)) / 5)
+    assert scores["human_collision"].mean == pytest.approx(0.6)
+    assert scores["static_collision"].mean == pytest.approx(0.2)
+    assert scores["timeout"].mean == 0.0
+    assert scores["art_s"].mean == pytest.approx((4 * 20 + 7) / 5)
+    assert scores["intrusion"].mean == pytest.approx((0 + 0.5 / 4 + 1 / 5 + 1.5 / 6 + 2 / 7) / 5)
+    assert (scores["contact_in_view"].mean, scores["contact_in_view"].count) == (pytest.approx(2 / 3), 3)
+    assert scores["contact_moving"].mean == pytest.approx(2 / 3)
+    assert scores["contact_seen_s"].mean == pytest.approx(0.9)
+    assert (scores["near_misses"].mean, scores["jerk_mps3"].mean) == (1.0, 2.0)
+    assert scores["turn_acceleration_radps2"].mean == 0.5
+
+
+def test_rates_have_wilsons_interval_and_other_measures_a_bootstraps():
+    records = [record("m", k, Outcome.SUCCESS if k < 7 else Outcome.TIMEOUT, duration_s=5.0 + k) for k in range(20)]
+    scores = scores_of(records, time_limit_s=60.0)[Task.DYNAMIC, "m"]
+    success = scores["success"]
+    # Wilson's score interval of 7 of 20 at 95 %.
+    p, n, z = 0.35, 20, 1.959964
+    middle = (p + z * z / (2 * n)) / (1 + z * z / n)
+    half = z / (1 + z * z / n) * (p * (1 - p) / n + z * z / (4 * n * n)) ** 0.5
+    assert (success.low, success.high) == pytest.approx((middle - half, middle + half), abs=1e-4)
+    times = scores["art_s"]
+    deviation = (sum((v - times.mean) ** 2 for v in [*range(5, 12), *[60] * 13]) / 20) ** 0.5 / 20**0.5
+    assert times.high - times.low == pytest.approx(2 * 1.96 * deviation, rel=0.15)
+    assert times.low < times.mean < times.high
+
+
+def test_comparison_is_paired_and_signed():
+    """The method wins twice where the reference fails, loses once, and is slower where both succeed."""
+    ours = [Outcome.SUCCESS] * 5 + [Outcome.TIMEOUT] * 2
+    theirs = [Outcome.SUCCESS] * 3 + [Outcome.STATIC_COLLISION] * 2 + [Outcome.SUCCESS, Outcome.TIMEOUT]
+    records = [record("ours", k, o, duration_s=10.0 + k) for k, o in enumerate(ours)]
+    records += [record("theirs", k, o, duration_s=8.0 + k) for k, o in enumerate(theirs)]
+    (compared,) = compare_all([*records, record("theirs", 99, Outcome.SUCCESS)], "theirs", time_limit_s=30.0)
+    assert (compared.episodes, compared.only_method, compared.only_reference) == (7, 2, 1)
+    assert compared.mcnemar_p == 1.0
+    assert compared.differences["success"].mean == pytest.approx(1 / 7)
+    assert compared.differences["static_collision"].mean == pytest.approx(-2 / 7)
+    # 2 s slower three times, 13 and 14 s in place of 30 s, 30 s in place of 13 s, and both too late.
+    expected = (3 * 2 + (13 - 30) + (14 - 30) + (30 - 13) + 0) / 7
+    assert compared.differences["art_s"].mean == pytest.approx(expected)
+    assert compared.differences["art_s"].low < expected < compared.differences["art_s"].high
+    assert compared.success_ratio.mean == pytest.approx(5 / 4)
+    assert (compared.time_ratio.mean, compared.time_ratio.count) == (pytest.approx(33 / 27), 3)
+    mapping = comparison_mapping(compared)
+    assert mapping["only_method"] == 2
+    assert mapping["time_ratio"]["mean"] == pytest.approx(33 / 27)

@@ -14,6 +14,8 @@ from readygo.services.recorder.disk import disk_error, try_room
         (errno.ENOSPC, True, "No space left in /data; free some, and recording goes on."),
         (errno.EDQUOT, True, "No space left in /data; free some, and recording goes on."),
         (errno.EROFS, True, "/data cannot be written (Read-only file system); mend it, and recording goes on."),
+        (errno.EACCES, True, "/data cannot be written (Permission denied); mend it, and recording goes on."),
+        (errno.EPERM, True, "/data cannot be written (Operation not permitted); mend it, and recording goes on."),
         (errno.EIO, False, "Writing to /data failed: Input/output error; mend it and run again to go on."),
     ],
 )
@@ -23,7 +25,14 @@ def test_disk_that_can_be_waited_for_is_told_from_one_that_fails(code: int, wait
 
 
 def test_room_is_tried_without_a_trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    written: list[tuple[str, int]] = []
+    write = Path.write_bytes
+    monkeypatch.setattr(
+        "pathlib.Path.write_bytes", lambda path, data: written.append((path.name, len(data))) or write(path, data)
+    )
     try_room(tmp_path, "r0")
+    assert written == [(".room-r0", 2**20)]
+    assert list(tmp_path.iterdir()) == []
 
     def refuse(*arguments: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")

@@ -248,6 +248,24 @@ def test_samples_of_an_attempt_that_nobody_leased_change_nothing(make_recorder, 
     assert send(recorder, append_requests(2)) == ["retry", "retry"]
 
 
+def test_another_holder_of_the_same_attempt_proves_its_lease_before_its_samples_are_taken(
+    make_recorder, coordinator, tmp_path
+) -> None:
+    recorder = make_recorder()
+    first, last = (dataclasses.replace(request, lease="ours") for request in append_requests(0))
+    assert send(recorder, [first]) == ["ok"]
+    coordinator.unexpected = {0: VerdictStatus.STALE}
+    for attempt in (1, 2):
+        forged = dataclasses.replace(last, lease="theirs", attempt=attempt)
+        assert send(recorder, [forged]) == ["stale"], "nobody leased it to them"
+    assert send(recorder, [dataclasses.replace(last, lease="")]) == ["stale"]
+    assert recorder.state().buffered_episodes == 1
+    assert send(recorder, [dataclasses.replace(last, lease="ours", samples=(*last.samples,))]) == ["committed"]
+    assert coordinator.done_indices == [0]
+    recorder.close()
+    assert validate(tmp_path).defects == ()
+
+
 def test_closed_recorder_asks_to_try_again(make_recorder) -> None:
     recorder = make_recorder()
     recorder.close()

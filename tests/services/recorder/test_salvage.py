@@ -11,7 +11,7 @@ from readygo.common.dataset.records import Record, chunk_span, iter_messages, it
 from readygo.common.dataset.stage import Stage
 from readygo.common.errors import DatasetError
 from readygo.services.recorder import Recorder, RecorderConfig, handle_append
-from readygo.services.recorder.salvage import drop_episodes, read_open_shard
+from readygo.services.recorder.salvage import drop_episodes, next_number, next_start_ns, read_open_shard
 from tests.common.dataset.episodes import PROVENANCE, append_requests, make_episode, write_shard
 from tests.common.dataset.maps import make_maps
 from tests.services.recorder.coordinator import FakeCoordinator
@@ -253,3 +253,11 @@ def test_shard_without_its_first_episode_begins_when_it_began_and_shows_the_map(
     assert validate(tmp_path).ok
     assert not drop_episodes(shard, {0, 1}, stage)
     assert [path.name for path in tmp_path.iterdir()] == ["want"]
+
+
+def test_numbers_and_times_of_a_recorder_go_on_behind_its_own_files(tmp_path) -> None:
+    assert (next_number(tmp_path, "r0"), next_start_ns(tmp_path, "r0")) == (0, 0)
+    for name in ("shard-r0-00004.mcap.part", "shard-r0-00011.mcap.salvage", "shard-r00-00033.mcap", "shard-r0-x.mcap"):
+        (tmp_path / name).write_bytes(b"")
+    assert (next_number(tmp_path, "r0"), next_start_ns(tmp_path, "r0")) == (12, 0)
+    assert next_number(tmp_path, "r00") == 34

@@ -395,3 +395,21 @@ def test_both_backends_give_every_output_and_samples_carry_what_is_asked_for(
     for entry in fields(Images):
         one, two = getattr(slow, entry.name), getattr(fast, entry.name)
         assert np.isclose(one, two, rtol=0.01, atol=0.03 if entry.name != "rgb" else 2).mean() > 0.97, entry.name
+
+
+@pytest.mark.parametrize(("name", "optics"), [("brown_conrady", {"k1": -0.06, "p1": 0.002}), ("fisheye", {"k2": 0.01})])
+def test_crooked_camera_takes_what_it_took(name, optics, golden_figures) -> None:
+    """A lens, motion blur, a rolling shutter, vignetting and noise, before patches at infinity."""
+    camera = CameraConfig(
+        height_px=41, width_px=67, horizontal_fov_deg=87.0, distortion=name, **optics, exposure_s=0.017,
+        readout_s=0.023, vignetting=0.3, red_gain=1.2, blue_gain=0.8, exposure_ev=-0.3, shot_noise=0.02,
+        read_noise=0.01,
+    )  # fmt: skip
+
+    def patches(azimuth: np.ndarray, elevation: np.ndarray) -> np.ndarray:
+        return 0.5 + 0.5 * np.sign(np.sin(9.0 * azimuth + 1.0) * np.sin(7.0 * elevation - 0.4))
+
+    images = take(camera, patches, sub_frames=5)
+    golden_figures(f"sensor/taken {name}", images.rgb.reshape(-1, 3) / 64.0)
+    rest = images.depth_m, images.mask, images.alpha, images.normal
+    golden_figures(f"sensor/taken besides {name}", *(array.reshape(41 * 67, -1) for array in rest))

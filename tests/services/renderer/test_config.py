@@ -1,5 +1,6 @@
 import pytest
 
+from readygo.common.config import section_to_mapping
 from readygo.common.rasterizer.backend_names import GPU_BACKENDS
 from readygo.services.renderer import RendererConfig
 
@@ -27,11 +28,20 @@ def test_outputs_without_rgb_or_with_unknown_names_are_refused(outputs) -> None:
         {"jpeg_quality": 101},
         {"sub_frames": 1},
         {"sub_frames": 65},
+        {"depth": "nearest"},
+        {"backend": "gsplat", "outputs": ("rgb", "depth")},
     ],
 )
 def test_wrong_settings_are_refused(wrong) -> None:
     with pytest.raises(ValueError, match=next(iter(wrong))):
         RendererConfig(**wrong)
+
+
+def test_depth_is_made_of_the_median_unless_the_mean_is_asked_for() -> None:
+    kinds = ("rgb", "depth", "median_depth", "mask")
+    assert RendererConfig().rasterized(kinds) == ("rgb", "median_depth", "mask")
+    assert RendererConfig(depth="mean").rasterized(kinds) == kinds
+    assert RendererConfig(backend="gsplat", depth="mean", outputs=("rgb", "depth")).rasterized(("depth",)) == ("depth",)
 
 
 def test_settings_at_their_limits_are_taken() -> None:
@@ -48,3 +58,37 @@ def test_what_not_every_backend_draws_is_left_out_there(name: str) -> None:
     assert all(RendererConfig(backend=backend, **on).draws(name) for backend in ("cpu", "reference"))
     assert not any(RendererConfig(backend=backend, **on).draws(name) for backend in GPU_BACKENDS)
     assert not RendererConfig(**{name: False}).draws(name)
+
+
+def test_defaults_are_those_of_the_runs_that_name_none() -> None:
+    assert section_to_mapping(RendererConfig()) == {
+        "backend": "cpu",
+        "image_format": "jpeg",
+        "jpeg_quality": 90,
+        "outputs": ["rgb"],
+        "goal_image": False,
+        "labels": True,
+        "depth": "median",
+        "detail": "exact",
+        "contact_shadow": False,
+        "feet_on_floor": True,
+        "human_light": True,
+        "human_look": "photoreal",
+        "sensor": {
+            "k1": [],
+            "k2": [],
+            "k3": [],
+            "k4": [],
+            "p1": [],
+            "p2": [],
+            "exposure_ev": [],
+            "red_gain": [],
+            "blue_gain": [],
+            "vignetting": [],
+            "shot_noise": [],
+            "read_noise": [],
+            "exposure_s": [],
+            "readout_s": [],
+        },
+        "sub_frames": 8,
+    }

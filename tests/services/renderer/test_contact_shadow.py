@@ -114,3 +114,15 @@ def test_reference_backend_draws_the_same_shadow(floor_scene: Scene, avatars: di
     )
     images = [drawn(one.drawing, pose, (standing(avatar),), 0).rgb.astype(int) for one in (fast, slow)]
     assert np.abs(images[0] - images[1]).mean() < 0.5
+
+
+def test_shadows_of_crooked_feet_are_as_they_were(golden_figures) -> None:
+    rng = np.random.default_rng(8)
+    frame = GridFrame(origin_x_m=-3.1, origin_y_m=2.3, resolution_m=0.4)
+    floor = FloorMap(frame=frame, height_m=rng.uniform(0.1, 0.25, (11, 17)).astype(np.float32))
+    heels = np.column_stack([rng.uniform((-2.0, 3.0), (1.0, 5.0), (6, 2)), rng.uniform(0.15, 0.4, 6)])
+    toes = heels + np.column_stack([rng.uniform(-0.2, 0.2, (6, 2)), rng.uniform(-0.05, 0.05, 6)])
+    feet = np.stack([heels, toes], axis=1).reshape(3, 2, 2, 3)
+    cloud = shadow_cloud(feet, floor, np.array([-0.3, 2.4, 0.7]))
+    assert cloud is not None
+    golden_figures("renderer/shadows", cloud.means_m, 30.0 * cloud.scales_m, cloud.opacities, cloud.quats_wxyz)

@@ -57,3 +57,20 @@ def test_obstacle_before_a_foot_ends_its_lead_and_one_behind_does_not() -> None:
     assert stands(feet_at(3.0), wall)[0, 1] == pytest.approx(0.2, abs=0.051)
     assert stands(feet_at(2.8), wall)[0, 1] == pytest.approx(0.0, abs=0.051)
     assert stands(feet_at(2.0), wall)[0, 1] == stands(feet_at(2.0))[0, 1]
+
+
+def test_stands_among_obstacles_on_uneven_ground_are_as_they_were(avatars: dict[str, Avatar], golden_figures) -> None:
+    rng = np.random.default_rng(2)
+    floor = FloorMap(frame=FRAME, height_m=rng.uniform(0.1, 0.3, (100, 160)).astype(np.float32))
+    occupied = rng.random((100, 160)) < 0.01
+    people = [
+        PosedHuman(
+            avatar=min(avatars), root_m=rng.uniform((1.0, -2.0, 0.9), (6.0, 2.0, 1.2)),
+            pose_axis_angle=rng.normal(0.0, 0.3, (24, 3)),
+        )
+        for _ in range(9)
+    ]  # fmt: skip
+    feet = feet_of(avatars, people)
+    golden_figures("renderer/feet", feet.reshape(9, -1))
+    cells = OccupancyMap(frame=FRAME, occupied=occupied)
+    golden_figures("renderer/stands", 5.0 * stands_of(feet, floor, cells, camera(0.21)))

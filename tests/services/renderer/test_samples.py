@@ -9,10 +9,10 @@ from readygo.common.avatars import Avatar, joint_positions, pose_avatar
 from readygo.common.errors import AvatarError, RunError
 from readygo.common.images.files import decode_output
 from readygo.common.images.images import OUTPUTS, Images
-from readygo.common.messages import EpisodeMotions, HumanMotion, Humans, RenderView
+from readygo.common.messages import EpisodeMotions, HumanMotion, Humans, RenderView, sample_crc32
 from readygo.common.rasterizer.interface import Rasterizer
 from readygo.services.renderer import Renderer, RendererConfig, episode_header, episode_samples
-from readygo.services.renderer.samples import facing_yaw
+from readygo.services.renderer.samples import Picture, described_samples, facing_yaw
 from tests.services.renderer.asking import render
 from tests.services.renderer.pictures import drawn
 from tests.services.renderer.wearers import wearers
@@ -113,11 +113,17 @@ class AllImages:
         step, self.count = self.count, self.count + 1
         depth_m = np.full(rgb.shape[:3], step + 1.0, dtype=np.float32)
         mask = np.full(rgb.shape[:3], step % 2, dtype=np.uint8)
-        return Images(rgb=rgb, depth_m=depth_m, mask=mask if "mask" in outputs else None)
+        # The mean is twice as far as the median.
+        return Images(
+            rgb=rgb,
+            depth_m=2 * depth_m if "depth" in outputs else None,
+            median_depth_m=depth_m if "median_depth" in outputs else None,
+            mask=mask if "mask" in outputs else None,
+        )
 
 
-def with_outputs(renderer: Renderer, *outputs: str) -> Renderer:
-    changed = Renderer(renderer.scene, wearers(), renderer.robot, RendererConfig(outputs=outputs))
+def with_outputs(renderer: Renderer, *outputs: str, **settings: str) -> Renderer:
+    changed = Renderer(renderer.scene, wearers(), renderer.robot, RendererConfig(outputs=outputs, **settings))
     drawing = replace(changed.drawing, rasterizer=AllImages(renderer.drawing.rasterizer))
     changed.capture = replace(changed.capture, drawing=drawing)
     return changed
@@ -126,7 +132,7 @@ def with_outputs(renderer: Renderer, *outputs: str) -> Renderer:
 def test_samples_hold_the_outputs_that_the_config_asks_for(renderer: Renderer, episode) -> None:
     rich = with_outputs(renderer, "rgb", "depth", "mask")
     samples = list(episode_samples(rich, *episode))
-    assert rich.capture.drawing.rasterizer.asked == {("rgb", "depth", "mask")}
+    assert rich.capture.drawing.rasterizer.asked == {("rgb", "median_depth", "mask")}
     for step, sample in enumerate(samples):
         assert sample.intact
         assert list(sample.outputs) == ["depth", "mask"]
@@ -134,6 +140,15 @@ def test_samples_hold_the_outputs_that_the_config_asks_for(renderer: Renderer, e
         assert (decode_output("mask", sample.outputs["mask"]) == step % 2).all()
     plain = list(episode_samples(renderer, *episode))
     assert [sample.image for sample in samples] == [sample.image for sample in plain]
+
+
+def test_depth_is_the_mean_where_the_config_says_so_and_both_can_be_recorded(renderer: Renderer, episode) -> None:
+    rich = with_outputs(renderer, "rgb", "depth", "median_depth", depth="mean")
+    sample = next(episode_samples(rich, *episode))
+    assert rich.capture.drawing.rasterizer.asked == {("rgb", "depth", "median_depth")}
+    assert list(sample.outputs) == ["depth", "median_depth"]
+    assert (decode_output("depth", sample.outputs["depth"]) == 2.0).all()
+    assert (decode_output("median_depth", sample.outputs["median_depth"]) == 1.0).all()
 
 
 @pytest.mark.parametrize("backend", ["cpu", "reference"])
@@ -182,3 +197,36 @@ def test_labels_can_be_left_out(renderer: Renderer, episode) -> None:
 def test_output_that_the_drawing_does_not_make_is_refused(renderer: Renderer, episode) -> None:
     with pytest.raises(RunError, match="cpu backend cannot do that: the view has no normal image"):
         next(episode_samples(with_outputs(renderer, "rgb", "normal"), *episode))
+
+
+def test_every_number_of_a_crooked_episode_is_in_its_sample(renderer: Renderer, episode) -> None:
+    scenario, motions, trajectory = episode
+    rng, count = np.random.default_rng(4), len(trajectory.xyyaw)
+    crooked = replace(
+        trajectory, actions=rng.normal(size=(count, 2)), human_distance_m=rng.random(count),
+        time_to_collision_s=rng.random(count), expert_cost=rng.random(count), replanned=rng.random(count) < 0.5,
+        human_visible=rng.random(count) < 0.5, xyyaw=trajectory.xyyaw + np.array([0.3, -0.7, 2.5]),
+    )  # fmt: skip
+    pictures = [Picture(image=bytes([step]), outputs={"depth": bytes([step, 7])}) for step in range(count)]
+    floor = renderer.scene.maps.floor
+    for step, sample in enumerate(described_samples(renderer, scenario, motions, crooked, pictures)):
+        x, y, yaw = crooked.xyyaw[step].tolist()
+        assert (sample.seq, sample.image, sample.outputs) == (step, bytes([step]), {"depth": bytes([step, 7])})
+        assert sample.time_ns == step * 50_000_000
+        assert sample.crc32 == sample_crc32(sample.image, sample.outputs)
+        assert (sample.action_v_mps, sample.action_w_radps) == tuple(crooked.actions[step].tolist())
+        assert sample.robot_xyzyaw == pytest.approx((x, y, floor.at(x, y), yaw))
+        dx, dy = scenario.goal_xy_m - (x, y)
+        c, s = np.cos(yaw), np.sin(yaw)
+        assert sample.goal_xy_robot_m == pytest.approx((c * dx + s * dy, c * dy - s * dx))
+        assert sample.human_distance_m == crooked.human_distance_m[step]
+        assert sample.time_to_collision_s == crooked.time_to_collision_s[step]
+        assert sample.expert_cost == crooked.expert_cost[step]
+        assert (sample.replanned, sample.human_visible) == (crooked.replanned[step], crooked.human_visible[step])
+        motion = motions.humans[0].motion
+        row = min(step, len(motion.root_m) - 1)
+        human_x, human_y = motion.root_m[row, :2].tolist()
+        (human,) = sample.humans_xyzyaw
+        assert human[:3] == pytest.approx((human_x, human_y, floor.at(human_x, human_y)))
+        assert human[3] == facing_yaw(motion.pose_axis_angle[row, 0])
+        assert sample.labels[0].box[6] == pytest.approx(human[3])

@@ -1,9 +1,15 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
+from readygo.common.dataset import Dataset
+from readygo.common.errors import DatasetError
 from readygo.common.messages import CommittedEpisode, EpisodeHeader, EpisodeKey, Sample, Split
 from readygo.common.messages.plan import Driver, Outcome
+from readygo.common.robot.command_grid import UNKNOWN_RISK
 from readygo.services.trainer.episodes import committed_episode, nearest_humans, read_episodes
+from tests import crooked
 
 
 def sample(seq, **fields):
@@ -41,7 +47,7 @@ def message(samples, **fields):
         "K_px": (1.0,) * 9,
         "outcome": Outcome.HUMAN_COLLISION,
         "driver": Driver.POLICY,
-        "policy": "hash",
+        "policy": "ab" * 32,
     }
     return CommittedEpisode(header=EpisodeHeader(**(header | fields)), attempt=1, samples=tuple(samples))
 
@@ -53,7 +59,7 @@ def test_committed_episode_keeps_what_training_needs():
     assert episode.xyyaw[0].tolist() == [1, 2, 0]
     assert episode.expert.shape == (3, 2, 2)
     assert (episode.driver, episode.outcome, episode.static) == (Driver.POLICY, Outcome.HUMAN_COLLISION, False)
-    assert episode.policy == "hash"
+    assert episode.policy == "ab" * 32
 
 
 def test_episode_of_which_the_expert_was_not_asked_everywhere_has_no_advice():
@@ -86,3 +92,61 @@ def test_recorded_episodes_come_with_the_advice_that_the_data_have(source):
     seen = next(read_episodes(source, with_humans=True)).humans
     assert np.allclose(seen, [1, 0, 2], atol=1e-5)
     assert advised.size_bytes > plain[1].size_bytes
+
+
+@pytest.mark.parametrize("robot", [crooked.ROBOT, crooked.ODD_RATES], ids=["20 Hz", "30 Hz"])
+def test_episode_is_the_same_from_its_shard_and_from_its_announcement(tmp_path, robot):
+    crooked.write_crooked_shard(tmp_path, (3, 8), 15, robot=robot)
+    names = ("depth", "left.rgb")
+    read = list(read_episodes(Dataset(tmp_path), with_humans=True, outputs=names))
+    assert len(read) == 2
+    for index, recorded in zip((3, 8), read, strict=True):
+        header, samples = crooked.crooked_episode(index, 15, robot=robot)
+        told = committed_episode(CommittedEpisode(header=header, attempt=1, samples=samples), names)
+        for name in ("images", "outputs", "driver", "outcome", "static", "policy", "drawn"):
+            assert getattr(recorded, name) == getattr(told, name), name
+        for name in ("actions", "goals_xy_m", "xyyaw", "expert", "risks", "humans"):
+            np.testing.assert_allclose(getattr(recorded, name), getattr(told, name), atol=1e-6, err_msg=name)
+        assert told.name == header.episode.episode_id
+        for row, one in enumerate(samples):
+            assert told.pictured[row] == bool(one.image)
+            assert told.xyyaw[row].tolist() == [one.robot_xyzyaw[0], one.robot_xyzyaw[1], one.robot_xyzyaw[3]]
+            if one.image:
+                np.testing.assert_allclose(told.expert[row], one.expert_commands, atol=1e-6)
+                assert told.risks[row].tobytes() == one.risks
+            else:
+                assert np.isnan(told.expert[row]).all()
+                assert (told.risks[row] == UNKNOWN_RISK).all()
+
+
+def test_humans_behind_are_not_the_nearest_and_bearings_stay_within_half_a_turn():
+    places = np.array([[-3.2 - 1.0, 7.1 + 0.9], [-3.2 + 0.4, 7.1 - 0.5], [-3.2 - 0.2, 7.1 + 2.4]])
+    pose = np.array([[-3.2, 7.1, 2.5 + 2 * np.pi]])
+    (found,) = nearest_humans(pose, [places], np.array([True]))
+    assert found.tolist() == pytest.approx([1, np.arctan2(0.9, -1.0) - 2.5, np.hypot(1.0, 0.9)], abs=1e-6)
+    assert nearest_humans(pose, [places[1:2]], np.array([True])).tolist() == [[0, 0, 0]]
+    assert nearest_humans(pose, [places[:0]], np.array([True])).tolist() == [[0, 0, 0]]
+
+
+def test_size_is_that_of_all_files_and_numbers():
+    episode = committed_episode(message([sample(k, image=bytes(100), outputs={"depth": bytes(40)}) for k in range(3)]))
+    seen = dataclasses.replace(episode, outputs={"depth": (bytes(40),) * 3})
+    numbers = (episode.actions, episode.goals_xy_m, episode.xyyaw, episode.expert, episode.humans)
+    assert episode.size_bytes == 300 + sum(array.nbytes for array in numbers)
+    assert seen.size_bytes == episode.size_bytes + 120
+
+
+def test_image_that_the_policy_shall_see_must_be_there():
+    with pytest.raises(DatasetError, match="no 'depth' images"):
+        committed_episode(message([sample(0)]), ("depth",))
+    with_goal = [sample(0, outputs={"goal_image": b"goal"}), sample(1)]
+    assert committed_episode(message(with_goal), ("goal_image",)).outputs == {"goal_image": (b"goal", b"")}
+
+
+def test_risks_are_known_where_all_were_looked_at():
+    def risks(*rows):
+        return committed_episode(message([sample(k, risks=row) for k, row in enumerate(rows)])).risks
+
+    assert risks(b"\1\2", b"\0\1").tolist() == [[1, 2], [0, 1]]
+    assert risks(b"\1\2", b"") is None
+    assert risks(b"", b"") is None

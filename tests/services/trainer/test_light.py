@@ -28,3 +28,23 @@ def test_light_falls_on_colours_of_all_cameras_alone():
     tables = light_on(light, ("rgb", "depth", "left.rgb"))
     assert np.array_equal(tables[..., 4:], light)
     assert np.allclose(tables[..., 3], np.arange(256) / 127.5 - 1)
+
+
+def test_tables_are_straight_lines_of_a_contrast_a_brightness_and_three_colours():
+    light = draw_light(3000, 0.3, np.random.default_rng(1)).astype(np.float64)
+    slopes = (light[:, 255] - light[:, 0]) / 2
+    # A byte of 127.5 is the middle of the scale.
+    middles = (light[:, 255] + light[:, 0]) / 2
+    np.testing.assert_allclose(light[:, 51], middles + slopes * (51 / 127.5 - 1), atol=1e-5)
+    # slope = contrast * colour, middle = brightness + colour - 1
+    apart = np.abs(middles[:, 0] - middles[:, 1]) > 0.02
+    contrast = ((slopes[:, 0] - slopes[:, 1]) / (middles[:, 0] - middles[:, 1]))[apart]
+    colours = slopes[apart] / contrast[:, None] - 1
+    brightness = middles[apart] - colours
+    np.testing.assert_allclose(brightness, np.broadcast_to(brightness[:, :1], brightness.shape), atol=1e-4)
+    for values, most in ((contrast - 1, 0.3), (colours[:, 2], 0.15), (brightness[:, 0], 0.3)):
+        assert -most - 1e-4 < values.min() < -0.95 * most
+        assert 0.95 * most < values.max() < most + 1e-4
+        assert abs(values.mean()) < 0.1 * most
+    assert abs(np.corrcoef(contrast, brightness[:, 0])[0, 1]) < 0.1
+    assert abs(np.corrcoef(colours[:, 0], colours[:, 2])[0, 1]) < 0.1

@@ -36,7 +36,7 @@ class Fleet:
 
     def offer(self, request):
         self.offered.append({file.name: file.data for file in request.files})
-        return OfferReply(version=len(self.offered), sha256=f"sha{len(self.offered)}")
+        return OfferReply(version=len(self.offered), sha256=f"{len(self.offered):064}")
 
 
 @pytest.fixture
@@ -83,7 +83,7 @@ def test_what_is_heard_is_learned_and_offered(make_trainer, fleet, tmp_path):
     assert told["state"] == "ended"
     assert told["samples"] == 320
     assert sum(told["episodes"].values()) == 6
-    assert [entry["sha256"] for entry in told["offers"]] == [f"sha{k + 1}" for k in range(len(fleet.offered))]
+    assert [entry["sha256"] for entry in told["offers"]] == [f"{k + 1:064}" for k in range(len(fleet.offered))]
     for entry in told["offers"]:
         load_policy(tmp_path / entry["folder"])
     load_policy(tmp_path)
@@ -149,8 +149,8 @@ def test_success_of_the_policy_is_told_from_its_own_episodes(make_trainer, tmp_p
     trainer = make_trainer()
     endings = [Outcome.SUCCESS, Outcome.SUCCESS, Outcome.HUMAN_COLLISION, Outcome.TIMEOUT]
     for index, outcome in enumerate(endings):
-        trainer.hear("run", episode(index, driver=Driver.POLICY, policy="x", outcome=outcome))
-    trainer.hear("run", episode(9, driver=Driver.POLICY, policy="x", avatars=(), encounters=()))
+        trainer.hear("run", episode(index, driver=Driver.POLICY, policy="ab" * 32, outcome=outcome))
+    trainer.hear("run", episode(9, driver=Driver.POLICY, policy="ab" * 32, avatars=(), encounters=()))
     trainer.hear("run", episode(10))
     trainer.train(threading.Event())
     success = progress(tmp_path)["success"]

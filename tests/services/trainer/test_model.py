@@ -1,11 +1,16 @@
+import dataclasses
+
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from torch import nn
 
-from readygo.common.robot import CameraConfig, RobotConfig
+from readygo.common.robot import CameraConfig, RobotConfig, RobotRanges
 from readygo.services.trainer import best_recipe
 from readygo.services.trainer.config import NetworkConfig
 from readygo.services.trainer.model import Bins, PolicyNet, parameter_count, weigh
+from tests.crooked import TWINS
 
 
 @pytest.fixture(scope="module")
@@ -103,3 +108,71 @@ def test_humans_are_read_in_training_alone():
     reader = PolicyNet(robot, NetworkConfig(), reads_humans=True).eval()
     assert reader(*inputs)[1].shape == (1, 3)
     assert parameter_count(reader) == parameter_count(PolicyNet(robot, NetworkConfig()))
+
+
+@settings(deadline=None)
+@given(
+    v_bins=st.integers(3, 9), w_bins=st.integers(3, 17), backward=st.integers(0, 3),
+    v=st.floats(-1.5, 1.5), w=st.floats(-1.5, 1.5),
+)  # fmt: skip
+def test_weights_of_bins_mean_the_action_also_backwards(v_bins, w_bins, backward, v, w):
+    bins = Bins(v_bins, w_bins, backward)
+    lowest = -backward / (v_bins - 1)
+    weights = bins.weights(torch.tensor([[v, w]]))
+    mean = (weights @ bins.centres)[0].tolist()
+    assert weights.min() >= 0.0
+    assert weights.sum().item() == pytest.approx(1.0, abs=1e-4)
+    assert mean == pytest.approx([min(max(v, lowest), 1.0), min(max(w, -1.0), 1.0)], abs=1e-4)
+    assert bins.centres.shape == ((v_bins + backward) * w_bins, 2)
+    assert bins.centres[0].tolist() == pytest.approx([lowest, -1.0])
+    assert bins.centres[1].tolist() == pytest.approx([lowest, -1.0 + 2 / (w_bins - 1)])
+
+
+def test_mode_weighs_the_likeliest_bin_and_its_eight_neighbours_alone():
+    bins = Bins(5, 9)
+    rng = torch.Generator().manual_seed(3)
+    logits = 3 * torch.rand((20, 45), generator=rng)
+    for row in logits:
+        best = int(row.argmax())
+        v, w = divmod(best, 9)
+        near = [9 * i + k for i in range(v - 1, v + 2) for k in range(w - 1, w + 2) if 0 <= i < 5 and 0 <= k < 9]
+        shares = row[near].double().exp()
+        expected = (shares / shares.sum()) @ bins.centres[near].double()
+        assert bins.mode(row[None])[0].tolist() == pytest.approx(expected.tolist(), abs=1e-5)
+
+
+def test_scores_of_commands_are_log_shares_less_what_both_risks_cost():
+    answers = torch.tensor([[0.3, -1.2, 2.0, 0.7, -0.4, 0.1, -2.0, 1.5, 0.9]])
+    likely, obstacle, human = answers[0].double().chunk(3)
+    shares = likely.exp() / likely.exp().sum()
+    expected = shares.log() - 2.5 * (1 / (1 + (-obstacle).exp()) + 1 / (1 + (-human).exp()))
+    assert weigh(answers, 2.5)[0].tolist() == pytest.approx(expected.tolist(), abs=1e-5)
+
+
+@pytest.mark.parametrize("motion", ["poses", "command"])
+def test_motion_of_a_robot_of_ranges_is_in_units_of_its_own_limits(motion):
+    robot = dataclasses.replace(
+        TWINS, cameras={}, ranges=RobotRanges(v_max_mps=(0.5, 1.5), w_max_radps=(0.7, 1.3)), v_max_mps=0.8
+    )
+    model = PolicyNet(robot, NetworkConfig(motion=motion)).eval()
+    traits = torch.tensor([[0.5, 1.0, 0.1, 0.3, 0.6, 1.1], [0.5, 1.0, 0.1, 0.3, 1.4, 0.75]])
+    poses = [-1.3, 0.4, 0.2, -0.6, 0.1, -0.3]
+    told = torch.tensor([[*poses, 0.3, -0.55]] * 2 if motion == "poses" else [[0.3, -0.55, 1.0]] * 2)
+    found = model.normalise_motion(told, traits)
+    commands = found[:, -2:] if motion == "poses" else found[:, :2]
+    assert commands.tolist() == [pytest.approx([0.5, -0.5]), pytest.approx([0.3 / 1.4, -0.55 / 0.75])]
+    rest = found[:, :-2] if motion == "poses" else found[:, 2:]
+    assert rest.tolist() == [pytest.approx(poses if motion == "poses" else [1.0])] * 2
+    slowest = robot.v_min_mps / robot.v_max_mps
+    clipped = model.clip(torch.tensor([[-2.0, 1.7], [0.5, -0.25]]), traits)
+    assert clipped.tolist() == [pytest.approx([slowest * 0.6, 1.1]), pytest.approx([0.7, -0.1875])]
+
+
+def test_motion_and_answers_of_one_robot_are_in_units_of_its_limits():
+    robot = dataclasses.replace(TWINS, cameras={})
+    model = PolicyNet(robot, NetworkConfig(motion="poses")).eval()
+    told = torch.tensor([[-1.3, 0.4, 0.2, -0.6, 0.1, -0.3, 0.17, -0.19]])
+    found = model.normalise_motion(told)[0].tolist()
+    assert found == pytest.approx([-1.3, 0.4, 0.2, -0.6, 0.1, -0.3, 0.17 / 0.85, -0.19 / 0.95])
+    clipped = model.clip(torch.tensor([[-0.9, 0.4], [0.5, -1.4]]))
+    assert clipped.tolist() == [pytest.approx([-0.2, 0.38]), pytest.approx([0.425, -0.95])]

@@ -48,3 +48,26 @@ def test_episode_that_is_there_is_not_taken_twice():
 
 def test_single_episode_stays_though_it_is_too_large():
     assert list(filled(["a"], 0.5).episodes) == ["a"]
+
+
+def test_what_leaves_is_forgotten_in_the_sizes_of_its_round():
+    reservoir = filled([f"{policy}{k}" for k in range(30) for policy in "ab"], 8.5, policy=lambda name: name[0])
+    kept = Counter(name[0] for name in reservoir.episodes)
+    assert kept["a"] == kept["b"] == 4
+    version = reservoir.version
+    reservoir.add(make_one("new", policy="c"))
+    assert Counter(name[0] for name in reservoir.episodes)["n"] == 1
+    assert len(reservoir.episodes) == 8
+    assert reservoir.version == version + 2
+    assert reservoir.size_bytes == sum(episode.size_bytes for episode in reservoir.episodes.values())
+
+
+def test_as_many_stay_as_fit_to_the_byte():
+    assert len(filled(["a", "b", "c"], 3).episodes) == 3
+    assert len(filled(["a", "b", "c"], 3 - 1 / SIZE).episodes) == 2
+
+
+def test_episode_without_samples_is_not_taken():
+    reservoir = Reservoir(10 * SIZE)
+    reservoir.add(make_one("empty", samples=0))
+    assert (len(reservoir.episodes), reservoir.version) == (0, 0)

@@ -5,8 +5,11 @@ import pytest
 
 from readygo.common.errors import DatasetError
 from readygo.common.messages.plan import Driver
+from readygo.common.policy import PolicyMemory
 from readygo.common.policy.motion import odometry
-from readygo.common.robot import RobotConfig
+from readygo.common.robot import Clock, RobotConfig
+from readygo.common.robot.command_grid import UNKNOWN_RISK
+from readygo.common.robot.ranges import RobotRanges
 from readygo.services.trainer.samples import (
     Timing,
     draw_samples,
@@ -17,6 +20,7 @@ from readygo.services.trainer.samples import (
     name_rank,
     spread_samples,
 )
+from tests import crooked
 from tests.services.trainer.conftest import make_one
 
 TIMING = Timing(spacing_steps=10)
@@ -106,6 +110,72 @@ def test_without_an_expert_targets_are_what_was_executed_then():
     assert np.array_equal(targets[-3:], episode.actions[[-1, -1, -1]])
 
 
+@pytest.mark.parametrize("ahead_steps", [0, 4])
+@pytest.mark.parametrize("with_expert", [False, True])
+def test_sample_teaches_what_is_executed_at_the_end_of_its_held_command(ahead_steps, with_expert):
+    clock = Clock(rate_hz=30, control_every=3, image_every=2)
+    timing = Timing(spacing_steps=10, ahead_steps=ahead_steps, clock=clock)
+    expert = np.arange(40 * 9 * 2, dtype=np.float32).reshape(40, 9, 2) if with_expert else None
+    episode = make_one(expert=expert)
+    table = episode_table(episode, RobotConfig(), timing)
+    for step in range(0, 30, 3):
+        end = step + ahead_steps + 2
+        assert (
+            table.targets[step].tolist() == (expert[step, end - step] if with_expert else episode.actions[end]).tolist()
+        )
+    assert table.usable.tolist() == [step % 3 == 0 for step in range(40)]
+
+
+def test_odometry_and_windows_follow_the_robots_clock():
+    clock = Clock(rate_hz=30, control_every=3, image_every=2)
+    episode = sparse(make_one(samples=60), 2)
+    table = episode_table(episode, RobotConfig(), Timing(spacing_steps=10, latency_steps=3, clock=clock))
+    poses = odometry(episode.actions, 1 / 30)
+    # Step 33 sees the image of 30, those 10 and 20 steps before it, and moved since then.
+    assert table.motion[33, [2, 5]] == pytest.approx(poses[[10, 20], 2] - poses[33, 2], abs=1e-5)
+    assert np.array_equal(table.motion[33, -2:], episode.actions[32])
+    assert table.pictured_at[[32, 33, 34]].tolist() == [32, 32, 34]
+    batch = make_batch(np.array([33, 36]), table.first, Timing(spacing_steps=10, latency_steps=3, clock=clock))
+    assert batch.frames[batch.window].tolist() == [[10, 20, 30], [12, 22, 32]]
+
+
+def test_robots_of_ranges_tell_their_own_limits():
+    robot = RobotConfig(ranges=RobotRanges(v_max_mps=(0.5, 1.5), w_max_radps=(0.7, 1.3)))
+    drawn = [{"v_max_mps": 0.6, "w_max_radps": 1.1}, {"v_max_mps": 1.4, "w_max_radps": 0.8}]
+    table = join_tables(
+        [episode_table(make_one(f"e{k}", samples=4, drawn=d), robot, TIMING) for k, d in enumerate(drawn)]
+    )
+    assert table.limits(np.array([5, 2])).tolist() == pytest.approx(np.float32([[1.4, 0.8], [0.6, 1.1]]))
+
+
+def test_what_the_data_do_not_tell_is_unknown():
+    table = episode_table(make_one(samples=5), RobotConfig(), TIMING)
+    assert (table.risks == UNKNOWN_RISK).all()
+    assert np.isnan(table.humans).all()
+    risks = np.zeros((5, 3), np.uint8)
+    with pytest.raises(DatasetError, match="the risks of 3 commands"):
+        episode_table(make_one(samples=5, risks=risks), RobotConfig(), TIMING)
+
+
+def test_usable_share_that_is_just_enough_is_taken(table):
+    few = dataclasses.replace(table, usable=np.arange(len(table)) < 18)
+    assert len(few.usable_samples) == 18
+    with pytest.raises(DatasetError, match="Only 17 of 360"):
+        _ = dataclasses.replace(table, usable=np.arange(len(table)) < 17).usable_samples
+
+
+def test_chains_stay_in_their_episode_and_reach_its_ends(table):
+    rng = np.random.default_rng(3)
+    drawn = [draw_samples(table, batch_size=7, chain_length=4, spacing_steps=10, rng=rng) for _ in range(300)]
+    for samples in drawn:
+        assert len(samples) == 7
+        steps = np.diff(samples)
+        same = table.episode[samples[1:]] == table.episode[samples[:-1]]
+        assert (steps[same & (steps > 0) & (steps < 40)] % 10 == 0).mean() > 0.5
+    found = np.unique(np.concatenate(drawn))
+    assert {0, 59, 60, 359} <= set(found.tolist())
+
+
 def test_expert_has_driven_up_to_where_it_was_disturbed():
     episode = make_one(samples=8)
     expert = np.repeat(episode.actions[:, None], 2, axis=1)
@@ -157,3 +227,29 @@ def test_ranks_of_names_are_even():
 
 def test_spread_samples_are_even_and_limited(table):
     assert spread_samples(table, 100).tolist() == list(range(0, 360, 4))
+
+
+@pytest.mark.parametrize("robot", [crooked.ROBOT, crooked.ODD_RATES], ids=["20 Hz", "30 Hz"])
+@pytest.mark.parametrize("late_steps", [0, 3])
+def test_driving_sees_the_windows_and_the_motion_that_training_shows(robot, late_steps):
+    clock, spacing_steps = robot.clock, 6
+    _, recorded = crooked.crooked_episode(3, 40, robot=robot)
+    one = make_one(samples=40, actions=np.float32([(s.action_v_mps, s.action_w_radps) for s in recorded]))
+    one = dataclasses.replace(one, images=tuple(s.image for s in recorded))
+    timing = Timing(spacing_steps=spacing_steps, latency_steps=late_steps, clock=clock)
+    table = episode_table(one, robot, timing)
+    memory = PolicyMemory(clock.time_ns(spacing_steps), clock.time_ns(late_steps), 3, clock)
+    compared = 0
+    for step in range(40):
+        previous = one.actions[step - 1] if step else np.zeros(2, np.float32)
+        memory.advance(previous)
+        if clock.sees(step, late_steps):
+            memory.see(np.array([clock.image_step(step, late_steps)]))
+        if step % clock.control_every == 0:
+            batch = make_batch(np.array([step]), table.first, timing)
+            assert [int(frame[0]) for frame in memory.window()] == batch.frames[batch.window[0]].tolist()
+            # An image of an odd step is dated between two images; the poses differ by as little.
+            if step >= late_steps + 2 * spacing_steps and (step - late_steps) % clock.image_every == 0:
+                assert memory.own_motion(previous) == pytest.approx(table.motion[step], abs=1e-5)
+                compared += 1
+    assert compared > 3

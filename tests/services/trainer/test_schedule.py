@@ -33,3 +33,25 @@ def test_fall_that_has_begun_is_not_begun_again():
 
 def test_constant_rate_never_falls():
     assert Schedule(OptimizerConfig(learning_rate=1e-4, decay_share=0.0)).rate(1000, 1.0) == 1e-4
+
+
+def test_warm_up_and_fall_count_together():
+    schedule = Schedule(OptimizerConfig(learning_rate=2e-3, warm_up_steps=40, decay_share=0.5))
+    assert schedule.rate(9, 0.75) == pytest.approx(2e-3 * 10 / 40 * (0.01 + 0.99 * 0.5))
+    assert schedule.rate(39, 0.5) == pytest.approx(2e-3)
+    assert schedule.rate(100, 1.2) == pytest.approx(2e-5)
+
+
+def test_fall_over_the_whole_budget_cannot_be_begun_early():
+    schedule = Schedule(OptimizerConfig(learning_rate=1e-3, warm_up_steps=1, decay_share=1.0))
+    schedule.begin_decay(0.3)
+    assert (schedule.decay_from, schedule.end) == (None, 1.0)
+    assert schedule.rate(5, 0.25) == pytest.approx(1e-3 * (0.01 + 0.99 * 0.75))
+
+
+def test_fall_is_not_begun_before_anything_is_spent():
+    schedule = Schedule(CONFIG)
+    schedule.begin_decay(0.0)
+    assert schedule.decay_from is None
+    schedule.begin_decay(0.8)
+    assert schedule.decay_from is None

@@ -1,4 +1,5 @@
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from readygo.services.trainer.frames import pool
 from readygo.services.trainer.light import draw_light
 from readygo.services.trainer.views import View, plain_view
 from readygo.services.trainer.warps import RobotWarp, in_mirror, mirror_twins, show_frames
+from tests import crooked
 
 
 def view_of(yaws_rad=(0.0,), shift_px=(0, 0), mirrored=False):
@@ -69,6 +71,38 @@ def test_lens_matters_to_the_turn():
     assert np.abs(turned.astype(int) - panorama(camera, 0.5))[10:-10, 25:].max() > 3
 
 
+def seen_before(camera, column, row, yaw_rad):
+    """Where a robot that is turned to the left saw what it sees at a pixel, by the angles of a level pinhole."""
+    K = camera.K_px
+    right, down = (column - K[0, 2]) / K[0, 0], (row - K[1, 2]) / K[1, 1]
+    angle_rad = math.atan(right) - yaw_rad
+    # The ray keeps its length along the floor, and its drop over it.
+    drop = down / math.hypot(1.0, right)
+    return K[0, 0] * math.tan(angle_rad) + K[0, 2], K[1, 1] * drop / math.cos(angle_rad) + K[1, 2]
+
+
+@pytest.mark.parametrize("yaw_rad", [0.3, -0.4])
+@pytest.mark.parametrize("pooling", [1, 2])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_turn_of_a_pinhole_is_exact_to_a_part_of_a_pixel(yaw_rad, pooling, axis):
+    camera = dataclasses.replace(SMALL, **LENSES["calibrated"])
+    height, width = 48 // pooling, 96 // pooling
+    slope = (2.5, 5.0)[axis] * pooling
+    ramp = np.rint(slope * (np.arange((width, height)[axis]) + 0.5)).astype(np.uint8)
+    ramp = ramp[None, :, None] if axis == 0 else ramp[:, None, None]
+    frame = np.ascontiguousarray(np.broadcast_to(ramp, (height, width, 3)))
+    turned = turn(camera, frame[None], [yaw_rad], pooling=pooling)[0]
+    checked = 0
+    for row in range(height):
+        for column in range(width):
+            x, y = seen_before(camera, pooling * (column + 0.5), pooling * (row + 0.5), yaw_rad)
+            if 2 * pooling < x < 96 - 2 * pooling and 2 * pooling < y < 48 - 2 * pooling:
+                expected = slope * (x, y)[axis] / pooling
+                assert abs(float(turned[row, column, 0]) - expected) < 1.1, (row, column)
+                checked += 1
+    assert checked > height * width / 3
+
+
 @pytest.mark.parametrize("optics", [{}, {"distortion": "fisheye", "horizontal_fov_deg": 150.0}])
 def test_beyond_the_frame_its_edge_is_repeated(optics):
     camera = dataclasses.replace(SMALL, **optics)
@@ -95,6 +129,19 @@ def test_turned_frame_is_shifted_and_mirrored_as_a_plain_one(lens):
     expected = show_frames(turned, groups, view_of([0.0], (2, -3), mirrored=True), warp)
     both = show_frames(frames, groups, view_of([0.1], (2, -3), mirrored=True), warp)
     assert np.abs(both.astype(int) - expected)[0, 8:-8, 12:-12].max() <= 3
+
+
+def test_depths_are_taken_from_one_pixel_and_colours_from_between():
+    camera = SMALL
+    rng = np.random.default_rng(4)
+    frame = np.concatenate(
+        [panorama(camera, 0.3), rng.choice(np.uint8([10, 200]), (camera.height_px, camera.width_px, 1))], axis=2
+    )
+    warp = RobotWarp(RobotConfig(camera=camera), ("rgb", "depth"))
+    shown = show_frames(frame[None], np.zeros(1, np.int64), view_of([0.17]), {0: warp})[0]
+    assert set(np.unique(shown[..., 3]).tolist()) == {10, 200}
+    alone = turn(camera, np.ascontiguousarray(frame[None, ..., :3]), [0.17])[0]
+    assert np.array_equal(shown[..., :3], alone)
 
 
 def test_plain_view_changes_nothing():
@@ -125,6 +172,28 @@ def test_camera_that_is_not_its_own_mirror_image_is_known():
     focal = {"fx_px": 100.0, "fy_px": 100.0, "cy_px": 72.0, "horizontal_fov_deg": None}
     assert is_symmetric(CameraConfig(cx_px=128.0, **focal))
     assert not is_symmetric(CameraConfig(cx_px=120.0, **focal))
+
+
+def test_mirrored_mirror_is_the_camera_itself():
+    for camera in (crooked.CAMERA, crooked.LEFT, dataclasses.replace(SMALL, **LENSES["barrel"], p2=0.003)):
+        assert in_mirror(in_mirror(camera)) == camera
+        assert in_mirror(camera) != camera
+    seen = in_mirror(crooked.CAMERA)
+    assert (seen.cx_px, seen.cy_px) == (34 - 15.2, 12.4)
+    assert (seen.mount_x_m, seen.mount_y_m, seen.mount_yaw_deg, seen.mount_pitch_deg) == (0.13, 0.07, 11.0, 7.0)
+
+
+def test_mirrored_image_is_that_of_the_camera_in_the_mirror():
+    # The world of the panorama is mirrored by mirroring headings: left of the robot becomes right.
+    camera = dataclasses.replace(SMALL, **LENSES["calibrated"], mount_yaw_deg=20.0)
+    twin = in_mirror(camera)
+    image = np.asarray(panorama(camera, 0.3))[:, ::-1]
+    rows, columns = np.mgrid[: twin.height_px, : twin.width_px] + 0.5
+    xy = make_lens(twin).rays(np.stack([columns.ravel(), rows.ravel()], axis=1))
+    rays = np.concatenate([xy, np.ones((len(xy), 1))], axis=1) @ twin.T_world_camera(0, 0, -0.3, 0)[:3, :3].T
+    heading_rad, rise = -np.arctan2(rays[:, 1], rays[:, 0]), rays[:, 2] / np.linalg.norm(rays, axis=1)
+    brightness = 128 + 60 * np.sin(5 * heading_rad) + 60 * np.sin(4 * rise)
+    assert np.abs(np.rint(brightness).reshape(rows.shape) - image[..., 0]).max() <= 1
 
 
 def three_cameras():

@@ -84,3 +84,11 @@ def test_chain_lies_strictly_between_an_ancestor_and_a_descendant() -> None:
     neck, pelvis = JOINT["neck"], JOINT["pelvis"]
     assert chain_between(pelvis, neck, PARENTS) == [JOINT["spine1"], JOINT["spine2"], JOINT["spine3"]]
     assert chain_between(JOINT["left_hip"], neck, PARENTS) == []
+
+
+@pytest.mark.parametrize(
+    "bones", [3, [7, {"bone": "hips"}, {"bone": ["a"], "node": 1}], {"hips": 4, "spine": {"node": [1]}}]
+)
+def test_humanoid_extensions_of_another_shape_name_nothing(bones: object) -> None:
+    for key in ("VRM", "VRMC_vrm"):
+        assert joints_of_humanoid({key: {"humanoid": {"humanBones": bones}}}, [1, 2]) == {}

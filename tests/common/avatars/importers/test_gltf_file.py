@@ -1,5 +1,8 @@
 import base64
 import json
+import os
+import struct
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -105,3 +108,88 @@ def test_truncated_and_foreign_files_are_refused(tmp_path: Path) -> None:
 def test_compressed_geometry_is_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(AvatarError, match="needs KHR_draco_mesh_compression"):
         gltf(tmp_path / "a.gltf", b"", extensionsRequired=["KHR_texture_transform", "KHR_draco_mesh_compression"])
+
+
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        ({"componentType": 5126, "count": 10**12, "type": "VEC3"}, "more than 16,777,216 numbers"),
+        ({"componentType": 5126, "count": 1e300, "type": "VEC3"}, "more than 16,777,216 numbers"),
+        ({"componentType": 5126, "count": -1, "type": "VEC3"}, "cannot be read"),
+        ({"bufferView": 0, "componentType": 5126, "count": float("inf"), "type": "VEC3"}, "cannot be read"),
+        ({"bufferView": 0, "byteOffset": "a", "componentType": 5126, "count": 1, "type": "SCALAR"}, "cannot be read"),
+    ],
+)
+def test_accessor_costs_no_more_than_its_bytes(tmp_path: Path, entry: dict[str, Any], words: str) -> None:
+    file = gltf(tmp_path / "a.gltf", bytes(12), accessors=[entry])
+    with pytest.raises(AvatarError, match=words):
+        file.accessor(0)
+
+
+def test_same_bytes_may_not_be_read_again_and_again(tmp_path: Path) -> None:
+    entry = {"bufferView": 0, "componentType": 5121, "count": 2**20, "type": "VEC4"}
+    file = gltf(tmp_path / "a.gltf", bytes(2**22), accessors=[entry])
+    for _ in range(4):
+        file.accessor(0)
+    with pytest.raises(AvatarError, match="numbers: give a smaller figure"):
+        file.accessor(0)
+
+
+def _png_claiming(width_px: int, height_px: int) -> bytes:
+    png = bytes(cv2.imencode(".png", np.zeros((1, 1), np.uint8))[1])
+    head = png[12:16] + struct.pack(">II", width_px, height_px) + png[24:29]
+    return png[:12] + head + struct.pack(">I", zlib.crc32(head)) + png[33:]
+
+
+def test_texture_that_claims_too_many_pixels_is_refused_before_it_is_decoded(tmp_path: Path) -> None:
+    file = gltf(tmp_path / "a.gltf", _png_claiming(20_000, 20_000), images=[{"bufferView": 0}])
+    with pytest.raises(AvatarError, match="image 0 is 20000x20000 px, more than"):
+        file.image(0)
+
+
+def test_textures_have_a_limit_together_and_are_decoded_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("readygo.common.avatars.importers.gltf_file.TEXELS_MAX", 8)
+    png = bytes(cv2.imencode(".png", np.zeros((2, 3, 3), np.uint8))[1])
+    file = gltf(tmp_path / "a.gltf", png, images=[{"bufferView": 0}, {"bufferView": 0}])
+    assert file.image(0) is file.image(0)
+    with pytest.raises(AvatarError, match="pixels of textures"):
+        file.image(1)
+
+
+def test_webp_is_read(tmp_path: Path) -> None:
+    for quality in (80, 101):
+        data = bytes(cv2.imencode(".webp", np.zeros((4, 6, 3), np.uint8), [cv2.IMWRITE_WEBP_QUALITY, quality])[1])
+        pixels = gltf(tmp_path / "a.gltf", data, images=[{"bufferView": 0}]).image(0)
+        assert pixels is not None
+        assert pixels.shape == (4, 6, 4)
+
+
+def test_pipes_and_names_that_no_file_has_are_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.bin")
+    os.mkfifo(tmp_path / "pipe.glb")
+    with pytest.raises(AvatarError, match="cannot be read"):
+        GltfFile(tmp_path / "pipe.glb")
+    accessor = {"bufferView": 0, "componentType": 5126, "count": 1, "type": "SCALAR"}
+    for uri in ("pipe.bin", "a%00b", "a" * 5000, 7):
+        file = gltf(tmp_path / "a.gltf", bytes(4), buffers=[{"uri": uri, "byteLength": 4}], accessors=[accessor])
+        with pytest.raises(AvatarError, match="cannot be read"):
+            file.accessor(0)
+
+
+def test_deep_json_is_refused(tmp_path: Path) -> None:
+    text = b'{"asset": {"version": "2.0"}, "a": ' + b"[" * 100_000
+    text += b" " * (-len(text) % 4)
+    (tmp_path / "a.glb").write_bytes(struct.pack("<4sIIII", b"glTF", 2, 20 + len(text), len(text), 0x4E4F534A) + text)
+    with pytest.raises(AvatarError, match="nest deeper"):
+        GltfFile(tmp_path / "a.glb")
+
+
+def test_parts_of_meshes_have_a_limit(tmp_path: Path) -> None:
+    file = gltf(tmp_path / "a.gltf", bytes(4), meshes=[{"primitives": [{}] * 10_000}])
+    assert len(file.primitives(0)) == 10_000
+    with pytest.raises(AvatarError, match="16,384 parts"):
+        file.primitives(0)
+
+
+def test_extensions_of_another_shape_are_none(tmp_path: Path) -> None:
+    assert gltf(tmp_path / "a.gltf", bytes(4), extensions=[1]).extensions == {}

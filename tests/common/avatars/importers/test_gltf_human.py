@@ -239,3 +239,11 @@ def test_json_of_another_shape_is_refused_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(AvatarError, match="not valid glTF") as raised:
         import_human(write_glb(tmp_path / "p.glb", edit=edit), OPTIONS)
     assert "\n" not in str(raised.value)
+
+
+def test_imported_human_is_as_it_was(tmp_path: Path, golden_figures) -> None:
+    avatar, _ = import_human(write_glb(tmp_path / "a.glb", names=MIXAMO), ImportOptions(license="test", gaussians=1500))
+    cloud = avatar.cloud
+    golden_figures("avatars/imported", 5.0 * cloud.means_m, cloud.quats_wxyz, 50.0 * cloud.scales_m, cloud.sh[:, 0])
+    golden_figures("avatars/imported skin", avatar.lbs_weight, 0.3 * avatar.lbs_index)
+    golden_figures("avatars/imported joints", 5.0 * avatar.joints_tpose_m, avatar.R_tpose_canonical)

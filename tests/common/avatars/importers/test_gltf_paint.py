@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from readygo.common.avatars.importers.gltf_file import GltfFile
+from readygo.common.avatars.importers.gltf_human import gltf_human
 from readygo.common.avatars.importers.gltf_paint import (
     Material,
     bilinear,
@@ -15,6 +16,7 @@ from readygo.common.avatars.importers.gltf_paint import (
     srgb_from_linear,
 )
 from readygo.common.avatars.importers.gltf_scene import Part, read_figure
+from readygo.common.errors import AvatarError
 from tests.common.avatars.importers.humans import write_glb
 
 TRIANGLE = Part(
@@ -97,3 +99,11 @@ def test_texture_that_cannot_be_read_is_noted_and_the_factor_stands_in(tmp_path:
     assert materials[0].texture is None
     assert materials[0].factor.tolist() == [0.1, 0.2, 0.3, 1.0]
     assert "'Skin' cannot be read" in notes[0]
+
+
+def test_colour_of_another_size_is_refused(tmp_path: Path) -> None:
+    def edit(document: dict[str, Any]) -> None:
+        document["materials"][0].setdefault("pbrMetallicRoughness", {})["baseColorFactor"] = [1.0]
+
+    with pytest.raises(AvatarError, match="a colour of"):
+        gltf_human(write_glb(tmp_path / "a.glb", texture=False, edit=edit), count=100)

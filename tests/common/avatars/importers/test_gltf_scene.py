@@ -1,5 +1,6 @@
 import math
 import struct
+import time
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import pytest
 
 from readygo.common.avatars import SMPL_PARENTS
 from readygo.common.avatars.importers.gltf_file import GltfFile
+from readygo.common.avatars.importers.gltf_human import gltf_human
 from readygo.common.avatars.importers.gltf_scene import read_figure
 from readygo.common.avatars.importers.joints import JOINT
 from readygo.common.errors import AvatarError
@@ -124,3 +126,64 @@ def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes().replace(whole, broken, 1))
     with pytest.raises(AvatarError, match="weights of mesh 0 are not finite"):
         read_figure(GltfFile(path))
+
+
+def _chain(count: int) -> Any:
+    """Adds nodes to a document, each the child of the one before, under the first joint."""
+
+    def edit(document: dict[str, Any]) -> None:
+        nodes = document["nodes"]
+        first = len(nodes)
+        nodes.extend({"children": [first + k + 1]} for k in range(count - 1))
+        nodes.append({})
+        nodes[1].setdefault("children", []).append(first)
+
+    return edit
+
+
+def test_long_chain_of_nodes_takes_no_longer_than_its_length(tmp_path: Path) -> None:
+    begin_s = time.process_time()
+    figure = read_figure(GltfFile(write_glb(tmp_path / "a.glb", edit=_chain(30_000))))
+    assert time.process_time() - begin_s < 4.0
+    assert len(figure.bones.names) == 29
+
+
+def test_more_nodes_than_any_figure_has_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(AvatarError, match="nodes; at most 65536"):
+        read_figure(GltfFile(write_glb(tmp_path / "a.glb", edit=_chain(70_000))))
+
+
+@pytest.mark.parametrize("children", [[10**6], [-40]])
+def test_children_that_are_not_there_are_refused(tmp_path: Path, children: list[int]) -> None:
+    def edit(document: dict[str, Any]) -> None:
+        document["nodes"][0]["children"] = children
+
+    with pytest.raises(AvatarError, match="has a child"):
+        gltf_human(write_glb(tmp_path / "a.glb", edit=edit))
+
+
+def test_mesh_of_very_many_triangles_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("readygo.common.avatars.importers.gltf_scene.TRIANGLES_MAX", 100)
+    with pytest.raises(AvatarError, match="more than 100 triangles"):
+        read_figure(GltfFile(write_glb(tmp_path / "a.glb")))
+
+
+def test_colours_and_coordinates_of_another_size_are_left_out(tmp_path: Path) -> None:
+    def edit(document: dict[str, Any]) -> None:
+        for primitive in document["meshes"][0]["primitives"]:
+            attributes = primitive["attributes"]
+            attributes["COLOR_0"] = attributes["TEXCOORD_0"]
+            attributes["TEXCOORD_0"] = attributes["POSITION"]
+
+    (part,) = read_figure(GltfFile(write_glb(tmp_path / "a.glb", edit=edit))).parts
+    assert part.colours is None
+    assert part.uv is None
+
+
+@pytest.mark.parametrize("joint", [-1, 10**6])
+def test_joints_that_are_no_nodes_are_refused(tmp_path: Path, joint: int) -> None:
+    def edit(document: dict[str, Any]) -> None:
+        document["skins"][0]["joints"][7] = joint
+
+    with pytest.raises(AvatarError, match="joints that are no nodes"):
+        read_figure(GltfFile(write_glb(tmp_path / "a.glb", edit=edit)))

@@ -9,7 +9,7 @@ import pytest
 
 from readygo.common.avatars import SMPL_PARENTS, pose_avatar
 from readygo.common.avatars.importers import ImportOptions, import_human, load_smpl_model
-from readygo.common.avatars.importers.hugs import da_pose
+from readygo.common.avatars.importers.hugs import da_pose, load_checkpoint
 from readygo.common.avatars.importers.joints import JOINT
 from readygo.common.errors import AvatarError
 from readygo.common.frames import matrix_from_axis_angle, matrix_from_quat, zup_from_yup
@@ -241,3 +241,12 @@ def test_checkpoints_with_foreign_objects_are_refused(tmp_path: Path, files: tup
     with pytest.raises(AvatarError, match="not a checkpoint of plain tensors") as raised:
         import_human(tmp_path / "x.pth", ImportOptions(license="test", smpl=files[1]))
     assert "\n" not in str(raised.value)
+
+
+def test_checkpoint_that_the_system_cannot_read_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def load(*_: Any, **__: Any) -> None:
+        raise OSError(22, "Invalid argument")
+
+    monkeypatch.setattr(torch, "load", load)
+    with pytest.raises(AvatarError, match="is not a checkpoint of plain tensors"):
+        load_checkpoint(tmp_path / "human.pth")

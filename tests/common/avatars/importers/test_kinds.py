@@ -1,3 +1,6 @@
+import os
+import tracemalloc
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -32,3 +35,19 @@ def test_foreign_files_are_refused_in_one_line(tmp_path: Path, data: bytes) -> N
 def test_avatar_files_need_no_import() -> None:
     with pytest.raises(AvatarError, match="avatar file already"):
         kind_of(sorted(EMBEDDED_FOLDER.glob("*.npz"))[0])
+
+
+def test_archives_with_much_in_them_cost_little(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("format.npy", bytes(2**26))
+    tracemalloc.start()
+    with pytest.raises(AvatarError, match="neither a HUGS checkpoint nor a SMPL model"):
+        kind_of(tmp_path / "a.npz")
+    assert tracemalloc.get_traced_memory()[1] < 2**22
+    tracemalloc.stop()
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(OSError, match="a pipe or a device"):
+        kind_of(tmp_path / "pipe")
+    (tmp_path / "deep").write_bytes(b'{"a":' + b"[" * 100_000)
+    with pytest.raises(AvatarError, match="no human that can be imported"):
+        kind_of(tmp_path / "deep")

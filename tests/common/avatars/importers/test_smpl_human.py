@@ -37,3 +37,9 @@ def test_hair_covers_the_crown_and_not_the_face(tmp_path: Path) -> None:
     head = (y > 1.58) & (np.abs(x) < 0.1)
     assert dark[head & (y > HEIGHT_M - 0.01)].all()
     assert not dark[head & (y < 1.63) & (z > 0.08)].any()
+
+
+def test_dressed_model_is_as_it_was(tmp_path: Path, golden_figures) -> None:
+    human = smpl_human(load_smpl_model(write_smpl_pickle(tmp_path / "a.pkl")), count=1500)[0]
+    golden_figures("avatars/dressed", 5.0 * human.cloud.means_m, 50.0 * human.cloud.scales_m, human.cloud.sh[:, 0])
+    golden_figures("avatars/dressed skin", human.weights)

@@ -89,3 +89,13 @@ def test_surface_without_area_or_all_transparent_is_refused() -> None:
         gaussians_of_mesh(flat, red, COUNT)
     with pytest.raises(ValueError, match="transparent"):
         gaussians_of_mesh(square(), lambda triangle, bary: np.zeros((len(triangle), 4)), COUNT)
+
+
+def test_gaussians_of_a_folded_cloth_are_as_they_were(golden_figures) -> None:
+    upright = square(joint=5)
+    upright = dataclasses.replace(
+        upright, corners_m=upright.corners_m[..., [2, 1, 0]] * [1.0, 1.3, 0.7], density=np.array([0.5, 2.0])
+    )
+    cloud, skin = gaussians_of_mesh(both(square(0.03), upright), red, COUNT)
+    golden_figures("avatars/cloth", 20.0 * cloud.means_m, cloud.quats_wxyz, 50.0 * cloud.scales_m, cloud.opacities)
+    golden_figures("avatars/cloth skin", skin, cloud.sh[:, 0])

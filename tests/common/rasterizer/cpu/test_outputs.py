@@ -1,15 +1,19 @@
 """Depth, alpha, mask and normals of the CPU rasterizer."""
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from readygo.common.avatars import Avatar, pose_avatar
 from readygo.common.gaussians import GaussianCloud, concatenate
 from readygo.common.images.images import OUTPUTS, Images
+from readygo.common.rasterizer.constants import ALPHA_MAX, ALPHA_MIN, DILATION_PX2, TRANSMITTANCE_MIN
 from readygo.common.rasterizer.cpu import slabs as cpu_slabs
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.interface import PosedHuman
@@ -77,6 +81,62 @@ def test_median_depth_is_that_of_the_reference(drawn) -> None:
     assert np.isinf(expected).any()
     assert (expected[np.isfinite(expected)] > 1000).any()
     assert (~np.isclose(depth, expected, rtol=1e-5)).mean() < MAY_DIFFER
+
+
+SMALL_K = np.array([[20.0, 0.0, 10.5], [0.0, 20.0, 8.5], [0.0, 0.0, 1.0]])
+SMALL = (17, 21)
+BALLS = st.lists(
+    st.tuples(
+        st.floats(-0.4, 0.4), st.floats(-0.3, 0.3), st.integers(1, 60), st.floats(0.02, 0.4), st.floats(0.05, 1.0)
+    ),
+    min_size=1,
+    max_size=9,
+    unique_by=lambda ball: ball[2],
+)
+"""Round Gaussians: direction x/z, y/z, depth [0.25 m], scale [m], opacity."""
+
+
+def balls_cloud(balls: Sequence[tuple[float, float, int, float, float]]) -> GaussianCloud:
+    return GaussianCloud(
+        means_m=np.array([(0.25 * z * x, 0.25 * z * y, 0.25 * z) for x, y, z, *_ in balls], np.float32),
+        quats_wxyz=np.tile(np.float32([1, 0, 0, 0]), (len(balls), 1)),
+        scales_m=np.array([[scale] * 3 for *_, scale, _ in balls], np.float32),
+        opacities=np.array([opacity for *_, opacity in balls], np.float32),
+        sh=np.zeros((len(balls), 1, 3), np.float32),
+    )
+
+
+def depths_of_a_pixel(cloud: GaussianCloud, u: int, v: int) -> tuple[float, float, float]:
+    """Mean and median depth [m], one Gaussian after the other, and how near a decision was to the other side."""
+    light, mean, median, margin = 1.0, 0.0, math.inf, math.inf
+    for n in np.argsort(cloud.means_m[:, 2]).tolist():
+        x, y, z = cloud.means_m[n].tolist()
+        J = np.array([[1 / z, 0, -x / z**2], [0, 1 / z, -y / z**2]]) * SMALL_K[0, 0]
+        d = np.array([u + 0.5, v + 0.5]) - (SMALL_K @ [x / z, y / z, 1])[:2]
+        covariance = float(cloud.scales_m[n, 0]) ** 2 * J @ J.T + DILATION_PX2 * np.eye(2)
+        alpha = min(ALPHA_MAX, float(cloud.opacities[n]) * math.exp(-0.5 * d @ np.linalg.inv(covariance) @ d))
+        margin = min(margin, abs(alpha - ALPHA_MIN) / ALPHA_MIN, abs(light - TRANSMITTANCE_MIN) / TRANSMITTANCE_MIN)
+        if alpha < ALPHA_MIN or light < TRANSMITTANCE_MIN:
+            continue
+        margin = min(margin, abs(light * (1 - alpha) - 0.5))
+        if light >= 0.5 > light * (1 - alpha):
+            median = z
+        mean, light = mean + alpha * light * z, light * (1 - alpha)
+    return mean / (1 - light) if light < 1 else math.inf, median, margin
+
+
+@settings(max_examples=40, deadline=None)
+@given(BALLS)
+def test_depths_are_those_of_a_slow_loop_over_pixels_and_gaussians(balls: list[tuple[float, ...]]) -> None:
+    cloud = balls_cloud(balls)
+    by_reference = rasterize_reference(cloud, np.eye(4), SMALL_K, *SMALL)
+    by_cpu = images_of(CpuRasterizer([pack_cloud(cloud)], {}, SMALL_K, *SMALL), np.eye(4), [], OUTPUTS[:4])
+    for v, u in np.ndindex(*SMALL):
+        mean, median, margin = depths_of_a_pixel(cloud, u, v)
+        if margin > 0.01:
+            for images in (by_reference, by_cpu):
+                assert images.depth_m[v, u] == pytest.approx(mean, rel=1e-3)
+                assert images.median_depth_m[v, u] == pytest.approx(median, rel=1e-5)
 
 
 def test_mask_is_that_of_the_reference(drawn) -> None:

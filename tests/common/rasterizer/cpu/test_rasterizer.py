@@ -6,11 +6,22 @@ import pytest
 
 from readygo.common.avatars import Avatar
 from readygo.common.gaussians import GaussianCloud, concatenate
+from readygo.common.images.images import OUTPUTS
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.interface import View
 from readygo.common.rasterizer.packed.scene import load_packed, pack_cloud, save_packed
 from readygo.common.rasterizer.reference import posed_and_lit, rasterize_reference
-from tests.common.rasterizer.drawing import assert_like_reference, float_rgb_of, human, numbered, posed, psnr_db, rgb_of
+from tests.common.rasterizer.cpu.frames_digest import frames, make_rasterizer, packed_scenes, view
+from tests.common.rasterizer.drawing import (
+    assert_like_reference,
+    float_rgb_of,
+    human,
+    images_of,
+    numbered,
+    posed,
+    psnr_db,
+    rgb_of,
+)
 
 
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (37, 53), (256, 144), (333, 130)])
@@ -148,3 +159,16 @@ def test_bad_camera_pose_is_refused(make_cloud, pose: npt.NDArray[np.float64]) -
 def test_too_large_image_is_refused(make_cloud) -> None:
     with pytest.raises(ValueError, match="limited"):
         CpuRasterizer(pack_cloud(make_cloud(10)), {}, np.eye(3), 16, 300_000)
+
+
+def test_frames_of_a_crooked_scene_are_as_they_were(golden_figures) -> None:
+    """People in light and shade, near and far Gaussians of two degrees, each kind of image."""
+    scenes = packed_scenes()
+    for number, frame in enumerate(frames(scenes, range(3))):
+        golden_figures(f"rasterizer/frame {number}", 3.0 * frame.reshape(-1, 3))
+    images = images_of(make_rasterizer(scenes), *view(1), OUTPUTS)
+    for field in dataclasses.fields(images):
+        array = getattr(images, field.name)
+        if array is not None:
+            rows = np.nan_to_num(array.reshape(80 * 128, -1).astype(np.float64), posinf=99.0)
+            golden_figures(f"rasterizer/{field.name}", rows / (64.0 if array.dtype == np.uint8 else 1.0))

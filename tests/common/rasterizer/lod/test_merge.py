@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from readygo.common.rasterizer.lod.clusters import make_clusters
+from readygo.common.rasterizer.lod.clusters import NEIGHBOURS, make_clusters
 from readygo.common.rasterizer.lod.cost import MergeRule
-from readygo.common.rasterizer.lod.merge import merge_regions
+from readygo.common.rasterizer.lod.merge import _find_neighbours, _pair_up, _renumber, _set_waits, merge_regions
 from tests.common.rasterizer.lod.merging import merged_count, originals
 
 
@@ -26,3 +26,39 @@ def test_gaussians_that_other_joints_move_stay_apart() -> None:
     merge_regions(apart, label, *arguments, MergeRule(1.0, 1.0, 0.1, 0.5), 5, make_clusters(24))
     assert counts[0] == 2
     assert merged_count(pair, 1.0, 1.0) == 1
+
+
+def test_neighbours_are_the_nearest_clusters_nearest_first() -> None:
+    clusters = make_clusters(0)
+    clusters.mean_m[:30] = np.random.default_rng(1).normal(size=(30, 3)) * [3.0, 0.4, 1.0]
+    _find_neighbours.py_func(30, clusters)
+    distance2 = ((clusters.mean_m[:30, None] - clusters.mean_m[None, :30]) ** 2).sum(axis=2)
+    np.fill_diagonal(distance2, np.inf)
+    np.testing.assert_array_equal(clusters.near[:30], np.argsort(distance2, axis=1)[:, :NEIGHBOURS])
+    np.testing.assert_allclose(clusters.distance2[:30], np.sort(distance2, axis=1)[:, :NEIGHBOURS])
+    _find_neighbours.py_func(3, clusters)
+    assert (clusters.near[:3, 2:] == -1).all()
+    assert (clusters.near[:3, :2] >= 0).all()
+
+
+def test_wait_lasts_while_a_quarter_per_level_leaves_the_cost_above_the_tolerance() -> None:
+    clusters, wait = make_clusters(0), np.array([0, 0, 0, 0, 5, 0])
+    clusters.cost[:6] = 0.5, 1.0, 2.0, 9.0, 9.0, np.inf
+    _set_waits.py_func(6, 0.5, wait, clusters)
+    # 2.0 is 0.5 after one level, 9.0 is 0.14 after three: they are looked at again there.
+    assert wait.tolist() == [0, 1, 1, 3, 5, 8]
+
+
+def test_cheapest_pairs_merge_once_and_merged_clusters_do_not_wait() -> None:
+    clusters, wait = make_clusters(0), np.array([3, 0, 0, 4, 0, 0, 2])
+    clusters.cost[:7] = 0.7, 0.2, 0.1, 0.1, 0.3, 0.2, 0.9
+    clusters.partner[:7] = 6, 5, 3, 2, 2, 1, 0
+    # 2 and 3, then 1 and 5; 4 finds its partner taken, 0 and 6 cost too much.
+    assert _pair_up.py_func(7, 0.6, clusters) == 5
+    assert clusters.number[:7].tolist() == [0, 1, 2, 2, 3, 1, 4]
+    _renumber.py_func(7, wait, clusters)
+    assert wait[:5].tolist() == [3, 0, 0, 0, 2]
+    waiting = np.array([9, 8, 7, 6])
+    clusters.number[:4] = 0, 1, 0, 2
+    _renumber.py_func(4, waiting, clusters)
+    assert waiting[:3].tolist() == [0, 8, 6]

@@ -6,7 +6,7 @@ import pytest
 from readygo.common.rasterizer.cpu.lod_cull import Cut, cull_tree
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.cpu.view import VisibleChunks, make_view
-from readygo.common.rasterizer.lod.tree import ChunkTree, build_tree, children_of
+from readygo.common.rasterizer.lod.tree import ChunkTree, _reach, build_tree, children_of
 from readygo.common.rasterizer.packed.scene import PackedScene, pack_cloud
 from tests.common.rasterizer.drawing import images_of, rgb_of
 from tests.common.rasterizer.lod.lod_scenes import cut_at, leaves_of, psnr_db, room
@@ -81,6 +81,18 @@ def test_boxes_hold_those_of_the_nodes_below(tree: ChunkTree) -> None:
         assert (tree.scene.reach_m[below] <= tree.scene.reach_m[k]).all()
 
 
+def test_reach_holds_every_gaussian_to_its_faintest_part() -> None:
+    rng = np.random.default_rng(6)
+    for spread in ((1.0, 1.0, 1.0), (1.0, 0.02, 0.02), (0.3, 1.0, 0.01)):
+        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        covariance = turn @ np.diag(np.square(spread)) @ turn.T
+        row = np.zeros((2, 11))
+        row[:, 3:9], row[:, 10] = covariance[np.triu_indices(3)], (7.0, 2.0)
+        farthest_m = np.sqrt(7.0 * np.linalg.eigvalsh(covariance)[-1])
+        assert farthest_m <= _reach(row) <= 1.0001 * 3**0.25 * farthest_m + 1e-9
+        assert spread[1] > 0.5 or _reach(row) < 1.001 * farthest_m
+
+
 def test_same_cloud_gives_the_same_tree(scene: PackedScene, tree: ChunkTree) -> None:
     again = build_tree(scene)
     assert np.array_equal(again.skip, tree.skip)
@@ -138,3 +150,13 @@ def test_small_clouds_have_trees(make_cloud, camera, count: int) -> None:
     T, K = camera(-40.0, 0.0, 0.0, 40, 30)
     tree = build_tree(pack_cloud(make_cloud(count)))
     rgb_of(CpuRasterizer(tree, {}, K, 30, 40), T)
+
+
+def test_tree_of_a_room_is_as_it_was(golden_figures) -> None:
+    tree = build_tree(pack_cloud(room(5000, coefficients=4), normals=True))
+    golden_figures("lod/nodes", tree.skip, tree.pixel_m, scale=0.1)
+    golden_figures("lod/boxes", tree.scene.centre_m, tree.scene.half_m, tree.scene.reach_m)
+    rows = tree.scene.geometry.transpose(0, 1, 3, 2).reshape(-1, tree.scene.geometry.shape[2])
+    golden_figures("lod/geometry", np.clip(rows, -50.0, 50.0))
+    golden_figures("lod/colours", tree.scene.sh.reshape(len(tree.skip), -1), scale=1e-3)
+    golden_figures("lod/normals", tree.scene.normal.reshape(len(tree.skip), -1), scale=0.01)

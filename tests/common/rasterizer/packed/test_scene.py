@@ -17,6 +17,7 @@ from readygo.common.rasterizer.packed.scene import (
     pack_sorted,
     save_packed,
 )
+from tests.common.rasterizer.cpu.frames_digest import cloud as noise
 
 ARRAYS = ("centre_m", "half_m", "reach_m", "geometry", "colour", "sh", "sh_step")
 
@@ -189,3 +190,16 @@ def test_packed_normals_are_the_unit_axes_with_the_smallest_scale(make_cloud) ->
     for rank, cosine in ((0, 1.0), (1, 0.0), (2, 0.0)):
         axis = axes[np.arange(40), :, order[:, rank]]
         assert (normals * axis).sum(axis=1) == pytest.approx(np.full(40, cosine), abs=1e-4)
+
+
+def test_packed_arrays_are_as_they_were(golden_figures) -> None:
+    for coefficients in (1, 9):
+        scene = pack_cloud(noise(700, coefficients, 4.0), normals=True)
+        boxes = scene.centre_m, scene.half_m, scene.reach_m
+        golden_figures(f"rasterizer/packed boxes {coefficients}", *boxes)
+        rows = scene.geometry.transpose(0, 1, 3, 2).reshape(-1, scene.geometry.shape[2])
+        golden_figures(f"rasterizer/packed geometry {coefficients}", np.clip(rows, -50, 50))
+        for name in ("colour", "sh", "normal"):
+            array = getattr(scene, name)
+            if array is not None and len(array):
+                golden_figures(f"rasterizer/packed {name} {coefficients}", array.reshape(len(array), -1), scale=0.01)

@@ -17,3 +17,16 @@ def samples_of(draw: Callable[[Surfaces], None], *, seed: int = 0) -> SurfaceSam
 def extent(samples: SurfaceSamples) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest coordinates of the samples' centres [m]."""
     return samples.position_m.min(axis=0), samples.position_m.max(axis=0)
+
+
+def rows_of(samples: SurfaceSamples) -> tuple[np.ndarray, ...]:
+    """All that samples are, a row each."""
+    return (
+        samples.position_m,
+        samples.tangent,
+        samples.normal,
+        30.0 * samples.sigma_m,
+        3.0 * samples.colour,
+        samples.facing,
+        samples.glows,
+    )

@@ -5,7 +5,7 @@ import pytest
 
 from readygo.common.scenes.embedded import decor
 from readygo.common.scenes.embedded.surfaces import Surfaces
-from tests.common.scenes.embedded.parts import extent, samples_of
+from tests.common.scenes.embedded.parts import extent, rows_of, samples_of
 
 RED, GREY, BLUE = (0.8, 0.2, 0.1), (0.5, 0.5, 0.5), (0.1, 0.2, 0.8)
 
@@ -95,3 +95,30 @@ def test_palm_rises_in_fronds_to_all_sides() -> None:
     fronds = z > 0.4
     assert z.max() == pytest.approx(1.5, abs=0.25)
     assert (np.histogram(np.arctan2(y[fronds], x[fronds]), bins=6, range=(-np.pi, np.pi))[0] > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "draw"),
+    [
+        ("picture 0", lambda build: decor.picture(build, 0, (0.7, 0.6))),
+        ("picture 3", lambda build: decor.picture(build, 3, (0.7, 0.6))),
+        ("curtain", lambda build: decor.curtain(build, 1.1, 1.5, RED)),
+        ("curtain rod", lambda build: decor.curtain_rod(build, 1.1, 2.0)),
+        ("plant", lambda build: decor.potted_plant(build, 1.2, leaves=60)),
+        ("palm", lambda build: decor.palm(build, 1.5)),
+        ("floor lamp", decor.floor_lamp),
+        ("table lamp", lambda build: decor.table_lamp(build, 0.7)),
+        ("pendant", lambda build: decor.pendant(build, 1.6)),
+        ("ceiling lamp", decor.ceiling_lamp),
+        ("rug", lambda build: decor.rug(build, 1.4, 0.9, (RED, GREY, BLUE))),
+        ("television", lambda build: decor.television(build, 0.5)),
+        ("desk set", lambda build: decor.monitor_desk_set(build, 0.7)),
+        ("vase", lambda build: decor.vase(build, 0.7, RED)),
+        ("fruit bowl", lambda build: decor.fruit_bowl(build, 0.7)),
+        ("coat rack", decor.coat_rack),
+        ("radiator", lambda build: decor.radiator(build, 1.3)),
+        ("front door", decor.front_door),
+    ],
+)
+def test_piece_is_drawn_as_it_was(name: str, draw: Callable[[Surfaces], None], golden_figures) -> None:
+    golden_figures(f"embedded/decor {name}", *rows_of(samples_of(draw, seed=3)))

@@ -4,7 +4,7 @@ import pytest
 from readygo.common.scenes.embedded.floors import build_floors
 from readygo.common.scenes.embedded.plan import ROOMS, Room
 from readygo.common.scenes.embedded.surfaces import SurfaceSamples
-from tests.common.scenes.embedded.parts import samples_of
+from tests.common.scenes.embedded.parts import rows_of, samples_of
 
 
 @pytest.fixture(scope="module")
@@ -45,3 +45,7 @@ def test_tiles_lie_like_a_chessboard(floors: SurfaceSamples) -> None:
     j = np.floor((y[inside] - kitchen.y_m[0]) / (kitchen.y_m[1] - kitchen.y_m[0]) * rows)
     light = floors.colour[inside, 0] > 0.64
     assert (light == ((i + j) % 2 == 0)).mean() > 0.95
+
+
+def test_floors_are_as_they_were(floors: SurfaceSamples, golden_figures) -> None:
+    golden_figures("embedded/floors", *rows_of(floors))

@@ -15,7 +15,7 @@ from readygo.common.scenes.embedded.plan import (
     Room,
 )
 from readygo.common.scenes.embedded.surfaces import SurfaceSamples
-from tests.common.scenes.embedded.parts import extent, samples_of
+from tests.common.scenes.embedded.parts import extent, rows_of, samples_of
 
 
 @pytest.fixture(scope="module")
@@ -53,3 +53,7 @@ def test_nothing_stands_in_a_doorway(furniture: SurfaceSamples, door: Opening) -
     middle = np.abs(along - (door.begin_m + door.end_m) / 2) < 0.3
     near = (across > wall.low_m - 0.4) & (across < wall.high_m + 0.4)
     assert not (middle & near & (z > 0.05) & (z < 1.9)).any()
+
+
+def test_furniture_is_as_it_was(furniture: SurfaceSamples, golden_figures) -> None:
+    golden_figures("embedded/furniture", *rows_of(furniture))

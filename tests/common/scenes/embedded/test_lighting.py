@@ -78,3 +78,22 @@ def test_voxels_hold_the_points_inside_of_the_grid() -> None:
     grid = voxelise(points, np.zeros(3), np.array([0.1, 0.1, 0.2]))
     assert grid.solid.shape == (2, 2, 4)
     assert np.argwhere(grid.solid).tolist() == [[0, 1, 2]]
+
+
+def test_room_is_lit_as_it_was(golden_figures) -> None:
+    """A table in a corner, a window, a lamp and a low sun; some of it glows, some is thin."""
+    build = Surfaces(np.random.default_rng(2))
+    build.box((-1.0, -1.0, 0.0), (1.0, 2.0, 2.0), 0.21, (0.6, 0.5, 0.4), faces=("left", "back", "bottom"))
+    build.box((-0.3, 0.2, 0.0), (0.4, 0.9, 0.7), 0.11, (0.3, 0.6, 0.8))
+    build.blob((0.5, -0.4, 0.6), (0.2, 0.2, 0.3), 0.12, (0.8, 0.3, 0.2))
+    tile(build, 0.1, -0.3, glows=True)
+    lights = Lights(
+        position_m=np.array([[-0.8, -0.7, 1.3], [0.6, 1.6, 1.7]]),
+        direction=np.array([[0.8, 0.6, 0.0], [0.0, 0.0, 0.0]]),
+        power=np.array([[1.4, 1.2, 0.9], [0.5, 0.7, 0.8]]),
+        sun_direction=np.array([0.48, -0.6, 0.64]),
+        sun_power=np.array([2.2, 2.0, 1.5]),
+    )
+    grid = voxelise(build.solid_points_m(), np.array([-1.1, -1.1, -0.05]), np.array([1.1, 2.1, 2.05]))
+    golden_figures("embedded/lit room", 9.0 * lit_colours(build.samples(), grid, lights))
+    golden_figures("embedded/solid voxels", np.argwhere(grid.solid))

@@ -3,7 +3,7 @@ import pytest
 
 from readygo.common.scenes.embedded.outdoors import build_outdoors
 from readygo.common.scenes.embedded.surfaces import SurfaceSamples
-from tests.common.scenes.embedded.parts import samples_of
+from tests.common.scenes.embedded.parts import rows_of, samples_of
 
 
 @pytest.fixture(scope="module")
@@ -42,3 +42,7 @@ def test_trees_stand_around_the_house(garden: SurfaceSamples) -> None:
     crowns = (z > 2.0) & (z < 8.0) & (np.hypot(x, y) < 20.0)
     assert np.hypot(x[crowns], y[crowns]).min() > 8.0
     assert (np.histogram(np.arctan2(y[crowns], x[crowns]), bins=8, range=(-np.pi, np.pi))[0] > 0).all()
+
+
+def test_garden_is_as_it_was(garden: SurfaceSamples, golden_figures) -> None:
+    golden_figures("embedded/garden", *rows_of(garden))

@@ -113,3 +113,12 @@ def test_floor_tilts_by_a_millimetre_per_metre_and_bumps_by_less_than_half_a_cen
     slope, *_ = np.linalg.lstsq(np.stack([x, y, np.ones_like(x)], axis=1), floor_height_m(x, y), rcond=None)
     np.testing.assert_allclose(slope[:2], (0.0010, -0.0006), atol=2e-4)
     assert np.abs(floor_height_m(x, y) - 0.0010 * x + 0.0006 * y).max() <= 0.003
+
+
+def cloud_rows(cloud: GaussianCloud) -> tuple[np.ndarray, ...]:
+    return cloud.means_m, cloud.quats_wxyz, 30.0 * cloud.scales_m, cloud.opacities, 3.0 * cloud.sh
+
+
+def test_flat_and_its_sky_are_as_they_were(cloud: GaussianCloud, golden_figures) -> None:
+    golden_figures("embedded/flat", *cloud_rows(cloud))
+    golden_figures("embedded/sky", *cloud_rows(embedded_sky()))

@@ -5,7 +5,7 @@ import pytest
 
 from readygo.common.scenes.embedded import seating
 from readygo.common.scenes.embedded.surfaces import Surfaces
-from tests.common.scenes.embedded.parts import extent, samples_of
+from tests.common.scenes.embedded.parts import extent, rows_of, samples_of
 
 OAK = (0.66, 0.48, 0.31)
 BLUE = (0.1, 0.2, 0.7)
@@ -65,3 +65,21 @@ def test_throw_lies_across_the_bed() -> None:
     on_top = blue & (samples.position_m[:, 1] < -1.0)
     assert np.ptp(samples.position_m[on_top, 0]) > 1.4
     assert 0.3 < np.ptp(samples.position_m[on_top, 1]) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("name", "draw"),
+    [
+        ("sofa", lambda build: seating.sofa(build, OAK, width_m=1.7, seats=3)),
+        ("chair", lambda build: seating.chair(build, OAK)),
+        ("padded chair", lambda build: seating.chair(build, OAK, padded=BLUE)),
+        ("office chair", lambda build: seating.office_chair(build, OAK)),
+        ("table", lambda build: seating.table(build, (1.3, 0.8, 0.7), OAK)),
+        ("round table", lambda build: seating.round_table(build, 0.43, 0.55, OAK)),
+        ("bed", lambda build: seating.bed(build, OAK, BLUE)),
+        ("pouf", lambda build: seating.pouf(build, OAK)),
+        ("bench", lambda build: seating.bench(build, OAK, width_m=1.3)),
+    ],
+)
+def test_piece_is_drawn_as_it_was(name: str, draw: Callable[[Surfaces], None], golden_figures) -> None:
+    golden_figures(f"embedded/seating {name}", *rows_of(samples_of(draw, seed=3)))

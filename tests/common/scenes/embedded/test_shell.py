@@ -4,6 +4,7 @@ import pytest
 from readygo.common.scenes.embedded.plan import CEILING_M, OPENINGS, ROOMS, WALLS, Opening, Room
 from readygo.common.scenes.embedded.shell import along_wall, build_shell, facing_wall
 from readygo.common.scenes.embedded.surfaces import Surfaces
+from tests.common.scenes.embedded.parts import rows_of
 
 SIDES = ("north", "east", "south", "west")
 
@@ -78,3 +79,8 @@ def test_rooms_see_painted_walls_and_a_ceiling_that_looks_down(shell: Surfaces) 
     assert west.sum() > 50
     np.testing.assert_allclose(samples.normal[west], np.tile((1, 0, 0), (west.sum(), 1)), atol=1e-9)
     assert (samples.colour[west, 1] > samples.colour[west, 0]).all()
+
+
+def test_shell_is_as_it_was(shell: Surfaces, golden_figures) -> None:
+    golden_figures("embedded/shell", *rows_of(shell.samples()))
+    golden_figures("embedded/shell solid", shell.solid_points_m())

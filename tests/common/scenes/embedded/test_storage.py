@@ -5,7 +5,7 @@ import pytest
 
 from readygo.common.scenes.embedded import storage
 from readygo.common.scenes.embedded.surfaces import Surfaces
-from tests.common.scenes.embedded.parts import extent, samples_of
+from tests.common.scenes.embedded.parts import extent, rows_of, samples_of
 
 OAK = (0.66, 0.48, 0.31)
 
@@ -68,3 +68,22 @@ def test_hollow_pieces_are_opaque_to_light_and_hide_their_floor() -> None:
         samples = build.samples()
         layer = (samples.position_m[:, 2] == 0.3) & samples.glows
         assert layer.sum() > 20
+
+
+@pytest.mark.parametrize(
+    ("name", "draw"),
+    [
+        ("bookshelf", lambda build: storage.bookshelf(build, 1.5, 1.95, OAK, shelves=4)),
+        ("low bookshelf", lambda build: storage.bookshelf(build, 0.6, 1.0, OAK, shelves=2)),
+        ("sideboard", lambda build: storage.sideboard(build, 1.4, 0.78, OAK, doors=3)),
+        ("wardrobe", lambda build: storage.wardrobe(build, 2.0, OAK)),
+        ("counter", lambda build: storage.kitchen_counter(build, 3.0, OAK, modules=5)),
+        ("backsplash", lambda build: storage.backsplash(build, 0.5, 1.5, 1.4)),
+        ("wall cupboard", lambda build: storage.wall_cupboard(build, 1.3, OAK, modules=3)),
+        ("oven", lambda build: storage.oven(build, 1.1)),
+        ("fridge", storage.fridge),
+        ("sink", lambda build: storage.sink(build, 1.1)),
+    ],
+)
+def test_piece_is_drawn_as_it_was(name: str, draw: Callable[[Surfaces], None], golden_figures) -> None:
+    golden_figures(f"embedded/storage {name}", *rows_of(samples_of(draw, seed=3)))

@@ -3,6 +3,7 @@ import pytest
 
 from readygo.common.frames import matrix_from_quat
 from readygo.common.scenes.embedded.surfaces import ALL_FACES, Surfaces, SurfaceSamples, fibonacci_sphere
+from tests.common.scenes.embedded.parts import rows_of
 
 GREY = (0.5, 0.5, 0.5)
 
@@ -134,3 +135,21 @@ def test_directions_spread_over_the_sphere() -> None:
     np.testing.assert_allclose(directions.mean(axis=0), 0.0, atol=0.01)
     nearest = np.sort(directions @ directions.T, axis=1)[:, -2]
     assert np.degrees(np.arccos(nearest)).min() > 5.0
+
+
+def test_shapes_are_sampled_as_they_were(golden_figures) -> None:
+    """Each shape in a turned, mirrored and tinted placement, a box of them cleared."""
+    tints = iter([np.array([[0.9, 0.1, 0.0], [0.0, 0.7, 0.2], [0.1, 0.0, 0.8]])] * 9)
+    build = Surfaces(np.random.default_rng(1), spacing_factor=1.3, mirror=(-1.0, 1.0), tints=tints)
+    place = build.at(0.7, -0.4, 0.3, yaw_deg=37.0)
+    place.patch((0.1, 0.2, 0.0), (0.9, 0.1, 0), (0, 0.1, 0.7), (0.11, 0.07), (0.3, 0.5, 0.9), softness=0.8)
+    place.box((-0.4, -0.3, 0.1), (0.5, 0.6, 0.7), 0.13, (0.8, 0.5, 0.3), radius_m=0.05, faces=("front", "left", "top"))
+    place.tube((0.3, 0.1, 0.2), 0.6, 0.3, 0.2, 0.09, (0.2, 0.9, 0.3))
+    place.clear((0.2, -0.1, 0.0), (0.45, 0.4, 0.5))
+    place.disc((0.2, 0.5, 0.4), 0.3, 0.08, (0.6, 0.4, 0.1), up=False)
+    place.blob((-0.3, 0.2, 0.5), (0.2, 0.3, 0.1), 0.07, (0.9, 0.1, 0.6))
+    place.rod((0.1, 0.1, 0.1), (0.5, -0.2, 0.9), 0.02, (0.4, 0.4, 0.7))
+    place.fill((-0.2, -0.2, 0.1), (0.2, 0.3, 0.6), (0.5, 0.2, 0.2))
+    samples = build.samples()
+    golden_figures("embedded/shapes", *rows_of(samples), samples.quats_wxyz())
+    golden_figures("embedded/shapes solid", build.solid_points_m())

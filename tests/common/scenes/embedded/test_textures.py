@@ -37,6 +37,27 @@ def test_textures_are_colours_that_vary_and_repeat_exactly(texture: Texture) -> 
     np.testing.assert_array_equal(texture(U, V), colours)
 
 
+@pytest.mark.parametrize(
+    ("name", "texture"),
+    [
+        ("usual plain", plain(BLUE)), ("usual fabric", fabric(BLUE)), ("usual wood", wood(GREEN)),
+        ("usual stripes", stripes(GREEN, BLUE, 0.11)), ("usual tiles", tiles(GREEN, BLUE, 0.2, 0.14)),
+        ("usual folds", folds(GREEN)), ("usual rug", rug_pattern(1.1, 0.8, (RED, BLUE, GREEN))),
+        ("usual painting", painting(1, 1.1, 0.8)),
+        ("plain", plain(RED, variation=0.2, patch_m=0.3, seed=5)), ("fabric", fabric(RED, seed=4)),
+        ("wood", wood(RED, seed=6)), ("wood across", wood(BLUE, along_u=False, contrast=0.5)),
+        ("stripes", stripes(RED, BLUE, 0.13)), ("stripes along", stripes(RED, BLUE, 0.13, along_u=True, seed=3)),
+        ("tiles", tiles(RED, BLUE, 0.23, 0.11, seed=2)), ("folds", folds(RED, pitch_m=0.17, seed=7)),
+        ("rug", rug_pattern(1.2, 0.9, (RED, BLUE, GREEN), seed=8)),
+        *((f"painting {motif}", painting(motif, 1.2, 0.9, seed=motif + 2)) for motif in range(5)),
+    ],
+)  # fmt: skip
+def test_texture_is_painted_as_it_was(name: str, texture: Texture, golden_figures) -> None:
+    rng = np.random.default_rng(9)
+    u, v = rng.uniform(0.0, (1.2, 0.9), (4000, 2)).T
+    golden_figures(f"embedded/texture {name}", 5.0 * texture(u, v))
+
+
 def test_lattice_noise_is_uniform_and_depends_on_place_and_seed() -> None:
     i, j = (grid.ravel() for grid in np.meshgrid(np.arange(-50.0, 50.0), np.arange(-50.0, 50.0)))
     noise = lattice_noise(i, j, 3)

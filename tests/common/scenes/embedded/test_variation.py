@@ -82,3 +82,7 @@ def test_parts_of_one_thing_are_coloured_alike() -> None:
     colours = build.samples().colour
     assert isinstance(thing, Surfaces)
     np.testing.assert_array_equal(colours[0], colours[1])
+
+
+def test_flat_of_another_seed_is_as_it_was(other: GaussianCloud, golden_figures) -> None:
+    golden_figures("embedded/flat 5", other.means_m, other.quats_wxyz, 30.0 * other.scales_m, 3.0 * other.sh)

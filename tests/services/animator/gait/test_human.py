@@ -54,3 +54,12 @@ def test_variation_scales_the_departure_and_size_the_step_width():
     tall = draw_style(np.random.default_rng(3), 1.0, 1.2)
     assert tall.step_half_width_m == pytest.approx(1.2 * whole.step_half_width_m)
     assert tall.cadence == whole.cadence
+
+
+def test_habits_and_measures_are_as_they_were(golden_figures):
+    for variation in (0.0, 0.6, 1.0):
+        habits = [draw_style(np.random.default_rng(seed), variation, 0.87) for seed in range(4)]
+        golden_figures(f"gait/habits {variation}", np.array(habits), scale=20.0)
+    skeleton = skeleton_of(make_avatar(scale=1.06))
+    golden_figures("gait/offsets", skeleton.offsets_m, scale=20.0)
+    golden_figures("gait/measures", [skeleton[1:]], scale=20.0)

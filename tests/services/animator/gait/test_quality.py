@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from readygo.common.avatars import joint_positions
-from readygo.services.animator import measure
-from readygo.services.animator.gait.quality import joints_of
-from tests.services.animator.paths import dash, floor, line
+from readygo.services.animator import measure, skeleton_of
+from readygo.services.animator.gait.quality import cadence_per_min, elbow_deg, joints_of, sole_points
+from tests.services.animator.bodies import make_avatar
+from tests.services.animator.paths import dash, floor, line, s_curve
 
 FLAT = floor()
 
@@ -61,3 +62,15 @@ def test_an_elbow_bent_backwards_is_seen(good, avatar):
     pose = good.pose_axis_angle.copy()
     pose[:, 18] = 0.0, 0.6, 0.0
     assert measure(changed(good, pose_axis_angle=pose), avatar, FLAT, line(1.2)).elbow_min_deg < -20.0
+
+
+def test_measures_of_a_shaken_walk_are_as_they_were(animate, golden_figures):
+    body, ground, xy = make_avatar(scale=0.9), floor(lambda x, y: 0.02 * np.sin(3.0 * x)), s_curve(1.1)
+    motion = animate(xy, ground, body=body, seed=3, style=1.0)
+    shake = np.random.default_rng(6).normal(0.0, 0.004, motion.root_m.shape).astype(np.float32)
+    shaken = dataclasses.replace(motion, root_m=motion.root_m + shake)
+    golden_figures("gait/quality", [np.log1p(np.abs(dataclasses.astuple(measure(shaken, body, ground, xy))))])
+    golden_figures("gait/quality cadence", [cadence_per_min(motion, body)], scale=0.1)
+    G, P = joints_of(shaken, body)
+    golden_figures("gait/soles", 5.0 * sole_points(G, P, skeleton_of(body)).reshape(len(G), -1))
+    golden_figures("gait/elbows", 0.1 * elbow_deg(G, P, 0), 0.1 * elbow_deg(G, P, 1))

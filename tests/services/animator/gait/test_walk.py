@@ -357,3 +357,16 @@ def test_pose_rotations_are_continuous_in_joint_zero(animate):
     R = matrix_from_axis_angle(motion.pose_axis_angle[:, 0])
     step = np.degrees(np.arccos(np.clip((np.einsum("tab,tab->t", R[:-1], R[1:]) - 1.0) / 2.0, -1.0, 1.0)))
     assert step.max() < 8.0
+
+
+@pytest.mark.parametrize(
+    ("name", "xy", "ground", "scale"),
+    [
+        ("winding", s_curve(0.9), BUMPS, 0.83), ("turning", turn_in_place(1.3) * [-1.0, 1.0], SLOPE, 1.0),
+        ("running", dash(3.1), FLAT, 1.07), ("pausing", hard_stops(1.2, 0.9) * [1.0, -1.0], BUMPS, 1.0),
+        ("going back", reversal(0.7), SLOPE, 0.9), ("standing", np.array([[0.4, -0.3]]), BUMPS, 1.0),
+    ],
+)  # fmt: skip
+def test_motion_of_a_seed_is_as_it_was(name, xy, ground, scale, animate, golden_figures):
+    motion = animate(xy, ground, body=make_avatar(scale=scale), seed=7, style=1.0)
+    golden_figures(f"gait/{name}", 5.0 * motion.root_m[:240], motion.pose_axis_angle[:240])

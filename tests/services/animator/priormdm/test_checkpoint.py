@@ -7,6 +7,7 @@ import torch
 
 from readygo.common.errors import ConfigError
 from readygo.services.animator.priormdm.checkpoint import files_digest, load_model
+from readygo.services.animator.priormdm.network import NetworkShape
 from tests.services.animator.priormdm.networks import ARGS, random_network
 
 
@@ -136,3 +137,16 @@ def test_digest_of_a_run_covers_the_pose_prior(release):
     first = files_digest(config)
     (folder / "gmm_08.pkl").write_bytes(b"two")
     assert len({first, files_digest(config), files_digest(release[1])}) == 3
+
+
+def test_sizes_that_args_leave_out_are_those_of_the_release(release):
+    folder, config = release
+    shape = NetworkShape(layers=1, latent_dim=32, ff_size=1024, num_heads=4)
+    save(folder, random_network(shape).state_dict())
+    (folder / "args.json").write_text(json.dumps({"layers": 1, "latent_dim": 32, "diffusion_steps": 4999}))
+    model = load_model(config)
+    assert (model.diffusion_steps, model.sigma_small, model.mask_frames, model.text) == (4999, True, False, None)
+    for steps in (0, 5000, 7.5):
+        (folder / "args.json").write_text(json.dumps({"layers": 1, "latent_dim": 32, "diffusion_steps": steps}))
+        with pytest.raises(ConfigError, match=r"within 1\.\.4999"):
+            load_model(config)

@@ -62,3 +62,38 @@ def test_known_features_carry_no_noise_and_return_exactly(sampler):
     drawn = sample(predict, known, is_known, schedule, rng, sampler=sampler)
     assert np.array_equal(drawn[:, :3], known[:, :3].astype(np.float32))
     assert (drawn[:, 3:] == 9.0).all()
+
+
+@pytest.mark.parametrize("sigma_small", [True, False])
+def test_steps_are_those_of_the_posterior_of_two_gaussians(sigma_small):
+    """q(x_before | x_now, clean) by completing the square; Ho, Jain and Abbeel, 2020, equations 6 and 7."""
+    schedule = cosine_schedule(60, 13, sigma_small=sigma_small)
+    for i in range(1, 13):
+        now, before = schedule.alpha_bar[i], schedule.alpha_bar[i - 1]
+        alpha = now / before
+        # Precisions of x_before: from the clean motion forwards, and from x_now backwards.
+        forwards, backwards = 1.0 / (1.0 - before), alpha / (1.0 - alpha)
+        variance = 1.0 / (forwards + backwards)
+        clean, noisy, sigma = schedule.posterior(i)
+        assert clean == pytest.approx(variance * forwards * math.sqrt(before))
+        assert noisy == pytest.approx(variance * backwards / math.sqrt(alpha))
+        assert sigma == pytest.approx(math.sqrt(variance if sigma_small else 1.0 - alpha))
+        a, b = schedule.ddim(i)
+        # The same noise: x_now = sqrt(now) clean + sqrt(1 - now) noise.
+        assert a + b * math.sqrt(now) == pytest.approx(math.sqrt(before))
+        assert b * math.sqrt(1.0 - now) == pytest.approx(math.sqrt(1.0 - before))
+    assert schedule.before(0) == 1.0
+    assert cosine_schedule(60, 1).step == (59,)
+    assert len(cosine_schedule(60).step) == 60
+
+
+@pytest.mark.parametrize("sampler", ["ddpm", "ddim"])
+def test_motion_of_a_seed_is_as_it_was(sampler, golden_figures):
+    is_known = np.zeros((12, 5), np.bool_)
+    is_known[:, :2] = True
+    known = np.random.default_rng(3).normal(size=(12, 5))
+    drawn = sample(
+        lambda x, step: (0.7 * np.tanh(x) + 0.01 * step).astype(np.float32),
+        known, is_known, cosine_schedule(40, 9), np.random.default_rng(5), sampler=sampler,
+    )  # fmt: skip
+    golden_figures(f"priormdm/sample {sampler}", drawn)

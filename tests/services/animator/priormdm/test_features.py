@@ -99,3 +99,11 @@ def test_wrong_shapes_are_worded():
         encode(np.zeros((1, 22, 3)))
     with pytest.raises(ValueError, match="x, z and heading of one shape"):
         encode_path(np.zeros(4), np.zeros(4), np.zeros(5))
+
+
+def test_features_of_a_winding_walk_are_as_they_were(animate, avatar, golden_figures):
+    _, P = joints_of(animate(s_curve(1.3), floor(), seed=5, style=1.0), avatar)
+    features, start = encode(yup_from_zup(P[30:110]))
+    golden_figures("priormdm/features", features)
+    golden_figures("priormdm/start", [[start.x_m, start.z_m, *np.ravel(start.heading_rad)]])
+    golden_figures("priormdm/joints", decode_joints(features, start).reshape(len(features), -1))

@@ -82,3 +82,15 @@ def test_toes_bend_where_a_heel_is_off_the_floor(standing, avatar):
     assert tip[:, 1].min() > -1e-4
     flat, _ = fit_rotations(raised, skeleton.offsets_m, retarget=True)
     assert np.abs(flat[:, 10] - flat[:, 7]).max() == 0.0
+
+
+def test_steps_on_uneven_ground_are_worn_as_they_were(animate, avatar, golden_figures):
+    ground = floor(lambda x, y: 0.05 * np.sin(2.3 * x) + 0.04 * y)
+    _, P = joints_of(animate(line(1.1, 3.0), ground, seed=3, style=1.0), avatar)
+    joints = yup_from_zup(P[:60, :22]) + np.random.default_rng(2).normal(0.0, 0.006, (60, 22, 3))
+    joints[..., 1] -= joints[..., 1].min()
+    frame = ground.frame
+    G, pelvis = wear(
+        joints, skeleton_of(avatar), Ground(ground.height_m, frame.origin_x_m, frame.origin_y_m, frame.resolution_m)
+    )
+    golden_figures("priormdm/worn", G.reshape(60, -1), 5.0 * pelvis)

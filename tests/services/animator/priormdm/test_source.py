@@ -216,7 +216,7 @@ def test_pose_prior_of_the_user_makes_poses_likelier(release, walker):
 
 def test_missing_pose_prior_is_named(release):
     config = dataclasses.replace(release[1], refine="prior", pose_prior=str(release[0] / "gone.pkl"))
-    with pytest.raises(ConfigError, match=r"Pose prior .*gone\.pkl cannot be read.*give SMPLify's gmm_08\.pkl"):
+    with pytest.raises(ConfigError, match=r"gone\.pkl cannot be read.*give SMPLify's gmm_08\.pkl"):
         PriorMdm.load(config)
 
 

@@ -35,3 +35,13 @@ def test_windows_that_disagree_fade_into_each_other():
 def test_one_window_is_the_model_itself():
     x = np.random.default_rng(0).standard_normal((WINDOW, 263)).astype(np.float32)
     assert over_windows(lambda windows, step: windows * 2.0, WINDOW, 40)(x, 0) == pytest.approx(2.0 * x)
+
+
+def test_windows_of_other_sizes_start_and_fade_as_they_did(golden_figures):
+    assert window_starts(10, 2, 10) == [0]
+    assert window_starts(11, 2, 10) == [0, 1]
+    assert window_starts(26, 3, 10) == [0, 7, 14, 16]
+    for wrong in ((9, 2, 10), (20, 0, 10), (20, 10, 10)):
+        with pytest.raises(ValueError, match="do not fill"):
+            window_starts(*wrong)
+    golden_figures("priormdm/fades", fade_weights(26, [0, 7, 14, 16], 3, 10).T.reshape(10, 4))

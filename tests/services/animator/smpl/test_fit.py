@@ -6,7 +6,7 @@ import pytest
 from readygo.common.frames import yup_from_zup
 from readygo.services.animator import skeleton_of
 from readygo.services.animator.gait.quality import joints_of
-from readygo.services.animator.smpl.fit import fit_rotations
+from readygo.services.animator.smpl.fit import fit_rotations, pose_of
 from readygo.services.animator.smpl.fit_math import turn
 from tests.services.animator.bodies import make_avatar, spins_radps
 from tests.services.animator.paths import circle, floor, reversal, s_curve, stop_and_go
@@ -99,3 +99,14 @@ def test_fit_is_the_same_for_read_only_and_strided_joints(animate, avatar):
     strided = np.asfortranarray(P)
     a, b, c = (fit_motion(joints, offsets) for joints in (P, frozen, strided))
     assert dataclasses.astuple(a)[1].tobytes() == b.pose_axis_angle.tobytes() == c.pose_axis_angle.tobytes()
+
+
+def test_fits_are_as_they_were(animate, avatar, golden_figures):
+    _, P = joints_of(animate(s_curve(1.2), floor(), style=1.0, seed=2), avatar)
+    P = P[40:90] + np.random.default_rng(4).normal(0.0, 0.004, (50, 24, 3))
+    offsets = skeleton_of(avatar).offsets_m
+    for name, joints, retarget in (("all", P, False), ("22", P[:, :22], False), ("other body", P[:, :22], True)):
+        G, X = fit_rotations(yup_from_zup(joints), offsets * (1.04 if retarget else 1.0), retarget=retarget)
+        golden_figures(f"smpl/rotations {name}", G.reshape(50, -1))
+        golden_figures(f"smpl/joints {name}", X.reshape(50, -1))
+        golden_figures(f"smpl/pose {name}", pose_of(G).reshape(50, -1))

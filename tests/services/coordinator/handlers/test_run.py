@@ -149,6 +149,6 @@ def test_run_of_the_expert_or_of_one_policy_takes_no_others(line: Line, tmp_path
     with pytest.raises(PeerError, match="Run run-test takes no policies: the expert drives in it"):
         line.offer(head=b"1")
     (tmp_path / "other").mkdir()
-    own = PolicyRef(path="p", files=(FileRef(path="head", sha256="a", size=1),), mix=0.5)
+    own = PolicyRef(path="p", files=(FileRef(path="head", sha256="a" * 64, size=1),), mix=0.5)
     with pytest.raises(PeerError, match="takes no policies: the policy that it began with drives"):
         Line(tmp_path / "other", stages=DRIVE_LINE, policy=own).offer(head=b"1")

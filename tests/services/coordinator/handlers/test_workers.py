@@ -7,13 +7,14 @@ import pytest
 from readygo.common.errors import DiskError, PeerError
 from readygo.common.messages import (
     ClaimStatus,
+    PolicyRef,
     RenewRequest,
     Split,
     Stage,
     VerdictStatus,
     topics,
 )
-from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN, RENDER, ROBOT_PLAN, OnRejection
+from readygo.common.messages.stages import ANIMATE, DRIVE, DRIVE_LINE, HUMAN_PLAN, RENDER, ROBOT_PLAN, OnRejection
 from readygo.services.coordinator import requeue_lost
 from tests.services.coordinator.line import Line
 
@@ -166,3 +167,13 @@ def test_result_that_the_disk_does_not_take_is_told_until_it_does(line: Line, mo
     monkeypatch.setattr(line.coordinator.blobs, "put", put)
     line.complete(HUMAN_PLAN, line.claim(HUMAN_PLAN), result=b"plan")
     assert line.status().trouble == ""
+
+
+def test_lease_brings_the_policy_that_its_episode_is_driven_by(tmp_path: Path) -> None:
+    live = Line(tmp_path, stages=DRIVE_LINE, policy=PolicyRef(path="own", files=(), mix=0.25))
+    live.pass_on(HUMAN_PLAN, ANIMATE)
+    offers = [live.offer(head=data, encoder=b"2") for data in (b"1", b"3")]
+    claim = live.claim(DRIVE)
+    assert claim.policy is not None
+    assert (claim.policy.sha256, claim.policy.path, claim.policy.mix) == (offers[1].sha256, "", 0.25)
+    assert (claim.ttl_s, live.claim(DRIVE).status) == (live.coordinator.config.lease_s, ClaimStatus.WAIT)

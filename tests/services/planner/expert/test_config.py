@@ -93,3 +93,102 @@ def test_predictions_longer_than_a_plan_can_be_are_refused():
     assert ExpertConfig(oracle_prediction_s=31.5).oracle_prediction_s == 31.5
     with pytest.raises(ValueError, match=r"primitive_s must be at least 0\.508 s for 32 s"):
         ExpertConfig(oracle_prediction_s=32.0)
+
+
+def test_defaults_are_those_of_the_runs_that_name_none() -> None:
+    assert section_to_mapping(ExpertConfig()) == {
+        "lookahead_m": [1.0, 0.7, 0.45, 0.3, 0.2],
+        "tracking_margin_m": 0.01,
+        "yield_to_humans": True,
+        "yield_margin_m": 0.15,
+        "evasion_gap_m": 0.4,
+        "timed_heuristic_weight": 1.2,
+        "timed_heading_count": 36,
+        "timed_expansions_max": 1000,
+        "timed_steering_cost": 0.15,
+        "swerve_cost": 0.1,
+        "hard_margin_m": 0.03,
+        "timed_margin_m": 0.4,
+        "nearness_cost": 30.0,
+        "timed_replan_s": 0.25,
+        "timed_idle_replan_s": 1.0,
+        "near_m": 3.0,
+        "buffer_m": 0.25,
+        "replan_period_s": 0.5,
+        "keep_ratio": 1.25,
+        "replan_distance_m": 1.5,
+        "replan_lookahead_s": 2.0,
+        "replan_interval_min_s": 0.1,
+        "heading_count": 72,
+        "heuristic_weight": 1.5,
+        "steering_cost": 0.2,
+        "slow_cost": 0.2,
+        "turn_cost_m": 0.8,
+        "expansions_max": 10000,
+        "cell_margin_m": 0.01,
+        "tight_margin_m": 0.03,
+        "wall_cost": 0.5,
+        "wall_distance_m": 0.2,
+        "dear_factor": 40,
+        "standing_margin_m": 0.5,
+        "prediction_s": 2.0,
+        "timed_prediction_s": 4.0,
+        "oracle_prediction_s": 8.0,
+        "route_weight": 2.0,
+        "chance_gain": 2.0,
+        "doubt_mps": 0.1,
+        "doubt_growth_mps": 0.2,
+        "doubt_max_m": 0.6,
+        "near_field_m": 0.0,
+        "oracle": False,
+        "line_of_sight": None,
+        "range_m": 10.0,
+        "memory_s": 4.0,
+        "standing_memory_s": 60.0,
+        "velocity_window_s": 0.2,
+        "mode": "spacetime",
+        "primitive_s": 0.5,
+        "reverse_cost": 1.0,
+        "gear_cost_m": 0.3,
+        "goal_tolerance_m": 0.25,
+    }
+
+
+def test_ranges_are_these():
+    most = {"wall_cost": 10.0, "dear_factor": 60, "primitive_s": 5.0}
+    least = {
+        "velocity_window_s": 0.05, "wall_cost": 0.0, "dear_factor": 4, "primitive_s": 0.1, "heading_count": 8,
+        "timed_heading_count": 8, "heuristic_weight": 1.0, "timed_heuristic_weight": 1.0, "keep_ratio": 1.0,
+        "expansions_max": 1, "timed_expansions_max": 1,
+    }  # fmt: skip
+    positive = set(
+        [
+            "range_m",
+            "prediction_s",
+            "timed_prediction_s",
+            "oracle_prediction_s",
+            "near_m",
+            "replan_period_s",
+            "replan_distance_m",
+            "replan_lookahead_s",
+            "replan_interval_min_s",
+            "timed_margin_m",
+            "nearness_cost",
+            "timed_replan_s",
+            "timed_idle_replan_s",
+            "lookahead_m",
+            "evasion_gap_m",
+            "goal_tolerance_m",
+        ]
+    )
+    assert {name: limits.high for name, limits in RANGES.items() if limits.high < math.inf} == most
+    assert {name: limits.above for name, limits in RANGES.items() if limits.above > -math.inf} == dict.fromkeys(
+        positive, 0
+    )
+    rest = dict.fromkeys(set(RANGES) - positive, 0.0)
+    assert {name: limits.low for name, limits in RANGES.items() if limits.low > -math.inf} == {**rest, **least}
+
+
+def test_expert_looks_at_bodies_in_the_papers_mode_alone():
+    assert ExpertConfig(mode="paper").needs_avatars
+    assert not ExpertConfig().needs_avatars

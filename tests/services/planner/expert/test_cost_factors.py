@@ -102,3 +102,23 @@ def test_path_costs_length_by_slowness_by_factor():
     factor[10, 15] = 0
     assert path_cost(path, 0, factor, GRID, 1.0) == np.inf
     assert path_cost(path - (5.0, 0, 0, 0), 0, free(), GRID, 1.0) == np.inf
+
+
+def test_painted_ground_is_as_it_was(golden_figures):
+    """Slopes, capsules, points and an opening on ground of random clearance, some of it beyond the edge."""
+    rng = np.random.default_rng(3)
+    clearance = rng.uniform(0.0, 0.9, (40, 50))
+    factor = static_factor(clearance, 0.23, wall_cost=0.8, wall_distance_m=0.3)
+    paint_slope(factor, GRID, (-0.4, 3.1, 1.7, 4.9), 0.73, 37)
+    paint_capsule(factor, GRID, (2.2, 2.4, 4.3, 1.8), 0.41, 23)
+    paint_points(factor, GRID, rng.uniform((-1.2, 1.9), (4.1, 6.2), (9, 2)), 0.34, 29)
+    paint_points(factor, GRID, rng.uniform((-1.2, 1.9), (4.1, 6.2), (4, 2)), 0.27, 0)
+    open_around(factor, GRID, clearance, (1.33, 4.41), 0.11, 17)
+    golden_figures("expert/painted ground", factor.reshape(-1), scale=0.2)
+    path = np.column_stack(
+        [np.linspace(-0.7, 2.9, 60), np.linspace(2.2, 5.7, 60), np.zeros(60), np.linspace(-0.9, 0.9, 60)]
+    )
+    open_ground = np.maximum(factor, 3).astype(np.uint8)
+    costs = [path_cost(path, first, open_ground, GRID, 0.8) for first in range(0, 60, 7)]
+    gaps = [path_distance(path, first, first + 9, (0.3, 4.0, 1.9, 2.7)) for first in range(0, 60, 7)]
+    golden_figures("expert/paths on it", costs, gaps)

@@ -79,3 +79,17 @@ def test_who_has_arrived_may_stay_at_no_cost():
 
 def test_a_layer_lasts_as_long_as_full_speed_takes_for_a_cell():
     assert pytest.approx(0.25) == LAYER_STEPS * DT_S
+
+
+def test_delays_of_people_on_patchy_ground_are_as_they_were(golden_figures):
+    rng = np.random.default_rng(6)
+    factor = np.repeat(np.repeat(rng.integers(FREE, 4 * FREE, (20, 20)), 8, 0), 8, 1).astype(np.uint8)
+    factor[40:60, 70:76] = 0
+    k = np.arange(STEPS)[:, None]
+    walks = np.stack([[3.2, 4.9] + [0.02, -0.03] * k, [4.6, 3.5] + [-0.03, 0.01] * k])
+    widths = np.tile(0.3 + 0.01 * np.arange(STEPS), (2, 1))
+    humans = HumansAhead(walks, np.array([0.8, 0.35]), 0.47, widths, 21.0)
+    delays = filled(humans, CostGrid(factor, grid().to_goal, RESOLUTION_M))
+    places = [(3.1 + 0.23 * a, 3.0 + 0.19 * b, layer) for a in range(9) for b in range(9) for layer in range(LAYERS)]
+    rows = np.array([delay_at(delays, CENTRE, *place) for place in places])
+    golden_figures("expert/delays", np.minimum(rows, 50.0))

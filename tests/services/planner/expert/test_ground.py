@@ -97,3 +97,25 @@ def test_grids_of_robot_and_humans_may_differ():
     local = ground.around((-2.0, 3.0), (2.0, 3.0))
     assert local.human_frame.resolution_m == 0.1
     assert local.human_ways[0][local.human_frame.cell(-2.0, 3.0)] == 0
+
+
+def test_ground_of_the_flat_for_a_crooked_robot_is_as_it_was(golden_figures):
+    robot = RobotConfig(radius_m=0.28, planning_radius_m=0.37)
+    ground = SceneGround(
+        rooms(), rooms(), None, robot, EpisodeConfig(), ExpertConfig(wall_cost=0.9, wall_distance_m=0.31)
+    )
+    golden_figures(
+        "expert/ground",
+        ground.static_factor[::3, ::3].reshape(-1),
+        ground.tight_factor[::3, ::3].reshape(-1),
+        scale=0.3,
+    )
+    local = ground.around((-2.0, 3.1), (2.1, 8.3))
+    golden_figures("expert/way to the goal", np.minimum(local.to_goal[::5, ::5].reshape(-1), 1 << 16), scale=1e-3)
+    golden_figures(
+        "expert/ways of humans",
+        *[np.minimum(way[::5, ::5].reshape(-1), 1 << 16) for way in local.human_ways],
+        scale=1e-3,
+    )
+    places = [(-2.8, 3.0, 0.4), (0.4, 3.4, 2.5), (2.96, 6.0, -1.0), (5.0, 9.9, 1.2)]
+    golden_figures("expert/ways out", [local.way_out_rad(*place, (2.1, 8.3)) for place in places])

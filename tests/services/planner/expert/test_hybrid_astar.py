@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,7 +7,7 @@ import pytest
 from readygo.common.episode import GridSearch
 from readygo.common.episode.grid_search import FREE
 from readygo.common.maps import GridFrame
-from readygo.common.robot import RobotConfig
+from readygo.common.robot import RobotConfig, step_unicycle
 from readygo.services.planner import ExpertConfig
 from readygo.services.planner.expert.hybrid_astar import HybridAStar, make_primitives
 
@@ -19,10 +20,10 @@ def field():
     return np.full((160, 200), FREE, np.uint8)
 
 
-def _plan(factor, start, goal, **options):
+def _plan(factor, start, goal, config=CONFIG, **options):
     goal = np.array(goal, float)
     heuristic = GridSearch(factor.shape).distances(factor, FRAME.cell(*goal))
-    return HybridAStar(ROBOT, CONFIG).search(factor, heuristic, FRAME, start, goal, **options)
+    return HybridAStar(ROBOT, config).search(factor, heuristic, FRAME, start, goal, **options)
 
 
 def test_nine_primitives_of_three_speeds_and_three_turn_rates():
@@ -80,6 +81,58 @@ def test_goal_behind_is_reached_forwards_or_after_a_turn(field):
     assert abs(forwards.xyyaw[0, 2]) < 1e-9
     assert abs(turned.xyyaw[0, 2]) > 1.0
     assert turned.cost < forwards.cost
+
+
+@pytest.mark.parametrize("bearing_deg", [30, 75, 120, 165])
+def test_turn_at_the_start_costs_its_angle_either_way(field, bearing_deg):
+    """Turning right costs what turning left costs: the shorter way round, and then a straight drive of 1.5 m."""
+    costs, config = [], replace(CONFIG, turn_cost_m=0.2)
+    for side in (1, -1):
+        bearing = 0.7 + side * math.radians(bearing_deg)
+        goal = (2.0 + 1.5 * math.cos(bearing), 2.0 + 1.5 * math.sin(bearing))
+        plan = _plan(field, (2.0, 2.0, 0.7), goal, config, turn_first=True)
+        turned = (plan.xyyaw[0, 2] - 0.7 + math.pi) % (2 * math.pi) - math.pi
+        assert turned * side > 0
+        costs.append(plan.cost)
+        assert plan.cost == pytest.approx(0.2 * math.radians(bearing_deg) + 1.5, abs=0.4)
+    assert costs[0] == pytest.approx(costs[1], rel=0.2)
+
+
+@pytest.mark.parametrize("turn_first", [False, True])
+@pytest.mark.parametrize("seed", range(3))
+def test_cost_of_a_path_is_that_of_its_primitives_on_its_ground(seed, turn_first):
+    """Recomputed from poses and speeds, on an oblong patchwork of factors, for a robot that reverses."""
+    rng = np.random.default_rng(seed)
+    frame = GridFrame(origin_x_m=3.7, origin_y_m=-5.1, resolution_m=0.07)
+    robot = RobotConfig(v_max_mps=0.9, v_min_mps=-0.6, w_max_radps=1.1)
+    config = ExpertConfig(steering_cost=0.31, slow_cost=0.17, turn_cost_m=0.5, gear_cost_m=0.23, reverse_cost=0.4)
+    patches = rng.integers(FREE, 3 * FREE, (9, 13)).astype(np.uint8)
+    patches[rng.random(patches.shape) < 0.15] = 0
+    patches[[1, 7], [1, 11]] = FREE
+    factor = np.repeat(np.repeat(patches, 8, axis=0), 8, axis=1)
+    start, goal = (4.4, -4.2, 2.5), np.array([10.1, -0.9])
+    heuristic = GridSearch(factor.shape).distances(factor, frame.cell(*goal))
+    plan = HybridAStar(robot, config).search(factor, heuristic, frame, start, goal, turn_first=turn_first)
+    first_turn = abs((plan.xyyaw[0, 2] - start[2] + math.pi) % (2 * math.pi) - math.pi)
+    assert turn_first or first_turn < 1e-9
+    cost, at, gear = config.turn_cost_m * first_turn, 0, 0.0
+    duration_s = max(config.primitive_s, 0.35 / robot.w_max_radps)
+    while at < len(plan.xyyaw) - 1:
+        v = plan.speed_mps[at + 1]
+        count = math.ceil(abs(v) * duration_s / 0.05 - 1e-9)
+        rows = plan.xyyaw[at + 1 : at + 1 + count]
+        turned = (rows[-1, 2] - plan.xyyaw[at, 2] + math.pi) % (2 * math.pi) - math.pi
+        w = turned / duration_s
+        assert min(abs(w - u) for u in (-robot.w_max_radps, 0.0, robot.w_max_radps)) < 1e-9
+        ends = step_unicycle(*plan.xyyaw[at].tolist(), v, w, duration_s)
+        assert rows[-1] == pytest.approx((*ends[:2], rows[-1, 2]), abs=1e-9)
+        cells = np.floor((rows[:, :2] - (frame.origin_x_m, frame.origin_y_m)) / frame.resolution_m).astype(int)
+        factors = factor[cells[:, 1], cells[:, 0]]
+        assert factors.min() > 0
+        per_s = abs(v) + 0.31 * abs(v) * (abs(w) > 1e-9) + 0.17 * (robot.v_max_mps - abs(v)) + 0.4 * max(-v, 0.0)
+        cost += per_s * duration_s * factors.mean() / FREE + 0.23 * (gear * v < 0)
+        at, gear = at + count, v
+    assert plan.cost == pytest.approx(cost)
 
 
 def test_corridor_too_narrow_for_an_arc_needs_a_turn(field):

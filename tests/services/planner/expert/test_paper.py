@@ -1,7 +1,9 @@
 import numpy as np
+import pytest
 
 from readygo.services.planner.expert.handlers import drive
 from readygo.services.planner.explain.journal import run_with_journal
+from tests.services.planner.expert.crooked_run import crooked_run
 from tests.services.planner.runs import make_scenario
 from tests.services.planner.worlds import animate, make_robot_planner
 
@@ -37,3 +39,13 @@ def test_robot_passes_who_stands_on_its_way():
     driven = drive(make_robot_planner(mode="paper"), scenario, animate(scenario))
     assert driven.outcome.value == "success"
     assert driven.human_distance_m.min() > 0.5
+
+
+@pytest.mark.parametrize(("control_hz", "camera_hz"), [(10, 20), (10, 30)])
+def test_run_among_people_is_as_it_was(control_hz, camera_hz, golden_figures):
+    run, made = crooked_run("paper", control_hz=control_hz, camera_hz=camera_hz)
+    assert len(run.replan_times_s) == run.replanned.sum()
+    assert 0.0 <= run.replan_times_s.min() <= run.replan_times_s.max() < 60.0
+    rows = (run.xyyaw, run.actions, run.replanned, run.human_visible, 0.3 * run.expert_cost)
+    golden_figures(f"expert/paper {control_hz} {camera_hz}", *rows)
+    golden_figures(f"expert/paper decisions {control_hz} {camera_hz}", [[len(one.perceived), one.cost] for one in made])

@@ -134,3 +134,31 @@ def test_step_that_was_observed_already_changes_nothing(mode):
         (two,) = twice.observe(step, POSE, _walk(step))
         assert (one.vx_mps, one.vy_mps) == (two.vx_mps, two.vy_mps)
     assert one.vx_mps == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("mode", ["paper", "spacetime"])
+def test_what_is_expected_of_who_comes_and_goes_is_as_it_was(mode, golden_figures):
+    """Someone on an arc past a robot that turns: seen, out of view, remembered and seen again."""
+    k = np.arange(120)
+    path = np.column_stack([1.6 - 1.9 * np.sin(0.028 * k), 5.6 + 0.5 * np.cos(0.05 * k)])
+    tracks, rows = _tracks(path, mode=mode, doubt_mps=0.13), []
+    for step in range(120):
+        pose = (-1.2, 5.3, 0.3 + 1.7 * math.sin(0.07 * step))
+        for human in tracks.observe(step, pose, path[step : step + 1]):
+            if step % 3 == 0:
+                walks_m, chances = human.find_walks()
+                rows += [
+                    [
+                        step,
+                        human.x_m,
+                        human.vx_mps,
+                        human.vy_mps,
+                        human.seen,
+                        human.age_s,
+                        chance,
+                        *walk_m[19],
+                        *walk_m[-1],
+                    ]
+                    for walk_m, chance in zip(walks_m, chances, strict=True)
+                ]
+    golden_figures(f"expert/perceived {mode}", np.array(rows))

@@ -4,7 +4,9 @@ import pytest
 from readygo.services.planner.expert.records import Limits, Obstacles, State, Surroundings
 from readygo.services.planner.expert.rollouts import (
     FREE_RUN,
+    Pursuits,
     choose_evasion,
+    choose_pursuit,
     limited,
     meets,
     nearest_ahead,
@@ -115,3 +117,24 @@ def test_evasion_leaves_who_comes_nearer_and_finds_nothing_between_walls_and_spe
     assert w > 0
     trapped = State(0.7, 0.0, 0.0, 1.0, 0.0)
     assert not choose_evasion(trapped, LIMITS, around(coming, wall_x_m=1.0), 0.4, to_goal)[0]
+
+
+def test_trials_of_commands_are_as_they_were(path, golden_figures):
+    """Pursuits and evasions of a robot that reverses, before a wall, with two who walk, on a winding path."""
+    limits = Limits(0.9, 1.4, 0.8, 2.6, -0.4, 1 / 30)
+    k = np.arange(80)[:, None]
+    walks = np.stack([[1.5, 0.9] + [-0.01, -0.015] * k, [0.9, -0.7] + [0.004, 0.012] * k])
+    place, rng = around(walks, wall_x_m=2.3, doubt_mps=0.12), np.random.default_rng(2)
+    to_goal = (10 * np.hypot(*np.mgrid[-90:70, -140:20])).astype(np.int32)
+    pursuits = Pursuits(np.array([1.0, 0.6, 0.3, 0.0]), np.array([0.9, 0.6, 0.3]), 0.7, 0.12)
+    slow_ahead(path, 0.7)
+    rows = []
+    for _ in range(12):
+        state = State(*rng.uniform((0.0, -0.5, -0.8, -0.2, -0.6), (1.6, 0.5, 0.8, 0.8, 0.6)).tolist())
+        progress = nearest_ahead(path, 0, state.x_m, state.y_m)
+        run = try_pursuit(path, progress, state, 0.5, 0.8, limits, place)
+        arc = try_arc(*rng.uniform((-0.4, -1.4), (0.9, 1.4)).tolist(), state, limits, place, to_goal)
+        pursuit = choose_pursuit(path, progress, state, pursuits, limits, place)
+        evasion = choose_evasion(state, limits, place, 0.45, to_goal)
+        rows.append([progress, *run, *arc, *pursuit, *evasion])
+    golden_figures("expert/trials", np.clip(np.array(rows, float), -9, 99), scale=0.7)

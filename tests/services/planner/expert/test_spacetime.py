@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from readygo.services.planner.explain.journal import run_with_journal
+from tests.services.planner.expert.crooked_run import crooked_run
 from tests.services.planner.runs import make_scenario
 from tests.services.planner.worlds import animate, make_robot_planner
 
@@ -96,3 +97,14 @@ def test_expert_answers_beyond_the_window_that_it_began_in(config, monkeypatch):
     assert there.replanned
     assert len(there.path_xy_m) > 5
     assert np.hypot(*(there.path_xy_m[0] - (6.1, 10.5))) < 0.1
+
+
+@pytest.mark.parametrize(("control_hz", "camera_hz"), [(10, 20), (10, 30)])
+def test_run_among_people_is_as_it_was(control_hz, camera_hz, golden_figures):
+    run, made = crooked_run("spacetime", control_hz=control_hz, camera_hz=camera_hz)
+    assert len(run.replan_times_s) == run.replanned.sum()
+    assert 0.0 <= run.replan_times_s.min() <= run.replan_times_s.max() < 60.0
+    rows = (run.xyyaw, run.actions, run.replanned, run.human_visible, 0.3 * run.expert_cost)
+    golden_figures(f"expert/spacetime {control_hz} {camera_hz}", *rows)
+    known = [[len(made[k].perceived), made[k].cost, *made[k].commands[-1]] for k in range(len(made))]
+    golden_figures(f"expert/spacetime decisions {control_hz} {camera_hz}", np.array(known))

@@ -114,3 +114,20 @@ def test_robots_that_turn_slowly_turn_towards_their_way(yaw):
     slow, open_map = RobotConfig(w_max_radps=0.1), OccupancyMap(frame=FRAME, occupied=np.zeros((200, 400), np.bool_))
     plan = _plan((0.0, 7.0, yaw, 0.0, 0.0), (8.0, 7.0), _humans(), open_map, slow)
     assert abs(math.remainder(plan.rows[-1, 2], math.tau)) < abs(yaw) - 0.25
+
+
+def test_plans_of_a_crooked_robot_among_people_are_as_they_were(golden_figures):
+    robot = RobotConfig(
+        radius_m=0.28, planning_radius_m=0.35, v_max_mps=0.9, v_min_mps=-0.4, w_max_radps=1.4, a_max_mps2=0.8,
+        alpha_max_radps2=2.6,
+    )  # fmt: skip
+    k = np.arange(STEPS)
+    paths = [np.column_stack([0.6 - 0.02 * k, 7.1 - 0.03 * k]), np.column_stack([1.4 - 0.05 * k, 5.1 + 0 * k])]
+    humans = _humans(*paths)._replace(chances=np.array([0.7, 0.4]))
+    for number, (state, goal_m) in enumerate(
+        [((-2.0, 3.0, 2.5, 0.37, -0.21), (2.0, 6.0)), ((0.1, 5.3, -1.1, -0.2, 0.6), (0.3, 9.0))]
+    ):
+        for name, who in (("people", humans), ("nobody", _humans())):
+            plan = _plan(state, goal_m, who, robot=robot)
+            golden_figures(f"expert/search {number} {name}", plan.rows)
+            golden_figures(f"expert/search cost {number} {name}", [plan.cost])

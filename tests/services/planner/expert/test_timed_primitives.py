@@ -67,3 +67,16 @@ def test_root_begins_at_any_command(primitives):
     firsts = primitives.table.rows[begin:end, 0, 3:]
     assert np.abs(firsts[:, 0] - 0.37).max() <= ROBOT.a_max_mps2 * DT_S + 1e-9
     assert np.abs(firsts[:, 1] + 0.2).max() <= ROBOT.alpha_max_radps2 * DT_S + 1e-9
+
+
+def test_table_of_a_crooked_robot_is_as_it_was(golden_figures):
+    robot = RobotConfig(
+        control_hz=10, camera_hz=30, v_max_mps=0.9, v_min_mps=-0.4, w_max_radps=1.4, a_max_mps2=0.8,
+        alpha_max_radps2=2.6,
+    )  # fmt: skip
+    primitives = make_timed_primitives(robot, ExpertConfig(reverse_cost=0.7, gear_cost_m=0.2))
+    primitives.fill_root(-0.17, 0.31)
+    table, used = primitives.table, int(primitives.table.first[-1])
+    golden_figures("expert/timed primitives", table.rows[:used], table.costs[:used], table.lengths_m[:used])
+    golden_figures("expert/timed groups", table.first, scale=0.1)
+    golden_figures("expert/timed ends", table.ends[:used], scale=0.1)

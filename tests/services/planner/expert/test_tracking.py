@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from readygo.common.episode import EpisodeConfig
-from readygo.common.robot import RobotConfig
+from readygo.common.robot import RobotConfig, step_unicycle
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner import ExpertConfig
 from readygo.services.planner.expert.ground import SceneGround
@@ -50,6 +50,45 @@ def test_robot_beside_its_path_comes_back_to_it_within_its_limits(tracker):
     assert np.abs(np.diff(commands[:, 1], prepend=0.0)).max() <= ROBOT.alpha_max_radps2 * DT_S + 1e-9
     assert commands[-1, 0] == pytest.approx(ROBOT.v_max_mps, abs=0.05)
     assert tracker.progress > 20
+
+
+@pytest.mark.parametrize(("control_hz", "a_max_mps2"), [(20, 1.0), (10, 0.6), (30, 1.7)])
+def test_slower_stretch_ahead_is_reached_with_braking_to_spare(control_hz, a_max_mps2):
+    """A robot of other rates and limits follows a bent path on which the speed falls and ends at rest."""
+    robot = RobotConfig(
+        control_hz=control_hz, camera_hz=10, v_max_mps=1.3, w_max_radps=1.9, a_max_mps2=a_max_mps2, alpha_max_radps2=5.0
+    )
+    config, dt_s = ExpertConfig(mode="paper"), robot.clock.dt_s
+    ground = SceneGround(rooms(), rooms(), None, robot, EpisodeConfig(), config)
+    follower = PathTracker(ground.around((-2.0, Y_M), (2.0, Y_M)), robot, ground.contact_m, config)
+    angles = np.arange(0.0, 1.6, 0.02)
+    xyyaw = np.column_stack([-2.6 + 2.1 * np.sin(angles), Y_M - 2.1 + 2.1 * np.cos(angles), -angles])
+    wanted_mps = np.where(angles < 0.9, 1.3, 0.3)
+    wanted_mps[-1] = 0.0
+    follower.follow(Plan(xyyaw=xyyaw, speed_mps=wanted_mps, cost=4.0, expansion_count=1), 0.0)
+    planned_mps = follower.path[:, 3]
+    gaps_m = np.hypot(*np.diff(xyyaw[:, :2], axis=0).T)
+    assert np.all(planned_mps <= wanted_mps)
+    braking = planned_mps[:-1] < wanted_mps[:-1]
+    rates = (planned_mps[:-1] ** 2 - planned_mps[1:] ** 2) / (2 * gaps_m)
+    assert rates[braking] == pytest.approx(np.full(braking.sum(), 0.9 * a_max_mps2))
+    assert braking.sum() > 5
+
+    state, commands = State(*xyyaw[0].tolist(), 0.0, 0.0), []
+    for _ in range(round(9.0 / dt_s)):
+        follower.update(state.x_m, state.y_m)
+        assert follower.gap_m(state.x_m, state.y_m) < 0.08
+        v, w = follower.command(state)
+        assert v <= 0.12 + math.sqrt(planned_mps[follower.progress] ** 2 + 2 * a_max_mps2 * v * dt_s)
+        commands.append((v, w))
+        state = State(*step_unicycle(state.x_m, state.y_m, state.yaw_rad, v, w, dt_s), v, w)
+    v, w = np.array(commands).T
+    assert v.min() >= 0.0
+    assert v.max() <= robot.v_max_mps
+    assert abs(w).max() <= robot.w_max_radps
+    assert np.abs(np.diff(v, prepend=0.0)).max() <= a_max_mps2 * dt_s + 1e-9
+    assert np.abs(np.diff(w, prepend=0.0)).max() <= robot.alpha_max_radps2 * dt_s + 1e-9
+    assert follower.progress >= len(angles) - 3
 
 
 def test_plan_that_begins_with_another_heading_is_turned_to_in_place_first(tracker):

@@ -46,3 +46,20 @@ def test_failure_is_always_shown_last():
 def test_moments_are_at_least_half_a_second_apart():
     seen = {k: (0.0, 5.3) for k in range(35, 60)}
     assert words(make_run(NEAR, journal=journal(seen=seen))) == [(0, "start"), (39, "closest to person 1")]
+
+
+def test_second_person_who_comes_nearer_is_the_one_that_is_shown_and_seen_first():
+    seen = {k: (0.0, 5.3) for k in range(30, 60)}
+    run = make_run([(-1.0, 6.4)], [(1.0, 5.2)], journal=journal(seen=seen, change=22))
+    shown = words(run)
+    assert shown[-1] == (int(np.argmin(np.abs(WAY[:, 0] - 1.0))), "closest to person 2")
+    assert (30, "first sees person 1") in shown
+    assert len(shown) == 3
+
+
+def test_three_meters_are_near_and_half_a_second_is_apart():
+    assert words(make_run([(0.0, 4.6 + 2.99)]))[-1][1] == "closest to person 1"
+    assert words(make_run([(0.0, 4.6 + 3.01)])) == [(0, "start")]
+    for first, shown in ((29, True), (30, False)):
+        seen = {k: (0.0, 5.3) for k in range(first, 60)}
+        assert ((first, "first sees person 1") in words(make_run(NEAR, journal=journal(seen=seen)))) is shown

@@ -79,3 +79,15 @@ def test_run_of_a_policy_shows_what_it_saw_and_what_the_expert_would_do_but_no_p
     for image in (picture, without):
         assert has(image, ADVICE)
         assert not has(image, SUPERSEDED)
+
+
+def test_pictures_are_drawn_as_they_were(paper_planner, golden_figures):
+    paths = [(WAY if k < 25 else WAY + np.array([0.0, 0.6]))[k:] for k in range(STEPS)]
+    run = make_run(HUMAN, journal=make_journal(paths, searches=(0, 25), seen={k: (0.0, 5.3) for k in range(12, 60)}))
+    for name, picture in (
+        ("run", draw_run(paper_planner, run)),
+        ("episode", draw_episode(rooms(), run.scenario, run.trajectory, motions=run.motions)),
+        ("scenario", draw_episode(rooms(), make_scenario(HUMAN))),
+    ):
+        golden_figures(f"explain/{name}", picture[::2, ::2].reshape(-1, 3) / 64.0)
+        golden_figures(f"explain/{name} size", picture.shape, scale=0.1)

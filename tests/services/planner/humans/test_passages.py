@@ -21,3 +21,8 @@ def test_passages_of_a_flat_are_its_doors():
 def test_an_empty_hall_has_no_passages():
     clearance = np.minimum.outer(np.r_[0:50, 50:0:-1], np.r_[0:80, 80:0:-1]) * 0.05
     assert find_passages(clearance, FRAME, walkable_m=0.375, width_max_m=1.6, wider_m=0.5) == ()
+
+
+def test_passages_are_as_they_were(golden_figures):
+    found = sorted(planner_of("doorway").sampler.site.passages, key=lambda passage: passage.middle_m)
+    golden_figures("humans/passages", [[*passage.middle_m, passage.width_m] for passage in found])

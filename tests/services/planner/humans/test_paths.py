@@ -66,3 +66,16 @@ def test_disc_keeps_clear_of_a_wall_up_to_its_radius():
     row = np.array([[2.0, 7.0], [edge_x + 0.26, 7.0]])
     assert keeps_clear(hall(), row, 0.25)
     assert not keeps_clear(hall(), row, 0.27)
+
+
+def test_paths_through_the_flat_are_as_they_were(golden_figures):
+    planner = HumanPathPlanner(rooms(), HumanPlannerConfig(jerk_weight=1.3, obstacle_weight=150.0))
+    ways = [AROUND_THE_CORNER, [(-2.1, 3.3), (2.6, 4.4), (5.7, 5.9)], [(6.6, 10.3), (4.1, 8.2), (-1.3, 10.9)]]
+    paths = [planner.path(way, detour_max=2.5) for way in ways]
+    golden_figures("humans/paths", np.concatenate(paths))
+    golden_figures("humans/settled", [planner.settled(place, 0.9) for place in ((-2.9, 3.1), (0.4, 3.7), (2.95, 8.1))])
+    reaches = [planner.reach_m((-1.1, 5.3), (np.cos(a), np.sin(a)), 3.7) for a in np.arange(0.1, 6.3, 0.37)]
+    golden_figures("humans/reaches", reaches)
+    golden_figures("humans/parts", [planner.component(place) for place in ((-1.0, 5.0), (6.0, 10.0), (0.4, 3.5))])
+    kept = [keeps_clear(rooms(), path, radius_m) for path in paths for radius_m in (0.2, 0.3, 0.35, 0.4, 0.5, 0.7)]
+    golden_figures("humans/kept clear", kept)

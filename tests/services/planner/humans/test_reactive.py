@@ -147,3 +147,16 @@ def test_nobody_reacts_in_the_static_task_or_without_humans(reacting):
     stander = HumanTrajectory(avatar="mia", encounter="x", speed_mps=1.0, xy_m=np.array([[7.0, 10.0]]))
     one = Scenario(episode=key(0), start_xyyaw=scenario.start_xyyaw, goal_xy_m=scenario.goal_xy_m, humans=(stander,))
     assert let_react(reacting, one, [True]).humans[0].xy_m == pytest.approx(np.array([[7.0, 10.0]]), abs=0.01)
+
+
+def test_people_who_yield_to_a_robot_and_to_each_other_walk_as_they_did(golden_figures):
+    def robot(step):
+        return (4.4 - 0.03 * step, 6.6 + 0.006 * step, -0.6, 0.12) if step % 7 else None
+
+    against = np.column_stack([4.1 - 0.055 * np.arange(150), 7.4 - 0.004 * np.arange(150)])
+    across = np.column_stack([1.2 + 0.006 * np.arange(120), 4.2 + 0.045 * np.arange(120)])
+    rows = walked(
+        [FRONT, against, across], robot, reacts=[True, False, True], reactive_range_m=3.7, reactive_cone_deg=170.0
+    )
+    golden_figures("humans/reactive", rows.reshape(len(rows), -1))
+    golden_figures("humans/in the flat", walked([FRONT - [0.0, 1.3]], robot, 90, occupancy=rooms())[:, 0])

@@ -39,3 +39,12 @@ def test_left_is_left():
     assert turned((1.0, 0.0), math.pi / 2) == pytest.approx((0.0, 1.0))
     assert moved((1.0, 1.0), (0.0, 1.0), 2.0, 0.5) == pytest.approx((0.5, 3.0))
     assert apart_m((1.0, 1.0), (4.0, 5.0)) == 5.0
+
+
+def test_expected_drive_on_a_corner_is_as_it_was(golden_figures):
+    drive = ExpectedDrive.of(RobotConfig(v_max_mps=0.9, a_max_mps2=0.7), 0.77)
+    golden_figures("humans/expected rows", drive.rows(TASK, 190), drive.directions(TASK, 190))
+    golden_figures("humans/task", [[*TASK.at(share)[0], *TASK.at(share)[1]] for share in np.linspace(0.0, 1.0, 31)])
+    golden_figures(
+        "humans/turned", [[*turned((0.3, -0.8), a), *moved((0.2, 0.7), (0.6, 0.8), a, 0.4)] for a in (-2.5, 0.4, 1.9)]
+    )

@@ -160,3 +160,13 @@ def test_families_are_drawn_by_their_shares_and_none_twice():
     orders = [tuple(drawn_order(rng, mix)) for _ in range(400)]
     assert {frozenset(order) for order in orders} == {frozenset(("crossing", "frontal", "doorway"))}
     assert Counter(order[0] for order in orders)["crossing"] == pytest.approx(200, abs=40)
+
+
+def test_scenarios_of_a_seed_are_as_they_were(replies, scenarios, golden_figures):
+    golden_figures("humans/accepted", [not reply.rejected for reply in replies])
+    golden_figures("humans/tasks", [scenario.start_xyyaw for scenario in scenarios], [s.goal_xy_m for s in scenarios])
+    people = list(itertools.chain.from_iterable(scenario.humans for scenario in scenarios))
+    golden_figures("humans/walks", np.concatenate([human.xy_m for human in people]))
+    golden_figures(
+        "humans/people", [[human.speed_mps, len(human.xy_m), *map(ord, human.encounter[:2])] for human in people]
+    )

@@ -1,11 +1,21 @@
+import hashlib
 import math
+import os
 
 import pytest
 
 from readygo.common.errors import ConfigError
 from readygo.common.messages import HumanPlanRequest, Split
 from readygo.services.planner import HumanPlannerConfig, handle_human_plan
-from readygo.services.planner.humans.scenario_file import load_scenarios, save_scenarios
+from readygo.services.planner.humans.scenario_file import (
+    SPEED_MAX_MPS,
+    STEP_MAX_MPS,
+    load_scenarios,
+    parse_scenarios,
+    read_text,
+    save_scenarios,
+    text_hash,
+)
 from tests.services.planner.humans.scripts import ENTRY, HEAD, HUMAN, playing
 from tests.services.planner.worlds import key
 
@@ -85,3 +95,57 @@ def test_a_file_that_is_not_there_or_no_text_is_refused(tmp_path):
 def test_the_config_says_how_far_goals_move():
     with pytest.raises(ValueError, match="goal_snap_m"):
         HumanPlannerConfig(goal_snap_m=math.nan)
+
+
+@pytest.mark.parametrize("text", [b"a = " + b"[" * 100_000, b"a = " + b"9" * 5000, b"a = '\xff'"])
+def test_file_beyond_a_limit_is_refused_in_one_line(tmp_path, text):
+    (tmp_path / "s.toml").write_bytes(text)
+    with pytest.raises(ConfigError, match=r"^Scenario file .*s\.toml (is no TOML|cannot be read): .*\.$"):
+        load_scenarios(tmp_path / "s.toml")
+
+
+def test_pipe_is_no_scenario_file(tmp_path):
+    os.mkfifo(tmp_path / "s.toml")
+    with pytest.raises(ConfigError, match="no regular file"):
+        load_scenarios(tmp_path / "s.toml")
+
+
+def test_ends_of_lines_do_not_change_what_a_run_is(tmp_path):
+    (tmp_path / "a.toml").write_bytes(b"a = 1\nb = 2\n")
+    (tmp_path / "b.toml").write_bytes(b"a = 1\r\nb = 2\r\n")
+    assert read_text(tmp_path / "a.toml") == read_text(tmp_path / "b.toml")
+
+
+WALK = "[[scenarios.humans]]\nwaypoints_m = [[2.0, 3.0], [-1.0, 6.0]]\n"
+
+
+@pytest.mark.parametrize(
+    ("allowed", "refused"),
+    [
+        (WALK + "speed_mps = 0.05\n", WALK + "speed_mps = 0.049\n"),
+        (WALK + f"speed_mps = {SPEED_MAX_MPS}\n", WALK + f"speed_mps = {SPEED_MAX_MPS + 0.01}\n"),
+        (WALK + "pauses_s = [999.0, 0.0]\n", WALK + "pauses_s = [1000.0, 0.0]\n"),
+        (8 * WALK, 9 * WALK),
+        ("yaw_rad = -99.0\n", "yaw_rad = nan\n"),
+        (
+            "[[scenarios.humans]]\ntrajectory_m = [[0.0, 4.0], [0.0, 4.0]]\nspeed_mps = 0.0\n",
+            "[[scenarios.humans]]\ntrajectory_m = [[0.0, 4.0], [0.0, 4.0]]\nspeed_mps = -0.1\n",
+        ),
+        (
+            f"[[scenarios.humans]]\ntrajectory_m = [[0.0, 4.0], [{0.0499 * STEP_MAX_MPS}, 4.0]]\n",
+            f"[[scenarios.humans]]\ntrajectory_m = [[0.0, 4.0], [{0.0501 * STEP_MAX_MPS}, 4.0]]\n",
+        ),
+    ],
+)
+def test_limits_are_allowed_and_what_is_beyond_them_is_not(allowed, refused):
+    assert len(parse_scenarios(HEAD + ENTRY + allowed, "people.toml").entries) == 1
+    with pytest.raises(ConfigError, match=r"scenarios\[0\]"):
+        parse_scenarios(HEAD + ENTRY + refused, "people.toml")
+
+
+def test_entries_are_called_by_their_number_and_name_and_texts_by_their_hash():
+    text = HEAD + ENTRY + 'name = "door"\n' + ENTRY
+    entries = parse_scenarios(text, "people.toml")
+    assert [entries.where(0), entries.where(1)] == ["people.toml, scenarios[0] 'door'", "people.toml, scenarios[1]"]
+    assert text_hash(text) == hashlib.sha256(text.encode()).hexdigest()
+    assert entries.entries[0].yaw_rad is None

@@ -58,3 +58,13 @@ def test_names_of_entries_help_to_find_them():
     named = HEAD + ENTRY.replace("-2.0, 4.0", "0.5, 3.6") + 'name = "the table"\n'
     with pytest.raises(ConfigError, match=r"scenarios\[0\] 'the table': start_m"):
         playing(named)
+
+
+def test_scripted_scenario_is_as_it_was(golden_figures):
+    walk = (
+        "[[scenarios.humans]]\nwaypoints_m = [[2.2, 3.1], [-1.3, 2.9], [-1.1, 6.3], [2.3, 5.8]]\n"
+        "pauses_s = [0.6, 1.7, 0.0, 2.1]\nspeed_mps = 1.13\n"
+    )
+    played_ = played(playing(HEAD + ENTRY + walk))
+    golden_figures("humans/scripted", played_.humans[0].xy_m)
+    golden_figures("humans/scripted task", [[*played_.start_xyyaw, *played_.goal_xy_m, played_.humans[0].speed_mps]])

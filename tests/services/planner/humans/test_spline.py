@@ -1,7 +1,8 @@
 import numpy as np
+import pytest
 from scipy.interpolate import BSpline
 
-from readygo.services.planner.humans.spline import smooth_path, spline_basis, spline_points
+from readygo.services.planner.humans.spline import distance_at, smooth_path, spline_basis, spline_points
 from tests.services.planner.worlds import FRAME
 
 
@@ -45,3 +46,17 @@ def test_path_bends_around_a_disc_and_keeps_its_ends():
 def test_path_through_a_wall_is_given_up():
     clearance = np.full((120, 160), 0.2)
     assert _smooth([(-1.5, 5.1), (3.5, 5.1)], clearance) is None
+
+
+def test_gradient_is_the_slope_of_the_objective_and_paths_are_as_they_were(golden_figures):
+    clearance = _clearance_of_disc((1.1, 5.3), 0.4)
+    route = np.array([(-1.4, 5.0), (0.2, 5.6), (1.3, 4.5), (3.4, 5.9)])
+    golden_figures("humans/spline", _smooth(route, clearance), _smooth(route, clearance)[::-1])
+    places = np.random.default_rng(5).uniform((1.0, 1.0), (150.0, 110.0), (60, 2))
+    golden_figures("humans/clearances", [distance_at(clearance, x, y) for x, y in places.tolist()])
+    for x, y in places.tolist():
+        if min(abs((x - 0.5) % 1), abs((y - 0.5) % 1)) > 1e-3:
+            _, along_x, along_y = distance_at(clearance, x, y)
+            rise_x = distance_at(clearance, x + 1e-4, y)[0] - distance_at(clearance, x - 1e-4, y)[0]
+            rise_y = distance_at(clearance, x, y + 1e-4)[0] - distance_at(clearance, x, y - 1e-4)[0]
+            assert (along_x, along_y) == pytest.approx((rise_x / 2e-4, rise_y / 2e-4), abs=1e-6)

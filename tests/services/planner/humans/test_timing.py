@@ -75,3 +75,21 @@ def test_nearest_is_at_the_same_time_and_who_has_arrived_stands():
     assert nearest_m(a, b) == pytest.approx(0.5)
     assert first_rows(a, 5).tolist() == [*a.tolist(), [2.0, 0.0], [2.0, 0.0]]
     assert first_rows(a, 2).tolist() == a[:2].tolist()
+
+
+def test_walks_on_a_bent_path_are_as_they_were(golden_figures):
+    path = np.array([[0.3, -0.2], [2.1, 0.4], [2.6, 2.9], [0.7, 4.4], [-1.9, 3.8]])
+    golden_figures("humans/timed", timed(path, 1.13, wait_s=0.7, pauses=[(1.7, 0.85), (5.2, 2.3)]))
+    for meeting_s in (1.2, 3.7, 6.1, 11.0):
+        met = timed_to_meet(path, (2.3, 2.2), meeting_s, 0.87)
+        golden_figures(f"humans/met {meeting_s}", np.zeros((1, 2)) if met is None else met)
+    for before_m in (0.7, 2.9, 9.0):
+        cut = cut_to_meet(path, (1.5, 3.6), before_m, slack_m=0.31)
+        golden_figures(f"humans/cut {before_m}", np.zeros((1, 2)) if cut is None else cut)
+    along, index, length_m = nearest_along(path, (1.4, 3.1))
+    golden_figures("humans/nearest", [*np.ravel(along)[:8], index, length_m])
+    golden_figures("humans/first rows", first_rows(path, 9), first_rows(path, 9) * [2.0, 1.0])
+    assert first_rows(path, 9)[4:] == pytest.approx(np.tile(path[-1], (5, 1)))
+    assert nearest_m(path, path + np.array([0.3, 0.4])) == pytest.approx(
+        min(np.hypot(*(a - b - [0.3, 0.4])) for a in path for b in path)
+    )

@@ -1,3 +1,4 @@
+import itertools
 import math
 
 import numpy as np
@@ -72,3 +73,69 @@ def test_row_waits_for_who_is_late_and_skips_ahead_for_who_is_early():
     assert next_row(rows, 5, np.array([0.5, 0.5])) == 5
     assert next_row(rows, 5, np.array([1.2, 0.0])) == 12
     assert next_row(rows, 19, np.array([1.9, 0.0])) == 19
+
+
+def test_step_is_towards_the_cheapest_velocity_of_the_fan():
+    """Written from the definition: times of contact by roots, walls as squares, velocities one by one."""
+    rng = np.random.default_rng(8)
+    shares, turns = (1.0, 0.75, 0.5, 0.25, 0.0), np.radians([0, 15, -15, 30, -30, 50, -50, 75, -75])
+    compared, near, blocked = 0, 0, 0
+    for trial in range(30):
+        here, velocity = rng.uniform(-0.4, 0.4, 2), rng.normal(0.0, 0.8, 2)
+        speed, target = rng.uniform(0.3, 1.5), rng.uniform(-3, 3, 2)
+        discs = np.column_stack([rng.uniform(-1.8, 1.8, (3, 2)), rng.normal(0, 0.7, (3, 2)), rng.uniform(0.3, 0.6, 3)])
+        if trial % 3 == 0:
+            discs[0, :2] = here + rng.uniform(-0.5, 0.5, 2)
+        walled = trial % 2 == 1
+        place = cells(1.0) if walled else cells()
+        if walled:
+            here[0] += 0.3
+            discs[:, 0] = np.minimum(discs[:, 0], 0.9)
+        along = (target - here) / np.hypot(*(target - here))
+        options = []
+        for turn, share in itertools.product(turns, shares):
+            c, s = math.cos(turn), math.sin(turn)
+            way = np.array([c * along[0] - s * along[1], s * along[0] + c * along[1]])
+            u = share * (speed if turn == 0 else max(speed, 0.6)) * way
+            reach_x = max((here + 0.15 * k * u)[0] for k in range(1, 5)) + 0.25 + 0.06
+            if walled and share > 0 and reach_x >= 1.0:
+                blocked += 1
+                continue
+            options.append((_objective(u, here, velocity, speed * along, discs), u))
+        options.sort(key=lambda option: option[0])
+        if options[1][0] - options[0][0] < 1e-6 and not np.allclose(options[0][1], options[1][1]):
+            continue
+        near += bool((np.hypot(*(discs[:, :2] - here).T) <= discs[:, 4] + 0.3).any())
+        change = options[0][1] - velocity
+        change *= min(1.0, 2.0 * DT_S / np.hypot(*change))
+        moved = here + (velocity + change) * DT_S
+        if walled and moved[0] + 0.28 >= 1.0:
+            moved = here
+        wish = Wish(here, velocity, along, target, speed)
+        assert step(wish, discs, place=place) == pytest.approx(moved, abs=1e-9)
+        compared += 1
+    assert compared > 25
+    assert near > 8
+    assert blocked > 8
+
+
+def _objective(u, here, velocity, wanted, discs):
+    cost = math.dist(u, wanted) + 0.15 * math.dist(u, velocity)
+    for x, y, vx, vy, touch_m in discs.tolist():
+        away, closing = np.array([x, y]) - here, np.array([vx, vy]) - u
+        distance, room_m = np.hypot(*away), touch_m + 0.3
+        if distance <= room_m:
+            cost += 2.0 * max(0.0, -(away @ closing) / distance)
+            continue
+        times = np.roots([closing @ closing, 2 * away @ closing, away @ away - room_m**2])
+        times = times[(abs(times.imag) < 1e-12) & (times.real > 0)].real
+        if len(times) and times.min() < 3.0:
+            cost += 2.0 * (1.0 - times.min() / 3.0)
+    return cost
+
+
+def test_row_is_the_next_one_up_to_the_limit_of_who_is_behind():
+    rows = np.array([[0.1 * k, 0.0] for k in range(20)])
+    for aside_m, row in ((0.34, 6), (0.36, 5)):
+        assert next_row(rows, 5, np.array([0.5, aside_m])) == row
+    assert next_row(rows, 17, np.array([9.0, 0.0])) == 19

@@ -50,3 +50,17 @@ def test_picks_in_large_photos_are_those_in_the_smaller_ones_that_are_used() -> 
     assert used.ends == ((("a.jpg", 25.0, 10.0), ("b.jpg", 4.0, 2.0)), (("a.jpg", 5.0, 15.0), ("b.jpg", 1.0, 3.0)))
     with pytest.raises(ConfigError, match=r"a\.png, which is no image here; there are c\.jpg"):
         in_used_images(told, {"c.jpg": ("c.jpg", 1.0)})
+
+
+def test_uncertainty_of_a_length_is_at_least_the_spread_of_noisy_picks_and_not_twice_that() -> None:
+    rng, lengths, said = np.random.default_rng(0), [], []
+    for _ in range(150):
+        words = [
+            f"{view:06d}.jpg:{u + rng.normal():.6f},{v + rng.normal():.6f}"
+            for view in (0, 3, 7)
+            for u, v in projected(POSES[view], ENDS)
+        ]
+        length, sigma = measured_length(IMAGES, parse_length(f"{' '.join(words)} = 1"))
+        lengths.append(np.log(length))
+        said.append(sigma)
+    assert 1.0 < np.mean(said) / np.std(lengths) < 1.7

@@ -26,5 +26,5 @@ def test_state_of_another_training_is_refused(tmp_path: Path) -> None:
 
 def test_broken_state_is_refused(tmp_path: Path) -> None:
     (tmp_path / CHECKPOINT_FILE).write_bytes(b"PK broken")
-    with pytest.raises(RunError, match="delete it to begin anew"):
+    with pytest.raises(RunError, match="delete it to start the training again"):
         load_checkpoint(tmp_path, "a")

@@ -122,3 +122,22 @@ def test_depth_of_a_face_becomes_depth_along_the_cameras_axis(camera: CameraConf
     assert depth_of_face_m.min() > 0
     assert remap.depth_factor * depth_of_face_m == pytest.approx(points_m[..., 2], rel=1e-9)
     assert (len(remap.faces) > 1) == (camera is WIDE)
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_way_through_a_lens_is_as_it_was(number, golden_figures) -> None:
+    crooked = CameraConfig(
+        height_px=41, width_px=67, fx_px=44.0, fy_px=47.0, cx_px=30.5, cy_px=22.25, distortion="brown_conrady",
+        k1=-0.03, k2=0.004, p1=0.002, p2=-0.003,
+    )  # fmt: skip
+    lens = make_lens([replace(case, height_px=41, width_px=67) for case in CASES][number] if number < 3 else crooked)
+    faces = plan_faces([lens])
+    remap = make_remap(lens, faces)
+    golden_figures(
+        f"sensor/faces {number}", [[faces.focal_px, faces.cx_px, faces.cy_px, *faces.K_px.ravel()]], scale=0.1
+    )
+    sizes = [faces.height_px, faces.width_px, len(remap.faces), len(remap.source)]
+    golden_figures(f"sensor/face sizes {number}", sizes, scale=0.1)
+    golden_figures(f"sensor/sources {number}", remap.source, remap.weight, scale=1e-2)
+    golden_figures(f"sensor/nearest {number}", remap.nearest.ravel(), remap.face.ravel(), scale=1e-2)
+    golden_figures(f"sensor/depth factors {number}", remap.depth_factor.ravel(), np.diff(remap.start))

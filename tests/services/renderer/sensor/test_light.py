@@ -96,3 +96,12 @@ def test_light_adds_up_over_time_and_not_bytes() -> None:
     assert (image == 188).all()
     light.clear()
     assert (light.developed(camera(), np.ones((H, W)), STREAM.of_frame(0)) == 0).all()
+
+
+def test_crooked_camera_develops_as_it_did(golden_figures) -> None:
+    taken_by = camera(
+        exposure_ev=0.7, red_gain=1.13, blue_gain=0.81, vignetting=0.37, shot_noise=0.02, read_noise=0.013
+    )
+    image = np.random.default_rng(4).integers(0, 256, (H, W, 3), dtype=np.uint8)
+    golden_figures("sensor/exposure gain", exposure_gain(taken_by).reshape(-1))
+    golden_figures("sensor/developed", developed(image, taken_by, step=5).reshape(-1, 3) / 64.0)

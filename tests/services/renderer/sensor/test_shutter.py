@@ -48,3 +48,10 @@ def test_closed_ends_need_one_image_only() -> None:
 def test_without_readout_all_rows_are_alike() -> None:
     shutter = make_shutter(camera(exposure_s=0.02), 8)
     assert (shutter.weight == TIME_ONE // 8).all()
+
+
+def test_shutters_are_as_they_were(golden_figures) -> None:
+    for exposure_s, readout_s, sub_frames in ((0.013, 0.021, 7), (0.04, 0.0, 5), (0.0, 0.033, 9)):
+        shutter = make_shutter(camera(exposure_s=exposure_s, readout_s=readout_s), sub_frames)
+        golden_figures(f"sensor/shutter {sub_frames}", np.array(shutter.steps), shutter.weight / TIME_ONE)
+        golden_figures(f"sensor/middles {sub_frames}", shutter.middle)

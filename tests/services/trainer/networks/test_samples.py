@@ -1,7 +1,14 @@
 """Which images, goals and places a network is shown."""
 
+import dataclasses
+
 import numpy as np
 import pytest
+
+from readygo.common.dataset import Dataset
+from readygo.common.errors import DatasetError
+from readygo.common.messages import Driver
+from tests import crooked
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
 
@@ -70,3 +77,49 @@ def test_window_begins_with_the_first_image_of_its_trajectory() -> None:
     assert batch.images.tolist() == [[10, 10, 10, 11], [14, 15, 16, 17]]
     assert batch.goals.tolist() == [15, 3]
     assert batch.places.shape == (2, 5, 4)
+
+
+def test_places_are_those_of_complex_numbers() -> None:
+    rng = np.random.default_rng(4)
+    poses = np.column_stack([rng.uniform(-5, 5, (30, 2)), rng.uniform(-4, 4, 30)])
+    of = dataclasses.replace(looks(12, 18), xyyaw=poses, unit_m=0.23)
+    present = np.array([3, 10, 14, 28])
+    found = samples.places_of(of, present, 4)
+    for row, look in enumerate(present.tolist()):
+        for k in range(4):
+            then = min(look + k + 1, int(of.last[look]))
+            turn = np.exp(-1j * poses[look, 2])
+            place = (complex(*poses[then, :2]) - complex(*poses[look, :2])) * turn / 0.23
+            heading = np.exp(1j * poses[then, 2]) * turn
+            expected = [place.real, place.imag, heading.real, heading.imag]
+            assert found[row, k].tolist() == pytest.approx(expected, abs=1e-4)
+
+
+@pytest.mark.parametrize(("robot", "steps"), [(crooked.ROBOT, 5), (crooked.ODD_RATES, 8)])
+def test_looks_are_the_experts_images_about_a_quarter_second_apart(tmp_path, robot, steps) -> None:
+    writes = ((3, Driver.EXPERT), (5, Driver.POLICY), (8, Driver.EXPERT), (9, Driver.EXPERT))
+    for index, driver in writes:
+        changes = {"driver": driver, "policy": "" if driver is Driver.EXPERT else "5a" * 32}
+        crooked.write_crooked_shard(tmp_path / str(index), (index,), 4 * steps + index, robot=robot, **changes)
+    dataset = Dataset([tmp_path / str(index) for index, _ in writes])
+    names = {entry.episode.episode_id for entry in dataset.episodes if entry.episode.index != 9}
+    of = samples.looks_of(dataset, names)
+    begin = {entry.episode.index: entry.first_sample for entry in dataset.episodes}
+    counts = {index: len(range(0, 4 * steps + index, steps)) for index in (3, 8)}
+    rows = [begin[index] + steps * k for index, count in counts.items() for k in range(count)]
+    assert of.rows.tolist() == rows
+    assert of.first.tolist() == [0] * counts[3] + [counts[3]] * counts[8]
+    assert of.last.tolist() == [counts[3] - 1] * counts[3] + [len(rows) - 1] * counts[8]
+    assert of.unit_m == pytest.approx(0.85 * steps / robot.clock.rate_hz)
+    np.testing.assert_array_equal(of.xyyaw, dataset.poses[rows][:, [0, 1, 3]])
+    with pytest.raises(DatasetError, match="two or more of the expert's episodes"):
+        samples.looks_of(dataset, {name for name in names if name.endswith(("3", "5"))})
+
+
+def test_trajectory_of_four_looks_teaches_and_a_shorter_one_does_not(tmp_path) -> None:
+    changes = {"driver": Driver.EXPERT, "policy": ""}
+    for index, count in ((3, 16), (8, 15), (9, 21)):
+        crooked.write_crooked_shard(tmp_path / str(index), (index,), count, **changes)
+    dataset = Dataset([tmp_path / str(index) for index in (3, 8, 9)])
+    of = samples.looks_of(dataset, {entry.episode.episode_id for entry in dataset.episodes})
+    assert of.rows.tolist() == [0, 5, 10, 15, 31, 36, 41, 46, 51]

@@ -1,6 +1,10 @@
 import numpy as np
+import pytest
 
+from readygo.common.episode import EpisodeConfig
+from readygo.services.planner.humans.families.along_the_way import overtaking
 from tests.services.planner.humans.families.drives import ROBOT_MPS, arrival_s, held, meeting, robot_at
+from tests.services.planner.worlds import hall, make_human_planner, maps_of
 
 
 def test_frontal_humans_come_against_the_robot_on_its_way(drawn):
@@ -49,3 +53,29 @@ def test_goalward_humans_pass_the_goal_near_the_robots_arrival(drawn):
         assert away.min() <= 0.7
         assert -3.0 <= int(np.argmin(away)) * 0.05 - arrival_s(way) <= 1.05
         assert away[-1] >= 1.6
+
+
+@pytest.mark.parametrize(
+    "family", ["crossing", "parallel", "frontal", "overtaking", "crossing_left", "crossing_right", "goalward"]
+)
+def test_walks_of_the_first_episodes_are_as_they_were(family, drawn, golden_figures):
+    rows = [human.xy_m for scenario, _ in drawn[family] for human in scenario.humans]
+    golden_figures(f"humans/{family}", np.concatenate(rows))
+    golden_figures(f"humans/{family} ways", np.concatenate([way for _, way in drawn[family]]))
+
+
+@pytest.mark.parametrize(
+    ("low_mps", "high_mps", "slower", "faster"),
+    [(0.5, 1.0, True, False), (0.7, 1.6, False, True), (0.4, 1.6, True, True), (0.7, 1.0, False, False)],
+)
+def test_who_overtakes_or_is_overtaken_is_clearly_faster_or_slower_than_the_robot(low_mps, high_mps, slower, faster):
+    """The robot is expected at 0.85 m/s: slower is up to 0.64 m/s, faster from 1.1 m/s on."""
+    episode = EpisodeConfig(human_speed_min_mps=low_mps, human_speed_max_mps=high_mps)
+    sampler = make_human_planner(maps_of(hall()), episode=episode).sampler
+    rng, found = np.random.default_rng(1), []
+    for _ in range(150):
+        found += [walk.speed_mps for walk in overtaking(sampler.site, rng, sampler.draw_task(rng), 1)]
+    slow, fast = [v for v in found if v <= 0.75 * ROBOT_MPS], [v for v in found if v >= 1.3 * ROBOT_MPS]
+    assert len(slow) + len(fast) == len(found)
+    assert (len(slow) > 0, len(fast) > 0) == (slower, faster)
+    assert all(low_mps <= v <= high_mps for v in found)

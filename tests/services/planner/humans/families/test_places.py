@@ -1,6 +1,7 @@
 import itertools
 
 import numpy as np
+import pytest
 
 from readygo.services.planner.humans.families import FAMILIES
 from tests.services.planner.humans.families.drives import arrival_s, held, meeting, robot_at
@@ -69,3 +70,10 @@ def test_stop_and_go_pauses_once_between_two_walks(drawn):
         assert [still for still, _ in runs if still] == [True]
         assert [still for still, _ in runs] == [False, True, False]
         assert 30 <= runs[1][1] <= 81
+
+
+@pytest.mark.parametrize("family", ["blind_corner", "doorway", "standing_group", "stop_and_go"])
+def test_walks_of_the_first_episodes_are_as_they_were(family, drawn, golden_figures):
+    rows = [human.xy_m for scenario, _ in drawn[family] for human in scenario.humans]
+    golden_figures(f"humans/{family}", np.concatenate(rows))
+    golden_figures(f"humans/{family} ways", np.concatenate([way for _, way in drawn[family]]))

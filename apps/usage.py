@@ -1,0 +1,107 @@
+"""What is wrong with the arguments of a command, in one line; tyro's own words fill a box of many lines.
+
+The only place that uses tyro's hook for errors, which is not part of its public interface: a version without it, or an
+error that is not known here, is said in tyro's words.
+"""
+
+import contextlib
+import difflib
+import re
+from collections.abc import Collection, Iterator
+from functools import partial
+from typing import Any
+
+from readygo.common.errors import ReadygoError
+
+_KINDS = {"INT": "a whole number", "FLOAT": "a number"}
+"""By what help calls the value."""
+_WRONG = (
+    re.compile(r"invalid literal for (?P<kind>int)\(\) with base 10: (?P<got>.*)", re.DOTALL),
+    re.compile(r"could not convert string to (?P<kind>float): (?P<got>.*)", re.DOTALL),
+    re.compile(r"no type matching (?P<kind>.+?) could be instantiated from \[(?P<got>.*?)\]\.?\s.*", re.DOTALL),
+)
+"""What Python and tyro say of a value that is none of its kind."""
+_ALIKE_MIN = 0.75
+
+
+@contextlib.contextmanager
+def errors_in_one_line(options: Collection[str]) -> Iterator[None]:
+    """Have tyro raise ReadygoError, in one line, where it would print a box and exit.
+
+    Args:
+        options: All options of the command, such as "--out".
+    """
+    try:
+        from tyro import _errors as errors
+    except ImportError:
+        yield
+        return
+    with errors.on_parse_error(partial(_raise, options)):
+        yield
+
+
+def _raise(options: Collection[str], event: Any) -> None:
+    words = _words(options, event)
+    if words:
+        raise ReadygoError(f"{' '.join(words.split())}; see `{event.prog} --help`.")
+
+
+def _words(options: Collection[str], event: Any) -> str:
+    """What is wrong; empty for an event that is not known."""
+    match type(event).__name__:
+        case "UnrecognizedArgs":
+            return _unknown(options, event.tokens)
+        case "MissingArgs":
+            # The missing one may be there under a wrong name.
+            if any(token.startswith("-") for token in event.unrecognized_tokens):
+                return _unknown(options, event.unrecognized_tokens)
+            return f"{_list([_named(each.arg) for each in event.missing_arguments], 'and')} must be given"
+        case "InvalidChoice":
+            # Those of an option that may be None come in any order.
+            choices = sorted(set(event.choices) - {"None"}) if "None" in event.choices else list(event.choices)
+            close = _closest(event.value, choices)
+            return f"{_name(event.argument)} must be {_list(choices, 'or')}, got {event.value!r}{close}"
+        case "BadValue" if event.offending_value is not None:
+            return f"{_name(event.argument)} takes no value, got {event.offending_value!r}"
+        case "BadValue":
+            return f"{_name(event.argument)} needs a value: {_named(event.argument)}"
+        case "InstantiationFailure" if event.argument is not None:
+            return f"{_name(event.argument)} {_wrong_value(event.message)}"
+    return ""
+
+
+def _unknown(options: Collection[str], tokens: list[str]) -> str:
+    option = next((token.partition("=")[0] for token in tokens if token.startswith("-")), None)
+    if option is None:
+        return f"unexpected argument {tokens[0]!r}"
+    return f"unknown option {option!r}{_closest(option.replace('_', '-'), options)}"
+
+
+def _closest(got: str, known: Collection[str]) -> str:
+    plain = {name.lstrip("-"): name for name in known}
+    found = difflib.get_close_matches(got.lstrip("-"), plain, n=1, cutoff=_ALIKE_MIN)
+    return f" (did you mean {plain[found[0]]}?)" if found else ""
+
+
+def _wrong_value(message: str) -> str:
+    for pattern in _WRONG:
+        if found := pattern.fullmatch(message):
+            kind = found["kind"].replace("{None}|", "").strip("{}").upper()
+            return f"must be {_KINDS.get(kind, kind)}, got {found['got'].replace(',', '')}"
+    return f"cannot be used: {message.rstrip('.')}"
+
+
+def _name(argument: Any) -> str:
+    """An option's name; what help calls a value that has none."""
+    name = argument.lowered.metavar if argument.is_positional() else argument.lowered.name_or_flags[0]
+    return str(name).strip("[]")
+
+
+def _named(argument: Any) -> str:
+    """An option's name, and what help calls its value."""
+    metavar = argument.lowered.metavar
+    return _name(argument) if argument.is_positional() or not metavar else f"{_name(argument)} {metavar}"
+
+
+def _list(words: list[str], last: str) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}"

@@ -1,0 +1,84 @@
+import sys
+from typing import Annotated, Literal
+
+import pytest
+
+from readygo.apps.cli import Bare, Command, Group, run_command
+
+
+def move(
+    where: str,
+    /,
+    *,
+    out: str,
+    steps: int = 1,
+    share: Annotated[float | None, Bare("0.5")] = None,
+    speed: Literal["slow", "fast"] = "slow",
+    gait: Literal["walk", "run"] | None = None,
+    goal: tuple[float, float] | None = None,
+    dry_run: Annotated[bool, Group("trying")] = False,
+) -> None:
+    """Move something.
+
+    Args:
+        where: Place.
+        out: Folder.
+        steps: How many.
+        share: Of them.
+        speed: How fast.
+        gait: How.
+        goal: Where it ends.
+        dry_run: Only say it.
+    """
+
+
+MOVE = {"move": Command(f"{__name__}:move", "moves")}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("a --out o --frobnicate 3", "unknown option '--frobnicate'"),
+        ("a --out o --step 3", "unknown option '--step' (did you mean --steps?)"),
+        ("a --out o --dry_runs", "unknown option '--dry_runs' (did you mean --dry-run?)"),
+        ("a --ot=o", "unknown option '--ot' (did you mean --out?)"),
+        ("a b c --out o", "unexpected argument 'b'"),
+        ("a", "--out OUT must be given"),
+        ("", "WHERE and --out OUT must be given"),
+        ("a --out", "--out needs a value: --out OUT"),
+        ("a --out o --steps two", "--steps must be a whole number, got 'two'"),
+        ("a --out o --share=much", "--share must be a number, got 'much'"),
+        ("a --out o --speed fats", "--speed must be slow or fast, got 'fats' (did you mean fast?)"),
+        ("a --out o --speed \x1b[2J", "--speed must be slow or fast, got '\\x1b[2J'"),
+        ("a --out o --gait hop", "--gait must be run or walk, got 'hop'"),
+        ("a --out o --goal 1", "--goal must be FLOAT FLOAT, got '1'"),
+        ("a --out o --goal 1 z", "--goal must be FLOAT FLOAT, got '1' 'z'"),
+    ],
+)
+def test_wrong_arguments_are_one_line_that_names_the_option(
+    arguments: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        run_command(MOVE, ["move", *arguments.split()])
+    assert stopped.value.code == 2
+    assert capsys.readouterr() == ("", f"readygo: {said}; see `readygo move --help`.\n")
+
+
+def test_right_arguments_pass_and_help_is_as_it_was(capsys: pytest.CaptureFixture[str]) -> None:
+    run_command(MOVE, ["move", "a", "--out", "o", "--share", "--dry-run"])
+    with pytest.raises(SystemExit) as stopped:
+        run_command(MOVE, ["move", "--help"])
+    assert not stopped.value.code
+    assert "--steps INT" in capsys.readouterr().out
+
+
+def test_parser_without_the_hook_speaks_for_itself(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tyro = pytest.importorskip("tyro")
+    monkeypatch.delattr(tyro, "_errors")
+    monkeypatch.setitem(sys.modules, "tyro._errors", None)
+    with pytest.raises(SystemExit) as stopped:
+        run_command(MOVE, ["move", "a", "--out", "o", "--frobnicate"])
+    assert stopped.value.code == 2
+    assert "Unrecognized options: --frobnicate" in capsys.readouterr().err
