@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pytest
 
 from readygo.common.files import cache_root
+from readygo.common.scenes.embedded import ensure_embedded_scene
 from tests.durations import Durations, load_durations, sort_longest_first
 
 GOLDEN = Path(__file__).resolve().parent / "golden"
@@ -24,6 +25,15 @@ def shared_data() -> Path:
     if not SHARED.is_dir():
         pytest.skip("the real scenes and avatars (../shared/data) are not on this machine")
     return SHARED
+
+
+@pytest.fixture(scope="session")
+def embedded_bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the embedded scene, made once for all workers of this run; tests leave it as it is."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    return ensure_embedded_scene(folder / "embedded").path
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

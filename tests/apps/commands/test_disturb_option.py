@@ -9,7 +9,6 @@ from readygo.apps.commands.generate import generate
 from readygo.common.dataset import Dataset, validate
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.messages import Driver
-from readygo.common.scenes.embedded import ensure_embedded_scene
 
 EPISODES = 4
 CONFIG = """
@@ -23,8 +22,8 @@ time_limit_s = 8.0
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return str(ensure_embedded_scene(tmp_path_factory.mktemp("scenes") / "embedded").path)
+def scene(embedded_bundle: Path) -> str:
+    return str(embedded_bundle)
 
 
 @pytest.fixture(scope="module")

@@ -20,11 +20,10 @@ from readygo.benchmarks.recording.memory import workers_below
 from readygo.common.dataset import Dataset, validate
 from readygo.common.errors import CertificateError, ConfigError, RunError
 from readygo.common.messages import StatusReply
-from readygo.common.scenes.embedded import ensure_embedded_scene
 from tests.common.messages.run_specs import SPEC
 
 ROOT = Path(__file__).resolve().parents[3]
-EPISODES = 8
+EPISODES = 5
 CONFIG = """
 [episode]
 goal_distance_max_m = 4.0
@@ -32,8 +31,8 @@ goal_distance_max_m = 4.0
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return ensure_embedded_scene(tmp_path_factory.mktemp("scenes") / "embedded").path
+def scene(embedded_bundle: Path) -> Path:
+    return embedded_bundle
 
 
 @pytest.fixture(scope="module")

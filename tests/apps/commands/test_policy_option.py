@@ -12,7 +12,6 @@ from readygo.common.avatars.file import EMBEDDED_FOLDER
 from readygo.common.dataset import Dataset, validate
 from readygo.common.errors import PolicyError, RunError
 from readygo.common.messages import Driver, Outcome
-from readygo.common.scenes.embedded import ensure_embedded_scene
 from tests.common.policy.artifacts import write_policy
 
 EPISODES = 5
@@ -24,8 +23,8 @@ time_limit_s = 8.0
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return str(ensure_embedded_scene(tmp_path_factory.mktemp("scenes") / "embedded").path)
+def scene(embedded_bundle: Path) -> str:
+    return str(embedded_bundle)
 
 
 @pytest.fixture(scope="module")

@@ -40,7 +40,6 @@ from readygo.common.messages import (
     encode,
     topics,
 )
-from readygo.common.scenes.embedded import ensure_embedded_scene
 from readygo.services import coordinator as coordination
 from readygo.services.coordinator import Ledger
 from readygo.services.driver import DriverConfig
@@ -57,8 +56,8 @@ CONFIG = RunConfig(
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return str(ensure_embedded_scene(tmp_path_factory.mktemp("scenes") / "embedded").path)
+def scene(embedded_bundle: Path) -> str:
+    return str(embedded_bundle)
 
 
 def _folder(scene: str, path: Path, config: RunConfig) -> RunFolder:

@@ -109,14 +109,14 @@ def test_flowers_are_exact(shared_data: Path, yaw_rad: float) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("yaw_rad", [0.3, 2.2])
+@pytest.mark.parametrize("yaw_rad", [2.2])
 def test_showroom_is_exact(shared_data: Path, yaw_rad: float) -> None:
     names = ("showroom.compressed.ply", "showroom_env.compressed.ply")
     assert_exact(scene_error([load_gaussians(shared_data / "scenes" / name) for name in names], 0.0, 0.0, yaw_rad, 0.0))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("yaw_rad", [0.5, 3.6])
+@pytest.mark.parametrize("yaw_rad", [0.5])
 def test_large_outdoor_scene_is_exact(shared_data: Path, yaw_rad: float) -> None:
     cloud = load_gaussians(shared_data / "scenes" / "taebak.compressed.ply")
     assert_exact(scene_error([cloud], 5.0, -3.0, yaw_rad, 0.8))

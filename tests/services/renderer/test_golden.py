@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -8,8 +9,7 @@ from readygo.common.avatars import load_avatars
 from readygo.common.maps import FloorMap, GridFrame
 from readygo.common.messages import HumanMotion, Humans, RenderRequest, RenderView
 from readygo.common.robot import RobotConfig
-from readygo.common.scenes import Scene
-from readygo.common.scenes.embedded import ensure_embedded_scene
+from readygo.common.scenes import Scene, load_scene
 from readygo.services.animator import AnimatorConfig
 from readygo.services.animator.gait.human import skeleton_of
 from readygo.services.animator.gait.walk import walk
@@ -21,8 +21,8 @@ VIEWS = {"living_room": (1.17, 1.27, -3.1), "study": (1.17, -4.03, 1.21)}
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
-    return ensure_embedded_scene(tmp_path_factory.mktemp("scenes") / "embedded")
+def scene(embedded_bundle: Path) -> Scene:
+    return load_scene(embedded_bundle)
 
 
 def _walker(name: str, begin_m: tuple[float, float], end_m: tuple[float, float], floor: FloorMap) -> HumanMotion:
