@@ -13,7 +13,7 @@ from readygo.apps.run.config import RunConfig, check_cameras
 from readygo.apps.run.evaluation import evaluation_config
 from readygo.apps.run.origin import avatars_of_policy
 from readygo.apps.run.scene_argument import open_maps
-from readygo.apps.run.take import Take, Takes, policy_steer
+from readygo.apps.run.take import Take, Takes, policy_driver
 from readygo.apps.terminal import PlainConsole
 from readygo.common.avatars import Avatar
 from readygo.common.avatars.cast import load_cast
@@ -109,8 +109,8 @@ def plan(
     humans = {} if static else load_cast(avatars)
     takes = Takes(maps, humans, run_config, load_scenarios(scenarios) if scenarios else None)
     renderer = _renderer(bundle, humans, run_config) if camera and bundle else None
-    steer = policy_steer(driving, renderer) if driving and renderer else None
-    take = takes.take(EpisodeKey(seed=seed, split=Split(split), index=index), static=static, steer=steer)
+    policy_drives = policy_driver(driving, renderer) if driving and renderer else None
+    take = takes.take(EpisodeKey(seed=seed, split=Split(split), index=index), static=static, policy=policy_drives)
     sees = driving.spec.inputs.images if driving else ()
     look, planner = _look(take, renderer, sees), takes.robot_planner.of(take.scenario.episode)
     if picture is not None:

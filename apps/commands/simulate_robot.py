@@ -40,7 +40,6 @@ from readygo.common.policy.sight import camera_on
 from readygo.common.robot import load_robot
 from readygo.services.evaluator import Evaluator, MatchedEpisode
 from readygo.services.evaluator.eyes import Eyes
-from readygo.services.evaluator.goal_image import goal_image
 
 
 def simulate_robot(
@@ -192,7 +191,7 @@ def _rehearsal(
         goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
         shown = None
         if policy.spec.wants_goal_image:
-            shown = np.ascontiguousarray(goal_image(eyes, simulation)[..., ::-1])
+            shown = np.ascontiguousarray(eyes.goal_image(simulation)[..., ::-1])
         pilot = Pilot(policy, rectify, config, Goal(x_m=goal_x, y_m=goal_y), shown)
         return rehearsed(pilot, simulation, look, manners, rng)
 

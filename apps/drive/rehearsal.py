@@ -1,15 +1,18 @@
-"""A pilot in an episode, in simulated time: the loop of a trial without a network or a clock."""
+"""Offline simulation of a trial: a pilot in an episode, in simulated time, without a network or a clock."""
 
 import heapq
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 
+from readygo.apps.drive.messages import Command as RobotCommand
 from readygo.apps.drive.messages import Picture
 from readygo.apps.drive.pilot import Pilot
 from readygo.apps.drive.simulated import Look, Manners, odometry_of, sent
 from readygo.apps.drive.trial import PATIENCE_S
 from readygo.common.episode import EpisodeSimulation
+from readygo.common.episode.loop import Command, DriverFailure, run_episode
 from readygo.common.messages import Outcome
 
 _BEGIN_NS = 10**18
@@ -28,29 +31,64 @@ def rehearsed(
         manners: How late and how unreliably its images come.
         rng: Of that.
     """
-    on_their_way: list[tuple[int, int, str, Picture]] = []
-    newest_ns: dict[str, int] = {}
-    now_ns, taken, step = _BEGIN_NS, 0, 0
-    clock, every = simulation.clock, manners.image_every(simulation.clock)
-    while simulation.outcome is None:
-        pilot.hear(odometry_of(simulation, now_ns), now_ns)
-        late_s = manners.sent(pilot.images, rng) if step % every == 0 else {}
-        images = look(simulation) if late_s else {}
-        for name, late in late_s.items():
-            newest_ns[name] = max(now_ns + round(late * 1e9), newest_ns.get(name, 0))
-            picture = Picture(stamp_ns=now_ns, decode=partial(sent, images[name]))
-            heapq.heappush(on_their_way, (newest_ns[name], taken, name, picture))
-            taken += 1
-        end_ns = _BEGIN_NS + clock.time_ns(step + 1)
-        while on_their_way and on_their_way[0][0] < end_ns:
-            arrived_ns, _, name, picture = heapq.heappop(on_their_way)
+    run_episode(simulation, PilotDriver(pilot, look, manners, rng))
+    assert simulation.outcome is not None
+    return simulation.outcome
+
+
+class PilotDriver:
+    """A pilot behind a simulated network, which delays and loses images; of one episode."""
+
+    looks = True
+
+    def __init__(self, pilot: Pilot, look: Look, manners: Manners, rng: np.random.Generator) -> None:
+        """Prepare an episode, see `rehearsed`."""
+        self._pilot, self._look, self._manners, self._rng = pilot, look, manners, rng
+        self._on_their_way: list[tuple[int, int, str, Picture]] = []
+        self._newest_ns: dict[str, int] = {}
+        self._now_ns, self._taken, self._step = _BEGIN_NS, 0, 0
+        self._ready: RobotCommand | None = None
+
+    def start(self, simulation: EpisodeSimulation) -> None:
+        """Let the robot stand until the pilot can drive, at the latest after `PATIENCE_S`."""
+        while self._ready is None:
+            waited_s = self._step * simulation.clock.dt_s
+            command = self._live(simulation)
+            if self._pilot.started_ns is not None or waited_s > PATIENCE_S:
+                self._ready = command
+
+    def act(self, running: Sequence[tuple[EpisodeSimulation, None]]) -> list[Command | DriverFailure]:
+        """See `Driver.act`; of the one episode."""
+        ((simulation, _),) = running
+        command, self._ready = self._ready or self._live(simulation), None
+        return [(command.v_mps, command.w_radps)]
+
+    def _live(self, simulation: EpisodeSimulation) -> RobotCommand:
+        """One step of time: what the robot sends, what arrives at the pilot, and the command in force at its end.
+
+        A command within a step counts for all of it, as a decision does in an evaluation.
+        """
+        pilot, clock = self._pilot, simulation.clock
+        pilot.hear(odometry_of(simulation, self._now_ns), self._now_ns)
+        self._send(simulation)
+        end_ns = _BEGIN_NS + clock.time_ns(self._step + 1)
+        while self._on_their_way and self._on_their_way[0][0] < end_ns:
+            arrived_ns, _, name, picture = heapq.heappop(self._on_their_way)
             seen = pilot.seen
             pilot.look(picture, arrived_ns, name)
             if pilot.seen > seen:
                 pilot.command(arrived_ns)
         command = pilot.command(end_ns - 1)
-        if pilot.started_ns is not None or step * clock.dt_s > PATIENCE_S:
-            # What comes within a step counts for all of it, as a decision does in an evaluation.
-            simulation.advance(command.v_mps, command.w_radps)
-        now_ns, step = end_ns, step + 1
-    return simulation.outcome
+        self._now_ns, self._step = end_ns, self._step + 1
+        return command
+
+    def _send(self, simulation: EpisodeSimulation) -> None:
+        """Take an image if one is due, and send those that are not lost."""
+        due = self._step % self._manners.image_every(simulation.clock) == 0
+        late_s = self._manners.sent(self._pilot.images, self._rng) if due else {}
+        images = self._look(simulation) if late_s else {}
+        for name, late in late_s.items():
+            self._newest_ns[name] = max(self._now_ns + round(late * 1e9), self._newest_ns.get(name, 0))
+            picture = Picture(stamp_ns=self._now_ns, decode=partial(sent, images[name]))
+            heapq.heappush(self._on_their_way, (self._newest_ns[name], self._taken, name, picture))
+            self._taken += 1

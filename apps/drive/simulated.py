@@ -3,14 +3,15 @@
 import heapq
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.drive.messages import Command, Goal, Odometry
+from readygo.apps.drive.messages import Command as RobotCommand
+from readygo.apps.drive.messages import Goal, Odometry
 from readygo.apps.drive.robot import TopicPublisher, Topics
 from readygo.apps.drive.ros_codec import (
     COMPRESSED_TYPE,
@@ -25,6 +26,7 @@ from readygo.apps.drive.wires import Wire
 from readygo.apps.robot_logs.reader import INFO_TYPE, ODOMETRY_TYPE, LogCamera
 from readygo.common.bus.foreign import ForeignSession
 from readygo.common.episode import EpisodeSimulation
+from readygo.common.episode.loop import Command, DriverFailure, run_episode
 from readygo.common.images.names import RGB
 from readygo.common.messages import Outcome
 from readygo.common.robot import Clock
@@ -101,7 +103,9 @@ def sent(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 class SimulatedRobot:
-    """Drives through one episode after the other as it is told."""
+    """Drives through one episode after the other as its client commands: the driver of `run_episode`."""
+
+    looks = True
 
     def __init__(
         self,
@@ -149,37 +153,51 @@ class SimulatedRobot:
             for number, (camera, topic) in infos
         }
         self._lock = threading.Lock()
-        self._command, self._heard_s = Command(), 0.0
+        self._command, self._heard_s = RobotCommand(), 0.0
         self._due: list[tuple[float, int, str, bytes]] = []
         self._taken, self._constant_s = 0, 0.0
         self._last_due_s = dict.fromkeys(self._images, 0.0)
+        self._step, self._next_s = 0, 0.0
         self.behind = 0
         """How often the steps were so late that they were counted anew."""
         self._listen(session, wire, topics.command, len(kinds) + 1)
 
     def drive(self, simulation: EpisodeSimulation) -> Outcome:
         """Wait for somebody who drives, do as told until the episode ends, say how, and wait until they have gone."""
-        self._during(simulation, lambda: self._commanded() != Command(), move=False)
-        self._during(simulation, lambda: simulation.outcome is not None, move=True)
+        run_episode(simulation, self)
         outcome = simulation.outcome
         assert outcome is not None
-        self._during(simulation, lambda: self._quiet(outcome), move=False)
+        self._stand(simulation, lambda: self._quiet(outcome))
         return outcome
 
-    def _during(self, simulation: EpisodeSimulation, over: Callable[[], bool], *, move: bool) -> None:
-        """Live in real time, step by step."""
-        next_s = time.monotonic()
-        step = 0
+    def start(self, simulation: EpisodeSimulation) -> None:
+        """Stand until a client commands the robot."""
+        self._stand(simulation, lambda: self._commanded() != RobotCommand())
+        self._step, self._next_s = 0, time.monotonic()
+
+    def act(self, running: Sequence[tuple[EpisodeSimulation, None]]) -> list[Command | DriverFailure]:
+        """The client's command after one step of real time.
+
+        A command within a step counts for all of it, as a decision does in an evaluation.
+        """
+        ((simulation, _),) = running
+        self._live(simulation)
+        command = self._commanded()
+        return [(command.v_mps, command.w_radps)]
+
+    def _stand(self, simulation: EpisodeSimulation, over: Callable[[], bool]) -> None:
+        """Send what the robot sees without moving."""
+        self._step, self._next_s = 0, time.monotonic()
         while not over():
-            self._show(simulation, step)
-            step, next_s = step + 1, next_s + simulation.clock.dt_s
-            if time.monotonic() - next_s > BEHIND_S:
-                self.behind, next_s = self.behind + 1, time.monotonic()
-            self._send_until(next_s)
-            if move:
-                # What comes within a step counts for all of it, as a decision does in an evaluation.
-                command = self._commanded()
-                simulation.advance(command.v_mps, command.w_radps)
+            self._live(simulation)
+
+    def _live(self, simulation: EpisodeSimulation) -> None:
+        """One step of real time."""
+        self._show(simulation, self._step)
+        self._step, self._next_s = self._step + 1, self._next_s + simulation.clock.dt_s
+        if time.monotonic() - self._next_s > BEHIND_S:
+            self.behind, self._next_s = self.behind + 1, time.monotonic()
+        self._send_until(self._next_s)
 
     def _show(self, simulation: EpisodeSimulation, step: int) -> None:
         """Say where the robot is, and take an image if it is time for one."""
@@ -218,9 +236,9 @@ class SimulatedRobot:
         publisher = self._publishers[kind]
         publisher.put(publisher.write(value, stamp_ns))
 
-    def _commanded(self) -> Command:
+    def _commanded(self) -> RobotCommand:
         with self._lock:
-            return self._command if time.monotonic() - self._heard_s < COMMAND_STALE_S else Command()
+            return self._command if time.monotonic() - self._heard_s < COMMAND_STALE_S else RobotCommand()
 
     def _quiet(self, outcome: Outcome) -> bool:
         """Say how the episode ended, until nobody drives any more."""
@@ -234,7 +252,7 @@ class SimulatedRobot:
 
         def on_command(key: str, payload: bytes, attachment: bytes) -> None:
             command = wire.codec.read(wire.type_of(key, types[0]), payload)
-            if isinstance(command, Command):
+            if isinstance(command, RobotCommand):
                 with self._lock:
                     self._command, self._heard_s = command, time.monotonic()
 

@@ -15,6 +15,7 @@ from readygo.common.drawing import plan_view
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.film import write_film
 from readygo.common.episode import EpisodeSimulation
+from readygo.common.episode.loop import Command, DriverFailure, run_episode
 from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeKey, EpisodeMotions, Outcome, RobotTrajectory
 from readygo.services.evaluator import EXPERT, EpisodeRecord, MatchedEpisode, RecordKey, Results, Simulate, Task
@@ -37,6 +38,30 @@ class StripImage:
     time_s: float
     """Simulated time since the episode began [s]."""
     rgb: Picture
+
+
+class _ReplayDriver:
+    """Executes what a robot executed."""
+
+    looks = False
+
+    def __init__(self, record: EpisodeRecord, actions: npt.NDArray[np.float64]) -> None:
+        self._record, self._actions = record, actions
+
+    def start(self, simulation: EpisodeSimulation) -> None:
+        """Nothing to remember."""
+
+    def act(self, running: Sequence[tuple[EpisodeSimulation, None]]) -> list[Command | DriverFailure]:
+        """See `Driver.act`."""
+        return [self._command(simulation) for simulation, _ in running]
+
+    def _command(self, simulation: EpisodeSimulation) -> Command:
+        if simulation.step >= len(self._actions):
+            raise _another_way(self._record)
+        v_mps, w_radps = self._actions[simulation.step].tolist()
+        # Kept is what it executed at every step, not what it was commanded at some.
+        simulation.hold(v_mps, w_radps)
+        return v_mps, w_radps
 
 
 class Replays:
@@ -89,8 +114,7 @@ class Replays:
             RunError: If the episode goes another way now.
         """
         simulation = self._simulate(self._episodes[record.task, record.episode])
-        while simulation.outcome is None:
-            simulation.advance(*self._steer(record, simulation))
+        run_episode(simulation, self._driver(record))
         walked = simulation.motions_so_far()
         if walked is not simulation.motions:
             self._walked[record.key] = walked
@@ -129,9 +153,7 @@ class Replays:
         if record.method == EXPERT and record.key not in self._walked:
             run = run_with_journal(planner, scenario, motions)
         else:
-            run = run_beside_expert(
-                planner, scenario, motions, lambda simulation: self._steer(record, simulation), record.method
-            )
+            run = run_beside_expert(planner, scenario, motions, self._driver(record), record.method)
         trajectory = self._checked(record, run.trajectory)
         view = RobotView(self._renderer, scenario, motions, trajectory, sees=self._sees)
         write_film(path, run_film(planner, run, view))
@@ -140,14 +162,8 @@ class Replays:
     def _renderer(self) -> Renderer:
         return self._made_renderer or self.world.renderer()
 
-    def _steer(self, record: EpisodeRecord, simulation: EpisodeSimulation) -> tuple[float, float]:
-        actions = self._actions[record.key]
-        if simulation.step >= len(actions):
-            raise _another_way(record)
-        v_mps, w_radps = actions[simulation.step].tolist()
-        # Kept is what it executed at every step, not what it was commanded at some.
-        simulation.hold(v_mps, w_radps)
-        return v_mps, w_radps
+    def _driver(self, record: EpisodeRecord) -> "_ReplayDriver":
+        return _ReplayDriver(record, self._actions[record.key])
 
     def _checked(self, record: EpisodeRecord, trajectory: RobotTrajectory) -> RobotTrajectory:
         same_end = abs(trajectory.duration_s - record.result.duration_s) < trajectory.dt_s / 2

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from readygo.apps.gym.point_nav import PointNav, Ride
+from readygo.apps.gym.point_nav import NavEpisode, PointNav
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
 
@@ -50,7 +50,7 @@ class PointNavEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         self.metadata = {**self.metadata, "render_fps": self._task.robot.clock.rate_hz}
         self.observation_space = observation_space(self._task.robot)
         self.action_space = action_space(self._task.robot)
-        self._ride: Ride | None = None
+        self._episode: NavEpisode | None = None
         self._seed, self._indices = 0, itertools.count()
         self._seen: npt.NDArray[np.uint8] | None = None
 
@@ -59,25 +59,25 @@ class PointNavEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin the first episode of a seed, or the next one of the last seed."""
         super().reset(seed=seed)
-        if seed is not None or self._ride is None:
+        if seed is not None or self._episode is None:
             self._seed = int(self.np_random.integers(2**31)) if seed is None else seed
             self._indices = itertools.count()
-        self._ride = self._task.begin(self._seed, self._indices)
-        return self._observation(), self._task.info(self._ride)
+        self._episode = self._task.begin(self._seed, self._indices)
+        return self._observation(), self._task.info(self._episode)
 
     def step(self, action: npt.NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for a step of the robot's clock."""
-        if self._ride is None:
+        if self._episode is None:
             raise gymnasium.error.ResetNeeded("call reset() before step().")
-        reward, terminated, truncated = self._task.advance(self._ride, action)
-        return self._observation(), reward, terminated, truncated, self._task.info(self._ride)
+        reward, terminated, truncated = self._task.advance(self._episode, action)
+        return self._observation(), reward, terminated, truncated, self._task.info(self._episode)
 
     def render(self) -> npt.NDArray[np.uint8] | None:  # type: ignore[override]
         """What the robot saw last."""
         return self._seen if self.render_mode == "rgb_array" else None
 
     def _observation(self) -> Observation:
-        assert self._ride is not None
-        observation = {name: array[0] for name, array in self._task.observe([self._ride]).items()}
+        assert self._episode is not None
+        observation = {name: array[0] for name, array in self._task.observe([self._episode]).items()}
         self._seen = observation["rgb"]
         return observation

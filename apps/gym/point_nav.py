@@ -16,6 +16,7 @@ from readygo.apps.run.evaluation import evaluation_world, make_evaluator
 from readygo.apps.run.origin import avatars_of_policy, settings_of_policy
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.conduct import PERSONAL_SPACE_M
+from readygo.common.episode.loop import EpisodeRun, Observer
 from readygo.common.errors import ConfigError, SceneError
 from readygo.common.messages import EpisodeKey, Outcome, Split
 from readygo.common.policy import PolicySpec, load_spec
@@ -40,16 +41,52 @@ class Reward:
     collision: float = -10.0
 
 
+class RewardObserver(Observer):
+    """What each step of an episode earns."""
+
+    def __init__(self, reward: Reward) -> None:
+        self._reward = reward
+        self.left_m = math.inf
+        """Length of the shortest path to the goal that is left [m]."""
+        self.value = 0.0
+        """By the latest step."""
+
+    def begin(self, simulation: EpisodeSimulation) -> None:
+        """Measure all paths to the goal."""
+        goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
+        self._paths = GoalField(simulation.robot_map, simulation.robot.planning_radius_m, (goal_x, goal_y))
+        self.left_m = self._paths.distance_m(simulation.x_m, simulation.y_m)
+
+    def step(self, simulation: EpisodeSimulation) -> None:
+        """Count what the step before this state earned."""
+        self._count(simulation)
+
+    def end(self, simulation: EpisodeSimulation) -> None:
+        """Count what the last step earned."""
+        self._count(simulation)
+
+    def _count(self, simulation: EpisodeSimulation) -> None:
+        reward, outcome = self._reward, simulation.outcome
+        left_m = self._paths.distance_m(simulation.x_m, simulation.y_m)
+        gained_m = self.left_m - left_m if math.isfinite(left_m) and math.isfinite(self.left_m) else 0.0
+        self.left_m = left_m
+        self.value = reward.per_metre * gained_m + reward.per_second * simulation.clock.dt_s
+        self.value += reward.success if outcome is Outcome.SUCCESS else reward.collision if _collided(outcome) else 0.0
+
+
 @dataclass(eq=False)
-class Ride:
-    """One episode under way."""
+class NavEpisode:
+    """One episode of an environment under way."""
 
     key: EpisodeKey
-    simulation: EpisodeSimulation
-    ways: GoalField
-    left_m: float
-    """Shortest way to the goal that is left [m]."""
+    run: EpisodeRun
+    reward: RewardObserver
     expert: Expert | None = None
+
+    @property
+    def simulation(self) -> EpisodeSimulation:
+        """The robot and its world."""
+        return self.run.simulation
 
 
 class PointNav:
@@ -105,7 +142,7 @@ class PointNav:
         """The robot that is driven."""
         return self._world.config.robot
 
-    def begin(self, seed: int, indices: "itertools.count[int]") -> Ride:
+    def begin(self, seed: int, indices: "itertools.count[int]") -> NavEpisode:
         """The next episode of a seed that can take place.
 
         Raises:
@@ -116,41 +153,37 @@ class PointNav:
             key = EpisodeKey(seed=seed, split=self._split, index=index)
             episode, reason = self._source.among_humans(key)
             if episode is not None:
-                return self._ride(key, self._evaluator.simulation(as_task(episode, self._task)))
+                return self._start(key, self._evaluator.simulation(as_task(episode, self._task)))
         raise SceneError(f"The last {REJECTED_MAX} scenarios were rejected ({reason}); look at the maps.")
 
-    def observe(self, rides: Sequence[Ride]) -> dict[str, npt.NDArray[Any]]:
+    def observe(self, episodes: Sequence[NavEpisode]) -> dict[str, npt.NDArray[Any]]:
         """What the robots see and know: `rgb` (B, H, W, 3), `goal` (B, 2) [m], `velocity` (B, 2) [m/s, rad/s]."""
-        simulations = [ride.simulation for ride in rides]
+        simulations = [episode.simulation for episode in episodes]
         return {
             "rgb": self._eyes.look(simulations),
             "goal": np.array([simulation.goal_xy_robot_m for simulation in simulations], np.float32),
             "velocity": np.array([(s.v_mps, s.w_radps) for s in simulations], np.float32),
         }
 
-    def advance(self, ride: Ride, action: npt.ArrayLike) -> tuple[float, bool, bool]:
+    def advance(self, episode: NavEpisode, action: npt.ArrayLike) -> tuple[float, bool, bool]:
         """One step.
 
         Args:
-            ride: The episode.
+            episode: The episode.
             action: Command v [m/s], w [rad/s], shape (2,); the robot's limits apply.
 
         Returns:
             Reward; whether the episode ended by what the robot did; whether by the time limit.
         """
-        simulation, reward = ride.simulation, self._reward
         v_mps, w_radps = np.asarray(action, np.float64).tolist()
-        outcome = simulation.advance(v_mps, w_radps)
-        left_m = ride.ways.distance_m(simulation.x_m, simulation.y_m)
-        gained_m = ride.left_m - left_m if math.isfinite(left_m) and math.isfinite(ride.left_m) else 0.0
-        ride.left_m = left_m
-        earned = reward.per_metre * gained_m + reward.per_second * simulation.clock.dt_s
-        earned += reward.success if outcome is Outcome.SUCCESS else reward.collision if _collided(outcome) else 0.0
-        return earned, outcome is not None and outcome is not Outcome.TIMEOUT, outcome is Outcome.TIMEOUT
+        episode.run.advance((v_mps, w_radps))
+        outcome = episode.simulation.outcome
+        ended = outcome is not None and outcome is not Outcome.TIMEOUT
+        return episode.reward.value, ended, outcome is Outcome.TIMEOUT
 
-    def info(self, ride: Ride) -> dict[str, Any]:
+    def info(self, episode: NavEpisode) -> dict[str, Any]:
         """Costs of the latest step, and what is not the robot's to know."""
-        simulation, outcome = ride.simulation, ride.simulation.outcome
+        simulation, outcome = episode.simulation, episode.simulation.outcome
         places = simulation.human_xy_m
         distance_m = min((math.dist((simulation.x_m, simulation.y_m), place) for place in places), default=math.inf)
         info: dict[str, Any] = {
@@ -158,28 +191,26 @@ class PointNav:
             "cost_intrusion": float(distance_m - simulation.contact_m < PERSONAL_SPACE_M),
             "success": outcome is Outcome.SUCCESS,
             "outcome": "" if outcome is None else outcome.value,
-            "way_left_m": ride.left_m,
+            "way_left_m": episode.reward.left_m,
             "human_distance_m": distance_m,
-            "episode": ride.key.episode_id,
+            "episode": episode.key.episode_id,
         }
-        if ride.expert is not None:
-            info["expert_command"] = self._command(ride)
+        if episode.expert is not None:
+            info["expert_command"] = self._command(episode)
         return info
 
-    def _command(self, ride: Ride) -> npt.NDArray[np.float32]:
+    def _command(self, episode: NavEpisode) -> npt.NDArray[np.float32]:
         """What the expert would do now; nothing where the episode has ended."""
-        assert ride.expert is not None
-        if ride.simulation.outcome is not None:
+        assert episode.expert is not None
+        if episode.simulation.outcome is not None:
             return np.zeros(2, np.float32)
-        decision = ride.expert.act(ride.simulation)
+        decision = episode.expert.act(episode.simulation)
         return np.array([decision.v_mps, decision.w_radps], np.float32)
 
-    def _ride(self, key: EpisodeKey, simulation: EpisodeSimulation) -> Ride:
-        goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
-        ways = GoalField(simulation.robot_map, self.robot.planning_radius_m, (goal_x, goal_y))
-        planner = self._world.robot_planner
+    def _start(self, key: EpisodeKey, simulation: EpisodeSimulation) -> NavEpisode:
+        planner, reward = self._world.robot_planner, RewardObserver(self._reward)
         expert = planner.expert(simulation.scenario, simulation.motions) if self._expert else None
-        return Ride(key, simulation, ways, ways.distance_m(simulation.x_m, simulation.y_m), expert)
+        return NavEpisode(key, EpisodeRun(simulation, [reward]), reward, expert)
 
 
 def _settings(path: Path | None, policy: PolicySpec | None, humans: int, image_px: tuple[int, int]) -> RunConfig:

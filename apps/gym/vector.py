@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from readygo.apps.gym.env import Observation, action_space, observation_space
-from readygo.apps.gym.point_nav import PointNav, Ride
+from readygo.apps.gym.point_nav import NavEpisode, PointNav
 from readygo.common.errors import ConfigError
 from readygo.common.robot.kinematics import RATE_HZ
 
@@ -50,7 +50,7 @@ class PointNavVectorEnv(VectorEnv[Observation, npt.NDArray[np.float32], npt.NDAr
         self.single_action_space = action_space(self._task.robot)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._rides: list[Ride] = []
+        self._episodes: list[NavEpisode] = []
         self._seeds = [0] * num_envs
         self._indices = [itertools.count() for _ in range(num_envs)]
         self._seen: npt.NDArray[np.uint8] | None = None
@@ -61,25 +61,25 @@ class PointNavVectorEnv(VectorEnv[Observation, npt.NDArray[np.float32], npt.NDAr
         """Begin an episode of every robot: robot k has the seed `seed + k`, or the k-th of a list."""
         super().reset(seed=seed if isinstance(seed, int) else None)
         seeds = [seed + k for k in range(self.num_envs)] if isinstance(seed, int) else list(seed or [])
-        if not seeds and not self._rides:
+        if not seeds and not self._episodes:
             seeds = self.np_random.integers(2**31, size=self.num_envs).tolist()
         for k, each in enumerate(seeds):
             if each is not None:
                 self._seeds[k], self._indices[k] = int(each), itertools.count()
-        self._rides = [self._begin(k) for k in range(self.num_envs)]
+        self._episodes = [self._begin(k) for k in range(self.num_envs)]
         return self._observe(), self._infos()
 
     def step(self, actions: npt.NDArray[np.float32]) -> tuple[Observation, Float64Array, Bools, Bools, dict[str, Any]]:
         """Drive for a step of the robot's clock."""
-        if not self._rides:
+        if not self._episodes:
             raise gymnasium.error.ResetNeeded("call reset() before step().")
         rewards = np.zeros(self.num_envs)
         terminated, truncated = np.zeros(self.num_envs, np.bool_), np.zeros(self.num_envs, np.bool_)
         for k, action in enumerate(actions):
-            if self._rides[k].simulation.outcome is not None:
-                self._rides[k] = self._begin(k)
+            if self._episodes[k].simulation.outcome is not None:
+                self._episodes[k] = self._begin(k)
             else:
-                rewards[k], terminated[k], truncated[k] = self._task.advance(self._rides[k], action)
+                rewards[k], terminated[k], truncated[k] = self._task.advance(self._episodes[k], action)
         final = self._begin_again(terminated | truncated) if self._same_step else {}
         return self._observe(), rewards, terminated, truncated, self._infos() | final
 
@@ -91,21 +91,21 @@ class PointNavVectorEnv(VectorEnv[Observation, npt.NDArray[np.float32], npt.NDAr
         """Next episodes in place of those that have ended, and what was last of these, as Gymnasium has it."""
         infos: dict[str, Any] = {}
         for k in np.flatnonzero(ended).tolist():
-            last = {name: array[0] for name, array in self._task.observe([self._rides[k]]).items()}
-            infos = self._add_info(infos, {"final_obs": last, "final_info": self._task.info(self._rides[k])}, k)
-            self._rides[k] = self._begin(k)
+            last = {name: array[0] for name, array in self._task.observe([self._episodes[k]]).items()}
+            infos = self._add_info(infos, {"final_obs": last, "final_info": self._task.info(self._episodes[k])}, k)
+            self._episodes[k] = self._begin(k)
         return infos
 
-    def _begin(self, k: int) -> Ride:
+    def _begin(self, k: int) -> NavEpisode:
         return self._task.begin(self._seeds[k], self._indices[k])
 
     def _observe(self) -> Observation:
-        observation = self._task.observe(self._rides)
+        observation = self._task.observe(self._episodes)
         self._seen = observation["rgb"]
         return observation
 
     def _infos(self) -> dict[str, Any]:
         infos: dict[str, Any] = {}
-        for k, ride in enumerate(self._rides):
-            infos = self._add_info(infos, self._task.info(ride), k)
+        for k, episode in enumerate(self._episodes):
+            infos = self._add_info(infos, self._task.info(episode), k)
         return infos

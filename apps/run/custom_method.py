@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from readygo.common.episode import EpisodeSimulation
+from readygo.common.episode.loop import Command, DriverFailure
 from readygo.common.errors import RunError
 from readygo.common.policy.observation import Observation
 from readygo.common.robot import RobotConfig
-from readygo.services.evaluator import DriverFailure, Evaluator
+from readygo.services.evaluator import Evaluator
 from readygo.services.evaluator.eyes import Eyes
 
 LIMIT_S = 10.0
@@ -34,7 +35,7 @@ class Method(Protocol):
 
 
 @dataclass
-class Ride:
+class CustomState:
     """One episode of a user's method."""
 
     memory: Any = None
@@ -50,21 +51,21 @@ class CustomDriver:
         self._method, self._eyes = method, eyes
         self._calls = TimedCalls(limit_s)
 
-    def start(self, simulation: EpisodeSimulation) -> Ride:
+    def start(self, simulation: EpisodeSimulation) -> CustomState:
         """What the method remembers of a new episode."""
         memory = self._calls.run(self._method.start)
-        return Ride(failure=memory) if isinstance(memory, DriverFailure) else Ride(memory=memory)
+        return CustomState(failure=memory) if isinstance(memory, DriverFailure) else CustomState(memory=memory)
 
-    def commands(self, running: Sequence[tuple[EpisodeSimulation, Ride]]) -> list[tuple[float, float] | DriverFailure]:
-        """See `Driver.commands`."""
+    def act(self, running: Sequence[tuple[EpisodeSimulation, CustomState]]) -> list[Command | DriverFailure]:
+        """See `Driver.act`."""
         images = self._eyes.look([simulation for simulation, _ in running])
         return [
-            ride.failure or self._command(ride, _observation(simulation, rgb))
-            for (simulation, ride), rgb in zip(running, images, strict=True)
+            state.failure or self._command(state, _observation(simulation, rgb))
+            for (simulation, state), rgb in zip(running, images, strict=True)
         ]
 
-    def _command(self, ride: Ride, observation: Observation) -> tuple[float, float] | DriverFailure:
-        answer = self._calls.run(self._method.act, ride.memory, observation)
+    def _command(self, state: CustomState, observation: Observation) -> Command | DriverFailure:
+        answer = self._calls.run(self._method.act, state.memory, observation)
         if isinstance(answer, DriverFailure):
             return answer
         try:

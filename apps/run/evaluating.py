@@ -10,6 +10,7 @@ from readygo.apps.run.method_files import check_method_files
 from readygo.apps.run.methods import named_methods, needs_renderer
 from readygo.apps.run.world import World
 from readygo.common.bus import Bus
+from readygo.common.episode.loop import Driver
 from readygo.common.errors import RunError
 from readygo.common.fleet import Inputs, StageResult, Work
 from readygo.common.messages import (
@@ -23,7 +24,7 @@ from readygo.common.messages import (
     topics,
 )
 from readygo.common.rasterizer.warm import warm as warm_rasterizer
-from readygo.services.evaluator import Driver, EpisodeRecord, Evaluator, Task
+from readygo.services.evaluator import EpisodeRecord, Evaluator, Task
 from readygo.services.evaluator.episodes import MatchedEpisode, as_task
 from readygo.services.evaluator.handlers import drive
 

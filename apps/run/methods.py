@@ -7,18 +7,18 @@ from typing import Any
 
 from readygo.apps.run.custom_method import custom_method
 from readygo.apps.run.world import World
-from readygo.common.episode import EpisodeSimulation
+from readygo.common.episode.loop import Driver
 from readygo.common.errors import PolicyError
 from readygo.common.maps.ros_map import load_unknown_cells
 from readygo.common.policy import check_policy_camera, check_policy_limits, load_policy
 from readygo.common.policy.artifact import SPEC_FILE
+from readygo.common.policy.driver import PolicyDriver
 from readygo.common.scenes.scene import ROBOT_MAP_FILE
-from readygo.services.evaluator import EXPERT, POLICY, STRAIGHT_LINE, Driver, DriverFailure, Evaluator, MakeDriver
+from readygo.services.evaluator import EXPERT, POLICY, STRAIGHT_LINE, Evaluator, MakeDriver
 from readygo.services.evaluator.baselines.discrete import DiscretePlannerDriver
 from readygo.services.evaluator.baselines.social_force import SocialForceDriver
 from readygo.services.evaluator.baselines.splat_nav import SplatMap, SplatNavDriver
-from readygo.services.evaluator.drivers import PolicyDriver
-from readygo.services.planner import Expert, RobotPlanner
+from readygo.services.planner import ExpertDriver, RobotPlanner
 from readygo.services.planner.expert.config import expert_recipe
 
 CHECKPOINTS = Path("checkpoints")
@@ -32,26 +32,6 @@ NETWORKS = {"gnm": "gnm_large.pth", "vint": "vint.pth", "nomad": "nomad.pth"}
 def needs_renderer(methods: Sequence[str]) -> bool:
     """True if one of some methods looks through a camera."""
     return any(method not in BLIND for method in methods)
-
-
-class ExpertDriver:
-    """The planner that records data: it knows the map, and of humans what its settings let it."""
-
-    looks = False
-
-    def __init__(self, planner: RobotPlanner) -> None:
-        self._planner = planner
-
-    def start(self, simulation: EpisodeSimulation) -> Expert:
-        """An expert for the episode."""
-        return self._planner.expert(simulation.scenario, simulation.motions)
-
-    def commands(
-        self, running: Sequence[tuple[EpisodeSimulation, Expert]]
-    ) -> list[tuple[float, float] | DriverFailure]:
-        """See `Driver.commands`."""
-        decisions = [expert.act(simulation) for simulation, expert in running]
-        return [(decision.v_mps, decision.w_radps) for decision in decisions]
 
 
 def other_policies(methods: Sequence[str], checkpoints: Path) -> dict[str, Path]:
@@ -87,8 +67,8 @@ def named_methods(
     """
     policies = other_policies((VID2SIM, *methods), checkpoints)
     known: dict[str, MakeDriver] = {
-        EXPERT: lambda _: ExpertDriver(world.robot_planner),
-        "expert-paper": lambda _: ExpertDriver(_paper_planner(world)),
+        EXPERT: lambda _: ExpertDriver(world.robot_planner.expert),
+        "expert-paper": lambda _: ExpertDriver(_paper_planner(world).expert),
         "social-force": lambda _: SocialForceDriver(),
         "gaussnav": lambda _: DiscretePlannerDriver(),
         "splat-nav": lambda _: SplatNavDriver(_splat_map(world)),

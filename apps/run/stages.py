@@ -7,13 +7,12 @@ import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from readygo.apps.run.goals import goal_pose, goal_seen
 from readygo.apps.run.world import World
 from readygo.common.bus import Bus
+from readygo.common.episode.goal import goal_pose
 from readygo.common.episode.robot import robot_of_episode
 from readygo.common.errors import RunError
 from readygo.common.fleet import Inputs, StageResult, Work, append_episode, show_plan
-from readygo.common.images.names import RGB
 from readygo.common.messages import (
     AnimateReply,
     AnimateRequest,
@@ -31,9 +30,10 @@ from readygo.common.messages import (
     encode,
 )
 from readygo.common.messages.stages import ANIMATE, DRIVE, EVALUATE, HUMAN_PLAN, RENDER, ROBOT_PLAN
+from readygo.common.policy.driver import PolicyDriver
 from readygo.common.rasterizer.warm import warm as warm_rasterizer
 from readygo.services.animator import handle_animate
-from readygo.services.driver import Disturbance, PolicyDriver, RiskMap, disturbs, drive, driver_of
+from readygo.services.driver import Disturbance, RiskMap, disturbs, drive, driver_of
 from readygo.services.planner import handle_human_plan, handle_robot_plan
 from readygo.services.renderer import (
     NO_PICTURE,
@@ -136,7 +136,10 @@ def _render(world: World, bus: Bus) -> Work:
 def _drive(world: World, bus: Bus) -> Work:
     warm_rasterizer()
     renderer, planner, config = world.renderer(), world.robot_planner, world.config
-    every = config.driver.image_every(config.robot.clock)
+    clock = config.robot.clock
+    every = config.driver.image_every(clock)
+    # Where images are recorded more seldom than the camera takes them, a policy decides only when it has a new one.
+    hold_steps = None if every > clock.image_every else clock.control_every
     weigher = RiskMap(planner.maps.robot)
     own = world.spec.policy if world.spec.policy and world.spec.policy.files else None
     if own:
@@ -149,17 +152,15 @@ def _drive(world: World, bus: Bus) -> Work:
         driver = driver_of(episode, ref.mix if ref else 0.0)
         simulation = planner.simulation(scenario, motions)
         policy = disturbance = None
-        sees: tuple[str, ...] = (RGB,)
+        camera = LiveCamera(renderer, image_every=every)
         if ref and driver is Driver.POLICY:
             loaded = world.policy(ref)
-            goal_image = goal_seen(loaded, renderer, simulation)
-            policy = PolicyDriver(loaded, simulation.robot, every, goal_image)
-            sees = loaded.spec.inputs.images
+            camera = LiveCamera(renderer, loaded.spec.inputs.images, every)
+            policy = PolicyDriver(loaded, camera, hold_steps)
         elif disturbs(episode, config.driver.disturbed):
             disturbance = Disturbance(episode, config.driver, simulation.robot)
-        camera = LiveCamera(renderer, simulation, sees)
         expert = planner.expert(scenario, motions)
-        driven = drive(simulation, expert, camera, weigher, policy, disturbance, image_every=every)
+        driven = drive(simulation, expert, weigher, policy, disturbance, camera=camera, image_every=every)
         if reason := unclear(renderer, episode, driven.trajectory.xyyaw, config.episode):
             return StageResult(rejected=reason)
         offered = claim.policy.sha256 if claim.policy and policy else ""

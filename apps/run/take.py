@@ -5,17 +5,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from readygo.apps.run.config import RunConfig
-from readygo.apps.run.goals import goal_seen
 from readygo.common.avatars import Avatar
-from readygo.common.episode import EpisodeSimulation
 from readygo.common.errors import RunError
 from readygo.common.messages import AnimateRequest, EpisodeKey, HumanPlanRequest, Outcome, Scenario
 from readygo.common.policy import Policy
+from readygo.common.policy.driver import PolicyDriver
 from readygo.services.animator import Animator, handle_animate
-from readygo.services.driver import PolicyDriver
 from readygo.services.planner import HumanPlanner, RobotPlanner, SceneMaps, handle_human_plan
 from readygo.services.planner.expert.handlers import drive
-from readygo.services.planner.explain.journal import DrivenRun, Steer, run_beside_expert, run_with_journal
+from readygo.services.planner.explain.journal import DrivenRun, run_beside_expert, run_with_journal
 from readygo.services.planner.humans.scenario_file import ScenarioFile
 from readygo.services.renderer import LiveCamera, Renderer
 
@@ -64,13 +62,13 @@ class Takes:
         )
         self._animator = Animator(avatars=avatars, floor=maps.floor, config=config.animator, obstacles=maps.human)
 
-    def take(self, episode: EpisodeKey, *, static: bool, steer: Steer | None = None) -> Take:
+    def take(self, episode: EpisodeKey, *, static: bool, policy: tuple[PolicyDriver, LiveCamera] | None = None) -> Take:
         """Draw the scenario, let the humans walk, drive.
 
         Args:
             episode: Which one.
             static: Leave the humans out.
-            steer: The policy, if it drives and not the expert.
+            policy: From `policy_driver`, if a policy drives and not the expert.
 
         Raises:
             RunError: If this index has no scenario.
@@ -81,8 +79,11 @@ class Takes:
         animated = handle_animate(self._animator, AnimateRequest(scenario=drawn.scenario))
         if animated.motions is None:
             return Take(scenario=drawn.scenario, run=None, rejected=animated.rejected, drive_ms=0.0)
-        if steer is not None:
-            run = run_beside_expert(self.robot_planner, drawn.scenario, animated.motions, steer, "policy")
+        if policy is not None:
+            driver, camera = policy
+            run = run_beside_expert(
+                self.robot_planner, drawn.scenario, animated.motions, driver, "policy", observers=[camera]
+            )
             return Take(scenario=drawn.scenario, run=run, rejected="", drive_ms=0.0)
         # Loads the compiled code, whose time is not the planner's.
         drive(self.robot_planner, drawn.scenario, animated.motions)
@@ -94,23 +95,12 @@ class Takes:
         return Take(scenario=drawn.scenario, run=run, rejected=rejected, drive_ms=drive_ms)
 
 
-def policy_steer(policy: Policy, renderer: Renderer) -> Steer:
-    """A policy that drives one episode by what it sees.
+def policy_driver(policy: Policy, renderer: Renderer) -> tuple[PolicyDriver, LiveCamera]:
+    """A policy that drives one episode by what it sees, and the camera that observes that episode.
 
     Args:
-        policy: Who drives.
+        policy: Decides.
         renderer: Of the scene, with the policy's camera.
     """
-    clock = renderer.robot.clock
-    begun: list[tuple[PolicyDriver, LiveCamera]] = []
-
-    def steer(simulation: EpisodeSimulation) -> tuple[float, float]:
-        if not begun:
-            camera = LiveCamera(renderer, simulation, policy.spec.inputs.images)
-            goal_image = goal_seen(policy, renderer, simulation)
-            begun.append((PolicyDriver(policy, simulation.robot, clock.image_every, goal_image), camera))
-        driver, camera = begun[0]
-        picture = camera.take() if simulation.step % clock.image_every == 0 else None
-        return driver.command(simulation, picture)
-
-    return steer
+    camera = LiveCamera(renderer, policy.spec.inputs.images)
+    return PolicyDriver(policy, camera, renderer.robot.clock.control_every), camera

@@ -37,6 +37,7 @@ from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
 from readygo.benchmarks.planning.imitation import RAY_M, RAYS, Eyes
 from readygo.common.episode import EpisodeSimulation
+from readygo.common.episode.loop import Command, DriverFailure, Observer
 from readygo.common.episode.metrics import wilson_interval
 from readygo.common.frames import goal_in_robot_frame
 from readygo.common.messages import (
@@ -110,29 +111,27 @@ class Course:
                 yield scenario, motions
 
 
-class Senses:
-    """Stands where the driver has a camera: tells the state instead of taking a picture."""
+class Senses(Observer):
+    """Observes the state, instead of a camera that takes images."""
 
-    def __init__(self, eyes: Eyes, simulation: EpisodeSimulation, expert: Expert) -> None:
-        self._eyes, self._simulation, self._expert = eyes, simulation, expert
+    def __init__(self, eyes: Eyes, expert: Expert) -> None:
+        self._eyes, self._expert = eyes, expert
         self.told: list[Array] = []
         """What was told at each step so far."""
 
-    def take(self) -> Array:
-        """Rays, goal, speeds and humans, shape (inputs,)."""
-        simulation = self._simulation
+    def step(self, simulation: EpisodeSimulation) -> None:
+        """Note rays, goal, speeds and humans, shape (inputs,)."""
         rays = np.exp(-0.5 * RAY_M * np.array(self._eyes.rays((simulation.x_m, simulation.y_m, simulation.yaw_rad))))
         x, y = simulation.goal_xy_robot_m
         away_m = math.hypot(x, y)
         goal = [x / 10, y / 10, x / away_m, y / away_m, math.exp(-away_m / 2)]
         self.told.append(
-            np.array([*rays, *goal, simulation.v_mps, simulation.w_radps, *self._known_humans()], np.float32)
+            np.array([*rays, *goal, simulation.v_mps, simulation.w_radps, *self._known_humans(simulation)], np.float32)
         )
-        return self.told[-1]
 
-    def _known_humans(self) -> list[float]:
+    def _known_humans(self, simulation: EpisodeSimulation) -> list[float]:
         """Presence, place, velocity, nearness and direction of the nearest humans in the robot's frame."""
-        simulation, found = self._simulation, []
+        found = []
         cos, sin = math.cos(simulation.yaw_rad), math.sin(simulation.yaw_rad)
         for human in self._expert.act(simulation).perceived:
             place = np.array([human.x_m, human.y_m])
@@ -195,8 +194,8 @@ class Learner:
         return float(np.mean(losses))
 
     @torch.inference_mode()
-    def command(self, simulation: EpisodeSimulation, told: Array) -> tuple[float, float]:
-        """The command v [m/s], w [rad/s]; see `readygo.services.driver.PolicyDriver.command`."""
+    def command(self, told: Array) -> tuple[float, float]:
+        """The command v [m/s], w [rad/s] at a state."""
         answers = self._average(torch.from_numpy(told)[None])
         if self.bins is not None:
             answers = self.bins.mode(weigh(answers, self.caution) if self.weighed else answers)
@@ -210,11 +209,28 @@ class Learner:
         return loss + RISKS_WEIGHT * risks_loss(answers[:, COMMAND_COUNT:], risks) if self.weighed else loss
 
 
+class LearnerDriver:
+    """Drives one episode by what its senses told."""
+
+    looks = False
+
+    def __init__(self, learner: Learner, senses: Senses) -> None:
+        self._learner, self._senses = learner, senses
+
+    def start(self, simulation: EpisodeSimulation) -> None:
+        """Nothing to remember."""
+
+    def act(self, running: Sequence[tuple[EpisodeSimulation, None]]) -> list[Command | DriverFailure]:
+        """See `readygo.common.episode.loop.Driver.act`."""
+        return [self._learner.command(self._senses.told[-1])]
+
+
 def driven(course: Course, episode: Episode, learner: Learner | None) -> tuple[Drive, list[Array]]:
     """An episode that the learner drives, or else the expert, and what was told at each of its steps."""
     simulation, expert = course.planner.simulation(*episode), course.planner.expert(*episode)
-    senses = Senses(course.eyes, simulation, expert)
-    return drive(simulation, expert, senses, course.weigher, learner), senses.told
+    senses = Senses(course.eyes, expert)
+    driver = LearnerDriver(learner, senses) if learner else None
+    return drive(simulation, expert, course.weigher, driver, camera=senses), senses.told
 
 
 def without_humans(episode: Episode) -> Episode:

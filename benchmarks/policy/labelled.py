@@ -22,9 +22,10 @@ from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
 from readygo.common.messages import AnimateRequest, EpisodeKey, HumanPlanRequest, Split
 from readygo.common.policy import Policy, PolicySpec, load_policy
+from readygo.common.policy.driver import PolicyDriver
 from readygo.common.robot import RobotConfig
 from readygo.services.animator import handle_animate
-from readygo.services.driver import PolicyDriver, RiskMap, drive
+from readygo.services.driver import RiskMap, drive
 from readygo.services.planner import handle_human_plan
 from readygo.services.renderer import LiveCamera
 from readygo.services.trainer.config import NetworkConfig
@@ -73,17 +74,15 @@ def measure(world: World, policy: Policy, episodes: int) -> dict[str, Any]:
         if scenario is None or motions is None:
             continue
         simulation, expert = planner.simulation(scenario, motions), planner.expert(scenario, motions)
-        camera, driver = (
-            LiveCamera(renderer, simulation),
-            PolicyDriver(policy, simulation.robot, simulation.clock.image_every),
-        )
+        camera = LiveCamera(renderer)
+        driver = PolicyDriver(policy, camera, simulation.clock.control_every)
         for part, thing, method in (
-            ("picture", camera, "take"),
+            ("picture", camera, "step"),
             ("expert", expert, "act"),
-            ("policy", driver, "command"),
+            ("policy", driver, "act"),
         ):
             clock.watch(part, thing, method)
-        length = len(drive(simulation, expert, camera, weigher, driver).expert_commands)
+        length = len(drive(simulation, expert, weigher, driver, camera=camera).expert_commands)
         samples, driven = (0, 0) if driven < 0 else (samples + length, driven + 1)
         if samples == 0:
             clock.spent_s.clear()

@@ -28,9 +28,9 @@ from readygo.common.errors import ReadygoError
 from readygo.common.files import write_whole
 from readygo.common.messages import Split
 from readygo.common.policy import load_policy
+from readygo.common.policy.driver import PolicyDriver
 from readygo.common.robot import RobotConfig, load_robot
 from readygo.services.evaluator import EXPERT, STRAIGHT_LINE, EpisodeRecord, MakeDriver, handle_evaluate
-from readygo.services.evaluator.drivers import PolicyDriver
 from readygo.services.evaluator.results import open_results
 
 TASKS = ("static", "dynamic")

@@ -10,10 +10,8 @@ if TYPE_CHECKING:
     from readygo.services.driver.disturbance import disturbs as disturbs
     from readygo.services.driver.handlers import AHEAD_S as AHEAD_S
     from readygo.services.driver.handlers import Advice as Advice
-    from readygo.services.driver.handlers import Camera as Camera
     from readygo.services.driver.handlers import Drive as Drive
     from readygo.services.driver.handlers import Expert as Expert
-    from readygo.services.driver.handlers import PolicyDriver as PolicyDriver
     from readygo.services.driver.handlers import Weigher as Weigher
     from readygo.services.driver.handlers import drive as drive
     from readygo.services.driver.handlers import driver_of as driver_of
@@ -28,10 +26,8 @@ else:
         ".handlers": (
             "AHEAD_S",
             "Advice",
-            "Camera",
             "Drive",
             "Expert",
-            "PolicyDriver",
             "Weigher",
             "drive",
             "driver_of",

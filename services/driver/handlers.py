@@ -1,21 +1,19 @@
-"""Closed loops that are recorded whoever drives and however they end, with what the expert would do at every state.
+"""Closed loops that are recorded whoever drives and however they end, with the expert's labels at every image."""
 
-Expert and camera are protocols: who puts a driver together says what stands behind them.
-"""
-
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from readygo.common.episode import EpisodeSimulation
+from readygo.common.episode.loop import Driver, DriverFailure, Observer, run_episode
 from readygo.common.episode.streams import Purpose, episode_rng
-from readygo.common.messages import Driver, EpisodeKey, RobotTrajectory
-from readygo.common.policy import Policy
-from readygo.common.robot import RobotConfig, limit_command
+from readygo.common.errors import PolicyError
+from readygo.common.messages import Driver as DriverName
+from readygo.common.messages import EpisodeKey, RobotTrajectory
+from readygo.common.robot import limit_command
 from readygo.services.driver.disturbance import Disturbance
 
 AHEAD_S = 1.0
@@ -73,68 +71,6 @@ class Weigher(Protocol):
         ...
 
 
-class Camera(Protocol):
-    """The robot's camera in one episode."""
-
-    def take(self) -> npt.NDArray[np.uint8]:
-        """The picture at the present step, sRGB, shape (H, W, 3)."""
-        ...
-
-
-class PolicyDriver:
-    """A policy in one episode: it sees every picture as late as the robot's camera is."""
-
-    def __init__(
-        self,
-        policy: Policy,
-        robot: RobotConfig,
-        image_every: int,
-        goal_image: npt.NDArray[np.uint8] | None = None,
-    ) -> None:
-        """Begin an episode.
-
-        Args:
-            policy: Who drives.
-            robot: What is driven: whose camera is so late, and which is commanded so often.
-            image_every: Steps from picture to picture. Where these are more than the camera's, the policy decides only
-                when it has a new one.
-            goal_image: What the robot would see at its goal, where the policy wants to know: sRGB, shape (H, W, 3).
-        """
-        self._policy, self._memory, self._clock = policy, policy.start(robot), robot.clock
-        self._memory.kept.goal_image = goal_image
-        self._command = (0.0, 0.0)
-        self._late_steps = self._clock.steps(robot.camera.latency_s)
-        self._image_every, self._thinned = image_every, image_every > self._clock.image_every
-        self._pictures: deque[tuple[int, npt.NDArray[np.uint8]]] = deque()
-
-    def command(self, simulation: EpisodeSimulation, picture: npt.NDArray[np.uint8] | None) -> tuple[float, float]:
-        """Command v [m/s], w [rad/s] for the next step.
-
-        Args:
-            simulation: The robot's state.
-            picture: Of the present step, if one was taken; there is one at the first.
-        """
-        previous = np.array([(simulation.v_mps, simulation.w_radps)], dtype=np.float32)
-        self._memory.advance(previous[0])
-        if picture is not None:
-            self._pictures.append((simulation.step, picture))
-        looked = self._look(simulation.step)
-        if looked or (not self._thinned and self._clock.commands(simulation.step)):
-            goal = np.array([simulation.goal_xy_robot_m], dtype=np.float32)
-            v, w = self._policy.decide([self._memory], previous, goal)[0].tolist()
-            self._command = v, w
-        return self._command
-
-    def _look(self, step: int) -> bool:
-        """See the picture that comes at a step, the first one until there is another; False where none comes."""
-        if step > 0 and (step - self._late_steps) % self._image_every:
-            return False
-        while len(self._pictures) > 1 and self._pictures[1][0] <= step - self._late_steps:
-            self._pictures.popleft()
-        self._policy.see([self._memory], self._pictures[0][1][None])
-        return True
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Drive:
     """One episode, driven."""
@@ -142,89 +78,125 @@ class Drive:
     trajectory: RobotTrajectory
     expert_commands: tuple[Commands, ...]
     """What the expert would have had the robot execute from each step on; `AHEAD_S` from the second on, none
-    where no picture was taken."""
+    where no image was taken."""
     risks: tuple[bytes, ...]
-    """What would have become of the robot under each command of the grid at each step; empty without a picture."""
+    """What would have become of the robot under each command of the grid at each step; empty without an image."""
 
 
-def driver_of(episode: EpisodeKey, mix: float) -> Driver:
+def driver_of(episode: EpisodeKey, mix: float) -> DriverName:
     """Who drives an episode of a run in which a policy drives the share `mix`: drawn from a stream of its own."""
-    return Driver.POLICY if episode_rng(episode, Purpose.DRIVER).random() < mix else Driver.EXPERT
+    return DriverName.POLICY if episode_rng(episode, Purpose.DRIVER).random() < mix else DriverName.EXPERT
 
 
 def drive(
     simulation: EpisodeSimulation,
     expert: Expert,
-    camera: Camera,
     weigher: Weigher,
-    policy: PolicyDriver | None = None,
+    driver: Driver[Any] | None = None,
     disturbance: Disturbance | None = None,
     *,
+    camera: Observer | None = None,
     image_every: int = 1,
 ) -> Drive:
-    """Drive an episode to its end; at every `image_every`-th step a picture is taken and the expert asked.
+    """Drive an episode to its end; at every `image_every`-th step the expert labels what the camera sees.
 
-    In between a policy's command is held and the expert only watches, unless it drives.
+    Between two images the expert only watches, unless it drives.
 
     Args:
         simulation: The episode at its start.
-        expert: Is asked, and drives if there is no policy.
-        camera: Takes the pictures.
+        expert: Labels, and drives if there is no other driver.
         weigher: Says what each command would lead to.
-        policy: Drives if it is there.
+        driver: Drives instead of the expert.
         disturbance: Comes between the expert and the robot, where the expert drives.
-        image_every: Steps from picture to picture.
+        camera: Takes the images.
+        image_every: Steps from image to image.
+
+    Raises:
+        PolicyError: If the driver gave up.
     """
-    log = _Log()
-    would: list[Commands] = []
-    while simulation.outcome is None:
-        picture = camera.take() if simulation.step % image_every == 0 else None
-        if picture is None and policy is not None:
-            log.watched(expert.watch(simulation))
-        else:
-            advice = expert.act(simulation)
-            would.append(executable(advice.commands, simulation))
-            log.asked(advice, *((would[-1], weigher.risks(simulation)) if picture is not None else ((), b"")))
-        if policy is not None:
-            v, w = policy.command(simulation, picture)
-        elif disturbance is not None:
-            v, w = disturbance.command(would, simulation.clock.held_for(simulation.step))
-        else:
-            v, w = would[-1][simulation.clock.held_for(simulation.step) - 1]
-        simulation.advance(v, w)
-    trajectory = simulation.trajectory(
-        human_visible=log.visible,
-        replanned=log.replanned,
-        expert_cost=log.costs,
-        replan_times_s=expert.replan_times_s,
-    )
-    return Drive(trajectory=trajectory, expert_commands=tuple(log.would), risks=tuple(log.risks))
+    labels = ExpertLabels(expert, weigher, image_every, drives=driver is None)
+    observers = [labels] if camera is None else [camera, labels]
+    run = run_episode(simulation, driver or LabelDriver(labels, disturbance), observers)
+    if run.failure:
+        raise PolicyError(f"The driver of {simulation.scenario.episode.episode_id} gave up: {run.failure}")
+    return labels.drive(simulation)
 
 
-class _Log:
-    """What the expert said at every step."""
+class ExpertLabels(Observer):
+    """What the expert would do at the states of an episode, and what every other command would lead to."""
 
-    def __init__(self) -> None:
-        self.visible: list[bool] = []
-        self.replanned: list[bool] = []
-        self.costs: list[float] = []
-        self.would: list[Commands] = []
-        self.risks: list[bytes] = []
+    def __init__(self, expert: Expert, weigher: Weigher, image_every: int, *, drives: bool) -> None:
+        """Prepare an episode.
 
-    def asked(self, advice: Advice, would: Commands, risks: bytes) -> None:
-        self._add(advice.visible, advice.replanned, advice.cost)
-        self.would.append(would)
-        self.risks.append(risks)
+        Args:
+            expert: Is asked.
+            weigher: Says what each command would lead to.
+            image_every: Steps from image to image: only there are labels and risks recorded.
+            drives: True if the expert decides at every step.
+        """
+        self._expert, self._weigher, self._image_every, self._drives = expert, weigher, image_every, drives
+        self._visible: list[bool] = []
+        self._replanned: list[bool] = []
+        self._costs: list[float] = []
+        self._labels: list[Commands] = []
+        self._risks: list[bytes] = []
+        self.commands: list[Commands] = []
+        """What the expert wanted at each step at which it decided, from there on."""
 
-    def watched(self, visible: bool) -> None:
-        self._add(visible, False, self.costs[-1])
-        self.would.append(())
-        self.risks.append(b"")
+    def step(self, simulation: EpisodeSimulation) -> None:
+        """Ask the expert."""
+        labelled = simulation.step % self._image_every == 0
+        if not (labelled or self._drives):
+            self._note(self._expert.watch(simulation), False, self._costs[-1])
+            return
+        advice = self._expert.act(simulation)
+        self.commands.append(executable(advice.commands, simulation))
+        self._note(advice.visible, advice.replanned, advice.cost)
+        if labelled:
+            self._labels[-1], self._risks[-1] = self.commands[-1], self._weigher.risks(simulation)
 
-    def _add(self, visible: bool, replanned: bool, cost: float) -> None:
-        self.visible.append(visible)
-        self.replanned.append(replanned)
-        self.costs.append(cost)
+    def drive(self, simulation: EpisodeSimulation) -> Drive:
+        """The episode, once it has ended."""
+        trajectory = simulation.trajectory(
+            human_visible=self._visible,
+            replanned=self._replanned,
+            expert_cost=self._costs,
+            replan_times_s=self._expert.replan_times_s,
+        )
+        return Drive(trajectory=trajectory, expert_commands=tuple(self._labels), risks=tuple(self._risks))
+
+    def _note(self, visible: bool, replanned: bool, cost: float) -> None:
+        self._visible.append(visible)
+        self._replanned.append(replanned)
+        self._costs.append(cost)
+        self._labels.append(())
+        self._risks.append(b"")
+
+
+class LabelDriver:
+    """The expert, driving by its labels, with or without a disturbance."""
+
+    looks = False
+
+    def __init__(self, labels: ExpertLabels, disturbance: Disturbance | None) -> None:
+        """Prepare to drive.
+
+        Args:
+            labels: Observes the episode.
+            disturbance: Comes between the expert and the robot.
+        """
+        self._labels, self._disturbance = labels, disturbance
+
+    def start(self, simulation: EpisodeSimulation) -> None:
+        """Nothing to remember: the labels do."""
+
+    def act(self, running: Sequence[tuple[EpisodeSimulation, None]]) -> list[tuple[float, float] | DriverFailure]:
+        """See `Driver.act`; of the one episode that the labels observe."""
+        ((simulation, _),) = running
+        held, commands = simulation.clock.held_for(simulation.step), self._labels.commands
+        if self._disturbance is not None:
+            return [self._disturbance.command(commands, held)]
+        return [commands[-1][held - 1]]
 
 
 def executable(commands: npt.NDArray[np.float64], simulation: EpisodeSimulation) -> Commands:

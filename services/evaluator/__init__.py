@@ -2,8 +2,8 @@
 
 from readygo.services.evaluator.categories import Category
 from readygo.services.evaluator.config import EvaluatorConfig
-from readygo.services.evaluator.drivers import EXPERT, POLICY, STRAIGHT_LINE, Driver, DriverFailure, short_name
-from readygo.services.evaluator.episodes import MatchedEpisode, Task
+from readygo.services.evaluator.drivers import EXPERT, POLICY, STRAIGHT_LINE, short_name
+from readygo.services.evaluator.episodes import MatchedEpisode, Simulate, Task
 from readygo.services.evaluator.handlers import EvaluateReply, EvaluateRequest, Evaluator, MakeDriver, handle_evaluate
 from readygo.services.evaluator.records import (
     EpisodeRecord,
@@ -14,12 +14,9 @@ from readygo.services.evaluator.records import (
     summary_table,
 )
 from readygo.services.evaluator.results import Results, is_of, open_results
-from readygo.services.evaluator.rollout import Simulate
 
 __all__ = [
     "Category",
-    "Driver",
-    "DriverFailure",
     "EXPERT",
     "EpisodeRecord",
     "EvaluateReply",

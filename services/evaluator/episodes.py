@@ -2,11 +2,11 @@
 
 import dataclasses
 import enum
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from readygo.common.bus import Bus
-from readygo.common.episode import EpisodeConfig
+from readygo.common.episode import EpisodeConfig, EpisodeSimulation
 from readygo.common.episode.grid_search import shortest_way_m
 from readygo.common.episode.robot import robot_of_episode
 from readygo.common.errors import SceneError
@@ -44,6 +44,10 @@ class MatchedEpisode:
     motions: EpisodeMotions
     shortest_m: float
     """Shortest way to the circle of success around the goal [m], people aside."""
+
+
+Simulate = Callable[[MatchedEpisode], EpisodeSimulation]
+"""Starts an episode."""
 
 
 class EpisodeSource:

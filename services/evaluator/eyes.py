@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.bus import Bus
+from readygo.common.episode.goal import goal_pose
 from readygo.common.episode.simulation import EpisodeSimulation
 from readygo.common.errors import BusError
 from readygo.common.images.names import RGB, kind_of
@@ -43,7 +44,7 @@ class Eyes:
         self._sent: set[str] = set()
         self._keys: WeakKeyDictionary[EpisodeSimulation, str] = WeakKeyDictionary()
 
-    def opens(self, simulation: EpisodeSimulation) -> bool:
+    def arrives(self, simulation: EpisodeSimulation) -> bool:
         """True if a new image comes at the episode's present step."""
         return self._clock.sees(simulation.step, self._latency_steps)
 
@@ -98,6 +99,16 @@ class Eyes:
             BusError: See `look`.
         """
         return self._reply(tuple(self._still_view(pose, simulation) for pose in xyyaw), {}).rgb
+
+    def goal_image(self, simulation: EpisodeSimulation) -> npt.NDArray[np.uint8]:
+        """What the robot would see at its goal without humans, sRGB, shape (H, W, 3).
+
+        Raises:
+            BusError: See `look`.
+        """
+        pose = goal_pose(simulation.scenario, simulation.robot_map, simulation.robot.planning_radius_m)
+        image: npt.NDArray[np.uint8] = self.look_from([pose], simulation)[0]
+        return image
 
     def _reply(self, views: tuple[RenderView, ...], known: dict[str, EpisodeMotions]) -> RenderReply:
         reply = self._ask(views, {key: motions for key, motions in known.items() if key not in self._sent})

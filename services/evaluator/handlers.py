@@ -8,6 +8,7 @@ from readygo.common.bus import Bus
 from readygo.common.camera.view import View, in_view, view_of
 from readygo.common.episode import EpisodeConfig
 from readygo.common.episode.conduct import Sees
+from readygo.common.episode.loop import Driver, run_episodes
 from readygo.common.episode.metrics import TaskSummary
 from readygo.common.episode.robot import robot_of_episode
 from readygo.common.episode.simulation import EpisodeSimulation
@@ -16,14 +17,14 @@ from readygo.common.images.names import RGB
 from readygo.common.maps import FloorMap, OccupancyMap, SightMap, sight_of_occupancy
 from readygo.common.messages import RobotTrajectory, Split, topics
 from readygo.common.policy import Policy, check_policy_camera
+from readygo.common.policy.driver import PolicyDriver
 from readygo.common.robot import Clock, RobotConfig
 from readygo.services.evaluator.config import EvaluatorConfig
-from readygo.services.evaluator.drivers import EXPERT, POLICY, STRAIGHT_LINE, Driver, PolicyDriver, StraightLineDriver
-from readygo.services.evaluator.episodes import EpisodeSource, MatchedEpisode, Task
+from readygo.services.evaluator.drivers import EXPERT, POLICY, STRAIGHT_LINE, StraightLineDriver
+from readygo.services.evaluator.episodes import EpisodeSource, MatchedEpisode, Simulate, Task
 from readygo.services.evaluator.eyes import Eyes
 from readygo.services.evaluator.records import EpisodeRecord, RecordKey, make_record, summarize_records
 from readygo.services.evaluator.results import Results
-from readygo.services.evaluator.rollout import Simulate, roll_out
 
 Report = Callable[[EpisodeRecord], None]
 MakeDriver = Callable[["Evaluator"], Driver[Any]]
@@ -242,9 +243,10 @@ def drive(
         How it did, and what the robot did, in the order in which episodes end.
     """
     lockstep = evaluator.config.lockstep if driver.looks else 1
-    for run in roll_out(episodes, driver, evaluator.simulation, lockstep=lockstep):
+    simulations = (evaluator.simulation(episode) for episode in episodes)
+    for run in run_episodes(simulations, driver, lockstep=lockstep):
         sees = _sees(evaluator, run.simulation.robot)
-        yield make_record(episodes[run.row], method, run, sees), run.simulation.trajectory()
+        yield make_record(episodes[run.row], method, run.simulation, sees, run.failure), run.simulation.trajectory()
 
 
 def _drive_here(

@@ -14,13 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.episode import EpisodeSimulation, Purpose, episode_rng
+from readygo.common.episode.loop import Command, DriverFailure
 from readygo.common.errors import PolicyError
 from readygo.common.extras import install_command
 from readygo.common.networks import LOOK_HZ
 from readygo.common.robot import RobotConfig
-from readygo.services.evaluator.drivers import DriverFailure
 from readygo.services.evaluator.eyes import Eyes
-from readygo.services.evaluator.goal_image import goal_image
 from readygo.services.evaluator.handlers import Evaluator
 
 WAYPOINT = 2
@@ -28,7 +27,7 @@ WAYPOINT = 2
 
 
 @dataclass
-class Ride:
+class NetworkState:
     """What is remembered of one episode."""
 
     goal: Any
@@ -61,33 +60,33 @@ class NetworkDriver:
             raise PolicyError(f"The method {name} needs torch; run: {install_command('train')}") from error
         return cls(load_network(name, path), evaluator.eyes())
 
-    def start(self, simulation: EpisodeSimulation) -> Ride:
+    def start(self, simulation: EpisodeSimulation) -> NetworkState:
         """Look at the goal from where the robot would arrive."""
         import torch
 
-        image = goal_image(self._eyes, simulation)
+        image = self._eyes.goal_image(simulation)
         seed = int(episode_rng(simulation.scenario.episode, Purpose.DRIVER).integers(2**31))
-        return Ride(goal=self._prepared(image), generator=torch.Generator().manual_seed(seed))
+        return NetworkState(goal=self._prepared(image), generator=torch.Generator().manual_seed(seed))
 
-    def commands(self, running: Sequence[tuple[EpisodeSimulation, Ride]]) -> list[tuple[float, float] | DriverFailure]:
-        """See `Driver.commands`."""
-        due = [(at, ride) for at, ride in running if at.step % at.clock.nearest_images(1.0 / LOOK_HZ) == 0]
+    def act(self, running: Sequence[tuple[EpisodeSimulation, NetworkState]]) -> list[Command | DriverFailure]:
+        """See `Driver.act`."""
+        due = [(at, state) for at, state in running if at.step % at.clock.nearest_images(1.0 / LOOK_HZ) == 0]
         if due:
             images = self._eyes.look([simulation for simulation, _ in due])
-            for (simulation, ride), image in zip(due, images, strict=True):
-                self._decide(ride, image, simulation.robot)
-        return [ride.command for _, ride in running]
+            for (simulation, state), image in zip(due, images, strict=True):
+                self._decide(state, image, simulation.robot)
+        return [state.command for _, state in running]
 
-    def _decide(self, ride: Ride, image: npt.NDArray[np.uint8], robot: RobotConfig) -> None:
+    def _decide(self, state: NetworkState, image: npt.NDArray[np.uint8], robot: RobotConfig) -> None:
         import torch
 
         frame, count = self._prepared(image), self._network.frames
-        ride.frames = [*(ride.frames or [frame] * (count - 1)), frame][-count:]
+        state.frames = [*(state.frames or [frame] * (count - 1)), frame][-count:]
         with torch.inference_mode():
-            places = self._network.waypoints(torch.stack(ride.frames)[None], ride.goal[None], ride.generator)
+            places = self._network.waypoints(torch.stack(state.frames)[None], state.goal[None], state.generator)
         waypoint = places[0, WAYPOINT].tolist()
         unit_m = robot.v_max_mps / LOOK_HZ
-        ride.command = steer((waypoint[0] * unit_m, waypoint[1] * unit_m, *waypoint[2:]), robot)
+        state.command = steer((waypoint[0] * unit_m, waypoint[1] * unit_m, *waypoint[2:]), robot)
 
     def _prepared(self, image: npt.NDArray[np.uint8]) -> Any:
         """An image as the networks know them, shape (3, h, w)."""

@@ -11,7 +11,7 @@ from rich import box
 from rich.table import Table
 
 from readygo.common.config import section_from_mapping
-from readygo.common.episode import Conduct
+from readygo.common.episode import Conduct, EpisodeSimulation
 from readygo.common.episode.conduct import Sees, conduct_of
 from readygo.common.episode.metrics import EpisodeResult, TaskSummary, summarize
 from readygo.common.messages import EpisodeKey, Outcome, Split
@@ -19,7 +19,6 @@ from readygo.common.messages.live import LiveEvaluation
 from readygo.services.evaluator.categories import Category, category_of
 from readygo.services.evaluator.drivers import short_name
 from readygo.services.evaluator.episodes import MatchedEpisode, Task
-from readygo.services.evaluator.rollout import Run
 
 RecordKey = tuple[Task, str, EpisodeKey]
 """Which record of an evaluation: task, method, episode."""
@@ -101,16 +100,18 @@ def record_of_mapping(mapping: Mapping[str, Any]) -> EpisodeRecord:
     )
 
 
-def make_record(episode: MatchedEpisode, method: str, run: Run, sees: Sees) -> EpisodeRecord:
+def make_record(
+    episode: MatchedEpisode, method: str, simulation: EpisodeSimulation, sees: Sees, failure: str = ""
+) -> EpisodeRecord:
     """The record of a run.
 
     Args:
         episode: What was driven through.
         method: Who drove.
-        run: How it went.
+        simulation: The episode, ended.
         sees: Whether the robot's camera shows a human.
+        failure: Why the driver gave up; empty if it did not.
     """
-    simulation = run.simulation
     trajectory = simulation.trajectory()
     conduct = conduct_of(
         simulation.path_xyyaw(0, simulation.step),
@@ -127,8 +128,8 @@ def make_record(episode: MatchedEpisode, method: str, run: Run, sees: Sees) -> E
         method=method,
         result=dataclasses.replace(result, conduct=conduct),
         human_distance_min_m=min(trajectory.human_distance_m.tolist(), default=math.inf),
-        category=category_of(simulation, conduct.contact, run.failure),
-        reason=run.failure,
+        category=category_of(simulation, conduct.contact, failure),
+        reason=failure,
     )
     # Rounded as it is kept: who goes on from a folder gets the same scores to the last digit.
     return record_of_mapping(record.to_mapping())

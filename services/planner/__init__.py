@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from readygo.services.planner.expert.handlers import handle_robot_plan as handle_robot_plan
     from readygo.services.planner.expert.interface import Decision as Decision
     from readygo.services.planner.expert.interface import Expert as Expert
+    from readygo.services.planner.expert.interface import ExpertDriver as ExpertDriver
     from readygo.services.planner.humans.config import FamilyMix as FamilyMix
     from readygo.services.planner.humans.config import HumanPlannerConfig as HumanPlannerConfig
     from readygo.services.planner.humans.handlers import HumanPlanner as HumanPlanner
@@ -29,6 +30,7 @@ else:
         ".expert.interface": (
             "Decision",
             "Expert",
+            "ExpertDriver",
         ),
         ".humans.config": (
             "FamilyMix",

@@ -1,47 +1,84 @@
-"""The pictures of an episode while it is driven."""
+"""The images of an episode while it is driven."""
+
+from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from readygo.common.episode import EpisodeSimulation
+from readygo.common.episode.goal import goal_pose
+from readygo.common.episode.loop import Observer
 from readygo.common.images.names import RGB
 from readygo.common.policy.sight import robot_sight
 from readygo.services.renderer.capture import Capture, Shot
+from readygo.services.renderer.looks import goal_view
 from readygo.services.renderer.renderer import Renderer, episode_camera, recorded_images, robot_views, view_image
 from readygo.services.renderer.samples import Picture, encode_picture
 from readygo.services.renderer.sensor.motion import Timeline
 
 
-class LiveCamera:
-    """Takes the pictures of one episode step by step: those that `episode_samples` draws of the finished trajectory."""
+class LiveCamera(Observer):
+    """Takes the images of one episode step by step: those that `episode_samples` draws of the finished trajectory.
 
-    def __init__(self, renderer: Renderer, simulation: EpisodeSimulation, sees: tuple[str, ...] = (RGB,)) -> None:
-        """Put the cameras onto the robot.
+    It is a `readygo.common.policy.driver.PolicyCamera`: a driver gets each image the robot's camera latency later.
+    """
+
+    def __init__(self, renderer: Renderer, sees: tuple[str, ...] = (RGB,), image_every: int | None = None) -> None:
+        """Prepare for one episode.
 
         Args:
             renderer: Scene, avatars and cameras.
-            simulation: The episode at its start.
-            sees: Images that who drives sees, see `readygo.common.policy.sight`.
+            sees: Images that the driver sees, see `readygo.common.policy.sight`.
+            image_every: Steps from image to image; those of the robot's camera by default.
+        """
+        self._renderer, self._sees = renderer, sees
+        self._names = tuple(dict.fromkeys((*recorded_images(renderer), *sees)))
+        clock = renderer.robot.clock
+        self.image_every = clock.image_every if image_every is None else image_every
+        """Steps from image to image."""
+        self.pictures: dict[int, Picture] = {}
+        """What was taken so far, as it is recorded, by step."""
+        self._late_steps = 0
+        self._waiting: deque[tuple[int, npt.NDArray[np.uint8]]] = deque()
+
+    def begin(self, simulation: EpisodeSimulation) -> None:
+        """Put the cameras onto the robot.
 
         Raises:
             AvatarError: If a human wears an avatar that is not loaded.
         """
-        renderer.check_avatars(simulation.motions.humans)
-        self._renderer, self._simulation, self._sees = renderer, simulation, sees
-        self._names = tuple(dict.fromkeys((*recorded_images(renderer), *sees)))
-        self.pictures: dict[int, Picture] = {}
-        """What was taken so far, as it is recorded, by step."""
+        self._renderer.check_avatars(simulation.motions.humans)
+        self._late_steps = simulation.clock.steps(simulation.robot.camera.latency_s)
 
-    def take(self) -> npt.NDArray[np.uint8]:
-        """What who drives sees at the simulation's present step, shape (H, W, C); at most once at a step."""
-        renderer, step = self._renderer, self._simulation.step
-        (views,) = robot_views(renderer, self._shots, self._names)
-        self.pictures[step] = encode_picture(views, renderer.config)
+    def step(self, simulation: EpisodeSimulation) -> None:
+        """Take an image if one is due."""
+        step = simulation.step
+        if step % self.image_every:
+            return
+        (views,) = robot_views(self._renderer, lambda capture: self._shots(capture, simulation), self._names)
+        self.pictures[step] = encode_picture(views, self._renderer.config)
         drawn = {name: view_image(views, name) for name in self._sees}
-        return robot_sight(drawn, self._sees, renderer.robot, self._simulation.scenario.episode.episode_id, step)
+        episode_id = simulation.scenario.episode.episode_id
+        self._waiting.append((step, robot_sight(drawn, self._sees, self._renderer.robot, episode_id, step)))
 
-    def _shots(self, capture: Capture) -> tuple[Shot, ...]:
-        simulation = self._simulation
+    def arrives(self, simulation: EpisodeSimulation) -> bool:
+        """True if an image reaches the driver at the present step: the first one does until there is another."""
+        return simulation.step == 0 or (simulation.step - self._late_steps) % self.image_every == 0
+
+    def look(self, simulations: Sequence[EpisodeSimulation]) -> npt.NDArray[np.uint8]:
+        """The image that reaches the driver of the one episode at the present step, shape (1, H, W, C)."""
+        (simulation,) = simulations
+        while len(self._waiting) > 1 and self._waiting[1][0] <= simulation.step - self._late_steps:
+            self._waiting.popleft()
+        return self._waiting[0][1][None]
+
+    def goal_image(self, simulation: EpisodeSimulation) -> npt.NDArray[np.uint8]:
+        """What the robot would see at its goal without humans, sRGB, shape (H, W, 3)."""
+        pose = goal_pose(simulation.scenario, simulation.robot_map, simulation.robot.planning_radius_m)
+        return goal_view(self._renderer, simulation.scenario.episode, pose)
+
+    def _shots(self, capture: Capture, simulation: EpisodeSimulation) -> tuple[Shot, ...]:
         camera = episode_camera(self._renderer, capture, simulation.scenario.episode)
         timeline = Timeline(
             xyyaw=simulation.path_xyyaw(0, simulation.step),

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from readygo.common.episode import EpisodeSimulation
+from readygo.common.episode.loop import Command, DriverFailure
 from readygo.services.evaluator.baselines.goal_field import GoalField
-from readygo.services.evaluator.drivers import DriverFailure
 
 FORWARD_M = 0.25
 TURN_RAD = math.radians(30.0)
@@ -52,8 +52,8 @@ class DiscretePlannerDriver:
         field = GoalField(simulation.robot_map, simulation.robot.planning_radius_m, (goal_x, goal_y))
         return Plan(field, Action())
 
-    def commands(self, running: Sequence[tuple[EpisodeSimulation, Plan]]) -> list[tuple[float, float] | DriverFailure]:
-        """See `Driver.commands`."""
+    def act(self, running: Sequence[tuple[EpisodeSimulation, Plan]]) -> list[Command | DriverFailure]:
+        """See `Driver.act`."""
         return [self._command(simulation, plan) for simulation, plan in running]
 
     def _command(self, simulation: EpisodeSimulation, plan: Plan) -> tuple[float, float]:

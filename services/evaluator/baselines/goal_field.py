@@ -12,7 +12,6 @@ from readygo.common.episode.grid_search import (
     UNREACHED,
     GridSearch,
     line_is_free,
-    taut_path_m,
 )
 from readygo.common.maps import OccupancyMap, clearance_m
 
@@ -78,25 +77,3 @@ class GoalField:
         i, j = self._frame.cell(*xy_m)
         rows, columns = self.clearance_m.shape
         return min(max(i, 0), rows - 1), min(max(j, 0), columns - 1)
-
-
-def arrival_yaw_rad(
-    occupancy: OccupancyMap, radius_m: float, start_xy_m: tuple[float, float], goal_xy_m: tuple[float, float]
-) -> float:
-    """Heading in which the shortest way comes to a goal [rad]; that of the straight line where there is no way.
-
-    Args:
-        occupancy: What blocks.
-        radius_m: Of the disc that moves [m].
-        start_xy_m: Where from.
-        goal_xy_m: Where to.
-    """
-    frame = occupancy.frame
-    factor = np.where(clearance_m(occupancy) > radius_m, np.uint8(FREE), np.uint8(0))
-    start, goal = frame.cell(*start_xy_m), frame.cell(*goal_xy_m)
-    factor[start] = factor[goal] = FREE
-    cells = GridSearch(factor.shape).path(factor, start, goal)
-    (ax, ay), (bx, by) = start_xy_m, goal_xy_m
-    if cells is not None and len(cells) > 1:
-        (ax, ay), (bx, by) = taut_path_m(cells, factor, frame)[-2:].tolist()
-    return math.atan2(by - ay, bx - ax)

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from readygo.common.episode import EpisodeSimulation
+from readygo.common.episode.loop import Command, DriverFailure
 from readygo.services.evaluator.baselines.goal_field import GoalField
-from readygo.services.evaluator.drivers import DriverFailure
 
 RELAXATION_S = 0.5
 """Time in which the robot takes up the velocity that it wants [s]."""
@@ -53,8 +53,8 @@ class SocialForceDriver:
         field = GoalField(simulation.robot_map, simulation.robot.planning_radius_m, (goal_x, goal_y))
         return Walk(field, simulation.human_xy_m.copy())
 
-    def commands(self, running: Sequence[tuple[EpisodeSimulation, Walk]]) -> list[tuple[float, float] | DriverFailure]:
-        """See `Driver.commands`."""
+    def act(self, running: Sequence[tuple[EpisodeSimulation, Walk]]) -> list[Command | DriverFailure]:
+        """See `Driver.act`."""
         return [self._command(simulation, walk) for simulation, walk in running]
 
     def _command(self, simulation: EpisodeSimulation, walk: Walk) -> tuple[float, float]:

@@ -21,11 +21,11 @@ import numpy.typing as npt
 
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.grid_search import FREE, GridSearch, taut_path_m
+from readygo.common.episode.loop import Command, DriverFailure
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.maps import FloorMap, GridFrame
 from readygo.common.robot import RobotConfig
 from readygo.services.evaluator.baselines.ellipsoids import Ellipsoids
-from readygo.services.evaluator.drivers import DriverFailure
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -154,8 +154,8 @@ class SplatNavDriver:
         goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
         return Way(self._splats.path_m((simulation.x_m, simulation.y_m), (goal_x, goal_y)))
 
-    def commands(self, running: Sequence[tuple[EpisodeSimulation, Way]]) -> list[tuple[float, float] | DriverFailure]:
-        """See `Driver.commands`."""
+    def act(self, running: Sequence[tuple[EpisodeSimulation, Way]]) -> list[Command | DriverFailure]:
+        """See `Driver.act`."""
         return [self._command(simulation, way) for simulation, way in running]
 
     def _command(self, simulation: EpisodeSimulation, way: Way) -> tuple[float, float] | DriverFailure:

@@ -1,9 +1,10 @@
 """Answers requests for the expert's runs (stage 3)."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from readygo.common.avatars import Avatar, FootprintModel
 from readygo.common.episode import EpisodeConfig, EpisodeSimulation
+from readygo.common.episode.loop import Observer, run_episode
 from readygo.common.episode.robot import robot_of_episode
 from readygo.common.errors import AvatarError
 from readygo.common.messages import (
@@ -19,7 +20,7 @@ from readygo.common.robot import RobotConfig
 from readygo.services.planner.expert.config import ExpertConfig
 from readygo.services.planner.expert.ground import SceneGround
 from readygo.services.planner.expert.hybrid_astar import HybridAStar
-from readygo.services.planner.expert.interface import Decision, Expert, HumanBody, decisions
+from readygo.services.planner.expert.interface import Decision, Expert, ExpertDriver, HumanBody
 from readygo.services.planner.expert.paper import PaperExpert
 from readygo.services.planner.expert.spacetime import SpaceTimeExpert
 from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch
@@ -117,23 +118,48 @@ def handle_robot_plan(planner: RobotPlanner, request: RobotPlanRequest) -> Robot
     )
 
 
+class DecisionLog(Observer):
+    """What an expert decides at every step of an episode."""
+
+    def __init__(self, expert: Expert) -> None:
+        """Prepare an episode.
+
+        Args:
+            expert: Of the episode.
+        """
+        self.expert = expert
+        self.decisions: list[Decision] = []
+        """One per step so far."""
+
+    def step(self, simulation: EpisodeSimulation) -> None:
+        """Ask the expert."""
+        self.decisions.append(self.expert.act(simulation))
+
+    def trajectory(self, simulation: EpisodeSimulation) -> RobotTrajectory:
+        """The run, once it has ended, with what the expert decided."""
+        return simulation.trajectory(
+            human_visible=[decision.visible for decision in self.decisions],
+            replanned=[decision.replanned for decision in self.decisions],
+            expert_cost=[decision.cost for decision in self.decisions],
+            replan_times_s=self.expert.replan_times_s,
+        )
+
+
 def drive(
     planner: RobotPlanner,
     scenario: Scenario,
     motions: EpisodeMotions,
-    *,
-    observe: Callable[[Decision], None] = lambda _: None,
+    observe: Callable[[Expert], Sequence[Observer]] = lambda _: (),
 ) -> RobotTrajectory:
-    """The expert's closed loop, from start to end; `observe` is told of every decision before it is executed."""
-    simulation = planner.simulation(scenario, motions)
-    expert = planner.expert(scenario, motions)
-    made = []
-    for decision in decisions(expert, simulation):
-        made.append(decision)
-        observe(decision)
-    return simulation.trajectory(
-        human_visible=[decision.visible for decision in made],
-        replanned=[decision.replanned for decision in made],
-        expert_cost=[decision.cost for decision in made],
-        replan_times_s=expert.replan_times_s,
-    )
+    """Drive the expert from start to end.
+
+    Args:
+        planner: Makes simulation and expert.
+        scenario: Start, goal and humans.
+        motions: How the humans move.
+        observe: Makes observers besides, of the expert.
+    """
+    simulation, expert = planner.simulation(scenario, motions), planner.expert(scenario, motions)
+    log = DecisionLog(expert)
+    run_episode(simulation, ExpertDriver(lambda *_: expert), [log, *observe(expert)])
+    return log.trajectory(simulation)

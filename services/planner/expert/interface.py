@@ -1,6 +1,6 @@
 """What an expert is: it looks at an episode step by step and decides on commands."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from readygo.common.avatars import Avatar, FootprintModel
 from readygo.common.episode import EpisodeSimulation
-from readygo.common.messages import HumanMotion
+from readygo.common.episode.loop import Command, DriverFailure
+from readygo.common.messages import EpisodeMotions, HumanMotion, Scenario
 from readygo.services.planner.expert.perception import PerceivedHuman
 
 Float64Array = npt.NDArray[np.float64]
@@ -61,12 +62,27 @@ class Expert(Protocol):
         ...
 
 
-def decisions(expert: Expert, simulation: EpisodeSimulation) -> Iterator[Decision]:
-    """What the expert decides until the episode ends; each decision is executed when the next one is asked for."""
-    while simulation.outcome is None:
-        decision = expert.act(simulation)
-        yield decision
-        simulation.advance(decision.v_mps, decision.w_radps)
+class ExpertDriver:
+    """Drives by an expert: it knows the map, and of humans what its settings let it."""
+
+    looks = False
+
+    def __init__(self, make_expert: Callable[[Scenario, EpisodeMotions], Expert]) -> None:
+        """Prepare to drive.
+
+        Args:
+            make_expert: Makes the expert of an episode.
+        """
+        self._make_expert = make_expert
+
+    def start(self, simulation: EpisodeSimulation) -> Expert:
+        """An expert for the episode."""
+        return self._make_expert(simulation.scenario, simulation.motions)
+
+    def act(self, running: Sequence[tuple[EpisodeSimulation, Expert]]) -> list[Command | DriverFailure]:
+        """See `Driver.act`."""
+        decisions = [expert.act(simulation) for simulation, expert in running]
+        return [(decision.v_mps, decision.w_radps) for decision in decisions]
 
 
 def expected_array(humans: Sequence[PerceivedHuman], count: int) -> Float64Array:

@@ -1,22 +1,23 @@
 """What the expert knew and intended while it, or somebody else, drove: for those who want to know why it came so."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from readygo.common.episode import EpisodeSimulation
+from readygo.common.episode.loop import Driver, Observer, run_episode
+from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeMotions, RobotTrajectory, Scenario
 from readygo.services.planner.expert.handlers import RobotPlanner, drive
-from readygo.services.planner.expert.interface import Decision
+from readygo.services.planner.expert.interface import Decision, Expert
 from readygo.services.planner.expert.perception import PerceivedHuman
 
 Float64Array = npt.NDArray[np.float64]
-Steer = Callable[[EpisodeSimulation], tuple[float, float]]
-"""Commands v [m/s], w [rad/s] for the next step of an episode; called once at every step."""
 EXPERT = "expert"
 """The driver of runs whose journal says why they went as they did."""
 
@@ -91,41 +92,71 @@ class DrivenRun:
         return gap
 
 
+class JournalKeeper(Observer):
+    """Asks the expert at every step, whoever drives, and keeps the journal."""
+
+    def __init__(self, expert: Expert) -> None:
+        """Prepare an episode.
+
+        Args:
+            expert: Of the episode.
+        """
+        self._expert = expert
+        self.journal = Journal()
+        self.visible: list[bool] = []
+        """True where a human was in view."""
+
+    def step(self, simulation: EpisodeSimulation) -> None:
+        """Add a step."""
+        decision = self._expert.act(simulation)
+        self.journal.note(decision)
+        self.visible.append(decision.visible)
+
+
 def run_with_journal(planner: RobotPlanner, scenario: Scenario, motions: EpisodeMotions) -> DrivenRun:
     """Drive the expert through a scenario, as `handle_robot_plan` does, and keep a journal.
 
     Raises:
         AvatarError: If a human's avatar is not loaded.
     """
-    journal = Journal()
-    trajectory = drive(planner, scenario, motions, observe=journal.note)
-    return DrivenRun(scenario=scenario, motions=motions, trajectory=trajectory, journal=journal)
+    keepers: list[JournalKeeper] = []
+
+    def observe(expert: Expert) -> list[JournalKeeper]:
+        keepers.append(JournalKeeper(expert))
+        return keepers
+
+    trajectory = drive(planner, scenario, motions, observe)
+    return DrivenRun(scenario=scenario, motions=motions, trajectory=trajectory, journal=keepers[0].journal)
 
 
 def run_beside_expert(
-    planner: RobotPlanner, scenario: Scenario, motions: EpisodeMotions, steer: Steer, driver: str
+    planner: RobotPlanner,
+    scenario: Scenario,
+    motions: EpisodeMotions,
+    driver: Driver[Any],
+    name: str,
+    observers: Sequence[Observer] = (),
 ) -> DrivenRun:
-    """Let somebody else drive through a scenario, and ask the expert at every step what it knows and would do.
+    """Let another driver drive through a scenario, and ask the expert at every step what it knows and would do.
 
     Args:
         planner: The expert's.
         scenario: Start, goal and humans.
         motions: How the humans move.
-        steer: Who drives.
-        driver: What to call it.
+        driver: Drives.
+        name: What to call the driver.
+        observers: Told of every state before the expert is.
 
     Raises:
         AvatarError: If a human's avatar is not loaded.
+        RunError: If the driver gave up.
     """
-    journal, visible = Journal(), []
-    simulation, expert = planner.simulation(scenario, motions), planner.expert(scenario, motions)
-    while simulation.outcome is None:
-        decision = expert.act(simulation)
-        journal.note(decision)
-        visible.append(decision.visible)
-        simulation.advance(*steer(simulation))
-    trajectory = simulation.trajectory(human_visible=visible)
-    return DrivenRun(scenario=scenario, motions=motions, trajectory=trajectory, journal=journal, driver=driver)
+    keeper = JournalKeeper(planner.expert(scenario, motions))
+    run = run_episode(planner.simulation(scenario, motions), driver, [*observers, keeper])
+    if run.failure:
+        raise RunError(f"{name} gave up in {scenario.episode.episode_id}: {run.failure}")
+    trajectory = run.simulation.trajectory(human_visible=keeper.visible)
+    return DrivenRun(scenario=scenario, motions=motions, trajectory=trajectory, journal=keeper.journal, driver=name)
 
 
 def _apart_m(a_m: Float64Array, b_m: Float64Array) -> float:

@@ -4,12 +4,13 @@ import itertools
 from collections.abc import Callable, Sequence
 
 from readygo.common.episode import EpisodeConfig, Purpose, episode_rng
+from readygo.common.episode.loop import run_episode
 from readygo.common.episode.robot import robot_of_episode
 from readygo.common.errors import ConfigError
 from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanPlanReply, HumanPlanRequest, Scenario
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
-from readygo.services.planner.expert.interface import Expert, decisions
+from readygo.services.planner.expert.interface import Expert, ExpertDriver
 from readygo.services.planner.humans.config import HumanPlannerConfig
 from readygo.services.planner.humans.reactive import ReactiveHumans, ReactiveSimulation, walked_scenario
 from readygo.services.planner.humans.sampler import IN_THE_WAY, RejectedError, ScenarioSampler
@@ -137,8 +138,7 @@ def let_react(planner: HumanPlanner, scenario: Scenario, reacts: Sequence[bool])
     drawn = [human.xy_m for human in scenario.humans]
     humans = ReactiveHumans(drawn, reacts, planner.human_map, contact_m, config, planner.config)
     simulation = ReactiveSimulation(scenario, humans, planner.maps.robot, planner.robot, config)
-    for _ in decisions(planner.make_expert(scenario, simulation.motions), simulation):
-        pass
+    run_episode(simulation, ExpertDriver(planner.make_expert))
     while not humans.at_rest and len(humans.xy_m) < round(config.time_limit_s * RATE_HZ):
         humans.advance(None)
     walked = walked_scenario(scenario, humans)

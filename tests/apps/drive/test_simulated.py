@@ -148,7 +148,7 @@ def test_policy_sees_over_the_network_what_it_sees_in_an_evaluation(evaluator, c
             np.random.default_rng(0),
         )
         over = threading.Event()
-        thread = threading.Thread(target=lambda: robot._during(run, over.is_set, move=False), daemon=True)
+        thread = threading.Thread(target=lambda: robot._stand(run, over.is_set), daemon=True)
         thread.start()
         link = connected(endpoint, RosWire(7, "drive"), topics, dry=False)
         until_s = time.monotonic() + 60.0

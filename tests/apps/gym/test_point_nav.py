@@ -21,27 +21,27 @@ def task():
 
 
 def test_what_is_gained_on_the_way_is_earned_and_success_more(task):
-    ride = task.begin(0, itertools.count())
-    first_m, earned = ride.left_m, 0.0
-    while ride.simulation.outcome is None:
-        reward, terminated, truncated = task.advance(ride, task.info(ride)["expert_command"])
+    episode = task.begin(0, itertools.count())
+    first_m, earned = episode.reward.left_m, 0.0
+    while episode.simulation.outcome is None:
+        reward, terminated, truncated = task.advance(episode, task.info(episode)["expert_command"])
         earned += reward
     assert (terminated, truncated) == (True, False)
-    assert task.info(ride)["success"]
-    assert earned == pytest.approx(first_m - ride.left_m + 10.0)
-    assert task.info(ride)["cost_collision"] == 0.0
+    assert task.info(episode)["success"]
+    assert earned == pytest.approx(first_m - episode.reward.left_m + 10.0)
+    assert task.info(episode)["cost_collision"] == 0.0
 
 
 def test_collision_ends_the_episode_and_is_a_cost(task):
     # Straight on from the first start is a wall.
-    ride = task.begin(0, itertools.count())
+    episode = task.begin(0, itertools.count())
     ended = False
     while not ended:
-        reward, terminated, truncated = task.advance(ride, (1.0, 0.0))
+        reward, terminated, truncated = task.advance(episode, (1.0, 0.0))
         ended = terminated or truncated
     assert terminated
-    assert not task.info(ride)["success"]
-    assert task.info(ride)["cost_collision"] == 1.0
+    assert not task.info(episode)["success"]
+    assert task.info(episode)["cost_collision"] == 1.0
     assert reward < -9.0
 
 
@@ -59,32 +59,32 @@ def hurried(tmp_path_factory):
 
 
 def test_time_limit_truncates_the_episode_and_earns_nothing_else(hurried):
-    ride = hurried.begin(0, itertools.count())
-    steps = [hurried.advance(ride, (0.0, 0.0)) for _ in range(15)]
+    episode = hurried.begin(0, itertools.count())
+    steps = [hurried.advance(episode, (0.0, 0.0)) for _ in range(15)]
     assert [(terminated, truncated) for _, terminated, truncated in steps] == [(False, False)] * 14 + [(False, True)]
     assert [reward for reward, _, _ in steps] == pytest.approx([-0.4 / 30] * 15)
-    info = hurried.info(ride)
+    info = hurried.info(episode)
     assert (info["outcome"], info["success"], info["cost_collision"]) == ("timeout", False, 0.0)
 
 
 def test_way_that_is_gained_earns_by_the_metre(hurried):
-    ride = hurried.begin(0, itertools.count())
-    left_m, earned = ride.left_m, []
+    episode = hurried.begin(0, itertools.count())
+    left_m, earned = episode.reward.left_m, []
     for _ in range(14):
-        reward, *_ = hurried.advance(ride, (0.5, 0.2))
-        assert reward == pytest.approx(3.0 * (left_m - ride.left_m) - 0.4 / 30)
-        left_m = ride.left_m
+        reward, *_ = hurried.advance(episode, (0.5, 0.2))
+        assert reward == pytest.approx(3.0 * (left_m - episode.reward.left_m) - 0.4 / 30)
+        left_m = episode.reward.left_m
         earned.append(reward)
     assert len({round(reward, 6) for reward in earned}) > 1
-    assert hurried.info(ride)["way_left_m"] == left_m
+    assert hurried.info(episode)["way_left_m"] == left_m
 
 
 def test_person_nearby_is_an_intrusion_and_distances_are_of_the_nearest(hurried):
-    ride = hurried.begin(0, itertools.count())
+    episode = hurried.begin(0, itertools.count())
 
     def info(*places):
         simulation = SimpleNamespace(x_m=-2.5, y_m=3.0, human_xy_m=places, contact_m=0.7, outcome=None)
-        return hurried.info(dataclasses.replace(ride, simulation=simulation))
+        return hurried.info(dataclasses.replace(episode, run=SimpleNamespace(simulation=simulation)))
 
     far = info((-2.5, 3.0 + 0.7 + PERSONAL_SPACE_M + 0.01), (9.0, 9.0))
     assert (far["cost_intrusion"], far["human_distance_m"]) == (0.0, pytest.approx(0.71 + PERSONAL_SPACE_M))
@@ -96,22 +96,22 @@ def test_person_nearby_is_an_intrusion_and_distances_are_of_the_nearest(hurried)
 
 def test_humans_of_the_settings_are_as_many_as_asked_for(hurried):
     indices = itertools.count(5)
-    rides = [hurried.begin(2, indices) for _ in range(3)]
-    assert {len(ride.simulation.human_xy_m) for ride in rides} == {2}
-    numbers = [ride.key.index for ride in rides]
+    episodes = [hurried.begin(2, indices) for _ in range(3)]
+    assert {len(episode.simulation.human_xy_m) for episode in episodes} == {2}
+    numbers = [episode.key.index for episode in episodes]
     assert numbers[0] >= 5
     assert numbers == sorted(set(numbers))
-    assert {ride.key.seed for ride in rides} == {2}
-    assert rides[0].expert is None
+    assert {episode.key.seed for episode in episodes} == {2}
+    assert episodes[0].expert is None
 
 
 def test_robots_see_together_what_they_see_alone(task):
     indices = itertools.count()
-    rides = [task.begin(0, indices) for _ in range(2)]
-    together = task.observe(rides)
+    episodes = [task.begin(0, indices) for _ in range(2)]
+    together = task.observe(episodes)
     assert together["rgb"].shape == (2, 24, 32, 3)
-    for k, ride in enumerate(rides):
-        for name, array in task.observe([ride]).items():
+    for k, episode in enumerate(episodes):
+        for name, array in task.observe([episode]).items():
             assert np.array_equal(array[0], together[name][k])
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from readygo.apps.run.custom_method import CustomDriver, custom_method
+from readygo.common.episode.loop import DriverFailure
 from readygo.common.errors import RunError
 from readygo.common.robot import RobotConfig
-from readygo.services.evaluator import DriverFailure
 
 EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "my_method.py"
 EVALUATOR = SimpleNamespace(robot=RobotConfig(), eyes=lambda: None)
@@ -48,7 +48,7 @@ class Method:
 def commands(method, steps, **settings):
     driver, simulation = CustomDriver(method, Eyes(), **settings), Simulation()
     ride = driver.start(simulation)
-    return [driver.commands([(simulation, ride)])[0] for _ in range(steps)], ride
+    return [driver.act([(simulation, ride)])[0] for _ in range(steps)], ride
 
 
 def test_method_is_given_what_the_robot_knows():
@@ -82,7 +82,7 @@ def test_episode_whose_start_fails_has_failed():
     method.start = raising
     driver = CustomDriver(method, Eyes())
     ride = driver.start(Simulation())
-    assert isinstance(driver.commands([(Simulation(), ride)])[0], DriverFailure)
+    assert isinstance(driver.act([(Simulation(), ride)])[0], DriverFailure)
 
 
 def test_method_is_found_by_module_or_by_file():

@@ -60,20 +60,22 @@ def test_senses_tell_goal_speed_and_known_humans_in_the_robots_frame(course):
     near = SimpleNamespace(x_m=-1.0, y_m=1.0, vx_mps=1.0, vy_mps=0.0, age_s=0.5)
     gone = SimpleNamespace(x_m=1.0, y_m=1.5, vx_mps=0.0, vy_mps=0.0, age_s=2.0)
     expert = SimpleNamespace(act=lambda _: SimpleNamespace(perceived=(far, near, gone)))
-    senses = Senses(SimpleNamespace(rays=lambda _: [0.0] * RAYS), pose, expert)
-    told = senses.take()
+    senses = Senses(SimpleNamespace(rays=lambda _: [0.0] * RAYS), expert)
+    senses.step(pose)
+    (told,) = senses.told
     np.testing.assert_allclose(told[:RAYS], 1.0)
     np.testing.assert_allclose(told[RAYS:][:7], [0.3, 0.4, 0.6, 0.8, math.exp(-2.5), 0.5, -0.2], rtol=1e-6)
     first, second = told[RAYS + 7 :].reshape(2, HUMAN_WIDTH)
     np.testing.assert_allclose(first, [1, 0, 0.5, 0, -1, math.exp(-2 / 1.5), 1], atol=1e-6)
     np.testing.assert_allclose(second, [1, 1, 0, 1, 0, math.exp(-4 / 1.5), 0], atol=1e-6)
-    assert senses.told == [told]
 
 
 def test_humans_that_are_not_known_are_zeros(course, episode):
     still = without_humans(episode)
     simulation, expert = course.planner.simulation(*still), course.planner.expert(*still)
-    told = Senses(course.eyes, simulation, expert).take()
+    senses = Senses(course.eyes, expert)
+    senses.step(simulation)
+    (told,) = senses.told
     assert told.shape == (WIDTH,)
     assert not told[RAYS + 7 :].any()
     assert still[0].goal_xy_m is episode[0].goal_xy_m
@@ -87,7 +89,7 @@ def test_every_output_learns_the_command_ahead_in_the_robots_units(output, small
     samples_of(learner, told, command, [0] * COMMAND_COUNT)
     assert len(learner) == 40 / EVERY
     learner.learn(200, 1e-3)
-    np.testing.assert_allclose(learner.command(None, told), command, atol=0.1)
+    np.testing.assert_allclose(learner.command(told), command, atol=0.1)
 
 
 def test_caution_leaves_the_experts_command_where_it_risks_a_human(small_batches):
@@ -96,9 +98,9 @@ def test_caution_leaves_the_experts_command_where_it_risks_a_human(small_batches
     risks = np.where(command_grid()[:, 0] > 0, HUMAN, 0).astype(np.uint8)
     samples_of(learner, told, (robot.v_max_mps, 0.0), risks)
     learner.learn(200, 1e-3)
-    assert learner.command(None, told)[0] > 0.9 * robot.v_max_mps
+    assert learner.command(told)[0] > 0.9 * robot.v_max_mps
     learner.caution = 50.0
-    assert learner.command(None, told)[0] < 0.1 * robot.v_max_mps
+    assert learner.command(told)[0] < 0.1 * robot.v_max_mps
 
 
 def test_learner_drives_and_learns_on_its_own_states(course, episode):

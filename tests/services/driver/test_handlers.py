@@ -1,22 +1,19 @@
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from readygo.common.episode import EpisodeConfig, EpisodeSimulation
+from readygo.common.episode.loop import DriverFailure, Observer
+from readygo.common.errors import PolicyError
 from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.messages import Driver, EpisodeKey, EpisodeMotions, Outcome, Scenario, Split
-from readygo.common.policy.memory import Kept
-from readygo.common.robot import CameraConfig, RobotConfig
-from readygo.services.driver import Disturbance, DriverConfig, PolicyDriver, drive, driver_of
+from readygo.common.robot import RobotConfig
+from readygo.services.driver import Disturbance, DriverConfig, drive, driver_of
 
 START_X_M = 2.0
 CALM = DriverConfig(push=0.0, late_max_s=0.0)
-
-
-def late(latency_s: float) -> RobotConfig:
-    return RobotConfig(camera=CameraConfig(latency_s=latency_s))
 
 
 class _Expert:
@@ -37,27 +34,16 @@ class _Expert:
         return True
 
 
-class _Memory:
-    """Notes what was executed."""
+class _Camera(Observer):
+    """Notes when it is told of a state at which an image is due."""
 
-    def __init__(self) -> None:
-        self.told: list[tuple[float, float]] = []
-        self.kept = Kept()
-
-    def advance(self, command: np.ndarray) -> None:
-        self.told.append(tuple(command.tolist()))
-
-
-class _Camera:
-    """Pictures whose value is the step."""
-
-    def __init__(self, simulation: EpisodeSimulation) -> None:
-        self._simulation = simulation
+    def __init__(self, image_every: int = 1) -> None:
         self.taken: list[int] = []
+        self._image_every = image_every
 
-    def take(self) -> np.ndarray:
-        self.taken.append(self._simulation.step)
-        return np.full((2, 2, 3), self._simulation.step, np.uint8)
+    def step(self, simulation: EpisodeSimulation) -> None:
+        if simulation.step % self._image_every == 0:
+            self.taken.append(simulation.step)
 
 
 class _Weigher:
@@ -67,22 +53,22 @@ class _Weigher:
         return bytes([simulation.step])
 
 
-class _Policy:
-    """Turns on the spot, and notes what it is given."""
+class _Turns:
+    """Drives: it turns on the spot, and notes when it is asked."""
 
-    def __init__(self) -> None:
-        self.given: list[tuple[int, tuple[float, float]]] = []
-        self.memory = _Memory()
+    looks = True
 
-    def start(self, robot: RobotConfig) -> _Memory:
-        return self.memory
+    def __init__(self, last: int | None = None) -> None:
+        self.asked_at: list[int] = []
+        self._last = last
 
-    def see(self, memories: list[_Memory], images: np.ndarray) -> None:
-        self.seen = int(images[0, 0, 0, 0])
+    def start(self, simulation: EpisodeSimulation) -> None:
+        return None
 
-    def decide(self, memories: list[_Memory], previous: np.ndarray, goals: np.ndarray) -> np.ndarray:
-        self.given.append((self.seen, tuple(previous[0].tolist())))
-        return np.array([[0.0, 9.0]], np.float32)
+    def act(self, running: Sequence[tuple[EpisodeSimulation, None]]) -> list[tuple[float, float] | DriverFailure]:
+        ((simulation, _),) = running
+        self.asked_at.append(simulation.step)
+        return [DriverFailure("it is dizzy") if simulation.step == self._last else (0.0, 9.0)]
 
 
 @pytest.fixture
@@ -107,8 +93,8 @@ def make_simulation() -> Callable[..., EpisodeSimulation]:
 
 def test_expert_that_drives_does_what_it_says(make_simulation: Callable[..., EpisodeSimulation]) -> None:
     simulation, expert = make_simulation(), _Expert()
-    camera = _Camera(simulation)
-    driven = drive(simulation, expert, camera, _Weigher())
+    camera = _Camera()
+    driven = drive(simulation, expert, _Weigher(), camera=camera)
     steps = list(range(len(driven.trajectory.actions)))
     assert [risks[0] for risks in driven.risks] == steps
     assert driven.trajectory.outcome is Outcome.SUCCESS
@@ -125,7 +111,7 @@ def test_robot_that_holds_commands_has_the_planned_speeds_at_the_end_of_each(
     robot = RobotConfig(control_hz=control_hz, camera_hz=30)
     for disturbance in (None, Disturbance(EpisodeKey(seed=0, split=Split.TRAIN, index=0), CALM, robot)):
         simulation = make_simulation(time_limit_s=1.0, robot=robot)
-        driven = drive(simulation, _Expert(), _Camera(simulation), _Weigher(), disturbance=disturbance)
+        driven = drive(simulation, _Expert(), _Weigher(), disturbance=disturbance)
         assert len(driven.trajectory.actions) == 30
         assert {len(commands) for commands in driven.expert_commands} == {1 + 30}
         for step in range(0, 30, held):
@@ -139,7 +125,7 @@ def test_what_the_expert_goes_on_with_is_within_the_robots_reach(
 ) -> None:
     simulation = make_simulation()
     robot = simulation.robot
-    first = np.array(drive(simulation, _Expert(), _Camera(simulation), _Weigher()).expert_commands[0])
+    first = np.array(drive(simulation, _Expert(), _Weigher()).expert_commands[0])
     assert first.shape == (1 + 20, 2)
     changes = np.abs(np.diff(np.vstack([[0.0, 0.0], first]), axis=0))
     assert changes[:, 0].max() <= robot.a_max_mps2 * 0.05 + 1e-9
@@ -151,56 +137,47 @@ def test_what_the_expert_goes_on_with_is_within_the_robots_reach(
 
 def test_collision_is_kept_with_the_advice_before_it(make_simulation: Callable[..., EpisodeSimulation]) -> None:
     simulation = make_simulation(goal_x_m=11.0)
-    driven = drive(simulation, _Expert(), _Camera(simulation), _Weigher())
+    driven = drive(simulation, _Expert(), _Weigher())
     assert driven.trajectory.outcome is Outcome.STATIC_COLLISION
     assert len(driven.expert_commands) == len(driven.trajectory.actions) > 20
 
 
-def test_policy_drives_and_the_expert_is_asked_all_the_same(make_simulation: Callable[..., EpisodeSimulation]) -> None:
-    simulation, expert, policy = make_simulation(time_limit_s=1.0), _Expert(), _Policy()
-    driven = drive(simulation, expert, _Camera(simulation), _Weigher(), PolicyDriver(policy, late(0.1), 1))
-    assert driven.trajectory.outcome is Outcome.TIMEOUT
-    assert expert.asked_at == list(range(20))
-    assert not driven.trajectory.actions[:, 0].any()
-    assert driven.expert_commands[5][0][0] > 0.0
-    # Pictures are two steps late, and the first one stands in until there is one so old.
-    assert [picture for picture, _ in policy.given[:5]] == [0, 0, 0, 1, 2]
-    assert [previous for _, previous in policy.given[1:]] == [
-        tuple(np.float32(row).tolist()) for row in driven.trajectory.actions[:-1]
-    ]
-
-
-def test_policy_is_shown_its_goal_before_it_decides() -> None:
-    policy, shown = _Policy(), np.full((2, 2, 3), 7, np.uint8)
-    PolicyDriver(policy, late(0.0), 1, shown)
-    assert policy.memory.kept.goal_image is shown
-
-
-def test_policy_holds_its_command_between_pictures_and_the_expert_watches(
+def test_expert_labels_every_state_that_another_driver_comes_to(
     make_simulation: Callable[..., EpisodeSimulation],
 ) -> None:
-    simulation, expert, policy = make_simulation(time_limit_s=1.0), _Expert(), _Policy()
-    camera = _Camera(simulation)
-    driver = PolicyDriver(policy, late(0.25), 5)
-    driven = drive(simulation, expert, camera, _Weigher(), driver, image_every=5)
+    expert, driver = _Expert(), _Turns()
+    driven = drive(make_simulation(time_limit_s=1.0), expert, _Weigher(), driver)
+    assert driven.trajectory.outcome is Outcome.TIMEOUT
+    assert expert.asked_at == driver.asked_at == list(range(20))
+    assert not driven.trajectory.actions[:, 0].any()
+    assert driven.expert_commands[5][0][0] > 0.0
+
+
+def test_expert_watches_between_images_while_another_driver_drives(
+    make_simulation: Callable[..., EpisodeSimulation],
+) -> None:
+    expert, camera, driver = _Expert(), _Camera(5), _Turns()
+    driven = drive(make_simulation(time_limit_s=1.0), expert, _Weigher(), driver, camera=camera, image_every=5)
     taken = [0, 5, 10, 15]
     assert camera.taken == expert.asked_at == taken
+    assert driver.asked_at == list(range(20))
     assert expert.watched_at == [step for step in range(20) if step % 5]
-    assert [picture for picture, _ in policy.given] == [0, 0, 5, 10]
-    executed = [tuple(np.float32(row).tolist()) for row in driven.trajectory.actions]
-    assert policy.memory.told[1:] == executed[:-1]
     assert [step for step in range(20) if driven.expert_commands[step]] == taken
     assert [step for step in range(20) if driven.risks[step]] == taken
     assert driven.trajectory.human_visible.tolist() == [step % 5 > 0 for step in range(20)]
-    # It turns ever faster: the held command is the one wanted, not what was reached.
-    assert np.all(np.diff(driven.trajectory.actions[:6, 1]) > 0)
+    assert driven.trajectory.expert_cost.tolist() == [2.5] * 20
+
+
+def test_driver_that_gives_up_is_an_error(make_simulation: Callable[..., EpisodeSimulation]) -> None:
+    with pytest.raises(PolicyError, match="gave up: it is dizzy"):
+        drive(make_simulation(time_limit_s=1.0), _Expert(), _Weigher(), _Turns(last=7))
 
 
 def test_expert_that_drives_decides_between_pictures_too(make_simulation: Callable[..., EpisodeSimulation]) -> None:
     often, seldom = (make_simulation() for _ in range(2))
-    first = drive(often, _Expert(), _Camera(often), _Weigher())
-    expert, camera = _Expert(), _Camera(seldom)
-    second = drive(seldom, expert, camera, _Weigher(), image_every=4)
+    first = drive(often, _Expert(), _Weigher())
+    expert, camera = _Expert(), _Camera(4)
+    second = drive(seldom, expert, _Weigher(), camera=camera, image_every=4)
     assert np.array_equal(first.trajectory.actions, second.trajectory.actions)
     assert expert.asked_at == list(range(seldom.step))
     assert camera.taken == list(range(0, seldom.step, 4))
@@ -212,7 +189,7 @@ def test_disturbed_expert_says_what_it_would_do_at_the_states_that_it_comes_to(
 ) -> None:
     simulation, expert = make_simulation(time_limit_s=1.0), _Expert()
     disturbance = Disturbance(simulation.scenario.episode, DriverConfig(push=2.0), simulation.robot)
-    driven = drive(simulation, expert, _Camera(simulation), _Weigher(), disturbance=disturbance)
+    driven = drive(simulation, expert, _Weigher(), disturbance=disturbance)
     assert expert.asked_at == list(range(20))
     executed = driven.trajectory.actions
     assert not np.array_equal(executed, [commands[0] for commands in driven.expert_commands])

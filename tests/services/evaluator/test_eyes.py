@@ -6,6 +6,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from readygo.common.episode.goal import goal_pose
+from readygo.common.messages import Split
 from readygo.common.policy.artifact import PolicyInputs
 from readygo.services.evaluator import (
     POLICY,
@@ -98,3 +100,15 @@ def test_views_follow_the_clock_of_a_robot_of_other_rates(make_evaluator, servic
     assert [len(view.path_xyyaw) for view in views[:5]] == [1, 1, 4, 4, 4]
     assert views[4].path_xyyaw[0] == views[3].path_xyyaw[3]
     assert views[4].path_xyyaw[3][0] == views[4].T_world_camera[0, 3]
+
+
+def test_goal_is_looked_at_from_where_the_robot_arrives(make_evaluator, services):
+    evaluator = make_evaluator()
+    (episode,), _ = evaluator.source().draw(seed=0, split=Split.TEST, count=1, tasks=(Task.STATIC,))
+    simulation = evaluator.simulation(episode)
+    image = evaluator.eyes().goal_image(simulation)
+    assert image.shape == (ROBOT.camera.height_px, ROBOT.camera.width_px, 3)
+    (view,) = services.render_requests[0].views
+    pose = goal_pose(simulation.scenario, simulation.robot_map, ROBOT.planning_radius_m)
+    assert (view.people, view.step, view.episode) == ("", 0, simulation.scenario.episode)
+    assert view.T_world_camera == pytest.approx(ROBOT.camera.T_world_camera(*pose, evaluator.floor.at(*pose[:2])))

@@ -3,6 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from readygo.common.episode.loop import DriverFailure
 from readygo.common.errors import PolicyError, RunError
 from readygo.common.messages import Outcome, Split, topics
 from readygo.common.robot import Clock, RobotConfig
@@ -11,7 +12,6 @@ from readygo.services.evaluator import (
     POLICY,
     STRAIGHT_LINE,
     Category,
-    DriverFailure,
     EvaluateRequest,
     Evaluator,
     Task,
@@ -37,8 +37,8 @@ def test_every_method_drives_the_same_episodes(make_evaluator):
 def test_episode_in_which_a_driver_fails_is_over_and_the_others_go_on(make_evaluator):
     def fails(_):
         driver = StraightLineDriver()
-        ask = driver.commands
-        driver.commands = lambda running: [
+        ask = driver.act
+        driver.act = lambda running: [
             DriverFailure("it is tired") if simulation.scenario.episode.index == 2 and simulation.step == 7 else command
             for (simulation, _), command in zip(running, ask(running), strict=True)
         ]

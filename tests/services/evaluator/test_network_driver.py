@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pytest
 
-from readygo.services.evaluator.network_driver import NetworkDriver, Ride, steer
+from readygo.services.evaluator.network_driver import NetworkDriver, NetworkState, steer
 from tests.services.evaluator.baselines.driving import drive
 from tests.services.evaluator.conftest import ROBOT
 
@@ -41,9 +41,8 @@ class Eyes:
     def look(self, simulations):
         return np.array([np.full((6, 16, 3), simulation.step, np.uint8) for simulation in simulations])
 
-    def look_from(self, poses, episode):
-        self.goal_pose = poses[0]
-        return np.full((1, 6, 16, 3), 200, np.uint8)
+    def goal_image(self, simulation):
+        return np.full((6, 16, 3), 200, np.uint8)
 
 
 def test_network_looks_four_times_a_second_at_the_latest_images_and_the_goal():
@@ -51,7 +50,6 @@ def test_network_looks_four_times_a_second_at_the_latest_images_and_the_goal():
     simulation, _ = drive(NetworkDriver(network, eyes), (1.0, 1.0, 0.0), (4.0, 1.0))
     steps = [(torch.round(frames * 0.229 * 255 + 0.485 * 255)).int().tolist() for frames, _ in network.seen]
     assert steps[:4] == [[0, 0, 0], [0, 0, 5], [0, 5, 10], [5, 10, 15]]
-    assert eyes.goal_pose == (4.0, 1.0, pytest.approx(0.0, abs=0.05))
     assert network.seen[0][1].item() == pytest.approx((200 / 255 - 0.485) / 0.229, abs=1e-4)
     # The third waypoint, 0.8 units of 0.25 m, in 0.25 s.
     assert simulation.v_mps == pytest.approx(0.8)
@@ -64,9 +62,9 @@ def test_places_are_in_units_of_the_way_of_a_quarter_second_at_full_speed():
 
     robot = dataclasses.replace(ROBOT, v_max_mps=0.85, w_max_radps=0.95)
     driver = NetworkDriver(Left(), Eyes())
-    ride = Ride(goal=torch.zeros(3, 6, 8), generator=None)
-    driver._decide(ride, np.zeros((6, 16, 3), np.uint8), robot)
-    assert ride.command == pytest.approx((0.6 * 0.85, 4 * math.atan(0.05 / 0.6)))
+    state = NetworkState(goal=torch.zeros(3, 6, 8), generator=None)
+    driver._decide(state, np.zeros((6, 16, 3), np.uint8), robot)
+    assert state.command == pytest.approx((0.6 * 0.85, 4 * math.atan(0.05 / 0.6)))
 
 
 def test_heading_counts_where_the_robot_is_already():

@@ -6,6 +6,7 @@ import pytest
 from readygo.common.avatars import Avatar
 from readygo.common.camera.depth import depth_bytes, in_range
 from readygo.common.episode import EpisodeConfig, EpisodeSimulation
+from readygo.common.episode.loop import EpisodeRun
 from readygo.common.errors import AvatarError
 from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.messages import EpisodeMotions, HumanMotion, Humans, RenderRequest, RenderView
@@ -32,11 +33,11 @@ def test_pictures_are_those_of_the_finished_trajectory(
     robot = dataclasses.replace(ROBOT, camera=camera)
     renderer = Renderer(renderer.scene, avatars, robot, config)
     simulation = _simulation(episode, robot)
-    live = LiveCamera(renderer, simulation)
-    seen = []
-    while simulation.outcome is None:
-        seen.append(live.take())
-        simulation.advance(1.0, 1.5)
+    live = LiveCamera(renderer)
+    run, seen = EpisodeRun(simulation, [live]), []
+    while not run.ended:
+        seen.append(live.look([simulation])[0])
+        run.advance((1.0, 1.5))
     scenario, motions, _ = episode
     samples = list(episode_samples(renderer, scenario, motions, simulation.trajectory()))
     assert [picture.image for picture in live.pictures.values()] == [sample.image for sample in samples]
@@ -48,13 +49,14 @@ def test_unknown_avatar_is_refused_before_anybody_drives(renderer: Renderer, epi
     scenario, _, trajectory = episode
     stranger = EpisodeMotions(humans=(dataclasses.replace(human, avatar="stranger"),))
     with pytest.raises(AvatarError, match="'stranger' is not loaded"):
-        LiveCamera(renderer, _simulation((scenario, stranger, trajectory), ROBOT))
+        EpisodeRun(_simulation((scenario, stranger, trajectory), ROBOT), [LiveCamera(renderer)])
 
 
 def test_who_sees_depths_is_shown_them_and_they_are_those_that_views_have(renderer: Renderer, episode) -> None:
     simulation = _simulation(episode, ROBOT)
-    live = LiveCamera(renderer, simulation, ("rgb", "depth"))
-    sight = live.take()
+    live = LiveCamera(renderer, ("rgb", "depth"))
+    EpisodeRun(simulation, [live])
+    sight = live.look([simulation])[0]
     camera, pose = ROBOT.camera, simulation.path_xyyaw(0, 0)[0].tolist()
     floor_m = renderer.scene.maps.floor.at(*pose[:2])
     view = RenderView(people="", step=0, T_world_camera=camera.T_world_camera(*pose, floor_m))
@@ -66,3 +68,30 @@ def test_who_sees_depths_is_shown_them_and_they_are_those_that_views_have(render
     assert np.array_equal(sight[..., 3], depth_bytes(in_range(depth_m, camera), camera))
     assert len(np.unique(sight[..., 3])) > 5
     assert live.pictures[0].outputs == {}
+
+
+@pytest.mark.parametrize(
+    ("latency_s", "image_every", "seen"),
+    [(0.0, 1, [0, 1, 2, 3, 4, 5]), (0.1, 1, [0, 0, 0, 1, 2, 3]), (0.15, 3, [0, 0, 0, 0, 0, 0, 3])],
+)
+def test_driver_gets_each_image_by_the_cameras_latency_later(
+    renderer: Renderer, episode, latency_s: float, image_every: int, seen: list[int]
+) -> None:
+    robot = dataclasses.replace(ROBOT, camera=dataclasses.replace(ROBOT.camera, latency_s=latency_s))
+    simulation = _simulation(episode, robot)
+    camera = LiveCamera(renderer, image_every=image_every)
+    run, looks, arrived = EpisodeRun(simulation, [camera]), [], []
+    for _ in seen:
+        looks.append(camera.look([simulation])[0].tobytes())
+        arrived.append(camera.arrives(simulation))
+        run.advance((1.0, 1.5))
+    drawn, of_step = LiveCamera(renderer), {}
+    instant = dataclasses.replace(ROBOT, camera=dataclasses.replace(ROBOT.camera, latency_s=0.0))
+    again = EpisodeRun(_simulation(episode, instant), [drawn])
+    for step in range(len(seen)):
+        of_step[step] = drawn.look([again.simulation])[0].tobytes()
+        again.advance((1.0, 1.5))
+    assert looks == [of_step[step] for step in seen]
+    late = simulation.clock.steps(latency_s)
+    assert arrived == [step == 0 or (step - late) % image_every == 0 for step in range(len(seen))]
+    assert sorted(camera.pictures) == [step for step in range(simulation.step + 1) if step % image_every == 0]

@@ -3,6 +3,7 @@
 import numpy as np
 
 from readygo.common.episode import EpisodeConfig, EpisodeSimulation
+from readygo.common.episode.loop import run_episode
 from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanMotion, HumanTrajectory, Motion, Scenario, Split
 from tests.services.evaluator.conftest import ROBOT, hall
 
@@ -17,9 +18,7 @@ def drive(driver, start, goal, tracks=(), occupancy=None):
     )
     motions = EpisodeMotions(humans=tuple(HumanMotion(avatar="a", motion=_upright(track)) for track in tracks))
     simulation = EpisodeSimulation(scenario, motions, occupancy or hall(), ROBOT, EpisodeConfig())
-    memory = driver.start(simulation)
-    while simulation.outcome is None:
-        simulation.advance(*driver.commands([(simulation, memory)])[0])
+    run_episode(simulation, driver)
     return simulation, simulation.path_xyyaw(0, simulation.step)
 
 

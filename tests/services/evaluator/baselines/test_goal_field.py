@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from readygo.services.evaluator.baselines.goal_field import GoalField, arrival_yaw_rad
+from readygo.services.evaluator.baselines.goal_field import GoalField
 from tests.services.evaluator.conftest import hall
 
 BEHIND_WALL = (10.0, 1.0)
@@ -22,8 +22,3 @@ def test_point_ahead_is_in_sight_and_nearer_to_the_goal():
     assert y > 1.5, "up, to the end of the wall"
     assert field.distance_m(x, y) < field.distance_m(7.0, 1.0) - 0.6
     assert field.ahead(9.9, 1.05, 1.0) == BEHIND_WALL
-
-
-def test_way_arrives_as_it_comes_around_the_corner():
-    assert arrival_yaw_rad(hall(), 0.3, (1.0, 1.0), (6.0, 1.0)) == pytest.approx(0.0, abs=0.05)
-    assert arrival_yaw_rad(hall(), 0.3, (1.0, 1.0), BEHIND_WALL) < -0.5

@@ -102,4 +102,4 @@ def test_without_a_way_the_episode_ends_with_the_reason():
     parted = splat_map(cloud(splats([(3.0, 3.0, 0.3)])), unknown=unknown)
     assert parted.path_m((1.0, 1.0), (5.0, 1.0)) is not None
     way = Way(parted.path_m((1.0, 1.0), (10.0, 1.0)))
-    assert "no safe way" in SplatNavDriver(parted).commands([(None, way)])[0].reason
+    assert "no safe way" in SplatNavDriver(parted).act([(None, way)])[0].reason

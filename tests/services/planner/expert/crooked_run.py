@@ -8,7 +8,7 @@ from readygo.common.camera import CameraConfig
 from readygo.common.episode import EpisodeConfig
 from readygo.common.robot import RobotConfig
 from readygo.services.planner import ExpertConfig, RobotPlanner
-from readygo.services.planner.expert.handlers import drive
+from readygo.services.planner.expert.handlers import DecisionLog, drive
 from tests.services.planner.runs import make_scenario
 from tests.services.planner.worlds import AVATAR_NAMES, animate, make_avatar, maps_of
 
@@ -32,6 +32,11 @@ def crooked_run(mode, *, control_hz, camera_hz, **expert):
     )
     scenario = make_scenario(*walks)
     scenario = dataclasses.replace(scenario, start_xyyaw=np.array([-1.9, 5.4, 2.5]), goal_xy_m=np.array([2.3, 5.9]))
-    made = []
-    run = drive(planner, scenario, animate(scenario), observe=made.append)
-    return run, made
+    logs = []
+
+    def observe(expert):
+        logs.append(DecisionLog(expert))
+        return logs
+
+    run = drive(planner, scenario, animate(scenario), observe)
+    return run, logs[0].decisions

@@ -2,41 +2,19 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from readygo.common.messages import Outcome
-from readygo.services.planner.expert.interface import decisions, expected_array
+from readygo.services.planner.expert.interface import ExpertDriver, expected_array
 from tests.services.planner.runs import perceived
 
 
-class Counter:
-    """A simulation that ends after three commands."""
-
-    def __init__(self):
-        self.commands = []
-
-    @property
-    def outcome(self):
-        return Outcome.TIMEOUT if len(self.commands) == 3 else None
-
-    def advance(self, v_mps, w_radps):
-        self.commands.append((v_mps, w_radps))
-
-
-def test_decision_is_executed_when_the_next_one_is_asked_for():
-    simulation = Counter()
-    expert = SimpleNamespace(act=lambda s: SimpleNamespace(v_mps=len(s.commands), w_radps=0.5))
-    made = decisions(expert, simulation)
-    assert next(made).v_mps == 0
-    assert simulation.commands == []
-    assert next(made).v_mps == 1
-    assert simulation.commands == [(0, 0.5)]
-    assert [decision.v_mps for decision in made] == [2]
-    assert len(simulation.commands) == 3
-
-
-def test_episode_that_has_ended_asks_for_nothing():
-    simulation = Counter()
-    simulation.commands = [None] * 3
-    assert list(decisions(SimpleNamespace(act=None), simulation)) == []
+def test_driver_asks_the_expert_of_each_episode():
+    experts = {name: SimpleNamespace(act=lambda s, v=v: SimpleNamespace(v_mps=v, w_radps=0.5 + s.step)) for name, v in
+               (("a", 1.0), ("b", 2.0))}  # fmt: skip
+    driver = ExpertDriver(lambda scenario, motions: experts[scenario])
+    simulations = [SimpleNamespace(scenario=name, motions=None, step=k) for k, name in enumerate("ab")]
+    states = [driver.start(simulation) for simulation in simulations]
+    assert states == [experts["a"], experts["b"]]
+    assert driver.act(list(zip(simulations, states, strict=True))) == [(1.0, 0.5), (2.0, 1.5)]
+    assert not driver.looks
 
 
 def test_humans_are_rows_of_what_is_ahead_of_them():

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from readygo.common.episode.loop import DriverFailure
+from readygo.common.errors import RunError
 from readygo.common.messages import HumanPlanRequest
 from readygo.services.planner import handle_human_plan
 from readygo.services.planner.expert.handlers import drive
@@ -76,15 +78,34 @@ def test_empty_journal_has_no_changes():
     assert Journal().changes == ()
 
 
+class Steady:
+    """Drives along an arc, and gives up where it is told to."""
+
+    looks = False
+
+    def __init__(self, steps, last=None):
+        self.steps, self.last = steps, last
+
+    def start(self, simulation):
+        return None
+
+    def act(self, running):
+        ((simulation, _),) = running
+        self.steps.append(simulation.step)
+        return [DriverFailure("it is lost") if simulation.step == self.last else (0.3, 0.1)]
+
+
+def test_driver_that_gives_up_is_an_error(human_planner, robot_planner):
+    scenario = handle_human_plan(human_planner, HumanPlanRequest(episode=key(1))).scenario
+    with pytest.raises(RunError, match=f"policy gave up in {scenario.episode.episode_id}: it is lost"):
+        run_beside_expert(robot_planner, scenario, animate(scenario), Steady([], last=3), "policy")
+
+
 def test_expert_is_asked_at_every_step_that_somebody_else_drives(human_planner, robot_planner):
     scenario = handle_human_plan(human_planner, HumanPlanRequest(episode=key(1))).scenario
     steps = []
 
-    def steer(simulation):
-        steps.append(simulation.step)
-        return 0.3, 0.1
-
-    run = run_beside_expert(robot_planner, scenario, animate(scenario), steer, "policy")
+    run = run_beside_expert(robot_planner, scenario, animate(scenario), Steady(steps), "policy")
     assert (run.driver, run.explained) == ("policy", False)
     assert steps == list(range(len(run.trajectory.xyyaw)))
     assert len(run.journal.paths_m) == len(steps)

@@ -1,0 +1,84 @@
+"""Driving by a policy, in a simulation."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.episode.loop import Command, DriverFailure
+from readygo.common.episode.simulation import EpisodeSimulation
+from readygo.common.policy.memory import PolicyMemory
+from readygo.common.policy.runtime import Policy
+
+
+class PolicyCamera(Protocol):
+    """Where a policy's images come from, with the latency of the robot's camera."""
+
+    def arrives(self, simulation: EpisodeSimulation) -> bool:
+        """True if an image reaches the policy at the present step; at the first step one does."""
+        ...
+
+    def look(self, simulations: Sequence[EpisodeSimulation]) -> npt.NDArray[np.uint8]:
+        """The images that reach the policy at the present steps, see `PolicyInputs.images`, shape (B, H, W, C)."""
+        ...
+
+    def goal_image(self, simulation: EpisodeSimulation) -> npt.NDArray[np.uint8]:
+        """What the robot would see at its goal without humans, sRGB, shape (H, W, 3)."""
+        ...
+
+
+@dataclass
+class PolicyState:
+    """What a policy's driver remembers of one episode."""
+
+    memory: PolicyMemory
+    command: Command = (0.0, 0.0)
+    """The latest decision."""
+
+
+class PolicyDriver:
+    """Drives by what a policy sees. It sees every image that arrives, however seldom it decides."""
+
+    looks = True
+
+    def __init__(self, policy: Policy, camera: PolicyCamera, hold_steps: int | None = 1) -> None:
+        """Prepare to drive.
+
+        Args:
+            policy: Decides.
+            camera: Where its images come from.
+            hold_steps: Steps from one decision to the next, a multiple of the robot's steps between commands; its
+                command is held in between. None decides when an image arrives.
+        """
+        self._policy, self._camera, self._hold_steps = policy, camera, hold_steps
+
+    def start(self, simulation: EpisodeSimulation) -> PolicyState:
+        """An empty memory, with an image of the goal if the policy wants one."""
+        state = PolicyState(self._policy.start(simulation.robot))
+        if self._policy.spec.wants_goal_image:
+            state.memory.kept.goal_image = self._camera.goal_image(simulation)
+        return state
+
+    def act(self, running: Sequence[tuple[EpisodeSimulation, PolicyState]]) -> list[Command | DriverFailure]:
+        """See `Driver.act`."""
+        simulations, states = zip(*running, strict=True)
+        previous = np.array([(s.v_mps, s.w_radps) for s in simulations], dtype=np.float32)
+        for state, command in zip(states, previous, strict=True):
+            state.memory.advance(command)
+        looking = [(simulation, state.memory) for simulation, state in running if self._camera.arrives(simulation)]
+        if looking:
+            images = self._camera.look([simulation for simulation, _ in looking])
+            self._policy.see([memory for _, memory in looking], images)
+        goals = np.array([s.goal_xy_robot_m for s in simulations], dtype=np.float32)
+        actions = self._policy.decide([state.memory for state in states], previous, goals)
+        for simulation, state, (v, w) in zip(simulations, states, actions.tolist(), strict=True):
+            if self._decides(simulation):
+                state.command = (v, w)
+        return [state.command for state in states]
+
+    def _decides(self, simulation: EpisodeSimulation) -> bool:
+        if self._hold_steps is None:
+            return self._camera.arrives(simulation)
+        return simulation.step % self._hold_steps == 0
