@@ -1,5 +1,10 @@
 """Exceptions that a user can act on; the command line prints one line of them and exits with code 2."""
 
+import os
+
+CANNOT_WORK = os.EX_CONFIG
+"""Exit code of a worker that no restart would help: its settings, its data or its disk must be mended."""
+
 
 class ReadygoError(Exception):
     """A mistake or a state that the user can mend; the message says what is wrong and what to do."""

@@ -9,7 +9,7 @@ from readygo.apps.avatar.studio import Framing, Studio, look_at
 from readygo.common.avatars import Avatar, joint_positions
 from readygo.common.maps import FloorMap, GridFrame
 from readygo.common.messages import Motion
-from readygo.services.animator import AnimatorConfig, skeleton_of, walk
+from readygo.services.animator import skeleton_of, walk
 
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.uint8]
@@ -61,7 +61,7 @@ def level_walk(avatar: Avatar, way_m: Array, speed_mps: float, *, seed: int = 0)
     frame = GridFrame(origin_x_m=-5.0, origin_y_m=-5.0, resolution_m=1.0)
     floor = FloorMap(frame=frame, height_m=np.zeros((10, 20), dtype=np.float32))
     rng = np.random.Generator(np.random.Philox(seed))
-    return walk(skeleton_of(avatar), trajectory, floor, rng, AnimatorConfig())
+    return walk(skeleton_of(avatar), trajectory, floor, rng)
 
 
 def _smoothed(xy: Array) -> Array:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from readygo.apps.capture.truth import Truth
 from readygo.common.errors import SceneError
-from readygo.services.reconstructor.metric.similarity import Similarity, umeyama
+from readygo.services.reconstructor.similarity import Similarity, umeyama
 
 Floats = npt.NDArray[np.float64]
 

@@ -16,11 +16,14 @@ from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.errors import ConfigError
 from readygo.common.files import write_whole
-from readygo.services.reconstructor.config import FramesConfig, MetricConfig, PosesConfig, ReconstructorConfig
+from readygo.services.reconstructor.config import ReconstructorConfig
+from readygo.services.reconstructor.frames.config import FramesConfig
 from readygo.services.reconstructor.handlers import find_poses
 from readygo.services.reconstructor.job import PICTURE_FILE, POSE_STAGES, POSED
 from readygo.services.reconstructor.marker_sheet import marker_pdf
+from readygo.services.reconstructor.metric.config import MetricConfig
 from readygo.services.reconstructor.metric.markers import DEFAULT_DICTIONARY
+from readygo.services.reconstructor.poses.config import PosesConfig
 from readygo.services.reconstructor.reconstruct import GAUSSIANS, STAGES, Job, reconstruct
 from readygo.services.reconstructor.stages import StageProgress
 from readygo.services.reconstructor.training.config import Device, GaussiansConfig, Preset

@@ -7,12 +7,12 @@ from typing import Any
 
 from rich.table import Table
 
-from readygo.apps.pictures.scene_findings import findings_map
 from readygo.apps.pictures.scene_maps import scene_pictures
 from readygo.apps.pictures.scene_survey import survey_picture
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.terminal import PlainConsole
 from readygo.apps.views.pictures import clarity_map, views_sheet
+from readygo.apps.views.scene_findings import findings_map
 from readygo.apps.views.views import SceneViews, scene_views, warnings
 from readygo.common.drawing.files import Picture, write_png
 from readygo.common.errors import NoGroundError, ReadygoError, SceneError

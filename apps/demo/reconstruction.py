@@ -31,7 +31,9 @@ from readygo.common.messages import Split
 from readygo.common.scenes import Scene, load_scene
 from readygo.common.scenes.scene import REPORT_FILE
 from readygo.common.scenes.top_view import top_view
-from readygo.services.reconstructor.config import MetricConfig, PosesConfig, ReconstructorConfig
+from readygo.services.reconstructor.config import ReconstructorConfig
+from readygo.services.reconstructor.metric.config import MetricConfig
+from readygo.services.reconstructor.poses.config import PosesConfig
 from readygo.services.reconstructor.reconstruct import GAUSSIANS, Job, check_installed, reconstruct
 from readygo.services.reconstructor.stages import Say
 from readygo.services.reconstructor.training.config import GaussiansConfig, preset

@@ -1,7 +1,6 @@
 """A fleet on this machine: one process per worker, supervised and restarted."""
 
 import logging
-import os
 import signal
 import subprocess
 import time
@@ -16,12 +15,10 @@ from readygo.apps.observe.logs import message_of
 from readygo.apps.observe.settings import NOTHING, Observing
 from readygo.common.bus.identity import COORDINATOR, RECORDER
 from readygo.common.dataset.places import shard_folders
-from readygo.common.errors import RunError
+from readygo.common.errors import CANNOT_WORK, RunError
 
 log = logging.getLogger(__name__)
 
-CANNOT_WORK = os.EX_CONFIG
-"""Exit code of a worker that no new start would help: its settings, its data or its disk must be mended."""
 RESTARTS_MAX = 10
 """A worker that dies more often than this within `RESTARTS_S` ends the run."""
 RESTARTS_S = 3600.0

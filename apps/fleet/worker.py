@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from readygo.apps.cli import USER_MISTAKE
 from readygo.apps.fleet.access import join_in_time
-from readygo.apps.fleet.fleet import CANNOT_WORK
 from readygo.apps.fleet.process import LATE_S, keep_the_heap_small, stop_signal, watch_thread
 from readygo.apps.fleet.runs import ANY_RUN, Runs
 from readygo.apps.fleet.several import record_for, work_for
@@ -35,7 +34,7 @@ from readygo.common.bus.identity import ALL, COORDINATOR, RECORDER, TRAINER
 from readygo.common.bus.zenoh_bus import ZenohBus
 from readygo.common.dataset.provenance import Provenance
 from readygo.common.dataset.writer import is_shard_of
-from readygo.common.errors import BusError, ReadygoError, RunError
+from readygo.common.errors import CANNOT_WORK, BusError, ReadygoError, RunError
 from readygo.common.fleet import Worker, pull
 from readygo.common.messages import RunSpecRequest, topics
 from readygo.common.messages.reconstruction import RECONSTRUCTOR

@@ -17,7 +17,7 @@ from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.errors import ConfigError
 from readygo.common.frames import yup_from_zup
 from readygo.common.maps.grid import FloorMap
-from readygo.services.animator import AnimatorConfig, measure, skeleton_of, walk
+from readygo.services.animator import measure, skeleton_of, walk
 from readygo.services.animator.gait.curves import stride_rate
 from readygo.services.animator.gait.quality import cadence_per_min, heights_above, joints_of, sole_points
 from readygo.services.animator.priormdm.features import (
@@ -106,8 +106,7 @@ def _print(gates: list[Gate], name: str, mocap_note: str) -> None:
 
 def quality(avatar: Avatar, xy: Array, ground: FloorMap, style: float) -> dict[str, float]:
     """Quality of one motion."""
-    config = AnimatorConfig(style_variation=style)
-    motion = walk(skeleton_of(avatar), xy, ground, np.random.default_rng(0), config)
+    motion = walk(skeleton_of(avatar), xy, ground, np.random.default_rng(0), style)
     return dataclasses.asdict(measure(motion, avatar, ground, xy))
 
 
@@ -140,8 +139,8 @@ def path_gates(avatar: Avatar, style: float) -> Iterator[Gate]:
 
 def steady(avatar: Avatar, speed_mps: float) -> tuple[float, float, float]:
     """Cadence per minute, step length [m] and pelvis oscillation [m] of a steady straight walk."""
-    config, duration_s = AnimatorConfig(style_variation=0.0), 12.0
-    motion = walk(skeleton_of(avatar), line(speed_mps, duration_s), FLOORS["flat"], np.random.default_rng(0), config)
+    duration_s = 12.0
+    motion = walk(skeleton_of(avatar), line(speed_mps, duration_s), FLOORS["flat"], np.random.default_rng(0), 0.0)
     rows = slice(60, 220)
     middle = dataclasses.replace(motion, root_m=motion.root_m[rows], pose_axis_angle=motion.pose_axis_angle[rows])
     cadence = cadence_per_min(middle, avatar)
@@ -162,8 +161,7 @@ def steady_gates(avatar: Avatar) -> Iterator[Gate]:
 
 def flight_share(avatar: Avatar, speed_mps: float) -> float:
     """Share of a steady run in which no foot is on the floor."""
-    config = AnimatorConfig(style_variation=0.0)
-    motion = walk(skeleton_of(avatar), line(speed_mps), FLOORS["flat"], np.random.default_rng(0), config)
+    motion = walk(skeleton_of(avatar), line(speed_mps), FLOORS["flat"], np.random.default_rng(0), 0.0)
     heights = heights_above(sole_points(*joints_of(motion, avatar), skeleton_of(avatar)), FLOORS["flat"])
     share: float = np.mean(heights[60:160].min(axis=(1, 2)) > FLIGHT_M)
     return float(share)
@@ -193,7 +191,7 @@ def run_gates(avatar: Avatar, style: float) -> Iterator[Gate]:
 
 def feature_gates(avatar: Avatar) -> Iterator[Gate]:
     """HumanML3D's features of our motions and paths give them back."""
-    motion = walk(skeleton_of(avatar), s_curve(1.2), FLOORS["flat"], np.random.default_rng(0), AnimatorConfig())
+    motion = walk(skeleton_of(avatar), s_curve(1.2), FLOORS["flat"], np.random.default_rng(0))
     joints = yup_from_zup(joints_of(motion, avatar)[1])[:, :22]
     features, start = encode(joints)
     error_m = float(np.abs(decode_joints(features, start) - joints[:-1]).max())
@@ -217,10 +215,10 @@ def mocap_gates(avatar: Avatar, folder: Path) -> Iterator[Gate]:
 
 def cost_ms(avatar: Avatar, repetitions: int = 15) -> float:
     """CPU time of a motion of 10 s [ms], median; nothing is compiled meanwhile."""
-    skeleton, config, xy = skeleton_of(avatar), AnimatorConfig(), s_curve(1.2)
+    skeleton, xy = skeleton_of(avatar), s_curve(1.2)
     spent = []
     for seed in range(repetitions + 1):
         start = time.thread_time()
-        walk(skeleton, xy, FLOORS["flat"], np.random.default_rng(seed), config)
+        walk(skeleton, xy, FLOORS["flat"], np.random.default_rng(seed))
         spent.append(time.thread_time() - start)
     return float(np.median(spent[1:])) * 1e3

@@ -10,7 +10,7 @@ from readygo.benchmarks.motion.cmu import RATE_HZ
 from readygo.benchmarks.motion.gait_curves import RUNS, WALKS, derive, load_clip
 from readygo.benchmarks.motion.paths import floor, line
 from readygo.common.avatars import Avatar
-from readygo.services.animator import AnimatorConfig, skeleton_of, walk
+from readygo.services.animator import skeleton_of, walk
 from readygo.services.animator.gait.curves import Curves, curves_of
 from readygo.services.animator.gait.quality import joints_of
 
@@ -72,8 +72,7 @@ def steady_joints(avatar: Avatar, speed: float, curves: Curves | None = None) ->
     """
     skeleton = skeleton_of(avatar)
     xy = line(speed * np.sqrt(skeleton.size), 13.0)
-    config = AnimatorConfig(style_variation=0.0)
-    motion = walk(skeleton, xy, floor(half_m=30.0), np.random.default_rng(0), config, curves)
+    motion = walk(skeleton, xy, floor(half_m=30.0), np.random.default_rng(0), 0.0, curves)
     return joints_of(motion, avatar)[1][STEADY]
 
 

@@ -18,7 +18,7 @@ from readygo.benchmarks.motion.cmu import Array, joints_20hz
 from readygo.benchmarks.motion.paths import circle, floor, s_curve, stop_and_go
 from readygo.common.avatars import load_avatars
 from readygo.common.frames import yup_from_zup
-from readygo.services.animator import AnimatorConfig, skeleton_of, walk
+from readygo.services.animator import skeleton_of, walk
 from readygo.services.animator.gait.quality import joints_of
 from readygo.services.animator.smpl.fit import PARENTS, fit_rotations, pose_of
 from readygo.services.animator.smpl.fit_math import SMALL
@@ -86,7 +86,7 @@ def main() -> None:
     skeleton = skeleton_of(avatar)
     results = {}
     for name, path in PATHS.items():
-        motion = walk(skeleton, path(1.2), floor(), np.random.default_rng(0), AnimatorConfig())
+        motion = walk(skeleton, path(1.2), floor(), np.random.default_rng(0))
         P = joints_of(motion, avatar)[1][:, :22]
         results[f"gait {name}"] = fit_row(yup_from_zup(P), skeleton.offsets_m)
     for clip in sorted(options.cmu.glob("*.amc")) if options.cmu else []:

@@ -24,7 +24,7 @@ from readygo.common.rasterizer.packed.scene import PackedScene, load_or_pack
 from readygo.common.robot import CameraConfig
 from readygo.common.robot.kinematics import DT_S
 from readygo.common.scenes import Scene
-from readygo.services.animator import AnimatorConfig, skeleton_of, walk
+from readygo.services.animator import skeleton_of, walk
 from readygo.services.renderer.drawing import pack_folder, static_clouds
 
 TURN_RAD = 0.01
@@ -198,7 +198,7 @@ def walk_motion(avatar: Avatar, path: Path | None, seed: int) -> Motion:
     heading = 0.9 * np.sin(0.9 * 1.2 * DT_S * np.arange(200))
     steps = np.stack([np.cos(heading), np.sin(heading)], axis=1) * 0.06
     floor = synthetic_room.room_maps()[1]
-    return walk(skeleton_of(avatar), np.cumsum(steps, axis=0), floor, np.random.default_rng(seed), AnimatorConfig())
+    return walk(skeleton_of(avatar), np.cumsum(steps, axis=0), floor, np.random.default_rng(seed))
 
 
 def with_gaussian_count(avatar: Avatar, count: int, seed: int = 0) -> Avatar:

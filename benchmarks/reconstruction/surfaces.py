@@ -31,7 +31,7 @@ from readygo.common.maps.occupancy import OccupancyMap
 from readygo.common.rasterizer.interface import View
 from readygo.common.scenes import Scene, load_scene
 from readygo.common.scenes.filmed import FILMED_MIN
-from readygo.services.reconstructor.metric.similarity import Similarity, umeyama
+from readygo.services.reconstructor.similarity import Similarity, umeyama
 from readygo.services.renderer import RendererConfig
 from readygo.services.renderer.capture import pinhole_of
 from readygo.services.renderer.drawing import make_drawing

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars.avatar import Avatar
+from readygo.common.gaussians.irradiance import HARMONICS, add_radiance, irradiance_matrix
 from readygo.common.gaussians.spherical_harmonics import rgb_of_sh, sh_of_rgb
-from readygo.common.lighting.irradiance import HARMONICS, add_radiance, irradiance_matrix
 
 BODY_PARTS = {
     "head": (12, 15),

@@ -18,8 +18,8 @@ import numpy.typing as npt
 from readygo.common.arrays import load_npz
 from readygo.common.errors import ReadygoError, SceneError
 from readygo.common.files import unfinished
+from readygo.common.gaussians.irradiance import HARMONICS, add_radiance, irradiance_matrix
 from readygo.common.kernels import compiled
-from readygo.common.lighting.irradiance import HARMONICS, add_radiance, irradiance_matrix
 from readygo.common.maps import FloorMap, GridFrame, OccupancyMap, clearance_m
 from readygo.common.maps.fill import fill_smoothly
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from readygo.common.episode.loop import Command, DriverFailure
 from readygo.common.episode.simulation import EpisodeSimulation
 from readygo.common.policy.memory import PolicyMemory
-from readygo.common.policy.runtime import Policy
+from readygo.common.policy.policy import Policy
 
 
 class PolicyCamera(Protocol):

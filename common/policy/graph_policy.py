@@ -10,7 +10,7 @@ from readygo.common.errors import PolicyError
 from readygo.common.policy.artifact import PolicySpec
 from readygo.common.policy.graph import Given, GraphSpec, Port
 from readygo.common.policy.memory import PolicyMemory
-from readygo.common.policy.runtime import Policy
+from readygo.common.policy.policy import Policy
 from readygo.common.policy.sight import channels_by_image
 from readygo.common.policy.traits import LIMITS_AT
 
@@ -36,15 +36,16 @@ class GraphPolicy(Policy):
         Raises:
             PolicyError: If the graph has other inputs or outputs than `policy.toml` says.
         """
-        super().__init__(spec, None, None)
+        super().__init__(spec)
         assert spec.graph is not None
         self._graph: GraphSpec = spec.graph
         self._session = session
         self._ports = _ports(self._graph, session)
         self._frame_channels = channels_by_image(spec.inputs.images)
 
-    def _kept_of(self, images: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
-        self._check_images(images, 1)
+    def remembered_image(self, images: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+        """The images themselves."""
+        self.check_images(images)
         return images
 
     def decide(

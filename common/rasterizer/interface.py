@@ -29,7 +29,7 @@ class PosedHuman:
     pose_axis_angle: npt.NDArray[np.floating]
     """Joint rotations [rad] as in `Motion`, shape (24, 3)."""
     light: npt.NDArray[np.float64] | None = None
-    """Light that falls on them, as in `readygo.common.lighting.irradiance.irradiance_matrix`, shape (3, 4, 4); None
+    """Light that falls on them, as in `readygo.common.gaussians.irradiance.irradiance_matrix`, shape (3, 4, 4); None
     draws them in the avatar's own colours."""
     ground_m: float = 0.0
     """World z of the ground below them [m]; matters where `lead_m` is not 0."""

@@ -10,9 +10,9 @@ import numpy.typing as npt
 from readygo.common.avatars import Avatar, pose_avatar
 from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import GaussianCloud, concatenate, sh_basis
+from readygo.common.gaussians.irradiance import irradiance
 from readygo.common.gaussians.spherical_harmonics import SH_C0
 from readygo.common.images.images import Images, empty_images
-from readygo.common.lighting.irradiance import irradiance
 from readygo.common.rasterizer.constants import (
     ALPHA_MAX,
     ALPHA_MIN,

@@ -64,7 +64,7 @@ def _motion_source(config: AnimatorConfig) -> MotionSource:
                 f'source "priormdm" needs {error.name}: set source = "gait", or run: {install_command("train")}'
             ) from error
         return PriorMdm.load(config.priormdm).walk
-    return lambda skeleton, xy_m, floor, rng: walk(skeleton, xy_m, floor, rng, config)
+    return lambda skeleton, xy_m, floor, rng: walk(skeleton, xy_m, floor, rng, config.style_variation)
 
 
 def check_free(obstacles: OccupancyMap, xy_m: npt.NDArray[np.float64]) -> None:

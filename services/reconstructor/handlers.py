@@ -15,7 +15,7 @@ from readygo.common.config import section_to_mapping
 from readygo.common.documents import read_json
 from readygo.common.drawing.files import write_png
 from readygo.common.errors import ConfigError, SceneError
-from readygo.services.reconstructor.config import MetricConfig, ReconstructorConfig
+from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.drawing import draw_map
 from readygo.services.reconstructor.frames.photos import prepare_photos
 from readygo.services.reconstructor.frames.video import extract_frames
@@ -36,6 +36,7 @@ from readygo.services.reconstructor.job import (
     open_source,
 )
 from readygo.services.reconstructor.mapping import make_map
+from readygo.services.reconstructor.metric.config import MetricConfig
 from readygo.services.reconstructor.metric.drift import drift, images_to_look_at
 from readygo.services.reconstructor.metric.lengths import KnownLength, in_used_images, parse_length
 from readygo.services.reconstructor.metric.markers import (

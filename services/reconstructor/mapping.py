@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from readygo.common.errors import SceneError
-from readygo.services.reconstructor.config import PosesConfig, ReconstructorConfig
+from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.job import DATABASE_FILE, FRAMES, MATCHES, Source, in_order
 from readygo.services.reconstructor.metric.markers import MarkerSighting
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.poses import colmap
 from readygo.services.reconstructor.poses.apart import apart
+from readygo.services.reconstructor.poses.config import PosesConfig
 from readygo.services.reconstructor.poses.joining import placed_by_markers
 from readygo.services.reconstructor.poses.squares import adjusted_by_squares
 from readygo.services.reconstructor.poses.verdict import ADVICE, DOUBTFUL_POINTS, Verdict, disagreement, judge, refusal

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from readygo.services.reconstructor.metric.similarity import Similarity
+from readygo.services.reconstructor.similarity import Similarity
 
 Array = npt.NDArray[np.float64]
 

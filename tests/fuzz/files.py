@@ -23,8 +23,8 @@ from readygo.common.images.encoded import decode_image
 from readygo.common.maps.grid import GridFrame, OccupancyMap
 from readygo.common.maps.movingai import load_movingai_map
 from readygo.common.maps.ros_map import load_ros_map, load_unknown_cells, save_ros_map
+from readygo.common.policy import load_policy
 from readygo.common.policy.artifact import load_spec
-from readygo.common.policy.runtime import load_policy
 from readygo.common.rasterizer.packed.scene import load_packed, pack_cloud, save_packed
 from readygo.common.scenes import load_scene
 from readygo.common.scenes.manifest import toml_text

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars import Avatar, joint_transforms
+from readygo.common.gaussians.irradiance import turned
 from readygo.common.images.images import Images, empty_images
-from readygo.common.lighting.irradiance import turned
 from readygo.common.rasterizer.cpu import blend as cpu_blend
 from readygo.common.rasterizer.cpu.lod_cull import COARSENESS, Cut, cull_human_tree, cull_tree
 from readygo.common.rasterizer.cpu.outputs import Sums, instance_of_records, write_images

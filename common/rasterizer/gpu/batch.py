@@ -11,7 +11,7 @@ from readygo.common.rasterizer.interface import View
 
 OWN_COLOURS = np.zeros((3, 4, 4))
 OWN_COLOURS[:, 3, 3] = 1.0
-"""Light of 1 from everywhere, as in `readygo.common.lighting.irradiance.irradiance_matrix`."""
+"""Light of 1 from everywhere, as in `readygo.common.gaussians.irradiance.irradiance_matrix`."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

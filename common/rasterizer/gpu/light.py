@@ -1,4 +1,4 @@
-"""Light on humans with torch; what it is made of: `readygo.common.lighting.irradiance`."""
+"""Light on humans with torch; what it is made of: `readygo.common.gaussians.irradiance`."""
 
 import torch
 from torch import Tensor
@@ -25,7 +25,7 @@ def gains(light: Tensor, normals: Tensor) -> Tensor:
 
 
 def turned_terms(light: Tensor, R: Tensor) -> Tensor:
-    """Terms of quadratic forms in a turned frame, as `readygo.common.lighting.irradiance.turned` writes them.
+    """Terms of quadratic forms in a turned frame, as `readygo.common.gaussians.irradiance.turned` writes them.
 
     Args:
         light: Shape (..., 3, 4, 4).

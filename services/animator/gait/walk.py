@@ -14,7 +14,6 @@ from readygo.common.frames import zup_from_yup
 from readygo.common.maps.grid import FloorMap
 from readygo.common.messages import Motion
 from readygo.common.robot.kinematics import DT_S
-from readygo.services.animator.config import AnimatorConfig
 from readygo.services.animator.gait.body import drive_of, pelvis_path, pelvis_rotations, pose_frames
 from readygo.services.animator.gait.curves import Curves, default_curves, stride_rate
 from readygo.services.animator.gait.feet import Feet, pose_foot
@@ -54,7 +53,7 @@ def walk(
     trajectory_xy_m: npt.NDArray[np.float64],
     floor: FloorMap,
     rng: np.random.Generator,
-    config: AnimatorConfig,
+    style_variation: float = 1.0,
     curves: Curves | None = None,
 ) -> Motion:
     """A person who walks along a trajectory and then stands.
@@ -65,7 +64,7 @@ def walk(
             than 0.3 m/s begins in mid-gait, a slower one from a stand.
         floor: Height of the local floor.
         rng: Source of the person's style.
-        config: Variation of styles.
+        style_variation: How much people differ, see `AnimatorConfig`: 0 (all alike) to 1.
         curves: How people walk; those of the package if None.
 
     Returns:
@@ -79,7 +78,7 @@ def walk(
     check_trajectory(xy)
     if len(xy) == 1:
         xy = np.repeat(xy, round(STAND_S / DT_S), axis=0)
-    style = draw_style(rng, config.style_variation, skeleton.size)
+    style = draw_style(rng, style_variation, skeleton.size)
     x, z, lead = extend(xy, style, 1.0 / float(stride_rate(1.2, skeleton.size, 0.0)), SETTLE_MAX_S)
     grid = floor.frame
     heights = np.array(floor.height_m, order="C")  # a copy: arrays out of messages are read-only, another type

@@ -11,7 +11,7 @@ import numpy as np
 
 from readygo.common.errors import SceneError
 from readygo.common.images.encoded import read_pixels
-from readygo.services.reconstructor.config import FramesConfig
+from readygo.services.reconstructor.frames.config import FramesConfig
 from readygo.services.reconstructor.frames.exif import focal_of_35mm, read_exif
 from readygo.services.reconstructor.frames.video import shrunk, write_jpeg
 

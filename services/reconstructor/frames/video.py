@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.errors import SceneError
-from readygo.services.reconstructor.config import FramesConfig
+from readygo.services.reconstructor.frames.config import FramesConfig
 from readygo.services.reconstructor.frames.select import FrameScores, choose_frames, motion, sharpness, small_grey
 
 FRAMES_MIN = 10

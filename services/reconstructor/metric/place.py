@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.errors import ConfigError, SceneError
-from readygo.services.reconstructor.config import MetricConfig
+from readygo.services.reconstructor.metric.config import MetricConfig
 from readygo.services.reconstructor.metric.lengths import KnownLength, measured_length
 from readygo.services.reconstructor.metric.markers import MarkerSighting
 from readygo.services.reconstructor.metric.scale import (
@@ -19,7 +19,6 @@ from readygo.services.reconstructor.metric.scale import (
     measure_marker,
     scale_of_markers,
 )
-from readygo.services.reconstructor.metric.similarity import Similarity
 from readygo.services.reconstructor.metric.up import (
     FLOOR_MARKER_MAX_DEG,
     Floor,
@@ -29,6 +28,7 @@ from readygo.services.reconstructor.metric.up import (
     world_from_map,
 )
 from readygo.services.reconstructor.posed import PosedImages
+from readygo.services.reconstructor.similarity import Similarity
 
 Array = npt.NDArray[np.float64]
 

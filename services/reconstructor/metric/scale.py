@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from readygo.common.errors import SceneError
 from readygo.services.reconstructor.metric.markers import MarkerSighting
-from readygo.services.reconstructor.metric.similarity import Similarity, umeyama
 from readygo.services.reconstructor.metric.triangulate import triangulate
 from readygo.services.reconstructor.posed import PosedImages
+from readygo.services.reconstructor.similarity import Similarity, umeyama
 
 Array = npt.NDArray[np.float64]
 

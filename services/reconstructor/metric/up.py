@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from readygo.services.reconstructor.metric.similarity import Similarity
 from readygo.services.reconstructor.posed import PosedImages
+from readygo.services.reconstructor.similarity import Similarity
 
 Array = npt.NDArray[np.float64]
 

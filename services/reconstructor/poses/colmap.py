@@ -14,10 +14,10 @@ import numpy.typing as npt
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.errors import ConfigError, RunError, SceneError
 from readygo.common.extras import install_command
-from readygo.services.reconstructor.config import PosesConfig
-from readygo.services.reconstructor.metric.similarity import Similarity
 from readygo.services.reconstructor.posed import PosedImages
+from readygo.services.reconstructor.poses.config import PosesConfig
 from readygo.services.reconstructor.poses.tags import tag_matches
+from readygo.services.reconstructor.similarity import Similarity
 
 Array = npt.NDArray[np.float64]
 Poses = Mapping[str, Array]

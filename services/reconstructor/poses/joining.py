@@ -8,9 +8,9 @@ import numpy.typing as npt
 
 from readygo.services.reconstructor.metric.markers import MarkerSighting
 from readygo.services.reconstructor.metric.scale import square_corners_m
-from readygo.services.reconstructor.metric.similarity import Similarity, umeyama
 from readygo.services.reconstructor.metric.triangulate import triangulate
 from readygo.services.reconstructor.posed import PosedImages
+from readygo.services.reconstructor.similarity import Similarity, umeyama
 
 Array = npt.NDArray[np.float64]
 Corners = dict[int, Array]

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from readygo.services.reconstructor.metric.markers import MarkerSighting
 from readygo.services.reconstructor.metric.scale import square_corners_m
-from readygo.services.reconstructor.metric.similarity import umeyama
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.poses.joining import marker_corners
+from readygo.services.reconstructor.similarity import umeyama
 
 Array = npt.NDArray[np.float64]
 _ERROR_PX = 1.0

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from readygo.services.reconstructor.metric.similarity import umeyama
 from readygo.services.reconstructor.posed import PosedImages
+from readygo.services.reconstructor.similarity import umeyama
 
 _REPROJECTION_MAX_PX = 2.0
 _POINTS_MIN = 30

@@ -11,10 +11,10 @@ import numpy.typing as npt
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.errors import SceneError
 from readygo.common.images.encoded import read_pixels
-from readygo.services.reconstructor.config import PosesConfig
-from readygo.services.reconstructor.metric.similarity import Similarity
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.poses import colmap
+from readygo.services.reconstructor.poses.config import PosesConfig
+from readygo.services.reconstructor.similarity import Similarity
 
 KEPT_BYTES = 2 << 30
 """Photos that need more than this are read from disk each time that they are used."""

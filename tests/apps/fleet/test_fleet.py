@@ -10,8 +10,8 @@ from types import SimpleNamespace
 import pytest
 
 from readygo.apps.fleet import fleet as supervision
-from readygo.apps.fleet.fleet import CANNOT_WORK, RESTARTS_MAX, RESTARTS_S, Fleet, Member, last_words
-from readygo.common.errors import RunError
+from readygo.apps.fleet.fleet import RESTARTS_MAX, RESTARTS_S, Fleet, Member, last_words
+from readygo.common.errors import CANNOT_WORK, RunError
 
 OBEYS = """
 import signal, sys, time

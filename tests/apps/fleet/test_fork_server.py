@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.fleet.fleet import CANNOT_WORK
 from readygo.apps.fleet.fork_server import Forked, ForkServer
+from readygo.common.errors import CANNOT_WORK
 
 NOWHERE = ("--connect", "tcp/127.0.0.1:1")
 NAMELESS = ("worker", "trainer", *NOWHERE)

@@ -8,12 +8,11 @@ from unittest.mock import Mock
 import pytest
 
 from readygo.apps.fleet import access
-from readygo.apps.fleet.fleet import CANNOT_WORK
 from readygo.apps.fleet.process import LATE_S
 from readygo.apps.fleet.runs import ANY_RUN
 from readygo.apps.fleet.worker import _coordinate, _Part, _record, _serve_runs, _take_part, _work, worker
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
-from readygo.common.errors import BusError
+from readygo.common.errors import CANNOT_WORK, BusError
 from readygo.common.fleet import Worker
 from readygo.common.messages import topics
 from tests.common.messages.run_specs import SPEC

@@ -10,7 +10,7 @@ from readygo.common.errors import SceneError
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.maps import OccupancyMap
 from readygo.common.maps.grid import GridFrame
-from readygo.services.reconstructor.metric.similarity import Similarity
+from readygo.services.reconstructor.similarity import Similarity
 
 HERE = Similarity(scale=1.0, R=np.eye(3), t=np.zeros(3))
 QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])

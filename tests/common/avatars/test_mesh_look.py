@@ -3,7 +3,7 @@ import pytest
 
 from readygo.common.avatars import load_avatars
 from readygo.common.avatars.mesh_look import BODY_PARTS, LIGHT_FROM, fixed_light, mesh_like
-from readygo.common.lighting.irradiance import irradiance
+from readygo.common.gaussians.irradiance import irradiance
 
 
 def test_every_part_has_one_colour_and_the_body_stays():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from readygo.common.gaussians import GaussianCloud
-from readygo.common.lighting.irradiance import irradiance
+from readygo.common.gaussians.irradiance import irradiance
 from readygo.common.lighting.probes import LightProbes, load_or_make_probes, make_probes
 from readygo.common.maps import FloorMap, GridFrame, OccupancyMap
 from readygo.common.rasterizer.packed.scene import PackedScene, pack_cloud

@@ -9,8 +9,8 @@ import pytest
 from readygo.common.avatars import Avatar
 from readygo.common.errors import AvatarError, ReadygoError
 from readygo.common.gaussians import GaussianCloud
+from readygo.common.gaussians.irradiance import irradiance_matrix
 from readygo.common.images.images import Images
-from readygo.common.lighting.irradiance import irradiance_matrix
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.interface import PosedHuman, Rasterizer, View, render_each
 from readygo.common.rasterizer.packed.scene import pack_cloud

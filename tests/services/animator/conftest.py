@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from readygo.services.animator import AnimatorConfig, walk
+from readygo.services.animator import walk
 from readygo.services.animator.gait.human import skeleton_of
 from tests.services.animator.bodies import make_avatar
 
@@ -16,7 +16,6 @@ def animate(avatar):
     """Walk a trajectory with the test avatar, or another, without style unless asked."""
 
     def run(xy, floor, *, body=avatar, seed=0, style=0.0):
-        config = AnimatorConfig(style_variation=style)
-        return walk(skeleton_of(body), xy, floor, np.random.default_rng(seed), config)
+        return walk(skeleton_of(body), xy, floor, np.random.default_rng(seed), style)
 
     return run

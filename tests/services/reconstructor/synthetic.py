@@ -8,8 +8,8 @@ import numpy.typing as npt
 
 from readygo.services.reconstructor.metric.markers import MarkerSighting
 from readygo.services.reconstructor.metric.scale import square_corners_m
-from readygo.services.reconstructor.metric.similarity import Similarity
 from readygo.services.reconstructor.posed import PosedImages
+from readygo.services.reconstructor.similarity import Similarity
 
 Array = npt.NDArray[np.float64]
 

@@ -1,14 +1,8 @@
-from typing import Any
-
-import pytest
-
-from readygo.services.reconstructor.config import FramesConfig, MetricConfig, PosesConfig
+from readygo.common.config import section_from_mapping
+from readygo.services.reconstructor.config import ReconstructorConfig
 
 
-@pytest.mark.parametrize(
-    ("section", "values"),
-    [(FramesConfig, {"count_max": 2}), (PosesConfig, {"registered_min": 1.5}), (MetricConfig, {"marker_size_m": -0.2})],
-)
-def test_numbers_out_of_range_are_refused(section: type, values: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match=next(iter(values))):
-        section(**values)
+def test_sections_are_read_by_name() -> None:
+    config = section_from_mapping(ReconstructorConfig, {"frames": {"count_max": 30}, "metric": {"scale": 2.0}})
+    assert (config.frames.count_max, config.metric.scale) == (30, 2.0)
+    assert config.poses == ReconstructorConfig().poses

@@ -5,8 +5,9 @@ import pytest
 
 from readygo.common.errors import RunError
 from readygo.common.messages import ReconstructionClaim, ReconstructionReport, VerdictStatus
-from readygo.services.reconstructor.config import MetricConfig, ReconstructorConfig
+from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.desk import Desk, config_of
+from readygo.services.reconstructor.metric.config import MetricConfig
 from readygo.services.reconstructor.reconstruct import Job
 
 CONFIG = ReconstructorConfig(metric=MetricConfig(marker_size_m=0.2, lengths=("a:1,2",)))

@@ -2,7 +2,7 @@ import numpy as np
 
 from readygo.common.drawing.plan_view import HUMANS, ROBOT
 from readygo.services.reconstructor.drawing import draw_map
-from readygo.services.reconstructor.metric.similarity import Similarity
+from readygo.services.reconstructor.similarity import Similarity
 from tests.services.reconstructor.synthetic import floor_points, mapped, marker_at, ring
 
 

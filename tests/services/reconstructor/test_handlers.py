@@ -3,8 +3,10 @@ from pathlib import Path
 import pytest
 
 from readygo.common.errors import ConfigError, SceneError
-from readygo.services.reconstructor.config import FramesConfig, MetricConfig, ReconstructorConfig
+from readygo.services.reconstructor.config import ReconstructorConfig
+from readygo.services.reconstructor.frames.config import FramesConfig
 from readygo.services.reconstructor.handlers import find_poses, make_markers
+from readygo.services.reconstructor.metric.config import MetricConfig
 from readygo.services.reconstructor.stages import StageProgress
 from tests.services.reconstructor.synthetic import photos
 

@@ -4,10 +4,11 @@ from typing import Any
 import pytest
 
 from readygo.common.errors import SceneError
-from readygo.services.reconstructor.config import PosesConfig, ReconstructorConfig
+from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.job import Source
 from readygo.services.reconstructor.mapping import make_map
 from readygo.services.reconstructor.poses import colmap
+from readygo.services.reconstructor.poses.config import PosesConfig
 from tests.services.reconstructor.synthetic import synthetic_database
 
 

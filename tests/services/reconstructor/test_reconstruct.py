@@ -11,7 +11,8 @@ from readygo.common.camera.captured import CapturedViews
 from readygo.common.errors import ConfigError, SceneError
 from readygo.common.gaussians import concatenate, save_ply
 from readygo.services.reconstructor import reconstruct as module
-from readygo.services.reconstructor.config import MetricConfig, ReconstructorConfig
+from readygo.services.reconstructor.config import ReconstructorConfig
+from readygo.services.reconstructor.metric.config import MetricConfig
 from readygo.services.reconstructor.reconstruct import CLOUD_FILE, STAGES, Job, reconstruct
 from readygo.services.reconstructor.stages import Stages
 from tests.common.scenes.small_room import small_room

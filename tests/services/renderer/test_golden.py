@@ -10,7 +10,6 @@ from readygo.common.maps import FloorMap, GridFrame
 from readygo.common.messages import HumanMotion, Humans, RenderRequest, RenderView
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes import Scene, load_scene
-from readygo.services.animator import AnimatorConfig
 from readygo.services.animator.gait.human import skeleton_of
 from readygo.services.animator.gait.walk import walk
 from readygo.services.renderer import Renderer, RendererConfig, handle_render
@@ -31,9 +30,7 @@ def _walker(name: str, begin_m: tuple[float, float], end_m: tuple[float, float],
     share = np.arange(0.0, 1.0, 1.2 * 0.05 / length_m)[:, None]
     xy_m = np.array(begin_m) * (1 - share) + np.array(end_m) * share
     skeleton = skeleton_of(load_avatars()[name])
-    return HumanMotion(
-        avatar=name, motion=walk(skeleton, xy_m, floor, np.random.default_rng(0), AnimatorConfig(style_variation=0.0))
-    )
+    return HumanMotion(avatar=name, motion=walk(skeleton, xy_m, floor, np.random.default_rng(0), 0.0))
 
 
 @pytest.mark.parametrize("view", sorted(VIEWS))

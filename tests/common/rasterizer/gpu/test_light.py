@@ -3,7 +3,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
 
-from readygo.common.lighting.irradiance import irradiance, irradiance_matrix, turned  # noqa: E402
+from readygo.common.gaussians.irradiance import irradiance, irradiance_matrix, turned  # noqa: E402
 from readygo.common.rasterizer.constants import LIGHT_MAX, LIGHT_MIN  # noqa: E402
 from readygo.common.rasterizer.gpu.batch import OWN_COLOURS  # noqa: E402
 from readygo.common.rasterizer.gpu.light import gains, turned_terms  # noqa: E402

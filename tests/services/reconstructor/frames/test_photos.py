@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from readygo.common.errors import SceneError
-from readygo.services.reconstructor.config import FramesConfig
+from readygo.services.reconstructor.frames.config import FramesConfig
 from readygo.services.reconstructor.frames.photos import prepare_photos
 from tests.services.reconstructor.frames.test_exif import exif
 

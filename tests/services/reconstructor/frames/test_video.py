@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from readygo.common.errors import SceneError
-from readygo.services.reconstructor.config import FramesConfig
+from readygo.services.reconstructor.frames.config import FramesConfig
 from readygo.services.reconstructor.frames.video import extract_frames
 
 

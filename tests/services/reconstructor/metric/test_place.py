@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from readygo.common.errors import ConfigError, SceneError
-from readygo.services.reconstructor.config import MetricConfig
+from readygo.services.reconstructor.metric.config import MetricConfig
 from readygo.services.reconstructor.metric.lengths import parse_length
 from readygo.services.reconstructor.metric.place import place_map, ruler_of
 from tests.services.reconstructor.metric.test_lengths import ENDS, picked

@@ -4,7 +4,6 @@ import cv2
 import numpy as np
 import pytest
 
-from readygo.services.reconstructor.config import PosesConfig
 from readygo.services.reconstructor.poses.colmap import (
     build_maps,
     extract_features,
@@ -12,6 +11,7 @@ from readygo.services.reconstructor.poses.colmap import (
     read_map,
     write_undistorted,
 )
+from readygo.services.reconstructor.poses.config import PosesConfig
 from tests.services.reconstructor.synthetic import some_similarity, synthetic_database
 
 pycolmap = pytest.importorskip("pycolmap", reason="pycolmap is not installed")

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from readygo.benchmarks.reconstruction.poses import shape_rmse_m
-from readygo.services.reconstructor.metric.similarity import umeyama
 from readygo.services.reconstructor.poses.colmap import read_map
 from readygo.services.reconstructor.poses.covariance import pose_errors
+from readygo.services.reconstructor.similarity import umeyama
 
 pycolmap = pytest.importorskip("pycolmap", reason="pycolmap is not installed")
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from readygo.services.reconstructor.metric.similarity import umeyama
+from readygo.services.reconstructor.similarity import umeyama
 
 R = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
 T = np.array([3.0, -1.0, 2.0])

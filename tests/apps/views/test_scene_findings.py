@@ -4,8 +4,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from readygo.apps.pictures.scene_findings import COLOURS, SHARE, findings_map
 from readygo.apps.pictures.scene_maps import REACHABLE
+from readygo.apps.views.scene_findings import COLOURS, SHARE, findings_map
 from readygo.apps.views.views import Place, SceneViews
 from readygo.common.drawing.files import Picture
 from readygo.common.gaussians import concatenate
@@ -53,8 +53,8 @@ def test_map_looks_as_it_did(
     crooked = dataclasses.replace(plan, blurred=blurred, coarse=coarse)
     bare = Look(xyyaw=(2.6, 0.7, 0.4), rgb=np.zeros((8, 8, 3), np.uint8), sharpness=900.0, coverage=0.1)
     places = (seen(500.0).places[0], seen(3.0).places[0], Place(looks=(bare, bare)))
-    monkeypatch.setattr("readygo.apps.pictures.scene_findings.HEIGHT_PX", 260)
+    monkeypatch.setattr("readygo.apps.views.scene_findings.HEIGHT_PX", 260)
     high = findings_map(crooked, SceneViews(places=places), ["a wall is blurred", "long " * 40], "room", 0.3)
     golden_image("scene_findings", high)
-    monkeypatch.setattr("readygo.apps.pictures.scene_findings.WIDTH_MAX_PX", 150)
+    monkeypatch.setattr("readygo.apps.views.scene_findings.WIDTH_MAX_PX", 150)
     golden_image("scene_findings_narrow", findings_map(crooked, seen(500.0), [], "room", 0.3))

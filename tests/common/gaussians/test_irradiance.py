@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from readygo.common.lighting.irradiance import HARMONICS, add_radiance, irradiance, irradiance_matrix, turned
+from readygo.common.gaussians.irradiance import HARMONICS, add_radiance, irradiance, irradiance_matrix, turned
 
 AXES = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
 

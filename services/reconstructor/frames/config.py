@@ -1,0 +1,21 @@
+"""Which images are used."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from readygo.common.config import Range, check_ranges
+
+
+@dataclass(frozen=True, kw_only=True)
+class FramesConfig:
+    """Which images of a video or a folder are used."""
+
+    count_max: Annotated[int, Range(low=3)] = 300
+    """At most this many images are taken of a video."""
+    step: Annotated[float, Range(low=0.005, high=0.5)] = 0.05
+    """How far the picture moves from one image to the next, as share of its width."""
+    side_max_px: Annotated[int, Range(low=320)] = 1600
+    """Larger images are made smaller: longer side [px]."""
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
