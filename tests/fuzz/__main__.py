@@ -6,11 +6,14 @@
 import argparse
 import json
 import multiprocessing
+import multiprocessing.connection
 import subprocess
 import sys
+from collections import deque
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from readygo.benchmarks.rasterizer.render import machine
 from tests.fuzz.run import Counts, Target, as_mapping, fuzz, total
@@ -31,14 +34,28 @@ def _fuzz(name: str, *, first: int, count: int, key: int, keep: Path | None) -> 
 
 
 def _in_turn(names: list[str], jobs: int, settings: Sequence[partial[Counts]]) -> Iterator[tuple[str, Counts]]:
-    """All targets in every round, each in a process of its own: none inherits what another one has loaded."""
-    tasks = [(name, settings) for settings in settings for name in names]
-    with multiprocessing.get_context("fork").Pool(jobs, maxtasksperchild=1) as pool:
-        yield from pool.imap(_task, tasks)
+    """All targets in every round, each in a process of its own: none inherits what another one has loaded.
+
+    This process has no threads, as a pool would have: what is forked finds no lock that nobody will let go of.
+    """
+    context = multiprocessing.get_context("fork")
+    tasks = deque((name, part) for part in settings for name in names)
+    running: dict[Any, str] = {}
+    while tasks or running:
+        while tasks and len(running) < jobs:
+            name, part = tasks.popleft()
+            ours, theirs = context.Pipe(duplex=False)
+            context.Process(target=_task, args=(theirs, name, part)).start()
+            theirs.close()
+            running[ours] = name
+        for ready in multiprocessing.connection.wait(list(running)):
+            name, counts = running.pop(ready), ready.recv()  # type: ignore[union-attr]
+            ready.close()  # type: ignore[union-attr]
+            yield name, counts
 
 
-def _task(task: tuple[str, partial[Counts]]) -> tuple[str, Counts]:
-    return task[0], task[1](task[0])
+def _task(told: Any, name: str, part: partial[Counts]) -> None:
+    told.send(part(name))
 
 
 def _line(name: str, counts: Counts) -> str:
