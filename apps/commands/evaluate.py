@@ -14,7 +14,7 @@ from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.evaluation.choice import check_wanted, watched_method
 from readygo.apps.evaluation.replay import Replays
 from readygo.apps.evaluation.report import REPORT_FILE
-from readygo.apps.evaluation.watch import plan_command, write_films, write_pages
+from readygo.apps.evaluation.watch import write_films, write_pages
 from readygo.apps.fleet.evaluation import EvaluationFleet, by_fleet, fleet_spec, make_plan
 from readygo.apps.run.config import RunConfig
 from readygo.apps.run.evaluation import (
@@ -201,18 +201,8 @@ def evaluate(
             sees = loaded.spec.inputs.images if loaded else ()
             replays = Replays(world, results, reply.episodes, renderer, evaluator.simulation, sees=sees)
             write_films(replays, request, reply, video)
-            options = {
-                "policy": policy,
-                "avatars": avatars,
-                "robot": robot,
-                "config": config,
-                "sensor": sensor,
-                "people": people,
-                "scenarios": scenarios,
-            }
             title = f"{policy or watched_method(request.methods)} in {world.scene.name}"
-            command_of = plan_command(scene, request, options) if camera == "policy" else None
-            write_pages(replays, request, reply, title=title, command_of=command_of)
+            write_pages(replays, request, reply, title=title)
     _print(summary, reply, out, json=json)
 
 

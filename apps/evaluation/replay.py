@@ -19,7 +19,7 @@ from readygo.common.episode.loop import Command, DriverFailure, run_episode
 from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeKey, EpisodeMotions, Outcome, RobotTrajectory
 from readygo.services.evaluator import EXPERT, EpisodeRecord, MatchedEpisode, RecordKey, Results, Simulate, Task
-from readygo.services.planner.explain.journal import run_beside_expert, run_with_journal
+from readygo.services.planner.explain.journal import DrivenRun, run_beside_expert, run_with_journal
 from readygo.services.planner.explain.picture import draw_ways, episode_view
 from readygo.services.renderer import Renderer
 
@@ -146,6 +146,16 @@ class Replays:
             RunError: If the episode goes another way now.
             ReadygoError: If the film cannot be written.
         """
+        run = self.run(record)
+        planner = self.world.robot_planner.of(run.scenario.episode)
+        write_film(path, run_film(planner, run, self.view(run)))
+
+    def run(self, record: EpisodeRecord) -> DrivenRun:
+        """An episode, with what the expert knew and would have done.
+
+        Raises:
+            RunError: If the episode goes another way now.
+        """
         self.trajectory(record)
         episode = self.episode(record)
         scenario, motions = episode.scenario, episode.motions
@@ -154,9 +164,12 @@ class Replays:
             run = run_with_journal(planner, scenario, motions)
         else:
             run = run_beside_expert(planner, scenario, motions, self._driver(record), record.method)
-        trajectory = self._checked(record, run.trajectory)
-        view = RobotView(self._renderer, scenario, motions, trajectory, sees=self._sees)
-        write_film(path, run_film(planner, run, view))
+        self._checked(record, run.trajectory)
+        return run
+
+    def view(self, run: DrivenRun) -> RobotView:
+        """What the robot sees in an episode."""
+        return RobotView(self._renderer, run.scenario, run.motions, run.trajectory, sees=self._sees)
 
     @cached_property
     def _renderer(self) -> Renderer:

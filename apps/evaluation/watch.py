@@ -1,10 +1,10 @@
 """From what an evaluation kept to films and pages."""
 
 import math
-import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
+from readygo.apps.evaluation.again import keep_spec, plan_command
 from readygo.apps.evaluation.choice import FAILURES, badness, filmed, watched_method
 from readygo.apps.evaluation.replay import Replays
 from readygo.apps.evaluation.report import (
@@ -19,17 +19,13 @@ from readygo.apps.evaluation.tables import comparisons_html, failures_html, late
 from readygo.apps.run.evaluation import references
 from readygo.common.files import write_whole
 from readygo.common.messages import RobotTrajectory
-from readygo.services.evaluator import EXPERT, POLICY, EpisodeRecord, EvaluateReply, EvaluateRequest, Task, short_name
+from readygo.services.evaluator import EpisodeRecord, EvaluateReply, EvaluateRequest, short_name
 from readygo.services.evaluator.scores import compare_all, failure_counts, scores_of
 
 LATEX_FILE = "table.tex"
 FILMS_FOLDER, FILM_ENDING = "films", ".webm"
 SHOWN_MAX = 24
 """Failures on a page."""
-
-CommandOf = Callable[[EpisodeRecord], str]
-"""The command line that shows more of an episode."""
-
 
 def write_films(replays: Replays, request: EvaluateRequest, reply: EvaluateReply, wanted: Sequence[str]) -> None:
     """Write the films that are wanted and not there yet.
@@ -56,16 +52,16 @@ def write_pages(
     reply: EvaluateReply,
     *,
     title: str,
-    command_of: CommandOf | None = None,
 ) -> None:
     """Write the report and, if anything failed, the gallery of failures, with the films that are there.
+
+    What `readygo plan --from` needs is written as well.
 
     Args:
         replays: Of the evaluation.
         request: What was asked for.
         reply: How it went.
         title: Who drove, and where.
-        command_of: Told with each failure.
 
     Raises:
         ReadygoError: If they cannot be written.
@@ -81,7 +77,7 @@ def write_pages(
         occupancy=scene.maps.robot,
         runs=list(runs.values()),
         failure_count=len(failed),
-        failures=[_failure(replays, record, run, command_of) for record, run in chosen],
+        failures=[_failure(replays, record, run) for record, run in chosen],
         tables=_tables(reply, request, replays.world.config.episode.time_limit_s),
         films=[(record, film_path(folder, record)) for record in records if film_path(folder, record).exists()],
         facts={
@@ -89,6 +85,7 @@ def write_pages(
             "episodes": f"split {request.split.value}, seed {request.seed}, {reply.skipped} indices without a scenario",
         },
     )
+    keep_spec(folder, replays.world.spec)
     if failed:
         write_whole(folder / GALLERY_FILE, gallery_html(content))
     write_whole(folder / REPORT_FILE, report_html(content))
@@ -110,29 +107,6 @@ def _tables(reply: EvaluateReply, request: EvaluateRequest, time_limit_s: float)
     }
 
 
-def plan_command(scene: str, request: EvaluateRequest, options: Mapping[str, object]) -> CommandOf | None:
-    """Command lines of `readygo plan` that take an evaluation's episodes again.
-
-    Args:
-        scene: As it was named.
-        request: What was asked for.
-        options: Of the evaluation, as they were named; None for what was not.
-
-    Returns:
-        None if they would be driven otherwise.
-    """
-    if request.control_hz is not None or watched_method(request.methods) not in (POLICY, EXPERT):
-        return None
-    named = [word for name, value in options.items() if value is not None for word in (f"--{name}", str(value))]
-
-    def command_of(record: EpisodeRecord) -> str:
-        key, static = record.episode, ["--static"] if record.task is Task.STATIC else []
-        place = ["--split", key.split.value, "--seed", str(key.seed), "--index", str(key.index)]
-        return shlex.join(["readygo", "plan", scene, *named, *place, *static, "--picture", "failure.png"])
-
-    return command_of
-
-
 def shown(failed: Sequence[EpisodeRecord]) -> list[EpisodeRecord]:
     """The failures that find room on a page, of every task and kind in turn, and in the order in which they came."""
     groups: dict[object, list[EpisodeRecord]] = {}
@@ -152,9 +126,7 @@ def _watched(request: EvaluateRequest, reply: EvaluateReply) -> list[EpisodeReco
     return [record for record in reply.records if record.method == watched_method(request.methods)]
 
 
-def _failure(
-    replays: Replays, record: EpisodeRecord, trajectory: RobotTrajectory, command_of: CommandOf | None
-) -> Failure:
+def _failure(replays: Replays, record: EpisodeRecord, trajectory: RobotTrajectory) -> Failure:
     goal_x, goal_y = replays.episode(record).scenario.goal_xy_m.tolist()
     x, y, _ = trajectory.xyyaw[-1].tolist()
     film = film_path(replays.folder, record)
@@ -164,6 +136,5 @@ def _failure(
         picture=replays.draw(record, trajectory),
         strip=replays.strip(record, trajectory),
         film=film if film.exists() else None,
-        # Nobody makes way there for whoever drives.
-        command=command_of(record) if command_of and record.task is not Task.REACTIVE else "",
+        command=plan_command(replays.folder, record),
     )

@@ -9,7 +9,7 @@ from functools import cached_property, partial
 from pathlib import Path
 
 from readygo.apps.evaluation.replay import Replays
-from readygo.apps.evaluation.watch import plan_command, write_pages
+from readygo.apps.evaluation.watch import write_pages
 from readygo.apps.learn.choice import Measurement
 from readygo.apps.learn.plan import Plan
 from readygo.apps.run.config import RunConfig
@@ -138,7 +138,6 @@ class Measuring:
                     request,
                     replies[place.name],
                     title=f"{folder} in {place.name}",
-                    command_of=plan_command(place.scene, request, {"policy": folder, "avatars": self._plan.avatars}),
                 )
         return replies
 

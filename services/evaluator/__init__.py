@@ -13,7 +13,7 @@ from readygo.services.evaluator.records import (
     summary_mapping,
     summary_table,
 )
-from readygo.services.evaluator.results import Results, is_of, open_results
+from readygo.services.evaluator.results import Results, is_of, open_results, read_results
 
 __all__ = [
     "Category",
@@ -34,6 +34,7 @@ __all__ = [
     "handle_evaluate",
     "is_of",
     "open_results",
+    "read_results",
     "short_name",
     "shown_record",
     "summarize_records",

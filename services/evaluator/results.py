@@ -84,6 +84,25 @@ class Results:
                 found[key] = np.array(mapping["actions"], dtype=np.float64)
         return found
 
+    def settings(self) -> dict[str, Any]:
+        """What records depend on besides their key.
+
+        Raises:
+            RunError: If they cannot be read.
+        """
+        try:
+            return _read_settings(self.folder)
+        except (OSError, ValueError) as error:
+            raise RunError(f"{self.folder / SETTINGS_FILE} cannot be read: {error}.") from error
+
+    def sees(self) -> tuple[str, ...]:
+        """Images by which the policy drove, as the summary names them; none if it names none."""
+        try:
+            names = read_json(self.folder / SUMMARY_FILE)["sees"]
+        except (OSError, ValueError, LookupError, TypeError):
+            return ()
+        return tuple(name for name in names if isinstance(name, str)) if isinstance(names, list) else ()
+
     def finish(self, summary: Mapping[str, Any]) -> None:
         """Write `summary.json`, in one piece.
 
@@ -91,6 +110,27 @@ class Results:
             ReadygoError: If it cannot be written.
         """
         write_whole(self.folder / SUMMARY_FILE, json.dumps(summary, indent=2) + "\n")
+
+
+@contextmanager
+def read_results(folder: Path) -> Iterator[Results]:
+    """The results of an evaluation, to be looked at.
+
+    Args:
+        folder: Of the evaluation; it stays as it is.
+
+    Raises:
+        RunError: If it holds none, or they cannot be read.
+    """
+    with ExitStack() as files:
+        try:
+            records, trajectories = (
+                files.enter_context((folder / name).open("rb", buffering=0))
+                for name in (RECORDS_FILE, TRAJECTORIES_FILE)
+            )
+        except OSError as error:
+            raise RunError(f"{folder} holds no results: {error.strerror or error}.") from error
+        yield Results(folder, records, trajectories)
 
 
 @contextmanager
@@ -207,7 +247,7 @@ def _whole_lines(file: BinaryIO, path: Path) -> Iterator[dict[str, Any]]:
             yield parse_json(line)
         except ValueError as error:
             raise RunError(f"{path} is broken in line {number}: {error}; choose another --out.") from error
-    if rest:
+    if rest and file.writable():
         file.truncate(len(kept) - len(rest))
 
 
