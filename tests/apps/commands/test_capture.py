@@ -33,4 +33,6 @@ def test_photos_are_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     run_command(COMMANDS, ["scene", "capture", "embedded", "--photos", "--out", str(out), *options])
     assert len(list(out.iterdir())) == 2
     assert (tmp_path / "photos.truth.json").is_file()
-    assert "2 pictures of 64x48 px" in capsys.readouterr().out
+    printed = capsys.readouterr()
+    assert "2 pictures of 64x48 px" in printed.out
+    assert "filming" not in printed.err, "no bar is left behind"

@@ -1,17 +1,23 @@
 import dataclasses
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from readygo.apps.commands.coverage import coverage
-from readygo.apps.coverage.runs import failed_encounters, rejected
+from readygo.apps.coverage.runs import failed_encounters, rejected, robot_map
+from readygo.apps.run.folder import RunFolder
 from readygo.common.dataset import ShardWriter, encode_episode, shard_name
 from readygo.common.dataset.casts import Cast
 from readygo.common.errors import RunError
 from readygo.common.messages import HumanPlanRequest, Split
+from readygo.common.scenes import save_scene
 from readygo.services.planner import handle_human_plan
 from tests.apps.coverage.drives import drive
 from tests.common.dataset.episodes import PROVENANCE
+from tests.common.maps.room import sheet
+from tests.common.messages.run_specs import SPEC
+from tests.common.scenes.small_room import small_room
 from tests.services.planner.worlds import key, make_human_planner
 
 
@@ -46,3 +52,16 @@ def test_failures_are_told_by_the_scenarios_of_rejected_indices(data, monkeypatc
 def test_folder_without_a_run_knows_no_failures(data) -> None:
     assert rejected(data) is None
     assert failed_encounters(data, {}, []) is None
+
+
+def test_map_is_that_of_the_runs_scene_unless_another_one_lies_there_now(tmp_path) -> None:
+    sky = sheet((-50, -50, -5), (100, 0, 0), (0, 100, 0), spacing_m=10)
+    scene = save_scene(small_room(), sky, tmp_path / "room", license="CC0")
+    folder = RunFolder(tmp_path / "data")
+    with folder.locked():
+        folder.save(dataclasses.replace(SPEC, scene_path=str(scene.path)), 3)
+    found = robot_map(folder.path, "", scene.content_hash)
+    assert found is not None
+    assert np.array_equal(found.occupied, scene.maps.robot.occupied)
+    assert robot_map(folder.path, "", "ab" * 32) is None
+    assert robot_map(tmp_path / "nowhere", "", scene.content_hash) is None

@@ -79,6 +79,22 @@ def test_server_has_no_thread_that_a_fork_would_leave_behind(server: ForkServer,
     assert len(os.listdir(f"/proc/{server._process.pid}/task")) == 1
 
 
+def test_worker_holds_no_descriptor_of_the_workers_before_it(
+    server: ForkServer, waiting: Forked, tmp_path: Path
+) -> None:
+    log = tmp_path / "second"
+    second = _start(server, log, WAITING)
+    try:
+        _until_it_listens(log)
+        held = [os.readlink(link) for link in Path(f"/proc/{second.pid}/fd").iterdir()]
+    finally:
+        second.kill()
+        second.wait(LIMIT_S)
+        second.stdin.close()
+    assert str(log) in held
+    assert not [what for what in held if "pidfd" in what]
+
+
 def test_worker_that_is_killed_ended_by_that(waiting: Forked) -> None:
     assert waiting.poll() is None
     with pytest.raises(subprocess.TimeoutExpired):

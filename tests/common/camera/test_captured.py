@@ -64,6 +64,14 @@ def test_moved_cameras_see_moved_points_where_they_saw_them(file):
     np.testing.assert_allclose(again[:, :3], scale * seen[:, :3], atol=1e-9)
 
 
+def test_cameras_that_are_turned_alone_keep_their_distances(file):
+    views = load_views(file)
+    R = matrix_from_axis_angle([0.3, 0.2, -0.9])
+    np.testing.assert_allclose(
+        views.moved(R).T_world_camera[:, :3, 3], views.T_world_camera[:, :3, 3] @ R.T, atol=1e-12
+    )
+
+
 def test_mean_up_is_that_of_level_cameras_that_look_around(load):
     # Level cameras in a z-up world: x right, y down, z along the yaw.
     poses = []

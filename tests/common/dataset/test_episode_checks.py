@@ -224,3 +224,20 @@ def test_label_with_another_time_inside_is_found(tmp_path) -> None:
 
     rewrite(labelled_shard, change)
     assert "/humans/boxes has other stamps inside at samples 5" in texts(labelled_shard.parent)
+
+
+def test_experts_first_commands_must_be_within_reach_from_rest(tmp_path) -> None:
+    header, samples = make_episode(0)
+    commands = [(sample.action_v_mps, sample.action_w_radps) for sample in samples]
+    asked = [dataclasses.replace(s, expert_commands=(c, c)) for s, c in zip(samples, commands, strict=True)]
+    shard = tmp_path / "shard-r0-00000.mcap"
+    with ShardWriter(shard, PROVENANCE, outputs=("expert",), fsync=False) as writer:
+        writer.append(encode_episode(header, 1, asked))
+    assert texts(tmp_path) == ""
+
+    def turn(records):
+        at(records, schemas.EXPERT_CHANNELS["expert"], 0).message.w_radps[:] = [1.0, 1.0]
+        return records
+
+    rewrite(shard, turn)
+    assert "the robot could not do what the expert would at samples 0" in texts(tmp_path)

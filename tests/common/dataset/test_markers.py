@@ -56,3 +56,13 @@ def test_bodies_stand_on_their_poses() -> None:
     assert alone.entities[0].timestamp.ToNanoseconds() == 1_550_000_000
     cylinder = both.entities[0].cylinders[0]
     assert cylinder.pose.position.z - 0.5 * cylinder.size.z == pytest.approx(0.5)
+
+
+def test_way_is_a_line_on_the_floor_narrower_than_the_robot() -> None:
+    robot = RobotConfig()
+    update = markers.markers(POSES, (2.1, 0.6), robot, STAMP)
+    ((line,),) = (entity.lines for entity in update.entities if entity.id == "path")
+    assert 0.0 < line.thickness < robot.radius_m
+    points = np.array([(point.x, point.y, point.z) for point in line.points])
+    np.testing.assert_array_equal(points[:, :2], POSES[:, :2])
+    assert ((points[:, 2] >= POSES[:, 2]) & (points[:, 2] < POSES[:, 2] + 0.1)).all()

@@ -6,10 +6,14 @@ import pytest
 
 from readygo.common.drawing.plan_view import (
     FREE,
+    HUMANS,
     OCCUPIED,
+    ROBOT,
     WHITE,
+    DrawnEpisode,
     draw_arrow_head,
     draw_disc,
+    draw_episodes,
     draw_goal,
     draw_path,
     draw_ring,
@@ -138,3 +142,14 @@ def test_plan_is_drawn_as_it_was(occupancy, golden_figures) -> None:
     expected = np.array(view.world_to_pixel((0.3, 2.4))) * 41 / len(view.rgb)
     assert smaller.world_to_pixel((0.3, 2.4)) == pytest.approx(expected, abs=0.6)
     golden_figures("drawing/text widths", [text_width_px(text, size=0.6) for text in ("", "i", "wide words")])
+
+
+def test_ways_of_robot_and_humans_are_drawn_in_their_colours(occupancy) -> None:
+    view = map_window(occupancy, np.array([-1.0, 2.0]), np.array([1.0, 3.0]), pixel_m=0.01)
+    ways = [np.array([[-0.8, y], [0.8, y]]) for y in (2.2, 2.5, 2.8)]
+    drawn = DrawnEpisode(label="0", robot_xy_m=ways[0], goal_xy_m=np.array([0.8, 2.2]), humans_xy_m=tuple(ways[1:]))
+    picture = draw_episodes(view, [drawn])
+    for way, colour in zip(ways, (ROBOT, *HUMANS), strict=False):
+        for x in (-0.5, 0.0, 0.5):
+            u, v = (int(value) for value in view.world_to_pixel([x, way[0, 1]]))
+            assert tuple(picture[v, u].tolist()) == colour

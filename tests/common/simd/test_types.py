@@ -81,3 +81,14 @@ def test_floats_keep_the_bits_that_they_are_made_of() -> None:
     assert _with_bits(0x3F800000, out) == 0x3F800000
     assert out[0] == 1.0
     assert _with_bits(499_999, out) == 499_999
+
+
+@njit
+def _sharing(values, bits):
+    return simd.mask_bits(simd.has_bit(memory.load_i16(values, 0), bits))
+
+
+@pytest.mark.parametrize("bits", [0, 1, 4, 6, 9, -(2**31)])
+def test_lanes_share_a_bit_with_a_number_or_do_not(bits) -> None:
+    values = np.arange(16, dtype=np.int32) - np.int32(3)
+    assert _sharing(values, np.int32(bits)) == sum(1 << k for k in range(16) if int(values[k]) & bits)

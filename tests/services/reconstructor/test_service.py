@@ -6,7 +6,8 @@ import pytest
 
 from readygo.common.bus import InProcessBus
 from readygo.common.errors import RunError, SceneError
-from readygo.common.messages import ReconstructionProgress, topics
+from readygo.common.messages import ReconstructionClaim, ReconstructionProgress, topics
+from readygo.common.messages.reconstruction import RECONSTRUCTOR
 from readygo.services.reconstructor import service
 from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.desk import Desk
@@ -74,3 +75,19 @@ def test_worker_that_is_told_to_stop_leaves_the_job_to_others(monkeypatch: pytes
 
     desk, _ = worked(monkeypatch, do, stop)
     assert desk.wait(0.0) is None
+
+
+@pytest.mark.parametrize(("role", "attempt"), [(RECONSTRUCTOR, 2), ("renderer", 0)])
+def test_job_is_free_again_when_the_reconstructor_that_has_it_leaves_and_no_other_of_its_name(
+    role: str, attempt: int
+) -> None:
+    here = InProcessBus()
+    there = InProcessBus(here)
+    desk = Desk(JOB, ReconstructorConfig())
+    service.attach(here, desk)
+    there.announce(role, "r0")
+    assert there.request(topics.RECONSTRUCTION_CLAIM, ReconstructionClaim(worker="r0")).attempt == 1
+    there.close()
+    # Closing waits for what is to be heard.
+    here.close()
+    assert desk.claim(ReconstructionClaim(worker="r1")).attempt == attempt

@@ -63,6 +63,19 @@ def test_broken_checkpoint_is_named(tmp_path):
         load_checkpoint(tmp_path, IDENTITY)
 
 
+def test_checkpoint_that_was_cut_off_is_refused_with_what_torch_says_of_it(tmp_path):
+    save_checkpoint({"identity": IDENTITY, "weights": torch.arange(1000.0)}, tmp_path)
+    path = tmp_path / "checkpoint.pt"
+    path.write_bytes(path.read_bytes()[:2000])
+    with pytest.raises(RuntimeError) as said:
+        torch.load(path, weights_only=True)
+    with pytest.raises(PolicyError) as refusal:
+        load_checkpoint(tmp_path, IDENTITY)
+    reason = str(said.value).splitlines()[0]
+    assert reason
+    assert str(refusal.value) == f"{path} cannot be read: {reason}; delete it to start anew."
+
+
 def test_pickled_objects_in_a_checkpoint_are_refused(tmp_path):
     torch.save({"format": "readygo-training/2", "identity": pytest.approx}, tmp_path / "checkpoint.pt")
     with pytest.raises(PolicyError, match="cannot be read"):

@@ -76,3 +76,13 @@ def test_single_validation_is_seen_and_no_label_is_cut(tmp_path):
     assert rows_of(picture, COLOURS_BGR[1])
     edge = np.concatenate([picture[:, :4].ravel(), picture[:, -4:].ravel(), picture[-2:].ravel()])
     assert (edge == 255).all()
+
+
+def test_ticks_of_the_samples_are_labelled_below_the_plot(drawn):
+    picture = drawn({"a": [(0.0, 1.0), (100.0, 0.1)]})
+    below = (picture[HEIGHT_PX - BOTTOM_PX + 4 : HEIGHT_PX - BOTTOM_PX + 30] < 128).all(axis=2).any(axis=0)
+    width = WIDTH_PX - LEFT_PX - RIGHT_PX
+    for tick in (0, 20, 40, 60, 80, 100):
+        column = LEFT_PX + round(tick / 100 * width)
+        assert below[column - 14 : column + 15].any(), tick
+    assert not below[LEFT_PX + 20 : LEFT_PX + round(0.2 * width) - 20].any()

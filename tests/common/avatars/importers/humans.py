@@ -168,6 +168,7 @@ def write_glb(
     drop: tuple[str, ...] = (),
     texture: bool = True,
     posed: bool = False,
+    foot_share: float = 1.0,
     edit: Any = None,
 ) -> Path:
     """A skinned human of boxes with 29 bones: upper half of the texture (trunk and arms) red, lower half blue.
@@ -181,6 +182,7 @@ def write_glb(
         drop: Joints whose bones are left out; their skin goes to the bone above.
         texture: With the texture, otherwise a green base colour.
         posed: The nodes rest in another pose than the bind pose.
+        foot_share: How far ahead the feet reach, as a share of the usual length.
         edit: Called with the JSON before it is written.
     """
     M = np.eye(4) if M_world_bind is None else M_world_bind
@@ -197,6 +199,8 @@ def write_glb(
     for sign in (1.0, -1.0):
         arm = is_arm & (sign * vertices_before[:, 0] > 0)
         normals[arm] = normals[arm] @ matrix_from_axis_angle((0.0, 0.0, -sign * lowered_rad)).T
+    is_toe = np.isin(owners, [JOINT[f"{s}_{p}"] for s in ("left", "right") for p in ("ankle", "foot")])
+    vertices[is_toe & (vertices[:, 2] > 0), 2] *= foot_share
     place = {number: k for k, number in enumerate(kept)}
     while not np.isin(owners, kept).all():
         owners = np.where(np.isin(owners, kept), owners, SMPL_PARENTS[owners])

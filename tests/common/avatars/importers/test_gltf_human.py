@@ -199,6 +199,15 @@ def test_missing_bones_are_estimated_and_reported(tmp_path: Path) -> None:
         assert np.linalg.norm(avatar.joints_canonical_m[JOINT[joint]] - want[JOINT[joint]]) < 0.09, joint
 
 
+@pytest.mark.parametrize("foot_share", [0.3, 1.0, 1.5])
+def test_foot_without_a_bone_of_its_own_is_as_long_as_its_skin(tmp_path: Path, foot_share: float) -> None:
+    path = write_glb(tmp_path / "p.glb", drop=("left_foot", "right_foot"), foot_share=foot_share)
+    joints = import_human(path, OPTIONS)[0].joints_canonical_m
+    for side in ("left", "right"):
+        ankle, foot = joints[JOINT[f"{side}_ankle"]], joints[JOINT[f"{side}_foot"]]
+        assert 0.6 < (foot[2] - ankle[2]) / (0.19 * foot_share - ankle[2]) < 0.8
+
+
 def test_wrong_size_asks_for_the_height_and_takes_it(tmp_path: Path) -> None:
     def edit(document: dict[str, Any]) -> None:
         document["nodes"].append({"name": "root", "scale": [10, 10, 10], "children": [0, 1]})

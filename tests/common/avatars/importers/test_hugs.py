@@ -207,6 +207,18 @@ def _saved(path: Path, files: tuple[Path, Path], change: Any) -> Path:
 
 
 @pytest.mark.parametrize(
+    ("change", "coefficients"),
+    [(lambda s: s.pop("active_sh_degree"), 1), (lambda s: s.update(active_sh_degree=1), 4)],
+)
+def test_colours_have_the_checkpoints_degree_and_none_by_direction_if_it_names_none(
+    files: Any, tmp_path: Path, change: Any, coefficients: int
+) -> None:
+    path = _saved(tmp_path / "x.pth", files, change)
+    avatar, _ = import_human(path, ImportOptions(license="test", smpl=files[1], height_m=1.75))
+    assert avatar.cloud.sh.shape[1:] == (coefficients, 3)
+
+
+@pytest.mark.parametrize(
     ("change", "message"),
     [
         (lambda s: s.pop("triplane"), "lacks triplane"),

@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import numpy as np
@@ -6,7 +7,7 @@ import pytest
 from readygo.services.planner.explain.journal import run_with_journal
 from tests.services.planner.expert.crooked_run import crooked_run
 from tests.services.planner.runs import make_scenario
-from tests.services.planner.worlds import animate, make_robot_planner
+from tests.services.planner.worlds import animate, hall, make_robot_planner
 
 
 def run(*humans, **config):
@@ -108,3 +109,20 @@ def test_run_among_people_is_as_it_was(control_hz, camera_hz, golden_figures):
     golden_figures(f"expert/spacetime {control_hz} {camera_hz}", *rows)
     known = [[len(made[k].perceived), made[k].cost, *made[k].commands[-1]] for k in range(len(made))]
     golden_figures(f"expert/spacetime decisions {control_hz} {camera_hz}", np.array(known))
+
+
+@pytest.mark.parametrize("yaw_rad", [-2.0, 1.0])
+def test_robot_that_is_shut_in_turns_towards_its_goal(yaw_rad):
+    shut_in = hall()
+    i, j = shut_in.frame.cell(-2.0, 6.0)
+    shut_in.occupied[i - 8 : i + 9, j - 8 : j + 9] = True
+    shut_in.occupied[i - 7 : i + 8, j - 7 : j + 8] = False
+    scenario = dataclasses.replace(make_scenario(), start_xyyaw=np.array([-2.0, 6.0, yaw_rad]))
+    scenario = dataclasses.replace(scenario, goal_xy_m=np.array([2.0, 6.0]))
+    planner = make_robot_planner(shut_in)
+    expert, simulation = planner.expert(scenario, animate(scenario)), planner.simulation(scenario, animate(scenario))
+    for _ in range(60):
+        decision = expert.act(simulation)
+        simulation.advance(decision.v_mps, decision.w_radps)
+    assert simulation.yaw_rad == pytest.approx(0.0, abs=0.1)
+    assert (simulation.x_m, simulation.y_m) == (-2.0, 6.0)
