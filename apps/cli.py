@@ -188,7 +188,7 @@ def _bound(function: Callable[..., object], *, prog: str, argv: Sequence[str]) -
     bind.__signature__ = inspect.Signature(shown)  # type: ignore[attr-defined]
     config = [tyro.conf.OmitArgPrefixes] if groups else []
     named = [parameter for parameter in parameters if parameter.kind is not inspect.Parameter.POSITIONAL_ONLY]
-    with errors_in_one_line([f"--{parameter.name.replace('_', '-')}" for parameter in named]):
+    with errors_in_one_line([option_name(parameter.name) for parameter in named]):
         return tyro.cli(bind, prog=prog, args=_with_bare_values(hints, argv), config=config)
 
 
@@ -223,10 +223,15 @@ def _groups(hints: Mapping[str, Any], parameters: Sequence[inspect.Parameter], w
     return made
 
 
+def option_name(parameter: str) -> str:
+    """The option of a command's parameter: `from_` is --from, because a parameter cannot be called so."""
+    return f"--{parameter.rstrip('_').replace('_', '-')}"
+
+
 def _with_bare_values(hints: Mapping[str, Any], argv: Sequence[str]) -> list[str]:
     """The arguments, with values of options that may go without one."""
     bare = {
-        f"--{name.replace('_', '-')}": said.value
+        option_name(name): said.value
         for name, hint in hints.items()
         for said in getattr(hint, "__metadata__", ())
         if isinstance(said, Bare)
@@ -244,7 +249,7 @@ def _with_value_name(hint: Any, parameter: inspect.Parameter) -> Any:
     positional = parameter.kind is inspect.Parameter.POSITIONAL_ONLY
     repeated = Repeated() in getattr(hint, "__metadata__", ())
     of = typing.get_args(typing.get_args(hint)[0])[0] if repeated else hint
-    name = value_name(of, parameter.name if positional else parameter.name.rsplit("_", 1)[-1], positional)
+    name = value_name(of, parameter.name if positional else parameter.name.rstrip("_").rsplit("_", 1)[-1], positional)
     if repeated:
         append: Any = tyro.conf.UseAppendAction
         hint = append[hint]
@@ -255,7 +260,8 @@ def _with_value_name(hint: Any, parameter: inspect.Parameter) -> Any:
     several = positional and typing.get_origin(hint) is tuple
     unsaid = parameter.default in (None, "", ()) or several
     metavar = f"[{name}]" if optional else name
-    return Annotated[hint, tyro.conf.arg(metavar=metavar, help_behavior_hint="" if unsaid else None)]
+    called = parameter.name.rstrip("_") if parameter.name.endswith("_") else None
+    return Annotated[hint, tyro.conf.arg(name=called, metavar=metavar, help_behavior_hint="" if unsaid else None)]
 
 
 def value_name(hint: Any, name: str, positional: bool) -> str | None:

@@ -9,7 +9,7 @@ import typing
 from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
 
-from readygo.apps.cli import Command, function_of, value_name
+from readygo.apps.cli import Command, function_of, option_name, value_name
 
 Shell = Literal["bash", "zsh", "fish"]
 
@@ -130,10 +130,10 @@ def _docstring(text: str) -> tuple[str, dict[str, str]]:
 
 def _parameter(parameter: inspect.Parameter, hint: Any, arguments: Mapping[str, str]) -> Parameter:
     positional = parameter.kind is inspect.Parameter.POSITIONAL_ONLY
-    plain = parameter.name if positional else parameter.name.rsplit("_", 1)[-1]
+    plain = parameter.name if positional else parameter.name.rstrip("_").rsplit("_", 1)[-1]
     value = "" if hint is bool else value_name(hint, plain, positional) or plain.upper()
     unsaid = parameter.default in (inspect.Parameter.empty, None, "", ()) or hint is bool
-    name = value if positional else f"--{parameter.name.replace('_', '-')}"
+    name = value if positional else option_name(parameter.name)
     given = (
         ""
         if unsaid

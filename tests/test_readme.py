@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.cli import parse
+from readygo.apps.cli import option_name, parse
 from readygo.apps.run.config import RunConfig
 from readygo.commands import COMMANDS
 from readygo.common.config import section_from_mapping
@@ -46,7 +46,7 @@ def _options(command: str) -> set[str]:
     """The options of a command."""
     module, name = COMMANDS[command].path.split(":")
     parameters = inspect.signature(getattr(importlib.import_module(module), name)).parameters.values()
-    return {"--help"} | {f"--{p.name.replace('_', '-')}" for p in parameters if p.kind is p.KEYWORD_ONLY}
+    return {"--help"} | {option_name(p.name) for p in parameters if p.kind is p.KEYWORD_ONLY}
 
 
 def _spans(name: str) -> list[str]:

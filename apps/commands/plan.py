@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from rich.table import Table
 
+from readygo.apps.evaluation.again import kept_episode
 from readygo.apps.run.config import RunConfig, check_cameras
 from readygo.apps.run.evaluation import evaluation_config
 from readygo.apps.run.origin import avatars_of_policy
@@ -41,6 +42,9 @@ def plan(
     scene: str,
     /,
     *,
+    from_: Path | None = None,
+    task: Literal["static", "dynamic", "reactive"] | None = None,
+    method: str = "",
     index: int = 0,
     seed: int = 0,
     split: Literal["train", "val", "test"] = "train",
@@ -65,8 +69,14 @@ def plan(
     because the expert fails, is shown as well; an index without a scenario is an error. With a policy they are those
     of `readygo evaluate`, whose split is test; what the expert would have done is shown beside.
 
+    `readygo plan --from RESULTS test-0-000003` takes an episode of an evaluation again, whoever drove it, by the
+    commands that were executed; all settings are those of the evaluation.
+
     Args:
-        scene: Scene bundle, "embedded", or a ROS map (.yaml) with a flat floor.
+        scene: Scene bundle, "embedded", or a ROS map (.yaml) with a flat floor; the name of an episode with `from`.
+        from_: Folder of an evaluation (`readygo evaluate --out`).
+        task: Which of the evaluation's tasks, with `from`.
+        method: Who drove, with `from`; the policy by default, else the expert.
         index: Number of the episode.
         seed: Seed of the run.
         split: Random streams to draw the episode from.
@@ -87,6 +97,20 @@ def plan(
         export: TOML file to write with the scenario, to be changed by hand or given to others.
         json: Print the numbers as JSON.
     """
+    if from_ is not None:
+        own = (index, seed, split, mode, static, people, scenarios, policy, config, robot, sensor, avatars)
+        if own != (0, 0, "train", "", False, None, None, None, None, None, None, None):
+            raise RunError("--from says all settings: give an episode, --task, --method, and what to write.")
+        _check_endings(picture, video, export)
+        with kept_episode(from_, scene, task or "", method) as (replays, record):
+            run = replays.run(record)
+            again = Take(scenario=run.scenario, run=run, rejected="", drive_ms=0.0)
+            robot_planner = replays.world.robot_planner.of(run.scenario.episode)
+            view = replays.view(run) if camera or picture or video else None
+            _show(again, robot_planner, view, picture, video, export, json=json)
+        return
+    if task or method:
+        raise RunError("--task and --method choose an episode of an evaluation: give its folder with --from.")
     camera = camera or policy is not None
     _check(scene, index, seed, camera=camera)
     if camera and policy is None and picture is None and video is None:
@@ -112,14 +136,28 @@ def plan(
     policy_drives = policy_driver(driving, renderer) if driving and renderer else None
     take = takes.take(EpisodeKey(seed=seed, split=Split(split), index=index), static=static, policy=policy_drives)
     sees = driving.spec.inputs.images if driving else ()
-    look, planner = _look(take, renderer, sees), takes.robot_planner.of(take.scenario.episode)
+    planner = takes.robot_planner.of(take.scenario.episode)
+    _show(take, planner, _look(take, renderer, sees), picture, video, export, json=json)
+
+
+def _show(
+    take: Take,
+    planner: RobotPlanner,
+    look: "RobotView | None",
+    picture: Path | None,
+    video: Path | None,
+    export: Path | None,
+    *,
+    json: bool,
+) -> None:
+    """Write what is wanted, and say the numbers."""
     if picture is not None:
         write_png(picture, _picture(take, planner, look))
     if video is not None:
         _write_video(video, take, planner, look)
     if export is not None:
         save_scenarios(export, [take.scenario])
-    numbers = _numbers(take, run_config.expert.mode)
+    numbers = _numbers(take, planner.config.mode)
     if json:
         sys.stdout.write(json_module.dumps(numbers, indent=2) + "\n")
     else:

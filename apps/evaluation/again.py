@@ -36,7 +36,9 @@ def plan_command(folder: Path, record: EpisodeRecord) -> str:
 
 
 @contextmanager
-def kept_episode(folder: Path, episode: str, task: str = "", method: str = "") -> Iterator[tuple[Replays, EpisodeRecord]]:
+def kept_episode(
+    folder: Path, episode: str, task: str = "", method: str = ""
+) -> Iterator[tuple[Replays, EpisodeRecord]]:
     """An episode of a finished evaluation, and what drives it again.
 
     Args:

@@ -27,6 +27,7 @@ FILMS_FOLDER, FILM_ENDING = "films", ".webm"
 SHOWN_MAX = 24
 """Failures on a page."""
 
+
 def write_films(replays: Replays, request: EvaluateRequest, reply: EvaluateReply, wanted: Sequence[str]) -> None:
     """Write the films that are wanted and not there yet.
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import docstring_parser
 import pytest
 
-from readygo.apps.cli import Command, parse, run_command
+from readygo.apps.cli import Command, option_name, parse, run_command
 from readygo.commands import COMMANDS
 from readygo.common.errors import RunError
 
@@ -274,3 +274,23 @@ def test_endpoint_that_is_none_is_one_line_and_nothing_is_made(
     assert (stopped.value.code, said.count("\n")) == (2, 1)
     assert said.endswith(f"must be of the form tcp/HOST:PORT or tls/HOST:PORT, PORT 1..65535, got {endpoint!r}.\n")
     assert not out.exists()
+
+
+def choose(place: str, /, *, from_: str = "", to_there: str = "") -> tuple[str, str, str]:
+    """Choose.
+
+    Args:
+        place: Where.
+        from_: Whence.
+        to_there: Whither.
+    """
+    return place, from_, to_there
+
+
+def test_option_may_be_called_by_a_word_of_the_language(capsys: pytest.CaptureFixture[str]) -> None:
+    assert (option_name("from_"), option_name("to_there")) == ("--from", "--to-there")
+    commands = {"choose": Command(f"{__name__}:choose", "chooses")}
+    assert parse(commands, ["choose", "here", "--from", "a", "--to-there", "b"])() == ("here", "a", "b")
+    with pytest.raises(SystemExit):
+        parse(commands, ["choose", "--help"])
+    assert "--from FROM" in capsys.readouterr().out

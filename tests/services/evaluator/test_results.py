@@ -21,6 +21,7 @@ from readygo.services.evaluator import (
     handle_evaluate,
     is_of,
     open_results,
+    read_results,
 )
 from tests.services.evaluator.conftest import GoalSeeker
 
@@ -204,3 +205,39 @@ def test_settings_of_another_shape_are_refused(tmp_path: Path, text: str) -> Non
     (tmp_path / "settings.json").write_text(text)
     with pytest.raises(RunError, match=r"settings\.json cannot be read"), open_results(tmp_path, {"seed": 1}):
         pass
+
+
+def test_results_are_read_while_they_are_written_and_stay_as_they_are(make_evaluator, tmp_path):
+    with open_results(tmp_path, SETTINGS) as results:
+        handle_evaluate(make_evaluator(), REQUEST, results=results)
+        results.finish({"sees": ["rgb", "depth"]})
+        with (tmp_path / "episodes.jsonl").open("a") as file:
+            file.write('{"torn')
+        before = (tmp_path / "episodes.jsonl").read_bytes()
+        with read_results(tmp_path) as read:
+            assert read.records == results.records
+            assert read.settings() == SETTINGS
+            assert read.sees() == ("rgb", "depth")
+            key = next(iter(read.records))
+            assert np.array_equal(read.actions([key])[key], results.actions([key])[key])
+        assert (tmp_path / "episodes.jsonl").read_bytes() == before
+
+
+@pytest.mark.parametrize("summary", [None, "[]", '{"sees": 3}', "{", '{"policy": ""}'])
+def test_summary_that_says_nothing_of_images_names_none(tmp_path, summary):
+    with open_results(tmp_path, SETTINGS):
+        pass
+    if summary is not None:
+        (tmp_path / "summary.json").write_text(summary)
+    with read_results(tmp_path) as read:
+        assert read.sees() == ()
+
+
+def test_folder_without_results_or_settings_is_refused(tmp_path):
+    with pytest.raises(RunError, match="holds no results"), read_results(tmp_path):
+        pass
+    with open_results(tmp_path, SETTINGS):
+        pass
+    (tmp_path / "settings.json").write_text("{")
+    with read_results(tmp_path) as read, pytest.raises(RunError, match=r"settings\.json cannot be read"):
+        read.settings()
