@@ -1,0 +1,94 @@
+"""Finds phrases that the project does not use, in documents, docstrings, comments and messages: `make check` runs it.
+
+    python tests/plain_words.py [FILE ...]
+
+Each phrase stands for a plainer one; write that, or name who acts (the client, the worker, the user, the process).
+"""
+
+import io
+import re
+import subprocess
+import sys
+import tokenize
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[1]
+PHRASES = {
+    r"whoever|whichever|whatever": "name who or what it is: any client, every worker, all inputs",
+    r"nobody|somebody|anybody": "name the actor: no client, a user, another process",
+    r"anew": "again, or: from the start",
+    r"of (?:its|their|his|one's|our) own": "its own ..., separate, dedicated",
+    r"go(?:es|ne|ing)? on|went on": "continues, resumes",
+    r"in place of": "instead of",
+    r"as good as": "almost, nearly",
+    r"by choice": "optionally",
+}
+"""What to write instead, by phrase."""
+PATTERN = re.compile(rf"\b(?:{'|'.join(PHRASES)})\b".replace(" ", r"\s+"), re.IGNORECASE)
+"""A line break may part a phrase."""
+FOLDERS = ("apps", "benchmarks", "common", "deploy", "docs", "examples", "readygo", "services")
+EXEMPT = ("CHANGELOG.md",)
+"""What was once written stays."""
+
+
+class Found(NamedTuple):
+    """A phrase and where it stands."""
+
+    line: int
+    phrase: str
+
+
+def phrases_in(text: str, first_line: int = 1) -> Iterator[Found]:
+    """The phrases of a text.
+
+    Args:
+        text: Some lines.
+        first_line: Number of the first of them.
+    """
+    for match in PATTERN.finditer(text):
+        yield Found(first_line + text.count("\n", 0, match.start()), " ".join(match.group().split()))
+
+
+def words_of_source(source: str) -> Iterator[tuple[int, str]]:
+    """Comments and texts of a Python source, each with its first line."""
+    texts = {tokenize.COMMENT, tokenize.STRING, getattr(tokenize, "FSTRING_MIDDLE", -1)}
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type in texts:
+            yield token.start[0], token.string
+
+
+def find(path: Path) -> list[Found]:
+    """The phrases of a document or a source file."""
+    text = path.read_text()
+    parts = words_of_source(text) if path.suffix == ".py" else [(1, text)]
+    return [found for line, part in parts for found in phrases_in(part, line)]
+
+
+def checked_files() -> list[Path]:
+    """Documents, and the product's sources."""
+    listed = subprocess.run(["git", "ls-files", "*.md", "*.py"], cwd=ROOT, capture_output=True, text=True, check=True)
+    names = [name for name in listed.stdout.splitlines() if name not in EXEMPT]
+    return [ROOT / name for name in names if "/" not in name or name.startswith(tuple(f"{f}/" for f in FOLDERS))]
+
+
+def instead_of(phrase: str) -> str:
+    """What to write instead of a phrase."""
+    return next(words for pattern, words in PHRASES.items() if re.fullmatch(pattern, phrase, re.IGNORECASE))
+
+
+def main(names: list[str]) -> int:
+    """Print what was found; 1 if there is something."""
+    paths = [Path(name) for name in names] or checked_files()
+    lines = [
+        f"{path.relative_to(ROOT) if path.is_relative_to(ROOT) else path}:{line}: {phrase!r}: {instead_of(phrase)}"
+        for path in paths
+        for line, phrase in find(path)
+    ]
+    sys.stdout.write("".join(f"{line}\n" for line in lines) + f"{len(lines)} phrases to be said more plainly\n")
+    return 1 if lines else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
