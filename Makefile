@@ -22,13 +22,14 @@ test: $(DEV)  ## Run all tests, the longest files first; kernels are compiled be
 	$(BIN)/readygo warm
 	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=20 --durations-min=1
 
-check: $(DEV)  ## Style, types, import rules, and a test for every module
+check: $(DEV)  ## Style, types, import rules, plain words, and a test for every module
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python tests/large_files.py
 	$(BIN)/python tests/mirror.py
+	$(BIN)/python tests/plain_words.py
 
 mutants: $(DEV)  ## Change the lines that the branch changed, one at a time, and name the changes that no test notices
 	$(BIN)/python -m tests.mutants

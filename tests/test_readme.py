@@ -19,7 +19,13 @@ from tests.common.dataset.episodes import write_shard
 from tests.common.policy.artifacts import write_policy
 
 ROOT = Path(__file__).resolve().parents[1]
-DOCUMENTS = [ROOT / "README.md", ROOT / "ARCHITECTURE.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCUMENTS = [
+    ROOT / "README.md",
+    ROOT / "ARCHITECTURE.md",
+    ROOT / "CHANGELOG.md",
+    ROOT / "CONTRIBUTING.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+]
 DOCUMENTS += sorted(
     path for top in ("services", "common", "benchmarks", "examples") for path in (ROOT / top).rglob("README.md")
 )
