@@ -32,7 +32,7 @@ check: $(DEV)  ## Style, types, import rules, plain words, and a test for every 
 	$(BIN)/python tests/plain_words.py
 
 mutants: $(DEV)  ## Change the lines that the branch changed, one at a time, and name the changes that no test notices
-	$(BIN)/python -m tests.mutants
+	$(BIN)/python -m tests.mutants --baseline tests/mutants/baseline.json
 
 bench: $(RUNTIME)  ## Measure rendering, motion, planning and data on this machine
 	$(BIN)/python -m readygo.benchmarks
