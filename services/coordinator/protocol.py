@@ -65,7 +65,7 @@ class Episode:
     """Holders that ended at the present stage; zero again when it completes."""
     holder: Holder = NO_HOLDER
     recorder: str = ""
-    """That it was last leased, granted or committed to."""
+    """Recorder that the episode was last leased, granted or committed to."""
     shard: str = ""
     samples: int = 0
     driven_by: str = ""

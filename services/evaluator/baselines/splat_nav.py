@@ -40,7 +40,7 @@ SNAP_M = 0.5
 POLYGON_M = 0.6
 """Gaussians farther from a piece of the way than this do not bound its polygon: it ends there [m]."""
 PIECE_M, POINT_M = 1.0, 0.1
-"""Longest piece of the way with a polygon of its own, and distance of the path's points [m]."""
+"""Longest piece of the path with one polygon, and spacing of the path's points [m]."""
 SWEEPS, PROJECTIONS = 60, 20
 LOOKAHEAD_M = 0.3
 MARGIN_M = 0.03
@@ -63,12 +63,12 @@ class Polygon:
 
 @dataclass
 class Way:
-    """What is remembered of one episode."""
+    """State of one episode: its path and how far the robot has come."""
 
     path_m: Float64Array | None
-    """Shape (N, 2); None where there is none."""
+    """Path [m], shape (N, 2); None if there is none."""
     reached: int = 0
-    """Number of the path's point that the robot has come to."""
+    """Index of the path's point that the robot has reached."""
 
 
 class SplatMap:
