@@ -55,7 +55,7 @@ class RobotWarp:
     """Shows the images of all cameras as `FrameWarp` shows those of one."""
 
     def __init__(self, robot: RobotConfig, images: Sequence[str], pooling: int = 1) -> None:
-        """See `FrameWarp`.
+        """Prepare the warps of all cameras, see `FrameWarp`.
 
         Args:
             robot: Whose cameras took the images.

@@ -32,7 +32,7 @@ class EpisodeGround:
     """How far it reaches around start and goal [m]; inf is the whole map."""
     frame: GridFrame
     occupancy: OccupancyMap
-    """Un-inflated."""
+    """The map without inflated obstacles."""
     clearance: Float64Array
     """Distance to obstacles of the robot [m], shape (H, W)."""
     static_factor: UInt8Array

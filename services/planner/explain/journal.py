@@ -1,4 +1,4 @@
-"""What the expert knew and intended while it, or somebody else, drove: for those who want to know why it came so."""
+"""What the expert knew and intended while it or another driver drove, to explain the run."""
 
 import math
 from collections.abc import Sequence
@@ -93,13 +93,13 @@ class DrivenRun:
 
 
 class JournalKeeper(Observer):
-    """Asks the expert at every step, whoever drives, and keeps the journal."""
+    """Asks the expert at every step, regardless of the driver, and keeps the journal."""
 
     def __init__(self, expert: Expert) -> None:
         """Prepare an episode.
 
         Args:
-            expert: Of the episode.
+            expert: The expert of the episode.
         """
         self._expert = expert
         self.journal = Journal()

@@ -1,4 +1,4 @@
-"""Where Gaussians begin between the map's points: bare floors and walls have hardly any points of their own.
+"""Where Gaussians begin between the map's points: bare floors and walls have hardly any.
 
 What an image shows between three neighbouring points of the map is taken for the plane through them, over which the
 inverse of the depth changes linearly in the image; towards the image's border, for the plane that fits the nearest

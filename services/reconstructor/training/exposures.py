@@ -12,7 +12,7 @@ class Exposures:
     """Gain and offset of every colour of every photo, and how they are learned."""
 
     def __init__(self, values: Array, moments: Array) -> None:
-        """Go on.
+        """Start from given exposures and moments.
 
         Args:
             values: Gains and offsets, shape (V, 2, 3).
@@ -22,7 +22,7 @@ class Exposures:
 
     @classmethod
     def none(cls, count: int) -> "Exposures":
-        """Those of photos that are taken for what they are."""
+        """Neutral exposures of `count` photos: gains of 1, offsets of 0."""
         return cls(np.zeros((count, 2, 3), dtype=np.float32), np.zeros((2, count, 2, 3), dtype=np.float32))
 
     def step(self, numbers: Sequence[int], gradients: Sequence[Array], rate: float, train: Sequence[int]) -> None:

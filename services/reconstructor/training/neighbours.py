@@ -59,12 +59,12 @@ class Side:
 
     @property
     def R_WC(self) -> Tensor:
-        """Shape (3, 3)."""
+        """Rotation of the camera in the world, shape (3, 3)."""
         return self.T_world_camera[:3, :3]
 
     @property
     def p_WC(self) -> Tensor:
-        """Shape (3,)."""
+        """Position of the camera in the world [m], shape (3,)."""
         return self.T_world_camera[:3, 3]
 
     def pixels(self, points_W: Tensor) -> tuple[Tensor, Tensor]:

@@ -160,7 +160,7 @@ def overtaking(site: Site, rng: np.random.Generator, task: Task, wanted: int) ->
 def is_overtaking(site: Site, task: Task, xy_m: Float64Array) -> bool:
     """True if one gets from behind the other to ahead of it on the first 85 % of the way, beside it, with its heading.
 
-    Whoever comes from behind keeps to the side.
+    The one that comes from behind keeps to the side.
     """
     count = math.ceil(site.drive.time_s(0.85 * task.length_m) / DT_S) + 1
     gap = first_rows(xy_m, count) - site.drive.rows(task, count)
