@@ -37,7 +37,7 @@ _REBUILDING = "rebuilding"
 _REBUILT = "rebuilt"
 """Key of the length that a run was to have when its ledger was rebuilt."""
 _RETIRED = "retired/"
-"""Begins the key of a recorder that was given up."""
+"""Prefix of the key of a recorder that was given up."""
 
 
 class Ledger:
@@ -271,7 +271,7 @@ class Ledger:
         self._change_each(self._episodes.in_shard(shard), self._protocol.doubt)
 
     def miss(self, indices: Sequence[int]) -> None:
-        """Begin episodes again that were durable and are no more."""
+        """Restart episodes that were durable and whose shards are lost."""
         episodes = [episode for index in indices if (episode := self._episodes.get(index))]
         durable = [episode for episode in episodes if episode.state is State.COMMITTED]
         self._change_each(durable, self._protocol.forget)

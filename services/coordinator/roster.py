@@ -1,4 +1,4 @@
-"""Who is there, when they were last heard, what they have done lately; lost when the coordinator ends."""
+"""Processes that are present, when they were last heard and what they did lately; lost when the coordinator ends."""
 
 import time
 from collections import Counter, deque

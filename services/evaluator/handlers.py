@@ -111,7 +111,7 @@ class Evaluator:
             check_policy_camera(self.policy.spec, self.robot)
 
     def source(self) -> EpisodeSource:
-        """Where its episodes come from."""
+        """Source of its episodes."""
         return EpisodeSource(
             self.bus,
             robot=self.robot,

@@ -1,4 +1,4 @@
-"""Who does a job: hands it to one worker at a time, and to another one when that is gone. No bus."""
+"""Hands a job to one worker at a time, and to another one when that worker is gone. No bus."""
 
 import json
 import threading

@@ -26,13 +26,14 @@ class PosedImages:
     size_px: npt.NDArray[np.int64]
     """Width and height, shape (V, 2)."""
     rays: Callable[[int, Array], Array]
-    """Of an image's number and pixels, shape (N, 2), pixel centres at +0.5: where they point at depth 1, (N, 2)."""
+    """Gives, by an image's number and pixels of shape (N, 2), pixel centres at +0.5, their rays at depth 1, shape (N,
+    2)."""
     points: Array
     """Points of the map, shape (P, 3)."""
     points_rgb: npt.NDArray[np.uint8]
     """Colours of the points, shape (P, 3)."""
     seen: npt.NDArray[np.int64]
-    """Which image sees which point: rows of numbers of image and point, shape (M, 2)."""
+    """Sightings of points: rows of the numbers of image and point, shape (M, 2)."""
     errors_px: Array
     """Mean reprojection error of each point, shape (P,) [px]."""
 

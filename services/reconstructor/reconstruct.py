@@ -116,7 +116,7 @@ def make_scene(job: Job, report: dict[str, Any], folder: Path) -> dict[str, Any]
     """The bundle with its maps and cameras; Gaussians that spoil it are left out and counted, far ones are its sky.
 
     Raises:
-        SceneError: If the scene has no room to move.
+        SceneError: If the scene has too little floor to move on.
     """
     file = job.work / GAUSSIANS / CLOUD_FILE
     trained = read_gaussians(file)

@@ -133,7 +133,7 @@ class Recorder:
 
     @property
     def folder(self) -> Path:
-        """Where its shards are."""
+        """Folder of its shards."""
         return self._folder
 
     def state(self) -> RecorderState:

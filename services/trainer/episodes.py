@@ -79,7 +79,7 @@ class EpisodeRange(Protocol):
 
     @property
     def episode(self) -> EpisodeKey:
-        """Which episode it is."""
+        """Key of the episode."""
         ...
 
     @property
@@ -94,17 +94,17 @@ class EpisodeRange(Protocol):
 
     @property
     def sha256(self) -> str:
-        """Hash of its bytes."""
+        """Hash of the episode's bytes."""
         ...
 
     @property
     def driver(self) -> Driver:
-        """Who drove."""
+        """Driver of the episode."""
         ...
 
     @property
     def outcome(self) -> Outcome:
-        """How it ended."""
+        """Outcome of the episode."""
         ...
 
     @property

@@ -102,7 +102,7 @@ class Bins:
         self.steps = torch.tensor([v[1] - v[0], w[1] - w[0]])
         """Distance of bins along v and w, shape (2,)."""
         self.centres = torch.cartesian_prod(v, w)
-        """Commands at the centres of the bins, shape (N, 2)."""
+        """Commands at the centres of the bins, as shares of the largest v and w, shape (N, 2)."""
         apart = (self.centres[:, None] - self.centres).abs() / self.steps
         self.beside = torch.where((apart < 1.5).all(dim=2), 0.0, OFF)
         """0 for every bin and its neighbours, `OFF` elsewhere, shape (N, N)."""

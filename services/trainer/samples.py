@@ -93,7 +93,7 @@ class SampleTable:
 
     @cached_property
     def usable_samples(self) -> Indices:
-        """Those that can be learned from, ascending.
+        """Numbers of the samples that can be learned from, ascending.
 
         Raises:
             DatasetError: If they are too few.

@@ -72,7 +72,7 @@ class RobotWarp:
             first += count
 
     def show(self, frames: Sequence[Image], view: View, group: int, out: Sequence[Image]) -> None:
-        """See `FrameWarp.show`; mirrored, a camera shows what its twin on the other side did."""
+        """See `FrameWarp.show`; a mirrored camera shows what its twin on the other side did."""
         if len(self._parts) == 1:
             self._warps[""].show(frames, view, group, out)
             return

@@ -59,7 +59,7 @@ class GaitStyle(NamedTuple):
     """Factor on the pelvis' vertical oscillation."""
     head_pitch_rad: float
     idle_phase_rad: float
-    """Where the idle sway begins."""
+    """Phase at which the idle sway begins [rad]."""
     lead_left: float
     """Below 0.5: the left foot makes the first step of a straight start."""
     stride_offset: float

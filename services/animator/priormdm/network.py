@@ -61,7 +61,7 @@ class StepEmbedding(nn.Module):
         self.time_embed = nn.Sequential(nn.Linear(width, width), nn.SiLU(), nn.Linear(width, width))
 
     def forward(self, step: Tensor) -> Tensor:
-        """Steps (B,) -> (B, D)."""
+        """Embed steps (B,) as (B, D)."""
         embedding: Tensor = self.time_embed(self.sequence_pos_encoder.pe[step, 0])
         return embedding
 

@@ -123,7 +123,7 @@ class SplatMap:
         return smooth_path_m(way, polygons)
 
     def polygon(self, begin_m: Float64Array, end_m: Float64Array) -> Polygon:
-        """Where the robot meets nothing around a piece of its way."""
+        """Area around a piece of the path in which the robot meets nothing."""
         a, b = (float(begin_m[0]), float(begin_m[1])), (float(end_m[0]), float(end_m[1]))
         near = self.obstacles.near(a, b, POLYGON_M + self.radius_m)
         low, high = np.minimum(a, b) - POLYGON_M, np.maximum(a, b) + POLYGON_M
@@ -241,7 +241,7 @@ def _cut(corners_m: Float64Array, plane: Float64Array) -> Float64Array:
 
 
 def _unbent(path_m: Float64Array, i: int) -> Float64Array:
-    """Where a point bends the path least, its neighbours staying where they are."""
+    """Position of a point at which it bends the path least while its neighbours stay where they are."""
     beside = path_m[i - 1] + path_m[i + 1]
     if 2 <= i < len(path_m) - 2:
         least: Float64Array = (4.0 * beside - path_m[i - 2] - path_m[i + 2]) / 6.0

@@ -58,7 +58,7 @@ class Journal:
         return tuple(step for step in self.changes if step > 0 and len(self.paths_m[step - 1]))
 
     def seen(self, human: int) -> npt.NDArray[np.bool_]:
-        """Where a human was in view, one flag per step."""
+        """True at the steps at which a human was in view."""
         return np.array([any(who.seen and who.index == human for who in row) for row in self.perceived], dtype=np.bool_)
 
 
@@ -71,7 +71,7 @@ class DrivenRun:
     trajectory: RobotTrajectory
     journal: Journal
     driver: str = EXPERT
-    """Who drove, in a word."""
+    """Name of the driver, in a word."""
 
     @property
     def explained(self) -> bool:

@@ -101,7 +101,7 @@ class ReactiveHumans:
         others: list[tuple[float, float, float, float]],
         robot: tuple[float, float, float, float] | None,
     ) -> Float64Array:
-        """Where human k goes in this step."""
+        """Position of human k after this step."""
         rows = self._drawn[k]
         row = self._row[k] = next_row(rows, self._row[k], here)
         ahead = min(row + _AHEAD_ROWS, len(rows) - 1)
@@ -213,7 +213,7 @@ class ReactiveSimulation(EpisodeSimulation):
             self._looks[k].append(figure.advance(now[k], (now[k] - before[k]) / DT_S))
 
     def _dress(self, motion: Motion, looks: Sequence[tuple[Float64Array, Float64Array]], share: float) -> None:
-        """Fill the row of the robot's next step with a figure's look, also between two of the figure's steps."""
+        """Fill the row of the robot's next step with a figure's pose, interpolated between two of its steps."""
         root_m, pose = looks[0]
         motion.root_m[self.step + 1], motion.pose_axis_angle[self.step + 1] = root_m, pose
         if share > 0:

@@ -137,7 +137,7 @@ class Script:
         return self._search.path(factor, a, b) is not None
 
     def _walked(self, human: ScriptedHuman, start: Point) -> Float64Array:
-        """Where a human is at each step."""
+        """Positions of a human at each step."""
         if human.avatar and self._names and human.avatar not in self._names:
             raise ValueError(f"unknown avatar {human.avatar!r}; there are {', '.join(self._names)}.")
         xy_m = human.xy_m if human.trajectory_m else self._along_waypoints(human)

@@ -17,7 +17,7 @@ BoolArray = npt.NDArray[np.bool_]
 UInt8Array = npt.NDArray[np.uint8]
 
 _BEHIND_M = 0.35
-"""Who is farther from the drawn row than this waits for no clock: the row waits [m]."""
+"""The drawn row waits for a human who is farther from it than this [m]."""
 _HORIZON_S = 3.0
 _ROOM_M = 0.3
 """Distance that humans try to keep beyond touching [m]; with less, a run that differs a little ends in a collision."""

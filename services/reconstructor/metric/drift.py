@@ -15,7 +15,7 @@ CORRELATED = 3.0
 """Poses are off by so many times what their residuals say as if matches erred independently, which those of one surface
 do not: 2.7, 2.5 and 3.5 times in three simulated films (`python -m readygo.benchmarks.reconstruction.poses`)."""
 IMAGES_MAX = 400
-"""Of larger maps no more images are looked at: time and memory grow with their square."""
+"""Most images of a map that are looked at: time and memory grow with their square."""
 _DRIFT_MAX = 0.05
 """What drifts more is not held together by its matches alone: pieces that markers join have a size that they give."""
 _NUDGE = 1e-6

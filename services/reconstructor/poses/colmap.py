@@ -51,7 +51,7 @@ def pycolmap() -> Any:
 
 
 def find_model(folder: Path) -> Path | None:
-    """Where a folder holds a COLMAP model: itself, `sparse` or `sparse/0`."""
+    """Folder of a COLMAP model: the given one, its `sparse/0` or its `sparse`; None if there is none."""
     for place in (folder, folder / "sparse" / "0", folder / "sparse"):
         if any(all((place / f"{name}.{ending}").is_file() for name in MODEL_FILES) for ending in ("bin", "txt")):
             return place

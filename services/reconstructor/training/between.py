@@ -15,7 +15,7 @@ Floats = npt.NDArray[np.float64]
 SIDE_PX = 64
 """Each pixel of images so small (longer side) is a place that is looked at."""
 _DEPTHS_MAX = 1.4
-"""Of three points the farthest is at most so many times as far as the nearest: others lie on different things."""
+"""Largest depth of three points relative to their smallest: others lie on different things."""
 _BORDER, _NEAREST = 6, 12
 """Each side of an image has so many points on its border; the nearest points tell their depths."""
 _VIEWS_MIN = 2

@@ -143,7 +143,7 @@ class GaussiansConfig:
 
 
 def weak_texture(settings: GaussiansConfig) -> GaussiansConfig:
-    """The same for places with bare walls: nothing is split for its absolute gradients, faint Gaussians go early."""
+    """Settings for places with bare walls: nothing is split for its absolute gradients, faint Gaussians go early."""
     density = replace(settings.density, absolute=False, gradient_min=2e-4, opacity_min=0.05)
     return replace(settings, density=density)
 

@@ -52,7 +52,7 @@ class _View:
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """Rows and columns."""
+        """Rows and columns [px]."""
         return self.pixels.shape[1], self.pixels.shape[2]
 
     @property

@@ -15,7 +15,7 @@ class Exposures:
         """Start from given exposures and moments.
 
         Args:
-            values: Gains and offsets, shape (V, 2, 3).
+            values: Logarithms of the gains, and offsets, shape (V, 2, 3).
             moments: Adam's first and second moments of them, shape (2, V, 2, 3).
         """
         self.values, self.moments = values, moments
@@ -29,8 +29,8 @@ class Exposures:
         """Adam without corrections; gains and offsets of all images have no common part, which colours could hold.
 
         Args:
-            numbers: Of the photos that were drawn; one may have been drawn twice.
-            gradients: Of each of them, shape (2, 3).
+            numbers: Numbers of the photos that were drawn; one may have been drawn twice.
+            gradients: Gradients by each photo's exposure, shape (2, 3).
             rate: Learning rate.
             train: Numbers of the photos that are trained on.
         """

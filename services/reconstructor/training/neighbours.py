@@ -53,7 +53,7 @@ class Side:
     """The photo, shape (H, W)."""
     K_px: Tensor
     T_world_camera: Tensor
-    """Shape (4, 4), of the same type as the planes."""
+    """Pose of the camera, shape (4, 4), of the same type as the planes."""
     rays_W: Tensor
     """Rays at depth 1 in the world's axes, shape (H, W, 3)."""
 

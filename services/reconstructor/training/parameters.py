@@ -44,7 +44,7 @@ class Gaussians:
         return cls(singles, zeros[0], zeros[1], np.zeros(len(singles["logits"]), dtype=np.float32))
 
     def select(self, index: Rows | npt.NDArray[np.bool_]) -> "Gaussians":
-        """Some of them, with their state."""
+        """Some of the Gaussians, with their state."""
         parts = [
             {name: np.ascontiguousarray(array[index]) for name, array in part.items()}
             for part in (self.values, self.first, self.second)

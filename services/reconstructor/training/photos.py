@@ -38,7 +38,7 @@ class Posed:
     points_rgb: npt.NDArray[np.uint8]
     """Colours of the points, shape (P, 3)."""
     seen: npt.NDArray[np.int64]
-    """Which view shows which point: rows of numbers of view and point, shape (M, 2)."""
+    """Sightings of points: rows of the numbers of view and point, shape (M, 2)."""
 
     @property
     def extent_m(self) -> float:

@@ -52,7 +52,7 @@ class TrainingProgress:
     gaussians: int
     loss: float
     psnr_db: float | None
-    """PSNR of the held-out images, when they were last drawn [dB]."""
+    """Mean PSNR of the held-out images when they were last drawn [dB]; None before that or without any."""
     seconds: float
     """Spent so far, those before an interruption included."""
     picture: Path | None
@@ -157,7 +157,7 @@ class _Training:
         self._engine.load(Gaussians.from_state(arrays), seen)
 
     def _points(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint8]]:
-        """Where Gaussians begin, and their colours."""
+        """Positions and colours that Gaussians begin with."""
         posed, room = self._posed, self._settings.density.count_max - len(self._posed.points_m)
         if not self._settings.between or room <= 0:
             return posed.points_m, posed.points_rgb
@@ -356,7 +356,7 @@ class _Training:
 
 
 def _neighbours_of(posed: Posed, train: tuple[int, ...], settings: GaussiansConfig) -> dict[int, tuple[int, ...]]:
-    """By the number of a training view, those of the training views that it is compared with."""
+    """Numbers of the training views that each training view is compared with, by its number."""
     config = settings.geometry
     if not config.enabled:
         return {}

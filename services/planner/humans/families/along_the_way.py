@@ -126,7 +126,7 @@ def path_against(
 
 
 def overtaking(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> Encounter:
-    """The same way as the robot: slower, ahead of it, or faster, from behind and well to the side."""
+    """A human on the robot's way: slower, ahead of it, or faster, from behind and well to the side."""
     robot_mps, low, high = (
         site.drive.speed_mps,
         site.episode.human_speed_min_mps,
