@@ -93,7 +93,7 @@ def check_free(obstacles: OccupancyMap, xy_m: npt.NDArray[np.float64]) -> None:
 
 
 def handle_animate(animator: Animator, request: AnimateRequest) -> AnimateReply:
-    """Motions of a scenario's humans; a trajectory that nobody can follow rejects the episode.
+    """Generate the motions of a scenario's humans; an episode with a trajectory that no human can follow is rejected.
 
     Raises:
         AvatarError: If the scenario names an avatar that the animator does not hold.

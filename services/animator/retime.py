@@ -1,7 +1,7 @@
-"""Motions walked at another pace and along another path than they were made for: people who make way as they go.
+"""Replays a motion at another pace and along another path than planned, for humans who yield while they walk.
 
-A gait is a function of the way walked: whoever walks slower takes the same steps later. Below a slow walk the figure
-blends into its standing pose. Feet keep to the way, not to the millimetre of the ground: sideways steps slide.
+The gait depends on the walked distance: a slower human takes the same steps later. Below a slow walk the figure blends
+into its standing pose. Feet follow the path, but not to the millimetre of the ground: sideways steps slide.
 """
 
 import math
@@ -19,7 +19,7 @@ STANDING_MPS, WALKING_MPS = 0.05, 0.5
 BODY_TURN_RADPS = 3.0
 """Fastest turn of a body [rad/s]."""
 _IDLE_M = 0.5
-"""A motion that leads less far is somebody who stands: it goes on with time."""
+"""A motion with a shorter path is that of a standing human: it advances with time [m]."""
 _LOOP_M = (0.8, 2.2)
 """Length of the piece that is walked again by those who have farther to go than was drawn [m]."""
 _END_M = 0.7

@@ -53,7 +53,7 @@ class BlobStore:
             os.close(descriptor)
 
     def drop(self, sha256: str) -> None:
-        """Forget a blob that nobody needs any more."""
+        """Delete a blob that is not needed any more."""
         with contextlib.suppress(FileNotFoundError):
             os.unlink(self._path(sha256))
 
@@ -68,7 +68,7 @@ class BlobStore:
 
 
 def _write(path: str, data: bytes, how: int) -> None:
-    """Write a file under its name at once: what a crash leaves of it is named by nobody, and has another hash."""
+    """Write a file directly under its final name: nothing refers to what a crash leaves, and its hash differs."""
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | how, 0o644)
     try:
         view = memoryview(data)

@@ -78,7 +78,7 @@ class Census:
         )
 
     def kept(self) -> dict[str, int]:
-        """Episodes that a stage rejected and that go on or are durable nevertheless, by reason."""
+        """Number of episodes that a stage rejected and that continue or are durable nevertheless, by reason."""
         return dict(
             self._database.all(
                 """SELECT reason, count(*) FROM episode WHERE state != 'rejected' AND reason != ''

@@ -10,9 +10,9 @@ class CoordinatorConfig:
     """Leases, limits and recorders; none of them changes a sample."""
 
     recorders: tuple[str, ...] = ("rec0",)
-    """Names of the recorders that share the run's episodes; each has a process and shards of its own."""
+    """Names of the recorders that share the run's episodes; each is one process with its own shards."""
     folders: dict[str, str] = field(default_factory=dict)
-    """Folders of recorders that have a disk of their own, by their names; the others record into the data folder."""
+    """Folders, by name, of recorders that have a separate disk; the others record into the data folder."""
     priority: int = 0
     """Workers of several runs do those with a higher one first."""
     lease_s: float = 15.0
@@ -28,7 +28,7 @@ class CoordinatorConfig:
     rejections_max: int = 200
     """The run fails after this many rejections if fewer than one index in 20 was accepted."""
     absent_s: float = 60.0
-    """Status says that nobody is there for a stage after this long [s]."""
+    """Status reports a stage that has had no worker for this time [s]."""
     inline_bytes: int = 16_000
     """Results up to this size travel in the claim's reply; larger ones are fetched as blobs."""
     blob_chunk_bytes: int = 1_000_000

@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 REASON_MAX = 2000
 """Characters of a reason that are kept."""
 LEDGER = "ledger"
-"""Whose trouble it is when the coordinator's own disk takes nothing."""
+"""Key of `Coordinator.troubles` for the coordinator's own disk when it takes nothing."""
 
 
 class Coordinator:
@@ -41,7 +41,7 @@ class Coordinator:
         set_aside: Callable[[int, str, Mapping[str, bytes]], str] = lambda index, reason, results: "",
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Go on with a run where its ledger is; nobody holds a lease then.
+        """Resume a run from its ledger; no worker holds a lease at that time.
 
         Args:
             spec: What the run is.
@@ -78,11 +78,11 @@ class Coordinator:
         self.paused = ledger.notes.get("paused") == "yes"
         self.cancelled = False
         self.troubles: dict[str, str] = {}
-        """What somebody must mend before the run goes on, by whom it keeps from work."""
+        """Problems that a user must fix before the run continues, by the component that they block."""
         self.recorders = tuple(name for name in self.config.recorders if name not in ledger.retired())
-        """Those that were not given up."""
+        """Names of the recorders that were not given up."""
         self.given: Counter[str] = Counter()
-        """Leases that each of them got since the process began."""
+        """Leases that each recorder got since the process began."""
         self._check_recorders()
         if self.numeric_class:
             self.numeric_class = ledger.notes.agree("numeric_class", self.numeric_class)
@@ -132,7 +132,7 @@ class Coordinator:
         self.note_trouble(_presence(name), "" if alive else gone)
 
     def note_trouble(self, who: str, reason: str) -> None:
-        """Something keeps somebody from work, or nothing does any more where the reason is empty."""
+        """Note what keeps a component from its work; an empty reason removes the note."""
         if reason:
             self.troubles[who] = reason
         else:
@@ -152,5 +152,5 @@ class Coordinator:
 
 
 def _presence(recorder: str) -> str:
-    """Whose trouble it is when a recorder is gone."""
+    """Key of `Coordinator.troubles` for a recorder that is gone."""
     return f"presence of {recorder}"

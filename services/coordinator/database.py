@@ -30,7 +30,7 @@ class Database:
         """
         self.path = path
         self.lock = threading.RLock()
-        """Held by whoever reads in several statements what nobody may change meanwhile."""
+        """Held during a read of several statements, so that no other thread writes between them."""
         try:
             self._connection = open_database(path)
         except (sqlite3.Error, UnicodeDecodeError) as error:

@@ -35,9 +35,9 @@ class Lease:
 _FORGOTTEN = "rejected before the ledger was made anew"
 _REBUILDING = "rebuilding"
 _REBUILT = "rebuilt"
-"""Key of the length that a run was to have when its ledger was made anew."""
+"""Key of the length that a run was to have when its ledger was rebuilt."""
 _RETIRED = "retired/"
-"""Begins the key of a recorder that was given up."""
+"""Prefix of the key of a recorder that was given up."""
 
 
 class Ledger:
@@ -60,9 +60,9 @@ class Ledger:
         self.census = Census(self._database, stages)
         """What may be asked of the episodes."""
         self.policies = Policies(self._database)
-        """Those that were offered."""
+        """Policies that trainers offered."""
         self.notes = Notes(self._database)
-        """What is noted of the run as a whole."""
+        """Values and counters of the run as a whole."""
 
     def close(self) -> None:
         """Close the file."""
@@ -89,8 +89,8 @@ class Ledger:
     def drop_episodes(self, wanted: int) -> None:
         """Forget the indices behind the `wanted` smallest ones that are not rejected: the run was to be longer.
 
-        Nothing is forgotten where an index behind them is durable. In a ledger that was made anew many may be: what was
-        rejected before them is not known yet.
+        Nothing is forgotten where an index behind them is durable. A rebuilt ledger may have many such indices: it does
+        not know yet which earlier ones were rejected.
         """
         with self._database.together():
             if wanted >= self._indices_to_last_durable():
@@ -205,7 +205,7 @@ class Ledger:
         """Note that an episode is durable.
 
         Returns:
-            Hashes of results that nobody needs any more; None if the episode was not granted to this recorder under
+            Hashes of results that are not needed any more; None if the episode was not granted to this recorder under
             this attempt.
         """
         return self._commit(index, lambda episode: self._protocol.commit(episode, written))
@@ -233,26 +233,26 @@ class Ledger:
         return taken is not None
 
     def adopt(self, index: int, written: Written) -> None:
-        """Note an episode as durable that a finished shard holds, whatever is known of it."""
+        """Mark an episode of a finished shard as durable, regardless of its state in the ledger."""
         self._episodes.open([index], self._protocol.first)
         self._commit(index, lambda episode: self._protocol.adopt(episode, written))
 
     def entrust(self, index: int, recorder: str) -> None:
-        """Have a recorder tell of an episode that an open shard of it seems to hold, whatever is known of it."""
+        """Have a recorder report on an episode that its open shard seems to hold, regardless of the ledger."""
         self._episodes.open([index], self._protocol.first)
         self._change(index, lambda episode: self._protocol.entrust(episode, recorder))
 
     def begin_rebuild(self) -> None:
-        """Note that the ledger is being made anew, until `fill_gaps`: a kill in between leaves it `unfinished`."""
+        """Note that a rebuild of the ledger began, until `fill_gaps`: a kill in between leaves it `unfinished`."""
         self.notes.put(_REBUILDING)
 
     @property
     def unfinished(self) -> bool:
-        """True if it knows of no episode, or not of all that its shards hold: it was being made anew."""
+        """True if the ledger knows of no episode, or a rebuild from the shards was interrupted."""
         return not self._database.held("SELECT 1 FROM episode LIMIT 1") or _REBUILDING in self.notes
 
     def fill_gaps(self, last: int, wanted: int) -> None:
-        """Open the indices up to `last` that nothing is known of, and so end making a ledger anew.
+        """Open the indices up to `last` that the ledger does not know, and end its rebuild.
 
         Some of them were rejected, and will be again: the run is not longer than `wanted` for that.
         """
@@ -271,7 +271,7 @@ class Ledger:
         self._change_each(self._episodes.in_shard(shard), self._protocol.doubt)
 
     def miss(self, indices: Sequence[int]) -> None:
-        """Begin episodes again that were durable and are no more."""
+        """Restart episodes that were durable and whose shards are lost."""
         episodes = [episode for index in indices if (episode := self._episodes.get(index))]
         durable = [episode for episode in episodes if episode.state is State.COMMITTED]
         self._change_each(durable, self._protocol.forget)

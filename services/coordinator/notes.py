@@ -1,4 +1,4 @@
-"""What is noted of a run as a whole: values under keys, and counters."""
+"""Notes about a run as a whole: values under keys, and counters."""
 
 from readygo.services.coordinator.database import Database
 
@@ -21,7 +21,7 @@ class Notes:
         return str(row[0]) if row else ""
 
     def put(self, key: str, value: str = "") -> None:
-        """Note a value under a key, in place of the one that was."""
+        """Store a value under a key; it replaces an earlier one."""
         self._database.run("INSERT OR REPLACE INTO run VALUES (?, ?)", key, value)
 
     def drop(self, key: str) -> None:

@@ -16,7 +16,7 @@ class OfferedPolicy:
     version: int
     """From 1, in the order of the offers."""
     sha256: str
-    """See `PolicyRef.sha256`."""
+    """SHA-256 of the policy, see `PolicyRef.sha256`."""
     files: tuple[FileRef, ...]
     samples: int
     """Durable samples when it was offered."""

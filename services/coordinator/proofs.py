@@ -1,4 +1,4 @@
-"""Proof that a lease is held: names are no secret, and what a claim's reply alone carried is."""
+"""Proof that a process holds a lease: a secret that only the reply to its claim carries."""
 
 import hmac
 import logging
@@ -10,23 +10,23 @@ log = logging.getLogger(__name__)
 
 
 class LeaseProofs:
-    """What the holders of leases are told, and they alone."""
+    """Makes and checks the secrets that only the holders of leases receive."""
 
     def __init__(self) -> None:
-        """Leases that were proved by others before are proved no more."""
+        """Draw a new secret; proofs from an earlier process are not valid any more."""
         self._secret = secrets.token_bytes(32)
 
     def of(self, index: int, attempt: int) -> str:
-        """What the holder of a lease is told."""
+        """Proof that the holder of a lease receives."""
         return hmac.digest(self._secret, f"{index} {attempt}".encode(), "sha256").hex()
 
     def proves(self, proof: str, index: int, attempt: int) -> bool:
-        """True if somebody who says this holds the lease."""
+        """True if `proof` is the proof of this attempt's lease."""
         return hmac.compare_digest(proof.encode(), self.of(index, attempt).encode())
 
 
 def not_the_holder(index: int, attempt: int) -> Verdict:
-    """What is said to somebody who does not prove a lease."""
-    log.warning("attempt %d of episode %d: refused to somebody who does not hold its lease", attempt, index)
+    """Verdict for a process that does not prove a lease."""
+    log.warning("attempt %d of episode %d: refused, the sender does not hold its lease", attempt, index)
     reason = f"attempt {attempt} of episode {index} is held by another worker"
     return Verdict(status=VerdictStatus.STALE, reason=reason)

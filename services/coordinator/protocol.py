@@ -23,7 +23,7 @@ ASIDE = "set aside: "
 
 
 class State(enum.Enum):
-    """Where an episode stands at its stage."""
+    """State of an episode at its present stage."""
 
     WAITING = "waiting"
     """A worker may claim it."""
@@ -32,7 +32,7 @@ class State(enum.Enum):
     GRANTED = "granted"
     """A recorder may write it."""
     COMMITTED = "committed"
-    """It is in a shard."""
+    """A shard holds it."""
     REJECTED = "rejected"
     """It is left out for good; another index takes its place."""
 
@@ -44,7 +44,8 @@ class Holder:
     worker: str = ""
     role: str = ""
     session: str = ""
-    """Of its presence on the bus, see `Bus.announce`; empty where the worker did not announce itself."""
+    """Session of the worker's presence on the bus, see `Bus.announce`; empty where the worker did not announce
+    itself."""
 
 
 NO_HOLDER = Holder()
@@ -65,7 +66,7 @@ class Episode:
     """Holders that ended at the present stage; zero again when it completes."""
     holder: Holder = NO_HOLDER
     recorder: str = ""
-    """That it was last leased, granted or committed to."""
+    """Recorder that the episode was last leased, granted or committed to."""
     shard: str = ""
     samples: int = 0
     driven_by: str = ""

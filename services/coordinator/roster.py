@@ -1,4 +1,4 @@
-"""Who is there, when they were last heard, what they have done lately; lost when the coordinator ends."""
+"""Processes that are present, when they were last heard and what they did lately; lost when the coordinator ends."""
 
 import time
 from collections import Counter, deque
@@ -49,7 +49,7 @@ class Roster:
         return len(self._present)
 
     def absent_s(self, stage: str, role: str, *, needed: bool) -> float:
-        """For how long a stage that is needed has had nobody who does it [s]; asked for now and then."""
+        """How long a needed stage has had no process that does it [s]; call it regularly."""
         there = any(other in (role, ALL) for other, _ in tuple(self._present))
         if there or not needed:
             self._absent_s.pop(stage, None)
@@ -62,7 +62,7 @@ class Roster:
             self._heard_s[role, name] = self._clock()
 
     def note_lease(self, role: str, name: str, index: int, attempt: int) -> None:
-        """A lease began."""
+        """Note that a lease began."""
         self._leased[index] = attempt, (role, name), self._clock()
 
     def note_renewed(self, index: int, attempt: int) -> None:

@@ -61,9 +61,10 @@ _ADDED = {
     "role": "TEXT NOT NULL DEFAULT ''",
     "session": "TEXT NOT NULL DEFAULT ''",
 }
-"""Columns of `episode` that ledgers of earlier versions lack: the policy leased with the present attempt, the one that
-drove the durable attempt, the one that shall drive whatever is the newest, how many workers ended while they held
-the episode at its present stage, and with `worker` the life of the process that holds it, see `protocol.Holder`."""
+"""Columns of `episode` that ledgers of earlier versions lack: the policy leased with the present attempt, the policy
+that drove the durable attempt, the policy that shall drive even if a newer one exists, the number of workers that ended
+while they held the episode at its present stage, and with `worker` the life of the process that holds it, see
+`protocol.Holder`."""
 
 
 def open_database(path: Path) -> sqlite3.Connection:

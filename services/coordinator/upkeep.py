@@ -1,4 +1,4 @@
-"""What the coordinator sees to without being asked: leases that end, and work that nobody is there for."""
+"""Periodic checks of the coordinator: leases that end, and stages that wait without a worker."""
 
 from readygo.common.errors import DiskError
 from readygo.services.coordinator.coordinator import LEDGER, Coordinator
@@ -7,7 +7,7 @@ from readygo.services.coordinator.protocol import Holder
 
 
 def note_absent(coordinator: Coordinator) -> None:
-    """Tell of stages that episodes wait for, and that nobody who is there does; call it now and then."""
+    """Report stages that episodes wait for and that no present process does; call it regularly."""
     for stage in coordinator.spec.stages:
         waiting = coordinator.ledger.census.waiting_at(stage)
         absent_s = coordinator.roster.absent_s(stage.name, stage.role, needed=waiting > 0)

@@ -48,7 +48,7 @@ class Disturbance:
 
 
 def disturbs(episode: EpisodeKey, share: float) -> bool:
-    """True in a `share` of the episodes: drawn from a stream of its own."""
+    """True in a `share` of the episodes, drawn from a dedicated random stream."""
     return bool(_rng(episode).random() < share)
 
 

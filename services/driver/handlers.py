@@ -1,4 +1,4 @@
-"""Closed loops that are recorded whoever drives and however they end, with the expert's labels at every image."""
+"""Closed loops that are recorded for every driver and every outcome, with the expert's labels at every image."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class Advice(Protocol):
 
     @property
     def replanned(self) -> bool:
-        """True if it planned anew."""
+        """True if the expert replanned."""
         ...
 
     @property
@@ -84,7 +84,7 @@ class Drive:
 
 
 def driver_of(episode: EpisodeKey, mix: float) -> DriverName:
-    """Who drives an episode of a run in which a policy drives the share `mix`: drawn from a stream of its own."""
+    """Driver of an episode in a run in which a policy drives the share `mix`, drawn from a dedicated random stream."""
     return DriverName.POLICY if episode_rng(episode, Purpose.DRIVER).random() < mix else DriverName.EXPERT
 
 
@@ -188,10 +188,10 @@ class LabelDriver:
         self._labels, self._disturbance = labels, disturbance
 
     def start(self, simulation: EpisodeSimulation) -> None:
-        """Nothing to remember: the labels do."""
+        """See `Driver.start`; the labels hold all state."""
 
     def act(self, running: Sequence[tuple[EpisodeSimulation, None]]) -> list[tuple[float, float] | DriverFailure]:
-        """See `Driver.act`; of the one episode that the labels observe."""
+        """See `Driver.act`; takes exactly one episode, which the labels observe."""
         ((simulation, _),) = running
         held, commands = simulation.clock.held_for(simulation.step), self._labels.commands
         if self._disturbance is not None:

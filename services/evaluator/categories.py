@@ -8,7 +8,7 @@ from readygo.common.messages import Outcome
 NEAR_HUMAN_M = 2.0
 """A thing that is hit while a human is this near may have been hit to make way [m]."""
 STUCK_S, STUCK_M = 10.0, 0.3
-"""Who moved less in the last seconds is stuck [s, m]."""
+"""A robot that moved less than this distance in the last seconds is stuck [s, m]."""
 
 
 class Category(enum.Enum):

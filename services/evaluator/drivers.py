@@ -21,7 +21,7 @@ class StraightLineDriver:
     looks = False
 
     def start(self, simulation: EpisodeSimulation) -> None:
-        """Nothing to remember."""
+        """See `Driver.start`; keeps no state."""
 
     def act(self, running: Sequence[tuple[EpisodeSimulation, None]]) -> list[Command | DriverFailure]:
         """See `Driver.act`."""

@@ -28,11 +28,11 @@ class Task(enum.Enum):
     """What an episode asks of the robot."""
 
     STATIC = "static"
-    """Reach the goal; nobody is there."""
+    """Reach the goal without humans."""
     DYNAMIC = "dynamic"
     """Reach the goal among walking people."""
     REACTIVE = "reactive"
-    """The same people, who make way for whoever drives."""
+    """Reach the goal among the same people, who yield to the robot."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,7 +47,7 @@ class MatchedEpisode:
 
 
 Simulate = Callable[[MatchedEpisode], EpisodeSimulation]
-"""Starts an episode."""
+"""Starts the simulation of an episode."""
 
 
 class EpisodeSource:

@@ -86,7 +86,7 @@ class Eyes:
     def look_from(
         self, xyyaw: Sequence[tuple[float, float, float]], simulation: EpisodeSimulation
     ) -> npt.NDArray[np.uint8]:
-        """What a robot that stands somewhere sees with nobody there, as with an image of a goal.
+        """Images that a robot would see at some poses without humans, as for an image of a goal.
 
         Args:
             xyyaw: Poses: x [m], y [m], yaw [rad], B of them.

@@ -28,9 +28,9 @@ from readygo.services.evaluator.results import Results
 
 Report = Callable[[EpisodeRecord], None]
 MakeDriver = Callable[["Evaluator"], Driver[Any]]
-"""Makes whoever drives by one method."""
+"""Makes the driver of one method."""
 Elsewhere = Callable[[Sequence[int]], None]
-"""Has the episodes of some indices driven by others."""
+"""Has other processes drive the episodes of some indices."""
 
 VIEW_RANGE_M = 10.0
 """Farther humans do not count as seen [m]."""
@@ -79,9 +79,9 @@ class EvaluateReply:
     records: tuple[EpisodeRecord, ...]
     summaries: dict[tuple[Task, str], TaskSummary]
     skipped: int
-    """Indices that the planner or the animator rejected before anybody drove."""
+    """Number of indices that the planner or the animator rejected before any method drove."""
     episodes: tuple[MatchedEpisode, ...] = ()
-    """What was driven through."""
+    """The episodes that were driven."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,7 +111,7 @@ class Evaluator:
             check_policy_camera(self.policy.spec, self.robot)
 
     def source(self) -> EpisodeSource:
-        """Where its episodes come from."""
+        """Source of its episodes."""
         return EpisodeSource(
             self.bus,
             robot=self.robot,
@@ -128,7 +128,7 @@ class Evaluator:
         return EpisodeSimulation(episode.scenario, episode.motions, self.robot_map, robot, self.episode_config)
 
     def eyes(self, sees: tuple[str, ...] = (RGB,)) -> Eyes:
-        """What a driver sees.
+        """Camera images for a driver.
 
         Args:
             sees: Images, see `readygo.common.policy.sight`.
@@ -143,7 +143,7 @@ class Evaluator:
         )
 
     def driver(self, method: str, hold_steps: int = 1) -> Driver[Any]:
-        """Whoever drives by a method.
+        """The driver of a method.
 
         Args:
             method: Name of the method.
@@ -183,7 +183,7 @@ def handle_evaluate(
         request: What to drive.
         report: Told about every episode that ends, and of those that had ended before.
         results: Keeps every episode as it ends; those that it has are not driven again.
-        elsewhere: Drives what is missing into `results`, in place of this process.
+        elsewhere: Drives the missing episodes into `results` instead of this process.
 
     Raises:
         RunError: If an episode cannot be kept, or there is no such method.
@@ -192,13 +192,13 @@ def handle_evaluate(
         BusError: If a service does not answer.
     """
     report = report or (lambda _: None)
-    # What is wrong with a method is said before anybody drives.
+    # Errors in a method are reported before any episode is driven.
     hold_steps = request.hold_steps(evaluator.robot.clock)
     drivers = {method: evaluator.driver(method, hold_steps) for method in request.methods}
     episodes, skipped = evaluator.source().draw(
         seed=request.seed, split=request.split, count=request.episodes, tasks=request.tasks
     )
-    # By task, then by method, whoever drove when.
+    # By task, then by method, regardless of the order of driving.
     places = [
         (episode, (task, method, episode.scenario.episode))
         for task in request.tasks
@@ -234,10 +234,10 @@ def drive(
     """Drive one method through episodes, side by side where it looks.
 
     Args:
-        evaluator: Where.
-        method: Its name.
-        driver: Whoever drives, from `Evaluator.driver`.
-        episodes: Through which.
+        evaluator: Scene, robot, policy and bus.
+        method: Name of the method.
+        driver: Its driver, from `Evaluator.driver`.
+        episodes: Episodes to drive through.
 
     Yields:
         How it did, and what the robot did, in the order in which episodes end.
@@ -267,7 +267,7 @@ def _drive_here(
 
 
 def _sees(evaluator: Evaluator, robot: RobotConfig) -> Sees:
-    """Whether a camera of the robot shows a human, whatever the robot's driver looks at."""
+    """Whether a camera of the robot shows a human, regardless of what the robot's driver looks at."""
     eyes = [(camera, view_of(camera)) for camera in robot.all_cameras.values()]
     find_sight = evaluator.find_sight or (lambda: sight_of_occupancy(evaluator.robot_map))
 

@@ -1,7 +1,7 @@
-"""Drives by a published network: four times a second it looks, and steers at one of the places that it names.
+"""Drives by a published network: four times a second it looks, and steers at one of the predicted waypoints.
 
-The goal is an image of what the robot would see there, with nobody about. Success is judged by the distance, as for
-everybody else: the networks' own notion of having arrived is not asked for.
+The goal is an image of what the robot would see there without humans. Success is judged by the distance, as for all
+other methods: the networks' own estimate of arrival is not used.
 """
 
 import math
@@ -23,17 +23,17 @@ from readygo.services.evaluator.eyes import Eyes
 from readygo.services.evaluator.handlers import Evaluator
 
 WAYPOINT = 2
-"""Which of the places is steered at."""
+"""Index of the predicted waypoint that the robot steers at."""
 
 
 @dataclass
 class NetworkState:
-    """What is remembered of one episode."""
+    """State of one episode."""
 
     goal: Any
     """The goal's image, a tensor of shape (3, h, w)."""
     generator: Any
-    """Where NoMaD's samples come from."""
+    """Random generator of NoMaD's samples."""
     frames: list[Any] = field(default_factory=list)
     """The latest images, oldest first."""
     command: tuple[float, float] = (0.0, 0.0)
@@ -99,7 +99,7 @@ def steer(waypoint: Sequence[float], robot: RobotConfig) -> tuple[float, float]:
     """The command that leads to a waypoint within the time between two looks, as the networks' own controller has it.
 
     Args:
-        waypoint: x forward and y left [m], and, by choice, the cosine and sine of the heading there.
+        waypoint: x forward and y left [m], and, optionally, the cosine and sine of the heading there.
         robot: Limits.
 
     Returns:

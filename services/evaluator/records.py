@@ -35,13 +35,13 @@ class EpisodeRecord:
     human_distance_min_m: float
     """Smallest distance of the centres of robot and any human [m]; inf without humans."""
     category: Category | None = None
-    """Kind of failure; None after a success, or where nobody noted it."""
+    """Kind of failure; None after a success, or if none was noted."""
     reason: str = ""
     """Why its driver failed."""
 
     @property
     def key(self) -> RecordKey:
-        """Which record it is."""
+        """Key of the record: task, method and episode."""
         return self.task, self.method, self.episode
 
     def to_mapping(self) -> dict[str, Any]:
@@ -131,7 +131,7 @@ def make_record(
         category=category_of(simulation, conduct.contact, failure),
         reason=failure,
     )
-    # Rounded as it is kept: who goes on from a folder gets the same scores to the last digit.
+    # Rounded as it is stored: an evaluation that resumes from a folder gets the same scores to the last digit.
     return record_of_mapping(record.to_mapping())
 
 

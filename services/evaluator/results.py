@@ -1,4 +1,4 @@
-"""The folder of an evaluation: every episode is on disk when it ends, and who comes back goes on."""
+"""The folder of an evaluation: every episode is on disk when it ends, and an interrupted evaluation resumes."""
 
 import fcntl
 import json
@@ -38,7 +38,7 @@ class Results:
     def __init__(self, folder: Path, records: BinaryIO, trajectories: BinaryIO) -> None:
         self.folder = folder
         self.records: dict[RecordKey, EpisodeRecord] = {}
-        """All that are on disk."""
+        """All records on disk, by key."""
         self._records, self._trajectories = records, trajectories
         try:
             found = [record_of_mapping(mapping) for mapping in _whole_lines(records, folder / RECORDS_FILE)]
@@ -65,7 +65,7 @@ class Results:
         except OSError as error:
             raise RunError(
                 f"{self.folder} cannot be written: {error.strerror or error}; {len(self.records)} episodes are kept, "
-                "the same command goes on."
+                "the same command resumes."
             ) from error
         self.records[record.key] = record
 
@@ -135,7 +135,7 @@ def read_results(folder: Path) -> Iterator[Results]:
 
 @contextmanager
 def open_results(folder: Path, settings: Mapping[str, Any], *, today: Today = lambda kept: kept) -> Iterator[Results]:
-    """Begin an evaluation in a folder, or go on with the one that is there.
+    """Begin an evaluation in a folder, or resume the one that is there.
 
     Args:
         folder: Made if it is missing.
@@ -163,7 +163,7 @@ def open_results(folder: Path, settings: Mapping[str, Any], *, today: Today = la
 
 
 def is_of(folder: Path, settings: Mapping[str, Any], *, today: Today = lambda kept: kept) -> bool:
-    """True if `open_results` would go on in a folder."""
+    """True if `open_results` would resume in a folder."""
     try:
         return not _differences(today(_read_settings(folder)), settings)
     except (OSError, ValueError):
@@ -186,7 +186,7 @@ def _check_settings(folder: Path, settings: Mapping[str, Any], today: Today) -> 
         more = f" and {len(different) - DIFFERENCES_SHOWN} more" if len(different) > DIFFERENCES_SHOWN else ""
         raise RunError(
             f"{folder} has results of other settings: {', '.join(different[:DIFFERENCES_SHOWN])}{more}. Choose another "
-            "--out, or those settings to go on."
+            "--out, or those settings to resume."
         )
     methods = kept.get(METHODS, {})
     if new := {name: sha256 for name, sha256 in settings.get(METHODS, {}).items() if name not in methods}:

@@ -26,7 +26,7 @@ Value = Callable[[EpisodeResult, float], float | None]
 
 @dataclass(frozen=True, kw_only=True)
 class Measure:
-    """What is measured of every episode."""
+    """One quantity that is measured in every episode."""
 
     name: str
     title: str
@@ -123,7 +123,7 @@ class Comparison:
     """Episodes in which only the method succeeded."""
     only_reference: int
     mcnemar_p: float
-    """Of the successes, exact and two-sided."""
+    """Two-sided p-value of McNemar's exact test on the successes."""
     differences: Mapping[str, Score]
     """Method minus reference by measure, paired bootstrap."""
     success_ratio: Score

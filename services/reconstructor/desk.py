@@ -1,4 +1,4 @@
-"""Who does a job: hands it to one worker at a time, and to another one when that is gone. No bus."""
+"""Hands a job to one worker at a time, and to another one when that worker is gone. No bus."""
 
 import json
 import threading
@@ -17,7 +17,7 @@ class Desk:
     """One job that workers ask for."""
 
     def __init__(self, job: Job, config: ReconstructorConfig) -> None:
-        """Nobody has it yet.
+        """Offer a job that no worker holds yet.
 
         Args:
             job: Its paths are made absolute.
@@ -35,7 +35,7 @@ class Desk:
         self._ended, self._dismissed = threading.Event(), threading.Event()
 
     def claim(self, request: ReconstructionClaim) -> ReconstructionJob:
-        """Give the job to a worker if nobody else has it. One that asks again has lost it."""
+        """Give the job to a worker if no other worker holds it. One that asks again has lost it."""
         if self._ended.is_set():
             self._dismissed.set()
             return ReconstructionJob(over=True)
@@ -53,7 +53,7 @@ class Desk:
         return Verdict(status=VerdictStatus.OK)
 
     def seen(self, worker: str, *, alive: bool) -> None:
-        """Give the job to somebody else when its worker is gone; finished stages stay."""
+        """Free the job for another worker when its worker is gone; finished stages stay."""
         if worker == self._worker and not alive:
             self._worker = ""
 
@@ -76,7 +76,7 @@ class Desk:
 
 
 def config_of(job: ReconstructionJob) -> ReconstructorConfig:
-    """How a job is done.
+    """Settings of a job.
 
     Raises:
         ConfigError: If the settings are those of another version.

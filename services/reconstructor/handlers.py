@@ -57,7 +57,7 @@ from readygo.services.reconstructor.poses.verdict import Verdict
 from readygo.services.reconstructor.stages import Say, Stages, code_digest
 
 _TRIED_IMAGES = 40
-"""Of so many images other dictionaries are looked for."""
+"""Other dictionaries are looked for in about this many images."""
 
 
 def find_poses(source: Path, out: Path, config: ReconstructorConfig, say: Say) -> dict[str, Any]:
@@ -78,7 +78,7 @@ def find_poses(source: Path, out: Path, config: ReconstructorConfig, say: Say) -
 
 @contextmanager
 def open_job(source: Path, folder: Path, config: ReconstructorConfig, say: Say) -> Iterator[tuple[Stages, Source]]:
-    """Begin a job in a state folder, or go on with it, after a look at what would stop it hours later.
+    """Begin a job in a state folder, or resume it, after a look at what would stop it hours later.
 
     Raises:
         ReadygoError: If the source cannot be used, the scale is not told, or another command works in the folder.
@@ -92,7 +92,7 @@ def open_job(source: Path, folder: Path, config: ReconstructorConfig, say: Say) 
 
 
 def find_poses_in(stages: Stages, given: Source, config: ReconstructorConfig) -> dict[str, Any]:
-    """As `find_poses`, in a job that may go on after it."""
+    """Run the stages of `find_poses` in a job that may have further stages."""
     out = stages.folder
     poses, metric = section_to_mapping(config.poses), section_to_mapping(config.metric)
     settings = {"source": [str(given.path.resolve()), given.kind, given.identity], **section_to_mapping(config.frames)}
@@ -256,7 +256,7 @@ def _with_drift(
     sightings: list[MarkerSighting],
     lengths: list[KnownLength],
 ) -> Placement:
-    """The same, its scale's interval with what a bent map adds; with a note where nobody can tell."""
+    """The placement with a bent map's share in its scale's interval; with a note if that share is unknown."""
     ruler = ruler_of(placed, sightings, lengths)
     if ruler is None:
         return placed

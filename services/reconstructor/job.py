@@ -63,7 +63,7 @@ def images_of_model(path: Path) -> Path:
 
 
 def images_of(frames: Mapping[str, Any], folder: Path) -> tuple[Path, list[str]]:
-    """Where images are, and their names."""
+    """Folder of the images, and their names."""
     if "images" not in frames:
         return folder, list(frames["names"])
     place = Path(frames["images"])

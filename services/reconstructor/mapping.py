@@ -1,4 +1,4 @@
-"""The stage from matches to a map: poses and points in units of their own, put together and judged."""
+"""The stage from matches to a map: poses and points in arbitrary units, put together and judged."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, replace
@@ -43,7 +43,7 @@ def make_map(
     config: ReconstructorConfig,
     folder: Path,
 ) -> Mapping[str, Any]:
-    """Poses and points in units of their own, judged.
+    """Poses and points in arbitrary units, judged.
 
     Raises:
         SceneError: If the map must not be used; the message has advice.

@@ -46,7 +46,7 @@ class Sheet:
 
 
 def marker_sheet(dictionary: str, marker: int, size_m: float, page: str) -> Sheet:
-    """Where on a page what is black.
+    """Black parts of a page with a marker.
 
     Args:
         dictionary: As OpenCV names it.

@@ -20,19 +20,20 @@ class PosedImages:
 
     names: tuple[str, ...]
     T_world_camera: Array
-    """Shape (V, 4, 4)."""
+    """Poses of the cameras, shape (V, 4, 4)."""
     focal_px: Array
     """Mean of fx and fy, shape (V,) [px]."""
     size_px: npt.NDArray[np.int64]
     """Width and height, shape (V, 2)."""
     rays: Callable[[int, Array], Array]
-    """Of an image's number and pixels, shape (N, 2), pixel centres at +0.5: where they point at depth 1, (N, 2)."""
+    """Gives, by an image's number and pixels of shape (N, 2), pixel centres at +0.5, their rays at depth 1, shape (N,
+    2)."""
     points: Array
-    """Shape (P, 3)."""
+    """Points of the map, shape (P, 3)."""
     points_rgb: npt.NDArray[np.uint8]
-    """Shape (P, 3)."""
+    """Colours of the points, shape (P, 3)."""
     seen: npt.NDArray[np.int64]
-    """Which image sees which point: rows of numbers of image and point, shape (M, 2)."""
+    """Sightings of points: rows of the numbers of image and point, shape (M, 2)."""
     errors_px: Array
     """Mean reprojection error of each point, shape (P,) [px]."""
 

@@ -33,7 +33,7 @@ _BUNDLE = "bundle"
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """What is to be made of what."""
+    """Source, results and folders of a reconstruction."""
 
     source: Path
     """A video, a folder of photos, or a folder with a COLMAP model and its images."""
@@ -70,7 +70,7 @@ def reconstruct(job: Job, config: ReconstructorConfig, say: Say) -> dict[str, An
             code=code_digest("training"),
             keep=True,
         )
-        # Interrupted trainings go on: their own clock knows all of it.
+        # Interrupted trainings resume: their own clock includes the time before.
         stages.seconds[GAUSSIANS] = round(sum(trained["seconds"].values()), 2)
         made = {**report, "training": trained}
         found = stages.run(SCENE, {"license": job.license, "name": job.out.name}, partial(make_scene, job, made))
@@ -116,7 +116,7 @@ def make_scene(job: Job, report: dict[str, Any], folder: Path) -> dict[str, Any]
     """The bundle with its maps and cameras; Gaussians that spoil it are left out and counted, far ones are its sky.
 
     Raises:
-        SceneError: If nobody can move in the scene.
+        SceneError: If the scene has too little floor to move on.
     """
     file = job.work / GAUSSIANS / CLOUD_FILE
     trained = read_gaussians(file)
@@ -172,6 +172,6 @@ def _published(bundle: Path, out: Path) -> Scene:
     elif load_scene(out).content_hash != made.content_hash:
         raise SceneError(
             f"{out} holds a scene that was made from something else; remove it, and run the same command again: "
-            "nothing has to be computed anew."
+            "nothing has to be computed again."
         )
     return load_scene(out)

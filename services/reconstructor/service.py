@@ -33,7 +33,7 @@ def pull_jobs(bus: Bus, name: str, stop: threading.Event) -> None:
     """Claim jobs and do them until there is none left, or until `stop`, which is heard when a stage says something.
 
     Raises:
-        BusError: If nobody answers.
+        BusError: If no process answers.
     """
     bus.announce(RECONSTRUCTOR, name)
     while not stop.is_set():

@@ -16,7 +16,7 @@ class Similarity:
     R: Array
     """Rotation, shape (3, 3)."""
     t: Array
-    """Shape (3,), in units of frame b."""
+    """Translation, shape (3,), in units of frame b."""
 
     def apply(self, points: npt.ArrayLike) -> Array:
         """Points of frame a, shape (..., 3), in frame b."""

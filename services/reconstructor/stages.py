@@ -21,7 +21,7 @@ STAGE_FILE, BEGUN_FILE, LOCK_FILE = "stage.json", "begun", ".lock"
 ROOM_MIN_BYTES = 256 << 20
 """A stage does not begin with less room on the disk."""
 _FULL_BYTES = 4 << 20
-"""Who fails with less room fails for it."""
+"""A failure with less room on the disk than this counts as a full disk [bytes]."""
 _AGAIN = "run the same command again; what is finished stays."
 _MEMORY_WORDS = ("bad_alloc", "can't allocate memory", "cannot allocate memory", "insufficient memory", "out of memory")
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
@@ -33,7 +33,7 @@ class StageProgress:
 
     stage: str
     share: float = 0.0
-    """Of the stage, 0 to 1."""
+    """Finished share of the stage, 0 to 1."""
     words: str = ""
     picture: Path | None = None
     """The latest picture of what is being made."""
@@ -64,7 +64,7 @@ class Stages:
     """
 
     def __init__(self, folder: Path, say: Say) -> None:
-        """Begin a job, or go on with it.
+        """Begin a job, or resume it.
 
         Args:
             folder: State folder of the job.
@@ -104,17 +104,17 @@ class Stages:
         """Make a stage's folder unless it is there already.
 
         Args:
-            name: Of the stage, and of its folder.
+            name: Name of the stage, and of its folder.
             settings: All that its result depends on, besides the stages before.
             make: Fills a folder and says what it found, as values that JSON holds.
             code: What makes it, as of `code_digest`.
-            keep: The folder stays when `make` is interrupted, for the next call with the same settings to go on from.
+            keep: The folder stays when `make` is interrupted, and the next call with the same settings resumes from it.
 
         Returns:
             What was found, now or then.
 
         Raises:
-            ReadygoError: If the stage cannot be finished; its folder is not there then, or kept to go on.
+            ReadygoError: If the stage cannot be finished; its folder is removed, or kept to resume from.
         """
         text = self._key + name + code + json.dumps(settings, sort_keys=True)
         self._key = hashlib.sha256(text.encode()).hexdigest()
@@ -154,7 +154,7 @@ class Stages:
         free = shutil.disk_usage(self.folder).free
         if free < ROOM_MIN_BYTES:
             raise RunError(
-                f"{self.folder}: {free >> 20} MB are left on the disk, {ROOM_MIN_BYTES >> 20} MB are needed to go on. "
+                f"{self.folder}: {free >> 20} MB are left on the disk, {ROOM_MIN_BYTES >> 20} MB are needed. "
                 f"Make room and {_AGAIN}"
             )
 
@@ -169,7 +169,7 @@ class Stages:
 
 @contextmanager
 def worded(folder: Path) -> Iterator[None]:
-    """Say what ran out in a job's folder while a stage was made: libraries of C++ have words of their own, or none.
+    """Say what ran out in a job's folder while a stage was made: C++ libraries name it in other words, or not at all.
 
     Raises:
         RunError: If memory or the disk ran out.

@@ -15,10 +15,10 @@ _READ_ONLY = (errno.EROFS, errno.EACCES, errno.EPERM)
 def disk_error(folder: Path, error: OSError) -> RunError:
     """What is said of a write that failed: a DiskError if the disk is full or read-only and can be waited for."""
     if error.errno in _NO_ROOM:
-        return DiskError(f"No space left in {folder}; free some, and recording goes on.")
+        return DiskError(f"No space left in {folder}; free some, and recording continues.")
     if error.errno in _READ_ONLY:
-        return DiskError(f"{folder} cannot be written ({error.strerror}); mend it, and recording goes on.")
-    return RunError(f"Writing to {folder} failed: {error.strerror or error}; mend it and run again to go on.")
+        return DiskError(f"{folder} cannot be written ({error.strerror}); fix that, and recording continues.")
+    return RunError(f"Writing to {folder} failed: {error.strerror or error}; fix that and run again to resume.")
 
 
 def try_room(folder: Path, name: str) -> None:

@@ -1,4 +1,4 @@
-"""Samples in, durable episodes out: exactly once, whatever dies meanwhile."""
+"""Samples in, durable episodes out: exactly once, even when processes die."""
 
 import logging
 import re
@@ -45,14 +45,14 @@ FULL_S = 1.0
 
 @dataclass(frozen=True, kw_only=True)
 class RecorderState:
-    """How a recorder is."""
+    """State of a recorder."""
 
     episodes: int
-    """Durable ones in its shards."""
+    """Number of durable episodes in its shards."""
     buffered_episodes: int
-    """Those that are coming in."""
+    """Number of episodes that are coming in."""
     buffered_bytes: int
-    """Their images so far."""
+    """Bytes of their images so far."""
     trouble: str
     """Why the disk takes nothing; empty while it does."""
 
@@ -100,7 +100,7 @@ class Recorder:
         self._trouble = ""
         """Why the disk takes nothing."""
         self._tried_s = 0.0
-        """When it was tried last."""
+        """When the disk was tried last [s]."""
         self._closed = False
         self._lock = threading.RLock()
         try:
@@ -133,7 +133,7 @@ class Recorder:
 
     @property
     def folder(self) -> Path:
-        """Where its shards are."""
+        """Folder of its shards."""
         return self._folder
 
     def state(self) -> RecorderState:
@@ -268,7 +268,7 @@ class Recorder:
         self._shards.leave_broken()
 
     def _publish(self, buffer: EpisodeBuffer) -> None:
-        """Give a durable episode to those who learn from it; whoever misses it finds it in the shard."""
+        """Publish a durable episode for learners; a learner that misses it finds it in the shard."""
         message = CommittedEpisode(header=buffer.header, attempt=buffer.attempt, samples=tuple(buffer.samples))
         try:
             self._bus.publish(topics.COMMITTED, message)
@@ -348,7 +348,7 @@ class Recorder:
         if (episode.seed, episode.split) != self._run:
             raise RunError(
                 f"Folder {self._folder} holds {self._run[1].value} episodes of seed {self._run[0]}, got "
-                f"{episode.episode_id}; record every run into a folder of its own."
+                f"{episode.episode_id}; record every run into a separate folder."
             )
 
 

@@ -174,7 +174,7 @@ def _written(
 
 
 def next_start_ns(folder: Path, recorder: str) -> int:
-    """When the episode after those of a recorder's finished shards begins in its time [ns].
+    """Start of the episode after those of a recorder's finished shards, in the recorder's time [ns].
 
     Raises:
         DatasetError: If the last shard is damaged.

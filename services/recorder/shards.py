@@ -48,7 +48,7 @@ class Shards:
         self._next_start_ns = next_start_ns(folder, name)
 
     def place(self, outputs: tuple[str, ...]) -> Place:
-        """Where the next episode comes to be, which has these outputs."""
+        """Place of the next episode, which has these outputs."""
         with_map = self._writer is None or self._must_end(outputs)
         return Place(stage=self._stage, start_ns=self._next_start_ns, with_map=with_map)
 

@@ -41,7 +41,7 @@ class EpisodeCamera:
     """The camera of one episode."""
 
     config: CameraConfig
-    """With the values that the sensor drew for the episode."""
+    """Camera with the values that the sensor drew for the episode."""
     lens: Lens
     remap: Remap | None
     shutter: Shutter
@@ -67,7 +67,7 @@ class Pinhole:
     """What the rasterizer has to draw for a camera."""
 
     faces: Faces | None
-    """None: the image itself."""
+    """Faces to draw; None if the image itself is drawn."""
     K_px: npt.NDArray[np.float64]
     height_px: int
     width_px: int

@@ -26,8 +26,8 @@ class RendererConfig:
     """What the image depth is: "median" is where half of the light is left, the depth of a surface; "mean" is weighted
     as colours are, so that what lies behind thin Gaussians counts too. The backend gsplat makes "mean" alone."""
     goal_image: bool = False
-    """Record once per episode what the first camera shows at the goal, where the shortest way arrives, with nobody
-    about."""
+    """Record once per episode what the first camera shows at the goal, where the shortest path arrives, without
+    humans."""
     labels: bool = True
     """Record joints, box and footprint of every human with each sample."""
     detail: Literal["exact", "lod"] = "exact"

@@ -23,11 +23,12 @@ Singles = npt.NDArray[np.float32]
 FADE_M = 0.25
 """A sole this high above the floor casts no shadow any more."""
 LIFT_M = 0.004
-"""Above the floor map, which follows the visible surface."""
+"""Height of the shadows above the floor map, which follows the visible surface [m]."""
 PULL_M = 0.3
-"""Towards the camera: two standard deviations of a large Gaussian of a floor and of one of the shadow."""
+"""Shift of the shadows towards the camera [m]: two standard deviations of a large Gaussian of a floor and of one of the
+shadow."""
 PULL_BESIDE_M = 0.02
-"""The same where a foot is in the way."""
+"""Shift of the shadows towards the camera where a foot is in the way [m]."""
 NEAREST_M = 0.4
 """Shadows nearer to the camera are left out: there is no room to pull them."""
 SPREAD = 0.3
@@ -39,7 +40,7 @@ _ROWS = ((-0.09, 0.05, 0.09), (-0.045, 0.032, 0.22), (0.0, 0.032, 0.22), (0.045,
 _ALONG = 7
 _STEPS = round(PULL_M / PULL_BESIDE_M)
 _DARK_SH = np.float32(-0.5 / SH_C0)
-"""SH of black."""
+"""SH coefficient of black."""
 
 
 def shadow_cloud(feet: Floats, floor: FloorMap, p_WC: Floats) -> GaussianCloud | None:

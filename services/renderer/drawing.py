@@ -120,5 +120,5 @@ def static_clouds(scene: Scene) -> list[StaticCloud]:
 
 
 def pack_folder(scene: Scene) -> Path:
-    """Where the bundle keeps its packs, which can be made again."""
+    """Folder of the bundle's packs, which can be made again."""
     return scene.path / "cache"

@@ -26,9 +26,9 @@ class Look:
     """What the robot's camera shows from one pose."""
 
     xyyaw: tuple[float, float, float]
-    """Of the robot: x, y [m], yaw [rad]."""
+    """Pose of the robot: x, y [m], yaw [rad]."""
     rgb: npt.NDArray[np.uint8]
-    """Shape (H, W, 3)."""
+    """sRGB image, shape (H, W, 3)."""
     sharpness: float
     coverage: float
 
@@ -66,7 +66,7 @@ def _still(renderer: Renderer, camera: CameraConfig, pose: npt.NDArray[np.float6
 
 
 def goal_view(renderer: Renderer, episode: EpisodeKey, xyyaw: tuple[float, float, float]) -> npt.NDArray[np.uint8]:
-    """What the first camera of an episode shows at its goal with nobody there, sRGB, shape (H, W, 3).
+    """What the first camera of an episode shows at its goal without humans, sRGB, shape (H, W, 3).
 
     Args:
         renderer: Scene and camera.
@@ -85,7 +85,7 @@ def goal_picture(renderer: Renderer, episode: EpisodeKey, xyyaw: tuple[float, fl
 
 
 def unclear(renderer: Renderer, episode: EpisodeKey, xyyaw: npt.NDArray[np.float64], config: EpisodeConfig) -> str:
-    """Why an episode shows too little to be recorded; empty if it shows enough, or nobody asks.
+    """Why an episode shows too little to be recorded; empty if it shows enough or no limit is set.
 
     A few views, spread evenly over its steps, are drawn without people; their medians are compared.
 

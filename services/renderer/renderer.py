@@ -86,7 +86,7 @@ class Renderer:
         self._people[people.key] = people.humans
 
     def recall(self, key: str) -> tuple[HumanMotion, ...] | None:
-        """People by key: nobody for the empty key, None for an unknown one."""
+        """People by key: an empty tuple for the empty key, None for an unknown key."""
         if not key:
             return ()
         if key in self._people:

@@ -111,7 +111,7 @@ def episode_samples(
 
 
 class Picture(NamedTuple):
-    """What is recorded at one time."""
+    """Encoded images that are recorded at one time."""
 
     image: bytes
     """The first camera's encoded rgb."""
@@ -120,7 +120,7 @@ class Picture(NamedTuple):
 
 
 NO_PICTURE = Picture(image=b"", outputs={})
-"""Where none was taken."""
+"""The picture of a sample without images."""
 
 
 def encode_picture(views: Mapping[str, Images], config: RendererConfig) -> Picture:

@@ -44,9 +44,9 @@ def load_checkpoint(folder: Path, identity: dict[str, Any]) -> dict[str, Any] | 
         state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # torch raises many unrelated types for a broken file
         reason = (str(error).splitlines() or ["broken file"])[0]
-        raise PolicyError(f"{path} cannot be read: {reason}; delete it to start anew.") from error
+        raise PolicyError(f"{path} cannot be read: {reason}; delete it to start again.") from error
     if not isinstance(state, dict) or state.get("format") != CHECKPOINT_FORMAT:
-        raise PolicyError(f"{path} is no checkpoint of this version; delete it to start anew.")
+        raise PolicyError(f"{path} is no checkpoint of this version; delete it to start again.")
     state["identity"]["robot"] = _robot_of_today(state["identity"]["robot"])
     changed = sorted(key for key, value in identity.items() if state["identity"].get(key) != value)
     if changed:

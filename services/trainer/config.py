@@ -33,7 +33,7 @@ class NetworkConfig:
     latent_count: Count = 20
     """Numbers that the encoder answers."""
     motion: Literal["poses", "command"] = "command"
-    """What it is told of its own motion, see `readygo.common.policy.artifact.MotionInput`."""
+    """Form of the ego-motion that the network gets, see `readygo.common.policy.artifact.MotionInput`."""
     widths: tuple[int, ...] = (32, 64, 128, 192, 272)
     """Channels of the stem and of the four residual blocks."""
     pooled_height_px: Annotated[int, Range(low=0)] = 0
@@ -150,7 +150,7 @@ class TrainConfig:
     memory_mb: Count = 2048
     """Most memory for episodes as they were recorded; beyond it they are thinned out, every round alike [MB]."""
     cache_mb: Annotated[int, Range(low=0)] = 1024
-    """Most memory for decoded frames; the rest is decoded anew for each batch [MB]."""
+    """Most memory for decoded frames; the rest is decoded again for each batch [MB]."""
     validation_fraction: Annotated[float, Range(low=0.0, high=0.9)] = 0.1
     """Share of the episodes that is held out when no validation data are given."""
     validation_samples: Count = 1000

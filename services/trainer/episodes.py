@@ -35,7 +35,7 @@ class Episode:
     """Robot's poses: x, y [m], yaw [rad], shape (T, 3)."""
     expert: Array | None = None
     """What the expert would have executed from each sample on: v [m/s], w [rad/s], shape (T, K, 2), NaN where there is
-    no image; None if nobody asked it."""
+    no image; None if the expert was not asked."""
     risks: npt.NDArray[np.uint8] | None = None
     """What each command of `readygo.common.robot.command_grid` would have led to, see `Dataset.risks`, shape (T, C);
     None if the data do not say."""
@@ -56,7 +56,7 @@ class Episode:
 
     @property
     def sample_count(self) -> int:
-        """T."""
+        """Number of samples T."""
         return len(self.images)
 
     @property
@@ -79,7 +79,7 @@ class EpisodeRange(Protocol):
 
     @property
     def episode(self) -> EpisodeKey:
-        """Which episode it is."""
+        """Key of the episode."""
         ...
 
     @property
@@ -94,17 +94,17 @@ class EpisodeRange(Protocol):
 
     @property
     def sha256(self) -> str:
-        """Hash of its bytes."""
+        """Hash of the episode's bytes."""
         ...
 
     @property
     def driver(self) -> Driver:
-        """Who drove."""
+        """Driver of the episode."""
         ...
 
     @property
     def outcome(self) -> Outcome:
-        """How it ended."""
+        """Outcome of the episode."""
         ...
 
     @property
@@ -153,7 +153,7 @@ class SampleSource(Protocol):
 
     @property
     def expert_ahead(self) -> Array:
-        """What it would have gone on with, every 0.05 s, shape (S, K, 2)."""
+        """What the expert would have executed from then on, every 0.05 s, shape (S, K, 2)."""
         ...
 
     @property

@@ -258,7 +258,7 @@ def _append_command_units(graph: GraphBuilder, model: PolicyNet, features: str, 
 
 
 def _append_mode(graph: GraphBuilder, logits: str, bins: Bins) -> str:
-    """`Bins.mode`."""
+    """Append `Bins.mode` to a graph."""
     likeliest = graph.node("ArgMax", [logits], axis=1, keepdims=0)
     beside = graph.node("Gather", [graph.constant(_array(bins.beside)), likeliest], axis=0)
     near = graph.node("Softmax", [graph.node("Add", [logits, beside])], axis=1)
@@ -266,7 +266,7 @@ def _append_mode(graph: GraphBuilder, logits: str, bins: Bins) -> str:
 
 
 def _append_weighing(graph: GraphBuilder, answers: str, caution: float) -> str:
-    """`weigh`."""
+    """Append `weigh` to a graph."""
     likely, obstacle, human = graph.split(answers, 3)
     risk = graph.node("Add", [graph.node("Sigmoid", [obstacle]), graph.node("Sigmoid", [human])])
     likely = graph.node("LogSoftmax", [likely], axis=1)
@@ -274,7 +274,7 @@ def _append_weighing(graph: GraphBuilder, answers: str, caution: float) -> str:
 
 
 def export_policy(model: PolicyNet, spec: PolicySpec, folder: Path) -> None:
-    """Write a policy's graphs and `policy.toml`, each in one piece; whatever happens, they fit each other."""
+    """Write a policy's graphs and `policy.toml`, each atomically; after an interruption they still fit each other."""
     spec = dataclasses.replace(spec, inputs=model.inputs, graph=graph_spec(model.inputs))
     if spec.graph:
         graphs = {GRAPH_FILE: policy_graph(model, spec.robot)}

@@ -1,4 +1,4 @@
-"""The head of an exported policy as a torch module, and back: for whoever trains it on by other means.
+"""The head of an exported policy as a torch module, and back: for training by other means.
 
 The encoder stays what it is, byte by byte: only what makes commands of its latents is trained.
 """
@@ -37,13 +37,13 @@ def load_head(folder: Path) -> PolicyNet:
     try:
         config = section_from_mapping(NetworkConfig, spec.training["config"]["network"])
     except (ConfigError, KeyError, TypeError) as error:
-        raise PolicyError(f"{folder / SPEC_FILE} does not say what network it is: {error}; train it anew.") from error
+        raise PolicyError(f"{folder / SPEC_FILE} does not say what network it is: {error}; train it again.") from error
     net = PolicyNet(spec.robot, config)
     layers = (net.head.layer1, net.head.layer2, net.head.layer3)
     found = _linear_weights(folder / HEAD_FILE)
     shapes = [(layer.weight.shape, layer.bias.shape) for layer in layers]
     if net.inputs != spec.inputs or [(weight.shape, bias.shape) for weight, bias in found] != shapes:
-        raise PolicyError(f"{folder / HEAD_FILE} is not the network that {SPEC_FILE} names; train it anew.")
+        raise PolicyError(f"{folder / HEAD_FILE} is not the network that {SPEC_FILE} names; train it again.")
     with torch.no_grad():
         for layer, (weight, bias) in zip(layers, found, strict=True):
             layer.weight.copy_(weight)

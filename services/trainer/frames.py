@@ -16,7 +16,7 @@ from readygo.services.trainer.samples import Indices, SampleTable
 
 Image = npt.NDArray[np.uint8]
 _AT_GOAL = -1
-"""In place of a step: the episode's goal."""
+"""Stands for the episode's goal instead of a step."""
 
 
 class FrameCache:
@@ -38,7 +38,7 @@ class FrameCache:
         self._reservoir, self._robot, self._pooling, self._images = reservoir, robot, pooling, images
         self._size = (camera.height_px, camera.width_px, 3)
         self.shape = (camera.height_px // pooling, camera.width_px // pooling, channels_of(images))
-        """Of a frame as the network takes it."""
+        """Shape of a frame as the network takes it: rows, columns, channels."""
         self._kept: dict[str, dict[int, Image]] = {}
         self._room = limit_bytes // int(np.prod(self.shape))
         self._version = reservoir.version

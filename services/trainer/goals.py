@@ -18,7 +18,7 @@ class Goals:
     """Goals of a batch."""
 
     xy_m: Array
-    """In the robot's frame [m], shape (B, 2)."""
+    """Goals in the robot's frame [m], shape (B, 2)."""
     seen_from: Indices
     """The sample whose frame shows what is seen there; -1 - e for the image of the goal of episode e, shape (B,)."""
 

@@ -14,8 +14,8 @@ BF16_FEATURES = ("avx512_bf16", "amx_bf16", "bf16")
 """Features of CPUs that multiply bfloat16 numbers (the last one is Arm's)."""
 
 BF16_MIN_PX = 48
-"""Maps of smaller images shrink to one pixel, for which torch's convolutions on the CPU read, in bfloat16, memory that
-nobody wrote: the gradient is no number now and then (seen with torch 2.13 at 24x32, never from 48x64 on)."""
+"""Maps of smaller images shrink to one pixel, for which torch's convolutions on the CPU read, in bfloat16,
+uninitialised memory: the gradient is sometimes NaN (seen with torch 2.13 at 24x32, never from 48x64 on)."""
 
 
 def device_of(config: TrainConfig) -> torch.device:

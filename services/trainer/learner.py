@@ -80,7 +80,7 @@ class Learner:
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on from what `state` gave.
+        """Resume from what `state` gave.
 
         Raises:
             RuntimeError: If it is of another network.

@@ -30,7 +30,7 @@ PROGRESS_FILE = "progress.json"
 STOP_FILE = "stop"
 """A file of this name in the run's folder ends training as SIGTERM does; it is removed then."""
 DECAY_FILE = "decay"
-"""One of this name begins the fall of the learning rate, which ends training."""
+"""A file of this name in the run's folder begins the fall of the learning rate, which ends training."""
 CANDIDATES_FOLDER = "candidates"
 """One folder per offered policy, by its number."""
 WAITING_MAX = 256
@@ -64,7 +64,7 @@ class LiveTrainer:
         catch_up: CatchUp = tuple,
         show: Show = lambda loss: None,
     ) -> None:
-        """Begin, or go on from the checkpoint in `out`; episodes come from `hear` and `catch_up`.
+        """Begin, or resume from the checkpoint in `out`; episodes come from `hear` and `catch_up`.
 
         Args:
             robot: The fleet's robot.
@@ -222,7 +222,7 @@ class LiveTrainer:
 
 
 def _earlier_offers(out: Path) -> list[dict[str, Any]]:
-    """The offers of a run that goes on."""
+    """The earlier offers of a run that resumes."""
     try:
         offers: list[dict[str, Any]] = read_json(out / PROGRESS_FILE)["offers"]
     except (OSError, ValueError, LookupError, TypeError):

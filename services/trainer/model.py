@@ -102,13 +102,13 @@ class Bins:
         self.steps = torch.tensor([v[1] - v[0], w[1] - w[0]])
         """Distance of bins along v and w, shape (2,)."""
         self.centres = torch.cartesian_prod(v, w)
-        """Shape (N, 2)."""
+        """Commands at the centres of the bins, as shares of the largest v and w, shape (N, 2)."""
         apart = (self.centres[:, None] - self.centres).abs() / self.steps
         self.beside = torch.where((apart < 1.5).all(dim=2), 0.0, OFF)
         """0 for every bin and its neighbours, `OFF` elsewhere, shape (N, N)."""
 
     def to(self, device: torch.device) -> "Bins":
-        """The same grid on a device."""
+        """Move the grid to a device."""
         self.steps, self.centres, self.beside = (t.to(device) for t in (self.steps, self.centres, self.beside))
         return self
 
@@ -147,7 +147,7 @@ class PolicyNet(nn.Module):
         )
         by_image = channels_by_image(self.inputs.images, self.inputs.frames_together)
         self._by_image = [channel for channels in by_image.values() for channel in channels]
-        """As an encoder's graph has them: the rgb of all frames, then their depths."""
+        """Channels in the order of an encoder's graph: the rgb of all frames, then their depths."""
         self.pooling = pooling_of(robot.camera, config.pooled_height_px)
         size_px = robot.camera.height_px // self.pooling, robot.camera.width_px // self.pooling
         self.encoder = Encoder(size_px, self.inputs.image_channels, config.widths, config.latent_count)
@@ -155,11 +155,11 @@ class PolicyNet(nn.Module):
         self.slowest = robot.v_min_mps / robot.v_max_mps
         """Largest speed backwards, as a share of the largest one."""
         self.caution = config.caution if config.output == "weighed" else None
-        """None if commands are not weighed by what they risk."""
+        """Risk coefficient; None if commands are not weighed by what they risk."""
         answers = len(self.bins.centres) * (3 if self.caution is not None else 1) if self.bins else 2
         self.head = Head(self.inputs.feature_count + (TRAIT_COUNT if self.inputs.robot else 0), answers)
         self.humans = humans_head(self.inputs.latents_width) if reads_humans else None
-        """Of training alone."""
+        """Head that reads humans from the latents, for training alone; None if it is not trained."""
         self.register_buffer("limits", torch.tensor([robot.v_max_mps, robot.w_max_radps]), persistent=False)
         commands = torch.from_numpy(command_columns(self.inputs)).float()
         self.register_buffer("commands", commands, persistent=False)
@@ -172,7 +172,7 @@ class PolicyNet(nn.Module):
     def forward(
         self, images: Tensor, window: Tensor, motion: Tensor, goal_xy_m: Tensor, traits: Tensor | None = None
     ) -> tuple[Tensor, Tensor]:
-        """`encode_windows`, in whatever type is set by autocast, then `act` in float32.
+        """`encode_windows`, in the type that autocast sets, then `act` in float32.
 
         Returns:
             What the head answers, and what `humans` reads, shape (B, 3); empty without it.

@@ -40,18 +40,18 @@ class Shown:
     motion: Tensor
     """Features of own motion in SI units, shape (B, M)."""
     goals_xy_m: Tensor
-    """Shape (B, 2)."""
+    """Goals in the robot's frame [m], shape (B, 2)."""
     traits: Tensor
-    """See `SampleTable.traits`, shape (B, TRAIT_COUNT)."""
+    """Robot parameters, see `SampleTable.traits`, shape (B, TRAIT_COUNT)."""
     targets: Tensor
     """(v / v_max, w / w_max), shape (B, 2)."""
     risks: Tensor
-    """See `SampleTable.risks`, shape (B, C)."""
+    """Risks of commands, see `SampleTable.risks`, shape (B, C)."""
     humans: Tensor
-    """See `SampleTable.humans`, shape (B, 3)."""
+    """The nearest visible human, see `SampleTable.humans`, shape (B, 3)."""
 
     def to(self, device: torch.device) -> "Shown":
-        """The same on a device."""
+        """The batch on a device."""
         return Shown(**{name: getattr(self, name).to(device, non_blocking=True) for name in self.__dataclass_fields__})
 
 

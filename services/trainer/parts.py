@@ -14,7 +14,7 @@ from readygo.services.trainer.reservoir import Reservoir
 from readygo.services.trainer.samples import SampleTable, Timing, episode_table, held_out_names, join_tables
 
 HELD_OUT_SHARE = 0.2
-"""Of the memory for episodes and for decoded frames."""
+"""Share of the memory for episodes and for decoded frames that held-out episodes get."""
 
 
 class Part:
@@ -86,7 +86,7 @@ def robot_of_source(source: SampleSource) -> RobotConfig:
         DatasetError: If the data do not tell.
     """
     if source.robot is None:
-        raise DatasetError("The data do not tell which robot recorded them; record them anew.")
+        raise DatasetError("The data do not tell which robot recorded them; record them again.")
     return source.robot
 
 

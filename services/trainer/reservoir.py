@@ -25,7 +25,7 @@ class Reservoir:
 
     def __init__(self, limit_bytes: int, seed: int = 0) -> None:
         self.episodes: dict[str, Episode] = {}
-        """By name, in the order in which they came."""
+        """Episodes by name, in the order in which they came."""
         self.size_bytes = 0
         self.version = 0
         """Changes with the contents."""

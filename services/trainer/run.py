@@ -69,7 +69,7 @@ class TrainRun:
         data: dict[str, str],
         evaluate: Evaluate | None = None,
     ) -> None:
-        """Begin, or go on from the checkpoint in `out`.
+        """Begin, or resume from the checkpoint in `out`.
 
         Args:
             parts: What is trained on and what is held out; episodes may come and go.
@@ -77,7 +77,7 @@ class TrainRun:
             sensor: What varied of that camera.
             config: Budget and settings.
             out: Folder of the run.
-            data: Names and hashes of data that must be the same when the run goes on.
+            data: Names and hashes of data that must be the same when the run resumes.
             evaluate: Chooses the weights by closed-loop success; without it the last ones are taken.
 
         Raises:
@@ -236,8 +236,8 @@ class TrainRun:
 
     def _remedy(self) -> str:
         saved = (self.out / CHECKPOINT_FILE).exists()
-        kept = f"the checkpoint in {self.out} is of before" if saved else "there is no checkpoint of before"
-        return f"{kept}; go on with a lower --learning-rate in another --out"
+        kept = f"the checkpoint in {self.out} is from before that" if saved else "there is no earlier checkpoint"
+        return f"{kept}; continue with a lower --learning-rate in another --out"
 
     def _roll_out(self, evaluate: Evaluate) -> None:
         export_policy(self.learner.average, self.spec, self.out / CANDIDATE_FOLDER)
@@ -281,10 +281,10 @@ class Clock:
 
 
 def _flat(mapping: dict[str, Any]) -> dict[str, Any]:
-    """Settings by their own names; those that may change when a run goes on are left out."""
+    """Settings by their own names; those that may change when a run resumes are left out."""
     flat: dict[str, Any] = {}
     for name, value in mapping.items():
         flat |= value if isinstance(value, dict) else {name: value}
-    # Checkpoints of before there was a choice do not name it.
+    # Older checkpoints lack this key.
     plain = {"images": ["rgb"]}
     return {name: value for name, value in flat.items() if name not in BUDGET_FIELDS and plain.get(name) != value}

@@ -38,7 +38,7 @@ class Timing:
     ahead_steps: int = 0
     """Steps from a sample to the command that it teaches."""
     clock: Clock = field(default_factory=Clock)
-    """The robot's."""
+    """The robot's clock."""
     command_count: int = COMMAND_COUNT
     """Commands of the robot's grid, which data tell the risks of."""
 
@@ -75,9 +75,9 @@ class SampleTable:
     xyyaw: npt.NDArray[np.float64]
     """Robot's pose: x, y [m], yaw [rad], shape (S, 3)."""
     risks: npt.NDArray[np.uint8]
-    """See `Episode.risks`; `UNKNOWN_RISK` where the data do not say, shape (S, C)."""
+    """Risk of each command, see `Episode.risks`; `UNKNOWN_RISK` where the data do not say, shape (S, C)."""
     humans: Array
-    """See `Episode.humans`; NaN where the data do not say, shape (S, 3)."""
+    """The nearest visible human, see `Episode.humans`; NaN where the data do not say, shape (S, 3)."""
 
     def __len__(self) -> int:
         return len(self.first)
@@ -93,7 +93,7 @@ class SampleTable:
 
     @cached_property
     def usable_samples(self) -> Indices:
-        """Those that can be learned from, ascending.
+        """Numbers of the samples that can be learned from, ascending.
 
         Raises:
             DatasetError: If they are too few.
@@ -191,13 +191,13 @@ def _risks(episode: Episode, command_count: int) -> npt.NDArray[np.uint8]:
     if episode.risks.shape[1] != command_count:
         raise DatasetError(
             f"Episode {episode.name} tells the risks of {episode.risks.shape[1]} commands, the robot's grid has "
-            f"{command_count}; record it anew with this robot."
+            f"{command_count}; record it again with this robot."
         )
     return episode.risks
 
 
 def _targets(episode: Episode, ahead_steps: int) -> Array:
-    """The expert's commands some steps ahead; where nobody asked it, what was executed then."""
+    """The expert's commands some steps ahead; where the expert was not asked, what was executed then."""
     if episode.expert is not None:
         return episode.expert[:, min(ahead_steps, episode.expert.shape[1] - 1)]
     return episode.actions[np.minimum(np.arange(episode.sample_count) + ahead_steps, episode.sample_count - 1)]

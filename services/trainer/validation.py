@@ -21,7 +21,7 @@ class Predictions:
     given: Array
     """v [m/s], w [rad/s] as in closed loop, shape (B, 2)."""
     withheld: Array
-    """The same with the previous action withheld, where the policy takes it at all, shape (B, 2)."""
+    """The policy's commands with the previous action withheld, where the policy takes it at all, shape (B, 2)."""
 
 
 def predict(model: PolicyNet, objective: Objective, part: Part, samples: Indices) -> Predictions:

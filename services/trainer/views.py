@@ -21,7 +21,7 @@ class View:
     shifts_px: Indices
     """Rows and columns by which the image moves down and right, shape (G, 2)."""
     mirrored: npt.NDArray[np.bool_]
-    """Shape (G,)."""
+    """True where the image is mirrored, shape (G,)."""
     light: Array
     """What the network is given for each byte of each colour, shape (G, 256, 3)."""
 

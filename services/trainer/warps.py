@@ -55,7 +55,7 @@ class RobotWarp:
     """Shows the images of all cameras as `FrameWarp` shows those of one."""
 
     def __init__(self, robot: RobotConfig, images: Sequence[str], pooling: int = 1) -> None:
-        """See `FrameWarp`.
+        """Prepare the warps of all cameras, see `FrameWarp`.
 
         Args:
             robot: Whose cameras took the images.
@@ -72,7 +72,7 @@ class RobotWarp:
             first += count
 
     def show(self, frames: Sequence[Image], view: View, group: int, out: Sequence[Image]) -> None:
-        """See `FrameWarp.show`; mirrored, a camera shows what its twin on the other side did."""
+        """See `FrameWarp.show`; a mirrored camera shows what its twin on the other side did."""
         if len(self._parts) == 1:
             self._warps[""].show(frames, view, group, out)
             return

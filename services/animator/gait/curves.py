@@ -22,7 +22,7 @@ HARMONICS = 4
 # Channels of the body, angles in radians, lengths in leg lengths.
 PELVIS_YAW, PELVIS_LIST, PELVIS_TILT, CHEST_YAW, CHEST_LIST, CHEST_LEAN = 0, 1, 2, 3, 4, 5
 ARM_FLEXION, ARM_ABDUCTION, ELBOW = 6, 7, 8
-"""Of the left arm; the right one moves half a stride later."""
+"""Channels of the left arm; the right arm moves half a stride later."""
 HIP_HEIGHT, HIP_SURGE, HIP_SWAY = 9, 10, 11
 """Middle of the hips above the ankle of a flat foot, ahead of a constant speed, and to the left."""
 BODY = 12

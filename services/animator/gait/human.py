@@ -1,4 +1,4 @@
-"""Who walks: the measures of a skeleton and the habits of a person."""
+"""Measures of a walking human's skeleton and habits of the person."""
 
 from typing import NamedTuple
 
@@ -25,7 +25,7 @@ class GaitSkeleton(NamedTuple):
     leg_m: float
     """Thigh and shin together."""
     sole_m: float
-    """Ankle above the sole."""
+    """Height of the ankle above the sole [m]."""
     toe_sole_m: float
     """Joint at the ball of the foot above the sole."""
     heel_m: float
@@ -59,7 +59,7 @@ class GaitStyle(NamedTuple):
     """Factor on the pelvis' vertical oscillation."""
     head_pitch_rad: float
     idle_phase_rad: float
-    """Where the idle sway begins."""
+    """Phase at which the idle sway begins [rad]."""
     lead_left: float
     """Below 0.5: the left foot makes the first step of a straight start."""
     stride_offset: float
@@ -97,7 +97,7 @@ def draw_style(rng: np.random.Generator, variation: float, size: float) -> GaitS
     """Habits of a person.
 
     Args:
-        rng: Source of chance; the same number of values is drawn whatever `variation` is.
+        rng: Source of chance; the number of drawn values does not depend on `variation`.
         variation: 0 (the average person) to 1.
         size: Leg length relative to the reference, scales lengths.
     """

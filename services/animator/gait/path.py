@@ -21,7 +21,7 @@ MOVING_START_MPS = 0.3
 LEAD_IN_FRAMES = 40
 RATE_FALL_PER_S2 = 0.6
 RUN_ABOVE_MPS, WALK_BELOW_MPS = 2.2, 2.0
-"""Where people with legs of 0.80 m begin to run, and where they fall back into a walk."""
+"""Speeds at which people with legs of 0.80 m begin to run, and fall back into a walk [m/s]."""
 
 
 class Track(NamedTuple):

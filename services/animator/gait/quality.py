@@ -33,7 +33,7 @@ class MotionQuality:
     hover_max_mm: float
     """Largest height above the floor of the lowest point of a sole that stands still."""
     airborne_max_mm: float
-    """Largest height above the floor of the lowest sole point of both feet: somebody who walks never flies."""
+    """Largest height above the floor of the lowest sole point of both feet [mm]: a walk has no flight phase."""
     root_error_max_cm: float
     """Horizontal distance of the pelvis from the trajectory, over the trajectory's rows."""
     knee_min_deg: float

@@ -26,7 +26,7 @@ SETTLED_AFTER_S = 0.35
 SETTLE_MAX_S = 1.5
 """Longest time appended after a trajectory's end for the closing steps into a stand."""
 STAND_S = 50.0
-"""How long somebody idles whose trajectory is one point: the longest episode."""
+"""Length of the idle motion for a trajectory of one point [s]: the longest episode."""
 
 
 def _walk(

@@ -37,7 +37,7 @@ class TrainedModel:
     mask_frames: bool
     """True if the model was trained with padding masked out; the releases of 2022 and 2023 were not."""
     mean: npt.NDArray[np.float64]
-    """Of the features, shape (263,)."""
+    """Mean of the features, shape (263,)."""
     std: npt.NDArray[np.float64]
     text: npt.NDArray[np.float32] | None
     """CLIP embedding that conditions all motions, shape (512,)."""

@@ -52,7 +52,7 @@ class PriorMdmConfig:
             raise ValueError(f"priormdm.guidance must be within 0..20, got {self.guidance}.")
 
     def check_named(self) -> None:
-        """Refuse to go on without the files that the model consists of.
+        """Check that the files that the model consists of are named.
 
         Raises:
             ValueError: If one of them is not named.

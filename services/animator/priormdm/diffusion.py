@@ -49,7 +49,7 @@ class Schedule:
         return clean, noisy, math.sqrt(variance)
 
     def ddim(self, i: int) -> tuple[float, float]:
-        """The same weights for the deterministic step."""
+        """Weights of the clean and the noisy motion in the next one, for the deterministic (DDIM) step."""
         now, before = self.alpha_bar[i], self.before(i)
         noisy = math.sqrt((1.0 - before) / (1.0 - now))
         return math.sqrt(before) - noisy * math.sqrt(now), noisy

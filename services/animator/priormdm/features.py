@@ -51,7 +51,7 @@ _CHAINS = ((0, 2, 5, 8, 11), (0, 1, 4, 7, 10), (0, 3, 6, 9, 12, 15), (9, 14, 17,
 
 
 class Start(NamedTuple):
-    """Where features begin; they do not say it themselves."""
+    """Position and heading at which features begin; the features do not contain them."""
 
     x_m: float
     z_m: float

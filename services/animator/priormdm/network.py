@@ -61,7 +61,7 @@ class StepEmbedding(nn.Module):
         self.time_embed = nn.Sequential(nn.Linear(width, width), nn.SiLU(), nn.Linear(width, width))
 
     def forward(self, step: Tensor) -> Tensor:
-        """Steps (B,) -> (B, D)."""
+        """Embed steps (B,) as (B, D)."""
         embedding: Tensor = self.time_embed(self.sequence_pos_encoder.pe[step, 0])
         return embedding
 
@@ -78,7 +78,7 @@ class SelfAttention(nn.Module):
         nn.init.xavier_uniform_(self.in_proj_weight)
 
     def forward(self, x: Tensor, attends: Tensor | None) -> Tensor:
-        """Tokens (B, L, D); `attends` (B, L) is False for tokens that nobody looks at."""
+        """Attend over tokens (B, L, D); `attends` (B, L) is False for tokens that are masked out."""
         batch, length, width = x.shape
         qkv = nn.functional.linear(x, self.in_proj_weight, self.in_proj_bias)
         q, k, v = qkv.view(batch, length, 3, self.heads, width // self.heads).permute(2, 0, 3, 1, 4)

@@ -39,7 +39,7 @@ def fit_rotations(joints_m: npt.ArrayLike, offsets_m: npt.ArrayLike, *, retarget
         joints_m: Positions of the SMPL joints 0..21 or 0..23 in y-up axes [m], shape (T, 22 or 24, 3).
         offsets_m: The body: each joint relative to its parent in SMPL's T-pose (y up) [m], shape (24, 3).
         retarget: True is for a body with other measures: arms and neck take the directions of the given bones, and
-            the ankles get where they are asked to be, whatever the knees must do for it. False leaves the least error.
+            the ankles reach their given positions at any bend of the knees. False leaves the least error.
 
     Returns:
         Global joint rotations, shape (T, 24, 3, 3), and fitted positions [m], shape (T, 24, 3), y-up.

@@ -40,7 +40,7 @@ class PosePrior:
     """A Gaussian mixture over the 69 axis-angle numbers of joints 1..23."""
 
     means: npt.NDArray[np.float64]
-    """Shape (K, 69)."""
+    """Means of the mixture's K Gaussians, shape (K, 69)."""
     precisions: npt.NDArray[np.float64]
     """Inverse covariances, shape (K, 69, 69)."""
     costs: npt.NDArray[np.float64]

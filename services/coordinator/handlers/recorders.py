@@ -95,7 +95,7 @@ def handle_pending(coordinator: Coordinator, request: PendingRequest) -> Pending
 
 
 def _of_another_recorder(coordinator: Coordinator, recorder: str, index: int) -> Verdict | None:
-    """What is said to a recorder that is not the one of an episode."""
+    """Verdict for a recorder to which an episode does not belong; None for the right one."""
     chosen = coordinator.ledger.census.recorder_of(index)
     if unknown := _unknown_recorder(coordinator, recorder):
         return unknown
@@ -105,7 +105,7 @@ def _of_another_recorder(coordinator: Coordinator, recorder: str, index: int) ->
 
 
 def _unknown_recorder(coordinator: Coordinator, recorder: str) -> Verdict | None:
-    """What is said to a recorder that the run has not, or has no more."""
+    """Verdict for a recorder that is not one of the run's recorders, or no longer; None for the others."""
     if recorder in coordinator.recorders:
         return None
     return Verdict(status=VerdictStatus.STALE, reason=f"the run has no recorder {recorder!r}")

@@ -22,11 +22,11 @@ from readygo.common.messages import (
 from readygo.common.messages.fleet import FleetReply, FleetRequest
 from readygo.services.coordinator.coordinator import Coordinator
 
-CANCELLED = "The run was cancelled; run the same command again to go on."
+CANCELLED = "The run was cancelled; run the same command again to resume."
 
 
 def handle_spec(coordinator: Coordinator, request: RunSpecRequest) -> RunSpec:
-    """What the run is."""
+    """Answer with the run's specification."""
     return coordinator.spec
 
 
@@ -66,7 +66,7 @@ def handle_control(coordinator: Coordinator, request: ControlRequest) -> Verdict
 
 
 def handle_status(coordinator: Coordinator, request: StatusRequest) -> StatusReply:
-    """How far the run is."""
+    """Answer with the run's progress."""
     ledger = coordinator.ledger
     committed, samples = ledger.census.committed()
     counters = ledger.notes.counters()
@@ -92,7 +92,7 @@ def handle_status(coordinator: Coordinator, request: StatusRequest) -> StatusRep
 
 
 def handle_fleet(coordinator: Coordinator, request: FleetRequest | None = None) -> FleetReply:
-    """Who works on the run."""
+    """Answer with the processes that work on the run."""
     return FleetReply(
         stages=tuple(stage.name for stage in coordinator.spec.stages),
         workers=coordinator.roster.workers(coordinator.ledger.census.leases()),

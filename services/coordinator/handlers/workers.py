@@ -29,7 +29,7 @@ log = logging.getLogger(__name__)
 AHEAD_PER_PROCESS = 2
 """Episodes that may be between planning and the shards for each process that is there, at least."""
 _RESULTS = "results"
-"""Whose trouble it is when the disk does not take what stages have made."""
+"""Key of `Coordinator.troubles` for a disk that does not take the results of stages."""
 
 
 def handle_claim(coordinator: Coordinator, stage: Stage, request: ClaimRequest) -> ClaimReply:
@@ -109,7 +109,7 @@ def _kept(coordinator: Coordinator, result: bytes) -> str:
 
 
 def _held_by_another(coordinator: Coordinator, request: RenewRequest | CompleteRequest) -> Verdict | None:
-    """What is said to somebody who speaks for a lease that another worker holds."""
+    """Verdict for a worker that does not hold the lease that its request names; None for the holder."""
     if not coordinator.proofs.proves(request.lease, request.index, request.attempt):
         return not_the_holder(request.index, request.attempt)
     holder = coordinator.ledger.holder(request.index, request.attempt)
@@ -138,7 +138,7 @@ def _inputs(coordinator: Coordinator, lease: Lease) -> tuple[Blob, ...] | None:
         size, data = coordinator.blobs.read(sha256, 0, coordinator.config.inline_bytes)
         inline = 0 <= size <= coordinator.config.inline_bytes
         if size < 0 or (inline and hashlib.sha256(data).hexdigest() != sha256):
-            log.warning("result %s of episode %d is lost or damaged: it is begun anew", sha256, lease.index)
+            log.warning("result %s of episode %d is lost or damaged: the episode starts again", sha256, lease.index)
             return None
         inputs.append(Blob(sha256=sha256, data=data if inline else b""))
     return tuple(inputs)

@@ -16,7 +16,7 @@ from readygo.services.evaluator.baselines.goal_field import GoalField
 FORWARD_M = 0.25
 TURN_RAD = math.radians(30.0)
 TURNS = round(math.pi / TURN_RAD)
-"""Turns to look back."""
+"""Turns that make the robot look back."""
 TURN_COST_M = 0.03
 """Way that is gone rather than turn once more [m]."""
 LOOK_STEPS = 2
@@ -27,7 +27,7 @@ HALT_MPS, HALT_RADPS = 0.02, 0.02
 
 @dataclass
 class Action:
-    """What is left of an action."""
+    """Rest of an action: distance [m] and turn [rad]."""
 
     forward_m: float = 0.0
     turn_rad: float = 0.0
@@ -35,7 +35,7 @@ class Action:
 
 @dataclass
 class Plan:
-    """What is remembered of one episode."""
+    """State of one episode: its goal field and the rest of the present action."""
 
     field: GoalField
     action: Action
@@ -64,7 +64,7 @@ class DiscretePlannerDriver:
         v = _braking(action.forward_m, robot.a_max_mps2, robot.v_max_mps, held_s)
         w = _braking(action.turn_rad, robot.alpha_max_radps2, robot.w_max_radps, held_s)
         if action.forward_m > 0 and action.forward_m <= _brakes_in(simulation.v_mps, robot.a_max_mps2, held_s):
-            # Who goes on in the same direction need not stop.
+            # A robot that continues in the same direction need not stop.
             action.forward_m += self._next_action(simulation, plan.field, action.forward_m).forward_m
             v = _braking(action.forward_m, robot.a_max_mps2, robot.v_max_mps, held_s)
         stands = abs(simulation.v_mps) < HALT_MPS and abs(simulation.w_radps) < HALT_RADPS

@@ -168,7 +168,7 @@ class Ellipsoids:
     def blocked(
         self, centres_z_m: Float64Array, origin_m: tuple[float, float], cell_m: float, radius_m: float
     ) -> npt.NDArray[np.bool_]:
-        """At which cells of a grid a stack of balls meets one of them.
+        """Cells of a grid at which a stack of balls meets an ellipsoid.
 
         Args:
             centres_z_m: Height of the balls above each cell's centre [m], shape (balls, rows, columns).
@@ -185,7 +185,7 @@ class Ellipsoids:
         return blocked
 
     def near(self, begin_m: tuple[float, float], end_m: tuple[float, float], distance_m: float) -> "Ellipsoids":
-        """Those whose boxes meet the box around a segment, widened by a distance [m]."""
+        """Ellipsoids whose boxes meet the box around a segment, widened by a distance [m]."""
         low = np.minimum(begin_m, end_m) - distance_m
         high = np.maximum(begin_m, end_m) + distance_m
         # No ellipsoid is wider than its longest axis.

@@ -35,11 +35,11 @@ HEADING_GAIN_PER_S = 2.5
 
 @dataclass
 class Walk:
-    """What is remembered of one episode."""
+    """State of one episode: its goal field and the humans' positions."""
 
     field: GoalField
     humans_before_m: np.ndarray
-    """Where the humans were at the last step, shape (N, 2)."""
+    """Positions of the humans at the last step [m], shape (N, 2)."""
 
 
 class SocialForceDriver:
@@ -104,7 +104,7 @@ def _human_push(
 
 
 def _safe_speed(simulation: EpisodeSimulation, field: GoalField) -> float:
-    """The speed from which the robot can stop before it touches what is ahead [m/s], whatever pushes it there."""
+    """The speed from which the robot can stop before it touches what is ahead [m/s], regardless of the forces on it."""
     robot, x, y, yaw = simulation.robot, simulation.x_m, simulation.y_m, simulation.yaw_rad
     stop_m = robot.v_max_mps**2 / (2 * BRAKING * robot.a_max_mps2) + TOUCH_M
     steps = np.arange(TOUCH_M, stop_m + TOUCH_M, TOUCH_M)

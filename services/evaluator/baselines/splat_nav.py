@@ -40,7 +40,7 @@ SNAP_M = 0.5
 POLYGON_M = 0.6
 """Gaussians farther from a piece of the way than this do not bound its polygon: it ends there [m]."""
 PIECE_M, POINT_M = 1.0, 0.1
-"""Longest piece of the way with a polygon of its own, and distance of the path's points [m]."""
+"""Longest piece of the path with one polygon, and spacing of the path's points [m]."""
 SWEEPS, PROJECTIONS = 60, 20
 LOOKAHEAD_M = 0.3
 MARGIN_M = 0.03
@@ -63,12 +63,12 @@ class Polygon:
 
 @dataclass
 class Way:
-    """What is remembered of one episode."""
+    """State of one episode: its path and how far the robot has come."""
 
     path_m: Float64Array | None
-    """Shape (N, 2); None where there is none."""
+    """Path [m], shape (N, 2); None if there is none."""
     reached: int = 0
-    """Number of the path's point that the robot has come to."""
+    """Index of the path's point that the robot has reached."""
 
 
 class SplatMap:
@@ -123,7 +123,7 @@ class SplatMap:
         return smooth_path_m(way, polygons)
 
     def polygon(self, begin_m: Float64Array, end_m: Float64Array) -> Polygon:
-        """Where the robot meets nothing around a piece of its way."""
+        """Area around a piece of the path in which the robot meets nothing."""
         a, b = (float(begin_m[0]), float(begin_m[1])), (float(end_m[0]), float(end_m[1]))
         near = self.obstacles.near(a, b, POLYGON_M + self.radius_m)
         low, high = np.minimum(a, b) - POLYGON_M, np.maximum(a, b) + POLYGON_M
@@ -241,7 +241,7 @@ def _cut(corners_m: Float64Array, plane: Float64Array) -> Float64Array:
 
 
 def _unbent(path_m: Float64Array, i: int) -> Float64Array:
-    """Where a point bends the path least, its neighbours staying where they are."""
+    """Position of a point at which it bends the path least while its neighbours stay where they are."""
     beside = path_m[i - 1] + path_m[i + 1]
     if 2 <= i < len(path_m) - 2:
         least: Float64Array = (4.0 * beside - path_m[i - 2] - path_m[i + 2]) / 6.0

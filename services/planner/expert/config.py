@@ -26,7 +26,7 @@ class Perception:
     """What the expert knows of humans."""
 
     near_field_m: NotNegative = 0.0
-    """Humans this near are felt all round, whatever hides them [m]. A policy cannot see that."""
+    """Humans this near are perceived in all directions, even behind obstacles [m]. A policy cannot see that."""
     oracle: bool = False
     """True perceives all humans, all round and through walls, and knows their true motion. A policy cannot."""
     line_of_sight: bool | None = None
@@ -36,14 +36,14 @@ class Perception:
     memory_s: NotNegative = 4.0
     """How long a human that left the view stays in the map, moving on [s]."""
     standing_memory_s: NotNegative = 60.0
-    """The same for one that stood; it ends when the place is seen to be empty [s]."""
+    """How long a human that stood stays in the map [s]; ends earlier when the place is seen to be empty."""
     velocity_window_s: Annotated[float, Range(low=DT_S)] = 0.2
     """Velocities are estimated over this much continuous observation [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction:
-    """Where it expects them."""
+    """Where the expert expects humans."""
 
     prediction_s: Positive = 2.0
     """Constant-velocity prediction of mode "paper" (paper: 2 s)."""
@@ -61,7 +61,7 @@ class Prediction:
     doubt_growth_mps: NotNegative = 0.2
     """Growth of `timed_margin_m` with the time ahead [m/s]."""
     doubt_max_m: NotNegative = 0.6
-    """Its largest growth [m]."""
+    """Largest growth of `timed_margin_m` with the time ahead [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,14 +100,14 @@ class PoseSearch:
 
 @dataclass(frozen=True, kw_only=True)
 class Replanning:
-    """Mode "paper": when it plans anew, and what humans are to a plan."""
+    """Mode "paper": when the expert replans, and how humans affect a plan."""
 
     near_m: Positive = 3.0
     """A visible human enters the map if this near to the plan [m] (paper: "a safety margin")."""
     buffer_m: NotNegative = 0.25
     """Added to the human's radius along the prediction, and around the avatar's Gaussians [m]."""
     replan_period_s: Positive = 0.5
-    """Time after which a path is planned anew in mode "paper" [s]."""
+    """Time after which a path is planned again in mode "paper" [s]."""
     keep_ratio: Weight = 1.25
     """The old plan stays if it is free and costs at most this many times as much as the new one."""
     replan_distance_m: Positive = 1.5
@@ -135,9 +135,9 @@ class TimedSearch:
     nearness_cost: Positive = 30.0
     """Cost of a second without this space, in metres at full speed; falls off with its square."""
     timed_replan_s: Positive = 0.25
-    """Time after which a plan is made anew while humans are known [s]."""
+    """Time after which a plan is renewed while humans are known [s]."""
     timed_idle_replan_s: Positive = 1.0
-    """The same while none are [s]."""
+    """Time after which a plan is renewed while no humans are known [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)

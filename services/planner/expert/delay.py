@@ -28,9 +28,9 @@ class Delays(NamedTuple):
     cell_m: float
     """Edge of coarse cells [m]; what the robot drives between two layers."""
     speed_mps: float
-    """Full speed [m/s]."""
+    """The robot's full speed [m/s]."""
     arrived_m: float
-    """Whoever is this near to the goal may stay there at no cost [m]."""
+    """The robot may stay at no cost where it is this near to the goal [m]."""
     static_m: Float64Array
     """Memory for the ways to the goal without humans, shape (N, N)."""
     values_m: Float64Array

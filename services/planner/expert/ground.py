@@ -29,16 +29,16 @@ class EpisodeGround:
     """The part of a map around one episode."""
 
     margin_m: float
-    """How far it reaches around start and goal [m]; inf is the whole map."""
+    """Distance that the part reaches around start and goal [m]; inf is the whole map."""
     frame: GridFrame
     occupancy: OccupancyMap
-    """Un-inflated."""
+    """The map without inflated obstacles."""
     clearance: Float64Array
     """Distance to obstacles of the robot [m], shape (H, W)."""
     static_factor: UInt8Array
     """Cost factors that keep the planning radius, shape (H, W)."""
     tight_factor: UInt8Array
-    """As above, with the ground between the robot's radius and the planning radius dear instead of blocked."""
+    """Cost factors with high cost, instead of blocked ground, between the robot's radius and the planning radius."""
     to_goal: Int32Array
     """Way to the goal over `static_factor`, UNITS_PER_CELL a cell, shape (H, W)."""
     goal_cell: tuple[int, int]

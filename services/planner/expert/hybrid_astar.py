@@ -42,7 +42,7 @@ class Primitives(NamedTuple):
     costs: Float64Array
     """Cost on free ground [m], shape (P,)."""
     speeds_mps: Float64Array
-    """Shape (P,)."""
+    """Speed of each primitive [m/s], shape (P,)."""
 
 
 def make_primitives(robot: RobotConfig, config: ExpertConfig) -> Primitives:
@@ -75,7 +75,7 @@ def make_primitives(robot: RobotConfig, config: ExpertConfig) -> Primitives:
 
 
 class Rules(NamedTuple):
-    """What a search goes by."""
+    """Settings of a search."""
 
     heuristic_weight: float
     heading_count: int

@@ -43,7 +43,7 @@ class _Margin(enum.Enum):
     FULL = enum.auto()
     """Planning radius at walls, buffer and avatar footprint at humans."""
     CONTACT = enum.auto()
-    """Just no contact."""
+    """No margin beyond contact."""
     NOW = enum.auto()
     """No contact with humans where they are now; predicted ground is dear."""
 
@@ -115,7 +115,7 @@ class PaperExpert:
         )
 
     def _move_window(self, here_m: tuple[float, float]) -> None:
-        """Begin anew where an episode was not expected to come."""
+        """Start again with another part of the map, at a position where the episode was not expected."""
         self._local = self._tracks.local = self._ground.around(here_m, self._goal_m)
         self._tracker = PathTracker(self._local, self._ground.robot, self._ground.contact_m, self._config)
         self._plan, self._planned_at_step = None, _NEVER
@@ -150,7 +150,7 @@ class PaperExpert:
         return any(self._gap_m(human, ahead) < config.replan_distance_m for human in near)
 
     def _replan(self, simulation: EpisodeSimulation, near: list[PerceivedHuman]) -> None:
-        """Search anew, with less and less margin; on failure the old plan stays."""
+        """Search again with decreasing margins; on failure the old plan stays."""
         self._planned_at_step = simulation.step
         for margin in _Margin if near else (_Margin.FULL, _Margin.CONTACT):
             plan = self._search(simulation, near, margin)
@@ -181,7 +181,7 @@ class PaperExpert:
         if near or margin is not _Margin.FULL or factor[i, j] == 0:
             factor, heuristic = local.factor, local.heuristic
             factor[:] = local.static_factor if margin is _Margin.FULL else local.tight_factor
-            # Whoever stands nearer to a wall than planned must be able to leave.
+            # A robot that stands nearer to a wall than planned must be able to leave.
             tolerated_m = min(ground.robot.radius_m + self._config.tight_margin_m, local.clearance[i, j] - 0.02)
             open_around(factor, local.frame, local.clearance, pose[:2], tolerated_m, self._config.dear_factor)
             for human in near:

@@ -27,7 +27,7 @@ class PerceivedHuman:
     """A human as the expert knows it."""
 
     index: int
-    """Which human of the episode."""
+    """Index of the human in the episode."""
     x_m: float
     y_m: float
     vx_mps: float
@@ -37,7 +37,7 @@ class PerceivedHuman:
     find_walks: Callable[[], Walks]
     """Works out where it may go; few steps ask for that."""
     age_s: float = 0.0
-    """How long ago it was perceived last [s]."""
+    """Time since it was perceived last [s]."""
 
     @property
     def ahead_m(self) -> Float64Array:
@@ -180,7 +180,7 @@ class HumanTracks:
         return np.stack(walks), np.array([weight / total for weight in weights])
 
     def _path(self, index: int, first: int, end: int) -> Float64Array:
-        """Where a human truly is at steps first .. end - 1 [m]."""
+        """True positions of a human at steps first .. end - 1 [m], shape (T, 2)."""
         path = self._paths_m[index]
         true: Float64Array = path[np.minimum(np.arange(first, end), len(path) - 1)]
         return true
@@ -212,5 +212,5 @@ class HumanTracks:
 
 
 def stands(vx_mps: float, vy_mps: float) -> bool:
-    """True if somebody who moves like this stands."""
+    """True if a human with this velocity stands."""
     return vx_mps * vx_mps + vy_mps * vy_mps < STANDING_MPS**2

@@ -26,13 +26,13 @@ _LOOK_M = 0.8
 _DEFLECTION_RAD = math.radians(10.0)
 _DEFLECTION_COUNT = 10
 _TURN_STEP_MAX_RAD = 0.15
-"""In `DT_S`."""
+"""Largest turn in `DT_S` [rad]."""
 _WALKING_MPS = 0.2
 _ROUTE_LOOK_M = 0.5
 _ROUTE_TURNS = 6
 _ROUTE_TURN_RAD = math.radians(15.0)
 _ROUTE_STEP_MAX_RAD = 0.12
-"""In `DT_S`."""
+"""Largest turn in `DT_S` on the way to a place [rad]."""
 
 
 def window_steps(dt_s: float) -> int:
@@ -156,7 +156,7 @@ def _follow(
 def follow_route(
     views_m: Float64Array, to_place: Int32Array, frame: GridFrame, count: int, dt_s: float = DT_S
 ) -> tuple[Float64Array, float]:
-    """Positions after 1 .. `count` steps of somebody who walks to a place, and how much it looks like that.
+    """Positions after 1 .. `count` steps of a human who walks to a place, and how much its motion looks like that.
 
     Args:
         views_m: As in `predict_walk`.

@@ -59,7 +59,7 @@ class Obstacles(NamedTuple):
     """A map of what blocks the robot."""
 
     occupied: BoolArray
-    """Shape (H, W)."""
+    """True where something blocks the robot, shape (H, W)."""
     clearance_m: Float64Array
     """Distance of each cell's centre to an occupied one [m], shape (H, W)."""
     origin_x_m: float
@@ -98,7 +98,7 @@ class HumansAhead(NamedTuple):
     """Length of a step [s]."""
 
     def seen_from(self, x_m: float, y_m: float) -> "HumansAhead":
-        """The same with an origin of its own."""
+        """The same humans with positions relative to another origin [m]."""
         return self._replace(expected_m=self.expected_m - np.array([x_m, y_m]))
 
 

@@ -28,7 +28,7 @@ class Memory(NamedTuple):
     table_stamps: Int32Array
     """The search that wrote each slot, shape (S,)."""
     stamp: int
-    """This search."""
+    """Number of the present search."""
 
 
 class SearchMemory:

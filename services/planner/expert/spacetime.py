@@ -108,7 +108,7 @@ class SpaceTimeExpert:
         standing = [human for human in humans if stands(human.vx_mps, human.vy_mps)]
         factor, heuristic = self._local.tight_factor, self._local.to_goal
         if standing or factor[self._local.frame.cell(state[0], state[1])] == 0:
-            # If no way leads around humans, they may go on.
+            # If no path leads around standing humans, they may walk on.
             leads_around = self._finds_way(self._local, state, standing) or self._widens(state, standing)
             factor = self._local.factor
             heuristic = self._local.heuristic if leads_around else self._local.to_goal

@@ -45,7 +45,7 @@ class TimedPlan:
 
 
 class Rules(NamedTuple):
-    """What a search goes by."""
+    """Settings of a search."""
 
     radius_m: float
     """What plans keep free around the robot's centre [m]."""

@@ -1,4 +1,4 @@
-"""What the expert knew and intended while it, or somebody else, drove: for those who want to know why it came so."""
+"""What the expert knew and intended while it or another driver drove, to explain the run."""
 
 import math
 from collections.abc import Sequence
@@ -58,7 +58,7 @@ class Journal:
         return tuple(step for step in self.changes if step > 0 and len(self.paths_m[step - 1]))
 
     def seen(self, human: int) -> npt.NDArray[np.bool_]:
-        """Where a human was in view, one flag per step."""
+        """True at the steps at which a human was in view."""
         return np.array([any(who.seen and who.index == human for who in row) for row in self.perceived], dtype=np.bool_)
 
 
@@ -71,7 +71,7 @@ class DrivenRun:
     trajectory: RobotTrajectory
     journal: Journal
     driver: str = EXPERT
-    """Who drove, in a word."""
+    """Name of the driver, in a word."""
 
     @property
     def explained(self) -> bool:
@@ -93,13 +93,13 @@ class DrivenRun:
 
 
 class JournalKeeper(Observer):
-    """Asks the expert at every step, whoever drives, and keeps the journal."""
+    """Asks the expert at every step, regardless of the driver, and keeps the journal."""
 
     def __init__(self, expert: Expert) -> None:
         """Prepare an episode.
 
         Args:
-            expert: Of the episode.
+            expert: The expert of the episode.
         """
         self._expert = expert
         self.journal = Journal()

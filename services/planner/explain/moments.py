@@ -11,7 +11,7 @@ MOMENTS_MAX = 3
 APART_S = 0.5
 """Moments nearer to each other show the same [s]."""
 CLOSE_M = 3.0
-"""A human that stays farther away needs no moment of its own [m]."""
+"""A human that stays farther away needs no separate moment [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,7 @@ Float64Array = npt.NDArray[np.float64]
 SIGHT: Rgb = (240, 214, 60)
 SUPERSEDED: Rgb = (142, 186, 218)
 ADVICE: Rgb = (110, 60, 160)
-"""The expert's plan where somebody else drives."""
+"""Colour of the expert's plan where another driver drives."""
 OUTCOMES: dict[Outcome, Rgb] = {
     Outcome.SUCCESS: GOAL,
     Outcome.STATIC_COLLISION: (200, 30, 30),
@@ -29,7 +29,7 @@ OUTCOMES: dict[Outcome, Rgb] = {
 }
 SIGHT_SHARE, EXPECTED_SHARE = 0.35, 0.4
 EXPECTED_S = 2.0
-"""Pictures show where humans are expected for this long [s], whatever the mode looks ahead."""
+"""Pictures show where humans are expected for this long [s], regardless of how far ahead the mode looks."""
 DIAMOND_APART_PX = 12
 
 
@@ -101,7 +101,7 @@ def _draw_sight(picture: Picture, view: TopView, planner: RobotPlanner, pose: Fl
 
 
 def _draw_field(picture: Picture, view: TopView, planner: RobotPlanner, eye: Float64Array, shown: View) -> None:
-    """One camera's part of it."""
+    """Draw what one camera sees."""
     ground, range_m = planner.ground, planner.ground.config.range_m
 
     def sees(to_x: float, to_y: float) -> bool:

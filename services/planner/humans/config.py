@@ -62,15 +62,15 @@ class HumanPlannerConfig:
     mix: FamilyMix = PAPER_MIX
     """Families of encounters (paper: crossing or parallel)."""
     absent: float = 0.0
-    """Share of the episodes in which nobody walks, 0..1; start and goal are the same as with humans."""
+    """Share of the episodes without walking humans, 0..1; start and goal are the same as with humans."""
     absent_first: int = 0
-    """Nor does anybody walk in the episodes of a smaller index: who learns meets the place first, then people."""
+    """Episodes of a smaller index have no humans either: a policy in training meets the place first, then people."""
     reactive: bool = False
     """True lets humans yield to the robot that they see: planned against the expert, see the README."""
     reactive_cone_deg: float = 200.0
     """Width of the view of humans who react [deg]."""
     reactive_range_m: float = 5.0
-    """How far away they care [m]."""
+    """Humans react to a robot within this distance [m]."""
     goal_snap_m: float = 0.5
     """A scripted goal inside an obstacle moves to the nearest free place this near [m]; 0 refuses it."""
     slope_max: float = 0.0
@@ -105,9 +105,10 @@ class HumanPlannerConfig:
     start_distance_min_m: float = 1.5
     """Between a human's first position and the robot [m]."""
     start_peace_s: float = 3.0
-    """Nobody comes to a robot that stays at its start before this time [s]; it starts at rest and cannot back off."""
+    """No human comes near a robot that stays at its start before this time [s]; it starts at rest and cannot back
+    off."""
     start_peace_m: float = 0.75
-    """Distance that this means [m]."""
+    """Distance that `start_peace_s` calls near [m]."""
     parked_distance_min_m: float = 1.6
     """Between a human's last position and the goal [m]."""
     attempts: int = 150
@@ -120,7 +121,8 @@ class HumanPlannerConfig:
     """True: where the drawn number finds no room, the episode has fewer, but at least `human_count_min`; False rejects
     it."""
     hidden_until_s: float = 2.0
-    """Whoever comes round a blind corner is hidden from the robot's expected way until this long before [s]."""
+    """A human who comes round a blind corner is hidden from the robot's expected path until this long before they meet
+    [s]."""
     pause_min_s: float = 1.5
     """Pauses of humans who stop and go [s]."""
     pause_max_s: float = 4.0

@@ -53,7 +53,7 @@ class HumanPlanner:
 
         Raises:
             SceneError: If the robot has no free space.
-            ConfigError: If a scenario of the file cannot take place here, or nobody drives for reactive humans.
+            ConfigError: If a scenario of the file cannot take place here, or reactive humans lack an expert.
         """
         if config.reactive and make_expert is None:
             raise ConfigError("Reactive humans yield to an expert: give the human planner one to drive among them.")
@@ -122,7 +122,7 @@ def _nobody_walks(episode: EpisodeKey, config: HumanPlannerConfig) -> bool:
 
 
 def let_react(planner: HumanPlanner, scenario: Scenario, reacts: Sequence[bool]) -> Scenario:
-    """The scenario as its humans walk it who see the expert drive; when it has ended they go on alone.
+    """The scenario with the walks of humans who see the expert drive; after its end they continue alone.
 
     Args:
         planner: Maps, robot and expert.

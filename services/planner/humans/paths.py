@@ -43,7 +43,7 @@ class HumanPathPlanner:
         return self._clearance
 
     def component(self, point_m: Point) -> int:
-        """Number of the connected walkable region that holds a point; 0 if nobody can walk there."""
+        """Number of the connected walkable region that holds a point; 0 if no human can walk there."""
         i, j = self.frame.cell(*point_m)
         inside = 0 <= i < self._component.shape[0] and 0 <= j < self._component.shape[1]
         return int(self._component[i, j]) if inside else 0

@@ -16,7 +16,7 @@ def resample(points_m: Float64Array, count: int) -> Float64Array:
 
 
 def at_constant_speed(points_m: Float64Array, speed_mps: float, dt_s: float) -> Float64Array:
-    """Positions of somebody who walks a polyline at one speed, shape (T, 2); the last one is the end."""
+    """Positions of a human who walks a polyline at one speed [m], shape (T, 2); the last one is the end."""
     total_m = length_m(points_m)
     count = int(total_m / (speed_mps * dt_s)) + 2
     return at_lengths(points_m, np.minimum(np.arange(count) * (speed_mps * dt_s), total_m))

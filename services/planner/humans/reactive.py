@@ -1,8 +1,8 @@
 """People who yield: the drawn trajectories, walked again among each other and beside the expert's robot.
 
-Everybody follows the drawn rows and, at each step, takes the velocity of a fan around the wanted one that costs least:
-how far it is off, and how soon it touches the robot or somebody else if nobody changes course. Whoever is outside of a
-human's view, or behind an obstacle, is not there for that human. Walls are never touched.
+Each human follows the drawn rows and, at each step, takes the velocity of a fan around the wanted one that costs least:
+how far it is off, and how soon it touches the robot or another human if all keep their course. A human ignores the
+robot and other humans that are outside of its view or behind an obstacle. Walls are never touched.
 Source: van den Berg, Lin, Manocha, Reciprocal velocity obstacles for real-time multi-agent navigation, ICRA 2008
 (sampled velocities and the penalty of time to collision; here each one avoids fully instead of by half).
 """
@@ -75,7 +75,7 @@ class ReactiveHumans:
         return arrived and bool(np.all(np.abs(self._velocity) < 0.02))
 
     def advance(self, robot: tuple[float, float, float, float] | None) -> None:
-        """One step.
+        """Advance all humans by one step.
 
         Args:
             robot: Its x, y [m] and velocity [m/s] in the world now; None if it is gone.
@@ -101,7 +101,7 @@ class ReactiveHumans:
         others: list[tuple[float, float, float, float]],
         robot: tuple[float, float, float, float] | None,
     ) -> Float64Array:
-        """Where human k goes in this step."""
+        """Position of human k after this step."""
         rows = self._drawn[k]
         row = self._row[k] = next_row(rows, self._row[k], here)
         ahead = min(row + _AHEAD_ROWS, len(rows) - 1)
@@ -166,7 +166,7 @@ class ReactiveSimulation(EpisodeSimulation):
             [(human.motion.root_m[0].astype(np.float64), human.motion.pose_axis_angle[0].astype(np.float64))]
             for human in self._moving.humans
         ]
-        """Of each human, root and pose at all of its own steps so far."""
+        """Root and pose of each human at all of its steps so far."""
         super().__init__(scenario, self._moving, robot_map, robot, episode_config)
 
     def motions_so_far(self) -> EpisodeMotions:
@@ -213,7 +213,7 @@ class ReactiveSimulation(EpisodeSimulation):
             self._looks[k].append(figure.advance(now[k], (now[k] - before[k]) / DT_S))
 
     def _dress(self, motion: Motion, looks: Sequence[tuple[Float64Array, Float64Array]], share: float) -> None:
-        """Fill the row of the robot's next step with what a figure looks like between two steps of its own."""
+        """Fill the row of the robot's next step with a figure's pose, interpolated between two of its steps."""
         root_m, pose = looks[0]
         motion.root_m[self.step + 1], motion.pose_axis_angle[self.step + 1] = root_m, pose
         if share > 0:

@@ -1,4 +1,4 @@
-"""What the robot is to do in a scenario, and where it is expected to be when nobody disturbs it."""
+"""The robot's task in a scenario, and its expected positions without humans."""
 
 import math
 from dataclasses import dataclass
@@ -46,7 +46,7 @@ class Task:
 
 @dataclass(frozen=True, kw_only=True)
 class ExpectedDrive:
-    """How a robot drives its way when nobody is there: full stop at first, then one speed."""
+    """How a robot drives its path without humans: full stop at first, then one speed."""
 
     speed_mps: float
     getting_going_s: float

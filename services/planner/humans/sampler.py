@@ -27,9 +27,9 @@ Float64Array = npt.NDArray[np.float64]
 UInt8Array = npt.NDArray[np.uint8]
 
 PARKED_GAP_M = 0.05
-"""Room beyond its planning radius that the robot keeps to whoever has arrived [m]."""
+"""Room beyond its planning radius that the robot keeps to a human who has arrived [m]."""
 GROUP_GAP_M = 0.25
-"""The same for groups that stand from the beginning [m]."""
+"""Room beyond its planning radius that the robot keeps to a group that stands from the beginning [m]."""
 
 _NEARBY_M = 4.0
 """Ways around humans are looked for this near first [m]."""
@@ -107,7 +107,7 @@ class ScenarioSampler:
         if not static and count > 0:
             if not avatar_names:
                 raise AvatarError("Humans are asked for but there are no avatars; add one or set human counts to 0.")
-            # A stream of their own: who walks changes nothing about where.
+            # A separate random stream: the choice of avatars does not change the trajectories.
             avatar_rng = episode_rng(episode, Purpose.AVATAR)
             order = [avatar_names[int(k)] for k in avatar_rng.permutation(len(avatar_names))]
             while len(humans) < count:
@@ -217,14 +217,14 @@ class ScenarioSampler:
         keep_off_m = self._robot.planning_radius_m + self._episode.human_radius_m + gap_m
         parked = [track[-1] for track in tracks]
         gaps = [task.way_m - point for point in parked]
-        # Nobody near the way: it is still there. A cell's diagonal and the way's spacing are on the safe side.
+        # No human near the path: it is still free. A cell's diagonal and the way's spacing are on the safe side.
         clear_m = keep_off_m + 2 * self._frame.resolution_m + SPACING_M
         if all(np.min(gap[:, 0] ** 2 + gap[:, 1] ** 2) > clear_m * clear_m for gap in gaps):
             return True
         factor = self._factor.copy()
         for x, y in parked:
             self._fill_disc(factor, (float(x), float(y)), keep_off_m, None)
-        # Whoever ends at the robot's start arrives there after the robot has left.
+        # A human who ends at the robot's start arrives there after the robot has left.
         self._fill_disc(factor, task.start_m, 2 * keep_off_m, self._factor)
         start, goal = self._frame.cell(*task.start_m), self._frame.cell(*task.goal_m)
         return self._search.connects(factor, start, goal, margin=round(_NEARBY_M / self._frame.resolution_m))

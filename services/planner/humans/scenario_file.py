@@ -11,7 +11,7 @@
     pauses_s = [0.0, 2.0, 0.0]
     speed_mps = 1.1
 
-Whoever has `trajectory_m` (a position every 0.05 s) instead of waypoints walks exactly there.
+A human with `trajectory_m` (a position every 0.05 s) instead of waypoints walks exactly there.
 """
 
 import dataclasses
@@ -56,7 +56,7 @@ class ScriptedHuman:
     """How long they stop at each waypoint [s]; the first delays the start, the last is meaningless."""
     speed_mps: float = 1.2
     avatar: str = ""
-    """Who; empty lets the run choose."""
+    """Name of the avatar; empty lets the run choose."""
     encounter: str = SCRIPTED
     trajectory_m: tuple[tuple[float, ...], ...] = ()
     """Instead of waypoints: the exact position every 0.05 s [m]."""
@@ -101,7 +101,7 @@ class ScriptedScenario:
     yaw_rad: float | None = None
     """Where the robot looks at the start; without it, at the goal."""
     name: str = ""
-    """For error messages; means nothing else."""
+    """Name in error messages; has no other use."""
     humans: tuple[ScriptedHuman, ...] = ()
 
     def __post_init__(self) -> None:

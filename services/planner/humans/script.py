@@ -58,7 +58,7 @@ class Script:
             robot: Footprint.
             episode: Radii and distances.
             config: How far a goal may move.
-            avatar_names: Who may walk; empty if nobody is loaded, because humans are left out.
+            avatar_names: Who may walk; empty if no avatar is loaded, because humans are left out.
 
         Raises:
             ConfigError: If an entry cannot take place; the message names file and entry.
@@ -137,7 +137,7 @@ class Script:
         return self._search.path(factor, a, b) is not None
 
     def _walked(self, human: ScriptedHuman, start: Point) -> Float64Array:
-        """Where a human is at each step."""
+        """Positions of a human at each step."""
         if human.avatar and self._names and human.avatar not in self._names:
             raise ValueError(f"unknown avatar {human.avatar!r}; there are {', '.join(self._names)}.")
         xy_m = human.xy_m if human.trajectory_m else self._along_waypoints(human)
@@ -165,7 +165,7 @@ class Script:
         if len(via) == 1:
             return np.array(via)
         pauses = human.pauses_s or (0.0,) * len(via)
-        # Who stops at a waypoint may turn there; where nobody stops the path is smooth and passes near.
+        # A human who stops at a waypoint may turn there; without a stop the path is smooth and passes near.
         stops = [0, *(k for k in range(1, len(via) - 1) if pauses[k] > 0), len(via) - 1]
         legs = []
         for first, last in itertools.pairwise(stops):

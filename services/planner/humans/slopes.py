@@ -1,4 +1,4 @@
-"""Floor that nobody would walk on: steep slopes and steps."""
+"""Floor that humans do not walk on: steep slopes and steps."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ _RUN_M = 0.3
 
 
 def without_slopes(occupancy: OccupancyMap, floor: FloorMap, slope_max: float) -> OccupancyMap:
-    """A map with the floor that nobody would walk on blocked: steep slopes and steps.
+    """A map with the floor blocked that humans do not walk on: steep slopes and steps.
 
     Args:
         occupancy: What blocks humans.

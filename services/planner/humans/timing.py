@@ -17,7 +17,7 @@ Float64Array = npt.NDArray[np.float64]
 ACCELERATION_MPS2 = 1.2
 """How humans speed up, and slow down for a stop (ours; mocap of everyday walking has 1 to 1.5)."""
 WAIT_MAX_S = 4.0
-"""Longest time that somebody stands at the start in order to meet the robot later on [s]."""
+"""Longest time that a human stands at the start in order to meet the robot later on [s]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,7 +33,7 @@ class Walk:
 def timed(
     path_m: Float64Array, speed_mps: float, *, wait_s: float = 0.0, pauses: Sequence[tuple[float, float]] = ()
 ) -> Float64Array:
-    """Positions of somebody who walks a path, with stops, and slows down at its end.
+    """Positions of a human who walks a path, with stops, and slows down at its end.
 
     Args:
         path_m: Polyline [m], shape (N, 2).
@@ -84,7 +84,7 @@ def cut_to_meet(path_m: Float64Array, meeting_m: Point, before_m: float, *, slac
 
 
 def timed_to_meet(path_m: Float64Array, meeting_m: Point, meeting_s: float, speed_mps: float) -> Float64Array | None:
-    """Positions of somebody who is at the meeting point at that time: they come later, or wait at the start, or None.
+    """Positions of a human who is at the meeting point at that time: it starts farther along or waits; else None.
 
     Args:
         path_m: Where they walk, past the meeting point [m], shape (N, 2).
@@ -119,5 +119,5 @@ def nearest_m(a: Float64Array, b: Float64Array) -> float:
 
 
 def first_rows(xy_m: Float64Array, count: int) -> Float64Array:
-    """The first `count` positions of somebody who stands at the last one [m], shape (count, 2)."""
+    """The first `count` positions of a human who stands at the last one [m], shape (count, 2)."""
     return xy_m[np.minimum(np.arange(count), len(xy_m) - 1)]

@@ -17,7 +17,7 @@ BoolArray = npt.NDArray[np.bool_]
 UInt8Array = npt.NDArray[np.uint8]
 
 _BEHIND_M = 0.35
-"""Who is farther from the drawn row than this waits for no clock: the row waits [m]."""
+"""The drawn row waits for a human who is farther from it than this [m]."""
 _HORIZON_S = 3.0
 _ROOM_M = 0.3
 """Distance that humans try to keep beyond touching [m]; with less, a run that differs a little ends in a collision."""
@@ -30,10 +30,10 @@ _contact_s = compiled(time_to_contact_s)
 
 
 class Cells(NamedTuple):
-    """What blocks humans."""
+    """Map of what blocks humans."""
 
     occupied: BoolArray
-    """Shape (H, W)."""
+    """True where something blocks humans, shape (H, W)."""
     free: UInt8Array
     """1 where `occupied` is False, shape (H, W)."""
     origin_x_m: float
@@ -55,14 +55,14 @@ class Wish(NamedTuple):
     here_m: Float64Array
     velocity_mps: Float64Array
     heading: Float64Array
-    """Unit vector."""
+    """Unit vector that the human faces, shape (2,)."""
     target_m: Float64Array
     speed_mps: float
 
 
 @compiled
 def next_row(rows: Float64Array, row: int, here: Float64Array) -> int:
-    """The drawn row that somebody is to follow next: it waits for who is late and hurries for who is early."""
+    """The drawn row that a human is to follow next: it waits for a late human and hurries for an early one."""
     last = len(rows) - 1
     gap = math.sqrt((rows[row, 0] - here[0]) ** 2 + (rows[row, 1] - here[1]) ** 2)
     if gap < _BEHIND_M:
@@ -105,7 +105,7 @@ def next_place(wish: Wish, discs: Float64Array, sight: Sight, cells: Cells, radi
             cost = _cost(here, ux, uy, velocity, (wanted * px, wanted * py), discs, seen)
             if cost < best and _is_free(here, ux, uy, cells, radius + 0.06):
                 best, vx, vy = cost, ux, uy
-    # Nobody changes speed at once.
+    # Humans change speed gradually.
     ax, ay = vx - velocity[0], vy - velocity[1]
     scale = min(1.0, _ACCELERATION_MPS2 * DT_S / max(math.sqrt(ax * ax + ay * ay), 1e-9))
     x, y = here[0] + (velocity[0] + scale * ax) * DT_S, here[1] + (velocity[1] + scale * ay) * DT_S
@@ -145,7 +145,7 @@ def _cost(
     discs: Float64Array,
     seen: BoolArray,
 ) -> float:
-    """How much a velocity differs from the wanted and the present one [m/s], and how soon it touches somebody."""
+    """Cost of a velocity [m/s]: its difference from the wanted and the present one, and how soon it touches a disc."""
     cost = math.sqrt((ux - wanted[0]) ** 2 + (uy - wanted[1]) ** 2)
     cost += _CHANGE_COST * math.sqrt((ux - velocity[0]) ** 2 + (uy - velocity[1]) ** 2)
     for d in range(len(discs)):

@@ -25,11 +25,11 @@ class _Photo:
 
     path: Path
     size_px: tuple[int, int]
-    """Rows and columns."""
+    """Rows and columns [px]."""
     share: float
-    """Its width as share of the file's."""
+    """Width as a share of the file's width."""
     focal_px: float
-    """As EXIF tells it; 0: it does not."""
+    """Focal length by EXIF [px]; 0 if EXIF does not tell it."""
 
     @property
     def camera(self) -> str:
@@ -45,7 +45,7 @@ def photo_files(folder: Path) -> list[Path]:
 def prepare_photos(source: Path, folder: Path, config: FramesConfig) -> dict[str, Any]:
     """Write the photos of a folder, turned upright and not larger than wanted, as `folder`/NAME.jpg.
 
-    Photos of different sizes come from different cameras: each size has a folder of its own. Pictures that are no
+    Photos of different sizes come from different cameras: each size has a separate folder. Pictures that are no
     photos of the place, as far as the others tell, are left out; see `_strays`.
 
     Returns:

@@ -15,7 +15,7 @@ CORRELATED = 3.0
 """Poses are off by so many times what their residuals say as if matches erred independently, which those of one surface
 do not: 2.7, 2.5 and 3.5 times in three simulated films (`python -m readygo.benchmarks.reconstruction.poses`)."""
 IMAGES_MAX = 400
-"""Of larger maps no more images are looked at: time and memory grow with their square."""
+"""Most images of a map that are looked at: time and memory grow with their square."""
 _DRIFT_MAX = 0.05
 """What drifts more is not held together by its matches alone: pieces that markers join have a size that they give."""
 _NUDGE = 1e-6
@@ -27,9 +27,9 @@ class PoseErrors:
     """What the residuals of a map's matches say of the errors of its poses, as if they erred independently."""
 
     names: tuple[str, ...]
-    """The images."""
+    """Names of the images."""
     covariance: Array
-    """Of all of them together: rotation vector [rad], from the left, and translation [units of the map] of
+    """Joint covariance of all poses: rotation vector [rad], from the left, and translation [units of the map] of
     T_camera_world, image after image, shape (6 V, 6 V)."""
 
 
@@ -50,12 +50,12 @@ def drift(
 ) -> float | None:
     """Relative standard deviation of a map's size in units of a length in it; None if its matches do not tell.
 
-    Its size is the root mean square distance of the cameras from their middle. To first order; whatever moves, turns
-    or sizes the map as a whole changes nothing.
+    Its size is the root mean square distance of the cameras from their middle. To first order; a motion, a turn
+    or a scaling of the whole map changes nothing.
 
     Args:
         images: The map.
-        errors: Of its poses, or of those of some of its images, without the others.
+        errors: Errors of its poses, or of the poses of some of its images, without the others.
         measure: A length in a map [units of the map]; it is given the images that `errors` are of.
         needed: Images whose poses change that length.
     """

@@ -1,4 +1,4 @@
-"""Lengths that somebody measured between two points that they picked in two or more images."""
+"""Lengths that a user measured between two points and picked in two or more images."""
 
 import math
 import re
@@ -13,7 +13,7 @@ from readygo.services.reconstructor.posed import PosedImages
 
 _PICK = re.compile(r"(\S+):(-?[\d.]+),(-?[\d.]+)")
 _PICK_SIGMA_PX = 1.0
-"""How well people hit a point [px]."""
+"""Standard deviation of picked points [px]."""
 _FORM = '"a.jpg:u,v a.jpg:u,v b.jpg:u,v b.jpg:u,v = 2.35": both ends in one image, then in another, and metres'
 
 
@@ -27,7 +27,7 @@ class KnownLength:
 
     @property
     def images(self) -> list[str]:
-        """Where it was picked."""
+        """Images in which the length was picked."""
         return [name for name, _, _ in self.ends[0]]
 
 

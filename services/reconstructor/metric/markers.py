@@ -24,7 +24,7 @@ class MarkerSighting:
 
     image: str
     marker: int
-    """Its id."""
+    """Id of the marker."""
     corners_px: npt.NDArray[np.float64]
     """Upper left, upper right, lower right, lower left as printed; pixel centres at +0.5; shape (4, 2)."""
 

@@ -1,4 +1,4 @@
-"""From a map in units of its own to metres, z up, with z = 0 on the floor."""
+"""From a map in arbitrary units to metres, z up, with z = 0 on the floor."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ _HANDHELD_M = (0.15, 3.5)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Placement:
-    """How a map lies in the world."""
+    """Scale, pose and floor of a map in the world."""
 
     world_from_map: Similarity
     scale: Scale
@@ -80,9 +80,9 @@ class Ruler:
     """What told the scale of a map."""
 
     measure: Callable[[PosedImages], float]
-    """Its length in units of a map of the same images."""
+    """Length of the ruler in units of a map of the same images."""
     images: frozenset[str]
-    """Where it was seen."""
+    """Images that show the ruler."""
 
 
 def ruler_of(placed: Placement, sightings: Sequence[MarkerSighting], lengths: Sequence[KnownLength]) -> Ruler | None:

@@ -1,4 +1,4 @@
-"""Metres per unit of a map, from markers of known size or lengths that somebody measured."""
+"""Metres per unit of a map, from markers of known size or lengths that a user measured."""
 
 import math
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ class MarkerMeasure:
 
     marker: int
     corners: Array
-    """In units of the map, shape (4, 3)."""
+    """Corners in units of the map, shape (4, 3)."""
     map_from_marker: Similarity
     """From metres in the marker's frame (x right, y up, z out of the paper) to the map."""
     metres_per_unit: float
@@ -54,7 +54,7 @@ class Scale:
     sigma: float
     """Relative; None is known of a scale that was given: NaN."""
     source: str
-    """In words: markers, length, given, or none."""
+    """Source of the scale: markers, length, given, or none."""
     left_out: tuple[str, ...] = ()
     """Markers that were not used, and why."""
     drift: float = 0.0
@@ -81,7 +81,7 @@ def square_corners_m(size_m: float) -> Array:
 def measure_marker(images: PosedImages, sightings: Sequence[MarkerSighting], size_m: float) -> MarkerMeasure:
     """A marker's corners and what they say of the map's scale.
 
-    The spread over images that are drawn anew holds the errors of corners and of poses together; where the corners'
+    The spread over resampled images (bootstrap) holds the errors of corners and of poses together; where the corners'
     own noise makes more of it, that counts.
 
     Args:

@@ -17,9 +17,9 @@ class Triangulated:
     """A point with how well it is known."""
 
     point: Array
-    """In the cameras' world, shape (3,)."""
+    """Position in the cameras' world, shape (3,)."""
     covariance: Array
-    """For an error of 1 px in each sighting, shape (3, 3)."""
+    """Covariance of the position for an error of 1 px in each sighting, shape (3, 3)."""
     residuals_px: Array
     """Distance between where it was seen and where it should be, shape (V,)."""
 

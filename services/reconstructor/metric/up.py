@@ -28,9 +28,9 @@ class Floor:
     up: Array
     """Unit vector, shape (3,)."""
     point: Array
-    """On the floor, shape (3,)."""
+    """A point on the floor, shape (3,)."""
     source: str
-    """In words: what told it."""
+    """What determined the floor, in words."""
     point_count: int = 0
     """Points of the map that lie in it."""
 

@@ -1,4 +1,4 @@
-"""Calls in a process of their own, for libraries that end the whole process when memory or the disk runs out."""
+"""Calls in a separate process, for libraries that end the whole process when memory or the disk runs out."""
 
 import multiprocessing
 import os
@@ -50,7 +50,7 @@ def apart(function: Callable[..., T], *args: Any, **kwargs: Any) -> T:
 
 
 def _start(process: SpawnProcess) -> None:
-    """Start a process that Ctrl-C does not reach: whoever asked hears of it, and ends that process."""
+    """Start a process that Ctrl-C does not reach: the calling process receives it, and ends the started one."""
     # Started later, the tracker would let signals through again.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})

@@ -51,7 +51,7 @@ def pycolmap() -> Any:
 
 
 def find_model(folder: Path) -> Path | None:
-    """Where a folder holds a COLMAP model: itself, `sparse` or `sparse/0`."""
+    """Folder of a COLMAP model: the given one, its `sparse/0` or its `sparse`; None if there is none."""
     for place in (folder, folder / "sparse" / "0", folder / "sparse"):
         if any(all((place / f"{name}.{ending}").is_file() for name in MODEL_FILES) for ending in ("bin", "txt")):
             return place
@@ -357,7 +357,7 @@ def write_undistorted(model: Path, images: Path, folder: Path, b_from_a: Similar
     with tempfile.TemporaryDirectory() as moved:
         rec.write(moved)
         colmap.undistort_images(folder, moved, images, jpeg_quality=97, num_threads=config.threads or -1)
-    # COLMAP goes on after an image that it could not write.
+    # COLMAP continues after an image that it could not write.
     written = [folder / "images" / rec.images[number].name for number in rec.reg_image_ids()]
     lost = [path.name for path in written if not path.is_file() or path.stat().st_size == 0]
     if lost:

@@ -14,7 +14,7 @@ from readygo.services.reconstructor.similarity import Similarity, umeyama
 
 Array = npt.NDArray[np.float64]
 Corners = dict[int, Array]
-"""Of markers by id, shape (4, 3)."""
+"""Corners of markers by id, shape (4, 3) each."""
 
 _PIECE_ERROR_MAX = 0.03
 """Corners of markers that two pieces share may differ by this, as share of a side; else one of the pieces is bent."""
@@ -26,7 +26,7 @@ def placed_by_markers(pieces: Sequence[PosedImages], sightings: Sequence[MarkerS
     """Poses of all images that markers tie to the first piece, by name; shape (4, 4) each, in its frame.
 
     A piece that shares markers with what is placed already is moved there as a whole; an image that is in no piece is
-    placed by the corners that it sees. Both go on until nothing more can be placed.
+    placed by the corners that it sees. Both steps repeat until nothing more can be placed.
 
     Args:
         pieces: Of a map, the largest first.
@@ -92,7 +92,7 @@ def _seen_once(lens: PosedImages, poses: dict[str, Array], seen: MarkerSighting,
 
 
 def _error_max(lens: PosedImages) -> float:
-    """At depth 1."""
+    """Largest mean error of an image's corners at depth 1."""
     return _ERROR_MAX * float(lens.size_px[0].max()) / float(lens.focal_px[0])
 
 

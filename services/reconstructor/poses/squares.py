@@ -33,7 +33,7 @@ def adjusted_by_squares(
     Returns:
         Poses by image; those that show no marker are left out.
 
-    Source: Triggs et al., Bundle adjustment, 2000; the markers' poses stand in place of points.
+    Source: Triggs et al., Bundle adjustment, 2000; the markers' poses replace the points.
     """
     corners = marker_corners(lens, dict(poses), sightings)
     seen = [each for each in sightings if each.image in poses and each.marker in corners]

@@ -16,7 +16,7 @@ _UNIT_SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]], dtype=
 
 
 def tag_features(sightings: Sequence[MarkerSighting]) -> dict[str, tuple[npt.NDArray[np.int64], Array]]:
-    """Of each image: which points of markers it shows, as numbers that all images share, and where.
+    """Points of markers that each image shows: numbers that all images share, and positions.
 
     Points between the corners come from the homography of the square; a lens bends it by less than a pixel.
 

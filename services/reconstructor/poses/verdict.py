@@ -37,7 +37,7 @@ class Verdict:
     reprojection_px: float
     """Mean over points, weighted by their views [px]."""
     points_per_image: float
-    """Median."""
+    """Median number of points that an image sees."""
     weakest_link: int
     """Fewest points that images before and after one place of the sequence share: where a map bends."""
     loops: int

@@ -34,7 +34,7 @@ class Adam:
         count = np.arange(1, steps + 2, dtype=np.float64)
         correction = np.sqrt(1.0 - beta2**count) / (1.0 - beta1**count)
         self.corrections: Array = np.concatenate([[1.0], correction]).astype(np.float32)
-        """Of the moments of what was changed so often, shape (steps + 2,)."""
+        """Corrections of the moments by the number of updates, shape (steps + 2,)."""
 
     def step(
         self,

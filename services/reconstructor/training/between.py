@@ -1,4 +1,4 @@
-"""Where Gaussians begin between the map's points: bare floors and walls have hardly any points of their own.
+"""Where Gaussians begin between the map's points: bare floors and walls have hardly any.
 
 What an image shows between three neighbouring points of the map is taken for the plane through them, over which the
 inverse of the depth changes linearly in the image; towards the image's border, for the plane that fits the nearest
@@ -15,7 +15,7 @@ Floats = npt.NDArray[np.float64]
 SIDE_PX = 64
 """Each pixel of images so small (longer side) is a place that is looked at."""
 _DEPTHS_MAX = 1.4
-"""Of three points the farthest is at most so many times as far as the nearest: others lie on different things."""
+"""Largest depth of three points relative to their smallest: others lie on different things."""
 _BORDER, _NEAREST = 6, 12
 """Each side of an image has so many points on its border; the nearest points tell their depths."""
 _VIEWS_MIN = 2

@@ -29,11 +29,11 @@ def save_checkpoint(folder: Path, identity: str, numbers: dict[str, Any], arrays
 
 
 def load_checkpoint(folder: Path, identity: str) -> tuple[dict[str, Any], Arrays] | None:
-    """State to go on from; None where there is none.
+    """State to resume from; None if there is none.
 
     Args:
-        folder: Of the training.
-        identity: Of settings and images, which must be the same as when it began.
+        folder: Folder of the training.
+        identity: Identity of settings and images, which must be the same as when it began.
 
     Raises:
         RunError: If the file is broken, or of another training.

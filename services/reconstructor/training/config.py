@@ -14,14 +14,14 @@ class RatesConfig:
     """Learning rates of Adam, for one view a step; a batch of n views multiplies them by the square root of n."""
 
     means: Annotated[float, Range(above=0.0)] = 1.6e-4
-    """In extents of the scene; falls to a hundredth."""
+    """Rate of the positions, in extents of the scene; falls to a hundredth."""
     scales: Annotated[float, Range(above=0.0)] = 5e-3
-    """Of their logarithms."""
+    """Rate of the logarithms of the scales."""
     quats: Annotated[float, Range(above=0.0)] = 1e-3
     opacities: Annotated[float, Range(above=0.0)] = 5e-2
-    """Of their logits."""
+    """Rate of the logits of the opacities."""
     colours: Annotated[float, Range(above=0.0)] = 2.5e-3
-    """Of the SH coefficient of degree 0; the others have a twentieth of it."""
+    """Rate of the SH coefficient of degree 0; the others have a twentieth of it."""
     exposures: Annotated[float, Range(above=0.0)] = 1e-3
 
     def __post_init__(self) -> None:
@@ -127,7 +127,7 @@ class GaussiansConfig:
     between: bool = True
     """Gaussians begin between the map's points as well, where images agree on a surface."""
     exposure: bool = True
-    """Every training image has gains and offsets of its own (photos of one automatic exposure differ)."""
+    """Every training image has separate gains and offsets (photos of one automatic exposure differ)."""
     ssim_weight: Annotated[float, Range(low=0.0, high=1.0)] = 0.2
     preview_every: Annotated[int, Range(low=1)] = 500
     """Steps from one held-out picture and measurement to the next."""
@@ -143,7 +143,7 @@ class GaussiansConfig:
 
 
 def weak_texture(settings: GaussiansConfig) -> GaussiansConfig:
-    """The same for places with bare walls: nothing is split for its absolute gradients, faint Gaussians go early."""
+    """Settings for places with bare walls: nothing is split for its absolute gradients, faint Gaussians go early."""
     density = replace(settings.density, absolute=False, gradient_min=2e-4, opacity_min=0.05)
     return replace(settings, density=density)
 

@@ -28,19 +28,19 @@ class CpuEngine:
         self._views: list[ViewGradients] = []
 
     def load(self, gaussians: Gaussians, seen: Sightings) -> None:
-        """Go on with other Gaussians."""
+        """Continue with other Gaussians."""
         self._gaussians, self._seen, self._views = gaussians, seen, []
 
     def arrays(self) -> tuple[Gaussians, Sightings]:
-        """What it holds, not a copy."""
+        """The Gaussians and what views have seen of them, not copies."""
         return self._gaussians, self._seen
 
     def shapes(self) -> tuple[dict[str, Array], Sightings]:
-        """All arrays of the parameters, not copies."""
+        """All arrays of the parameters by name, and what views have seen of the Gaussians; not copies."""
         return self._gaussians.values, self._seen
 
     def rebuild(self, change: Change) -> None:
-        """Go on with what a change makes of them, and no view has seen yet."""
+        """Continue with the Gaussians after a change, which no view has seen yet."""
         self.load(self._gaussians.changed(change), Sightings.none(len(change)))
 
     def not_finite(self) -> str | None:
@@ -94,9 +94,9 @@ class CpuEngine:
 
     @property
     def gpu_bytes(self) -> int:
-        """It uses no GPU."""
+        """GPU memory that was used [bytes]: always 0."""
         return 0
 
     def close(self) -> None:
-        """Give back the threads."""
+        """Stop the threads."""
         self._pool.shutdown()

@@ -46,18 +46,18 @@ class _View:
     """A photo on the device, and its camera."""
 
     pixels: Tensor
-    """uint8, shape (3, H, W)."""
+    """Colours, uint8, shape (3, H, W)."""
     K_px: Floats
     T_world_camera: Floats
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """Rows and columns."""
+        """Rows and columns [px]."""
         return self.pixels.shape[1], self.pixels.shape[2]
 
     @property
     def camera_m(self) -> Tensor:
-        """Shape (3,)."""
+        """Position of the camera [m], shape (3,)."""
         return torch.tensor(self.T_world_camera[:3, 3], dtype=torch.float32, device=self.pixels.device)
 
 
@@ -78,7 +78,7 @@ class CudaEngine:
         self._kept: dict[int, _View] = {}
 
     def load(self, gaussians: Gaussians, seen: Sightings) -> None:
-        """Go on with other Gaussians."""
+        """Continue with other Gaussians."""
         self._values, self._first, self._second = (
             {name: self._on_device(array) for name, array in part.items()}
             for part in (gaussians.values, gaussians.first, gaussians.second)
@@ -105,7 +105,7 @@ class CudaEngine:
 
     @torch.no_grad()
     def rebuild(self, change: Change) -> None:
-        """Go on with what a change makes of them, and no view has seen yet; colours and moments stay on the device."""
+        """Continue with the Gaussians after a change, without views; colours and moments stay on the device."""
         source, kept = torch.from_numpy(change.source).to(self._device), self._on_device(~change.fresh)
         self._values = {
             **{name: self._on_device(getattr(change, name)) for name in SHAPES},
@@ -180,7 +180,7 @@ class CudaEngine:
         return torch.cuda.max_memory_allocated(self._device) if self._device.type == "cuda" else 0
 
     def close(self) -> None:
-        """Give back the photos."""
+        """Release the photos."""
         self._store, self._kept = None, {}
 
     def _one_view(self, photos: PhotoStore, task: ViewTask, sh_degree: int) -> ViewLoss:
@@ -214,7 +214,7 @@ class CudaEngine:
 
     @torch.no_grad()
     def _note(self, view: _View, drawn: Blended, other: Blended | None) -> None:
-        """Who was seen, and where those want to be."""
+        """Note which Gaussians a view shows, and the gradients of their projected means."""
         shown = drawn.weight > 0
         self._used |= shown if other is None else shown | (other.weight > 0)
         height, width = view.size_px
@@ -278,6 +278,6 @@ class CudaEngine:
 
 
 def _array(tensor: Tensor) -> Array:
-    """A copy."""
+    """Copy of a tensor as a NumPy array."""
     array: Array = tensor.detach().to("cpu", copy=True).numpy()
     return array

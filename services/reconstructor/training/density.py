@@ -29,11 +29,11 @@ class Sightings:
     gradient: Array
     """Sum of the gradients of their projected means, absolute ones if those decide anything, shape (N,)."""
     views: Array
-    """In how many views they had weight, shape (N,)."""
+    """Number of views in which each Gaussian had weight, shape (N,)."""
 
     @classmethod
     def none(cls, count: int) -> "Sightings":
-        """Of Gaussians that no view has seen yet."""
+        """Sightings of Gaussians that no view has seen yet."""
         return cls(np.zeros(count, dtype=np.float32), np.zeros(count, dtype=np.float32))
 
     def add(self, rows: Rows, gradient: Array) -> None:
@@ -70,7 +70,7 @@ def make_faint(gaussians: Gaussians, rows: npt.NDArray[np.bool_], config: Densit
 
 
 def reset_opacities(gaussians: Gaussians, config: DensityConfig) -> None:
-    """Make all Gaussians faint, so that those that nobody needs stay so and are removed."""
+    """Make all Gaussians faint; those that are not needed stay faint and are removed."""
     limit = 2.0 * config.opacity_min
     logits = gaussians.values["logits"]
     np.minimum(logits, np.float32(np.log(limit / (1.0 - limit))), out=logits)

@@ -26,14 +26,14 @@ class Geometry:
     """What a view's surfaces are compared with."""
 
     neighbour: Photo | None
-    """None: there is none, only normals within the view count."""
+    """The neighbour's photo; None if there is none: only normals within the view count."""
     rng: np.random.Generator
     """Chooses patches."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ViewGradients:
-    """What one view wants."""
+    """Loss and gradients of one view."""
 
     loss: float
     rows: Rows
@@ -45,7 +45,7 @@ class ViewGradients:
     moved: Array
     """Gradients of the projected means of these, for an image of 2x2 units, shape (m,)."""
     exposure: Array
-    """By the logarithms of the image's gains and by its offsets, shape (2, 3)."""
+    """Gradients by the logarithms of the image's gains and by its offsets, shape (2, 3)."""
 
 
 class _Losses(threading.local):

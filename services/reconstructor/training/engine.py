@@ -14,7 +14,7 @@ from readygo.services.reconstructor.training.photos import PhotoStore
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ViewTask:
-    """A view of a step."""
+    """One view of a training step."""
 
     number: int
     exposure: Array
@@ -38,16 +38,16 @@ class Engine(Protocol):
     """Holds the Gaussians of a training, their optimiser's state, and how views have seen them."""
 
     def load(self, gaussians: Gaussians, seen: Sightings) -> None:
-        """Go on with other Gaussians."""
+        """Continue with other Gaussians."""
 
     def arrays(self) -> tuple[Gaussians, Sightings]:
-        """What it holds; whoever changes it loads it."""
+        """The Gaussians and what views have seen of them; call `load` after a change."""
 
     def shapes(self) -> tuple[dict[str, Array], Sightings]:
         """What decides where Gaussians are added and removed: arrays by the names of `SHAPES`, to be read only."""
 
     def rebuild(self, change: Change) -> None:
-        """Go on with what a change makes of them, and no view has seen yet."""
+        """Continue with the Gaussians after a change, which no view has seen yet."""
 
     def not_finite(self) -> str | None:
         """A parameter that has a number that is not finite."""

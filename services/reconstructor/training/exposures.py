@@ -12,25 +12,25 @@ class Exposures:
     """Gain and offset of every colour of every photo, and how they are learned."""
 
     def __init__(self, values: Array, moments: Array) -> None:
-        """Go on.
+        """Start from given exposures and moments.
 
         Args:
-            values: Gains and offsets, shape (V, 2, 3).
+            values: Logarithms of the gains, and offsets, shape (V, 2, 3).
             moments: Adam's first and second moments of them, shape (2, V, 2, 3).
         """
         self.values, self.moments = values, moments
 
     @classmethod
     def none(cls, count: int) -> "Exposures":
-        """Those of photos that are taken for what they are."""
+        """Neutral exposures of `count` photos: gains of 1, offsets of 0."""
         return cls(np.zeros((count, 2, 3), dtype=np.float32), np.zeros((2, count, 2, 3), dtype=np.float32))
 
     def step(self, numbers: Sequence[int], gradients: Sequence[Array], rate: float, train: Sequence[int]) -> None:
         """Adam without corrections; gains and offsets of all images have no common part, which colours could hold.
 
         Args:
-            numbers: Of the photos that were drawn; one may have been drawn twice.
-            gradients: Of each of them, shape (2, 3).
+            numbers: Numbers of the photos that were drawn; one may have been drawn twice.
+            gradients: Gradients by each photo's exposure, shape (2, 3).
             rate: Learning rate.
             train: Numbers of the photos that are trained on.
         """

@@ -11,10 +11,11 @@ from readygo.services.reconstructor.training.config import GaussiansConfig
 from readygo.services.reconstructor.training.photos import KEPT_BYTES, Posed, size_px
 
 PROCESS_BYTES = 450_000_000
-"""Of Python with its libraries and kernels."""
+"""Memory of Python with its libraries and kernels [bytes]."""
 GAUSSIAN_BYTES, GAUSSIAN_VIEW_BYTES, SURFACE_GAUSSIAN_VIEW_BYTES = 1000, 500, 850
-"""Of a Gaussian with its moments and its share of a checkpoint; and in each view of a step, without and with surfaces.
-Measured as these and the next ones are: peaks of three steps on 70 images, 9,000 and 150,000 Gaussians."""
+"""Memory of a Gaussian with its moments and its share of a checkpoint, and in each view of a step, without and with
+surfaces [bytes]. Measured as these and the next ones are: peaks of three steps on 70 images, 9,000 and 150,000
+Gaussians."""
 PIXEL_VIEW_BYTES, SURFACE_PIXEL_VIEW_BYTES = 350, 650
 MEMINFO, LIMIT, USED = Path("/proc/meminfo"), Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory.current")
 
@@ -47,7 +48,7 @@ def gpu_memory(settings: GaussiansConfig) -> Iterator[None]:
     except torch.OutOfMemoryError as error:
         raise RunError(
             f"The GPU's memory ran out with at most {settings.density.count_max:,} Gaussians: close what else uses it "
-            "and run the same command again, or begin anew with a smaller --preset, or lower --gaussians and --side-px."
+            "and run the same command again, or restart with a smaller --preset, or lower --gaussians and --side-px."
         ) from error
 
 

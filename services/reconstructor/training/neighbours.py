@@ -53,18 +53,18 @@ class Side:
     """The photo, shape (H, W)."""
     K_px: Tensor
     T_world_camera: Tensor
-    """Shape (4, 4), of the same type as the planes."""
+    """Pose of the camera, shape (4, 4), of the same type as the planes."""
     rays_W: Tensor
     """Rays at depth 1 in the world's axes, shape (H, W, 3)."""
 
     @property
     def R_WC(self) -> Tensor:
-        """Shape (3, 3)."""
+        """Rotation of the camera in the world, shape (3, 3)."""
         return self.T_world_camera[:3, :3]
 
     @property
     def p_WC(self) -> Tensor:
-        """Shape (3,)."""
+        """Position of the camera in the world [m], shape (3,)."""
         return self.T_world_camera[:3, 3]
 
     def pixels(self, points_W: Tensor) -> tuple[Tensor, Tensor]:

@@ -25,7 +25,7 @@ class Gaussians:
     """N Gaussians in training."""
 
     values: dict[str, Array]
-    """By the names of PARAMETERS: shapes (N, 3), (N, 4), (N, 3), (N, 1) and (N, 3 K)."""
+    """Arrays by the names of PARAMETERS: shapes (N, 3), (N, 4), (N, 3), (N, 1) and (N, 3 K)."""
     first: dict[str, Array]
     """Adam's means of the gradients."""
     second: dict[str, Array]
@@ -44,7 +44,7 @@ class Gaussians:
         return cls(singles, zeros[0], zeros[1], np.zeros(len(singles["logits"]), dtype=np.float32))
 
     def select(self, index: Rows | npt.NDArray[np.bool_]) -> "Gaussians":
-        """Some of them, with their state."""
+        """Some of the Gaussians, with their state."""
         parts = [
             {name: np.ascontiguousarray(array[index]) for name, array in part.items()}
             for part in (self.values, self.first, self.second)
@@ -61,7 +61,7 @@ class Gaussians:
         return gaussians
 
     def forget(self, rows: Rows) -> None:
-        """Begin anew with the optimiser's state of some of them."""
+        """Reset the optimiser's state of some Gaussians."""
         for part in (self.first, self.second):
             for array in part.values():
                 array[rows] = 0.0
@@ -78,7 +78,7 @@ class Gaussians:
         return np.exp(self.values["log_scales"])
 
     def cloud(self) -> GaussianCloud:
-        """As a scene holds them."""
+        """The Gaussians as a scene holds them."""
         quats = self.values["quats_wxyz"]
         return GaussianCloud(
             means_m=self.values["means_m"],
@@ -103,37 +103,37 @@ class Gaussians:
 
 @dataclass(eq=False)
 class Change:
-    """Which M Gaussians the ones there are become."""
+    """M Gaussians that the present ones become."""
 
     source: Rows
-    """Of which each has the colours, and the optimiser's state, shape (M,)."""
+    """Row of the present Gaussian whose colours and optimiser's state each one takes, shape (M,)."""
     fresh: Bools
-    """Those whose state begins anew, shape (M,)."""
+    """True where the optimiser's state is reset, shape (M,)."""
     means_m: Array
-    """Shape (M, 3)."""
+    """Positions [m], shape (M, 3)."""
     quats_wxyz: Array
-    """Shape (M, 4)."""
+    """Rotations, shape (M, 4)."""
     log_scales: Array
-    """Shape (M, 3)."""
+    """Logarithms of the scales in metres, shape (M, 3)."""
     logits: Array
-    """Shape (M, 1)."""
+    """Logits of the opacities, shape (M, 1)."""
 
     def __len__(self) -> int:
         return len(self.source)
 
     @classmethod
     def none(cls, shapes: Mapping[str, Array]) -> "Change":
-        """All stay as they are: arrays by the names of SHAPES, which are copied."""
+        """The change that keeps all Gaussians: arrays by the names of SHAPES, which are copied."""
         count = len(shapes["logits"])
         arrays = {name: shapes[name].copy() for name in SHAPES}
         return cls(source=np.arange(count), fresh=np.zeros(count, dtype=bool), **arrays)
 
     def select(self, index: Rows | Bools) -> "Change":
-        """Some of them."""
+        """The change with some of its Gaussians."""
         return Change(**{name: getattr(self, name)[index] for name in self.__dataclass_fields__})
 
     def joined(self, other: "Change") -> "Change":
-        """These, and then others."""
+        """The change with these Gaussians, then those of another one."""
         names = self.__dataclass_fields__
         return Change(**{name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names})
 

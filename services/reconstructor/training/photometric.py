@@ -62,7 +62,7 @@ class Photometric:
 
 
 def photometric_loss(image: torch.Tensor, photo: torch.Tensor, ssim_weight: float) -> torch.Tensor:
-    """The same loss for torch to derive, on any device.
+    """The photometric loss for torch to derive, on any device.
 
     The window is a product of two banded matrices: no convolution, which may round to TF32 on a GPU.
 

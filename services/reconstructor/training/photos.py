@@ -19,7 +19,7 @@ from readygo.services.reconstructor.similarity import Similarity
 KEPT_BYTES = 2 << 30
 """Photos that need more than this are read from disk each time that they are used."""
 BRIGHTNESS = np.float32(1 / 255)
-"""Of a step of a pixel's value."""
+"""Brightness of one step of a pixel's value."""
 Floats = npt.NDArray[np.float64]
 _POINTS_MIN, _VIEWS_MIN = 30, 3
 _EXTENT = 1.1
@@ -32,13 +32,13 @@ class Posed:
 
     views: CapturedViews
     folder: Path
-    """Of the images."""
+    """Folder of the images."""
     points_m: npt.NDArray[np.float64]
-    """Shape (P, 3)."""
+    """Points of the map [m], shape (P, 3)."""
     points_rgb: npt.NDArray[np.uint8]
-    """Shape (P, 3)."""
+    """Colours of the points, shape (P, 3)."""
     seen: npt.NDArray[np.int64]
-    """Which view shows which point: rows of numbers of view and point, shape (M, 2)."""
+    """Sightings of points: rows of the numbers of view and point, shape (M, 2)."""
 
     @property
     def extent_m(self) -> float:
@@ -52,9 +52,9 @@ class Photo:
     """A photo at the size that it is trained or measured at."""
 
     number: int
-    """Of the view."""
+    """Number of the view."""
     rgb: npt.NDArray[np.float32]
-    """In 0..1, shape (3, H, W)."""
+    """Colours in 0..1, shape (3, H, W)."""
     K_px: npt.NDArray[np.float64]
     T_world_camera: npt.NDArray[np.float64]
 
@@ -155,7 +155,7 @@ class PhotoStore:
         return ((self._posed.views.images[number], self[number]) for number in self._numbers)
 
     def _read(self, number: int) -> npt.NDArray[np.uint8]:
-        """Shape (H, W, 3)."""
+        """Read a view's pixels, shape (H, W, 3)."""
         path = self._posed.folder / self._posed.views.images[number]
         pixels = read_pixels(path, cv2.IMREAD_COLOR)
         if pixels is None:

@@ -13,7 +13,7 @@ from readygo.common.rasterizer.differentiable.reference import rotations
 
 Tensor = torch.Tensor
 FACING_MIN = 0.05
-"""Of a plane that is seen flatter than this (cosine, weighted with its opacity) there is no depth."""
+"""A plane that is seen flatter than this (cosine, weighted with its opacity) has no depth."""
 
 
 def plane_features(means_m: Tensor, quats_wxyz: Tensor, scales_m: Tensor, camera_m: Tensor) -> Tensor:

@@ -20,13 +20,13 @@ class HeldOut:
     psnr_db: float
     ssim: float
     photo: Array
-    """Shape (3, H, W)."""
+    """The photo, shape (3, H, W)."""
     rendered: Array
-    """Shape (3, H, W)."""
+    """The rendered view, shape (3, H, W)."""
 
 
 def measure(gaussians: Gaussians, photos: PhotoStore | None, sh_degree: int) -> list[HeldOut]:
-    """Draw the held-out photos' views; without exposure, which nobody knows of them."""
+    """Draw the held-out photos' views without exposure, which is unknown for them."""
     leaves = leaves_of(gaussians)
     scores = []
     for name, photo in photos.items() if photos else ():

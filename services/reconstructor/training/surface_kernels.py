@@ -42,7 +42,7 @@ def _out_of(camera: Camera, x: float, y: float, z: float) -> tuple[float, float,
 
 @inlined
 def _ray(camera: Camera, u: float, v: float) -> tuple[float, float, float]:
-    """Of a point of the image [px], at depth 1, in the world."""
+    """Ray of a point of the image [px], at depth 1, in the world."""
     x, y = (u - camera[_CX]) * camera[_PER_FX], (v - camera[_CY]) * camera[_PER_FY]
     ray: tuple[float, float, float] = _out_of(camera, x, y, 1.0)
     return ray
@@ -274,7 +274,7 @@ def return_slopes(
 
 @inlined
 def _sample(image: Image, u: float, v: float) -> tuple[float, float, float]:
-    """An image between its pixels, and how it grows with the place [1/px]; beyond its border that goes on."""
+    """An image between its pixels, and its gradient [1/px]; beyond the border the border's value holds."""
     height, width = image.shape
     c0, c1, cu, grows_u = _between(u, width)
     l0, l1, cv, grows_v = _between(v, height)

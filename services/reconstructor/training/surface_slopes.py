@@ -1,6 +1,6 @@
 """What `surfaces` says of a view and its neighbour, with derivatives by their planes, on the CPU.
 
-The losses are those of `surfaces`, which torch derives on any device; here they have kernels of their own.
+The losses are those of `surfaces`, which torch derives on any device; here they have dedicated kernels.
 """
 
 from dataclasses import dataclass

@@ -52,7 +52,7 @@ class TrainingProgress:
     gaussians: int
     loss: float
     psnr_db: float | None
-    """Of the held-out images, when they were last drawn."""
+    """Mean PSNR of the held-out images when they were last drawn [dB]; None before that or without any."""
     seconds: float
     """Spent so far, those before an interruption included."""
     picture: Path | None
@@ -63,7 +63,7 @@ Tell = Callable[[TrainingProgress], None]
 
 
 def train_gaussians(posed_folder: Path, out_folder: Path, settings: GaussiansConfig, progress: Tell) -> dict[str, Any]:
-    """Train Gaussians; go on where an earlier call with the same arguments was interrupted, to the same result.
+    """Train Gaussians; resume an interrupted call with the same arguments, to the same result.
 
     Args:
         posed_folder: `images/` and `sparse/0/`, as `readygo scene poses` leaves them in `posed`; or any COLMAP model.
@@ -140,7 +140,7 @@ class _Training:
         self._start()
 
     def _start(self) -> None:
-        """Begin, or go on."""
+        """Begin or resume the training."""
         found = load_checkpoint(self._folder, self._identity)
         if found is None:
             points_m, points_rgb = self._points()
@@ -157,7 +157,7 @@ class _Training:
         self._engine.load(Gaussians.from_state(arrays), seen)
 
     def _points(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint8]]:
-        """Where Gaussians begin, and their colours."""
+        """Positions and colours that Gaussians begin with."""
         posed, room = self._posed, self._settings.density.count_max - len(self._posed.points_m)
         if not self._settings.between or room <= 0:
             return posed.points_m, posed.points_rgb
@@ -256,7 +256,7 @@ class _Training:
         self._engine.load(gaussians, seen)
 
     def _hidden(self, photos: PhotoStore, views_min: int) -> npt.NDArray[np.bool_]:
-        """Which Gaussians fewer training views show, shape (N,)."""
+        """True for Gaussians that fewer than `views_min` training views show, shape (N,)."""
         # What is small on a reduced image may be what a whole one needs.
         pixels_min = OBSERVED_PX / self._fraction**2
         return self._engine.seen_by(photos, self._train, pixels_min) < views_min
@@ -277,7 +277,7 @@ class _Training:
         kept = f"the state of step {self._saved_step} is kept" if self._saved_step else "nothing was saved yet"
         raise RunError(
             f"Step {self._step}: {what} gave a number that is not finite; {kept} in {self._folder}. "
-            f"Begin anew with smaller learning rates, or look at the images and poses."
+            f"Start again with smaller learning rates, or look at the images and poses."
         )
 
     def _preview(self) -> None:
@@ -356,7 +356,7 @@ class _Training:
 
 
 def _neighbours_of(posed: Posed, train: tuple[int, ...], settings: GaussiansConfig) -> dict[int, tuple[int, ...]]:
-    """By the number of a training view, those of the training views that it is compared with."""
+    """Numbers of the training views that each training view is compared with, by its number."""
     config = settings.geometry
     if not config.enabled:
         return {}

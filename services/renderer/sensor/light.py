@@ -62,7 +62,7 @@ class LightSum:
         self._sum = np.zeros((height_px, width_px, 3), dtype=np.int64)
 
     def clear(self) -> None:
-        """Begin a frame."""
+        """Clear the collected light for the next frame."""
         self._sum[:] = 0
 
     def add(self, faces: npt.NDArray[np.uint8], remap: Remap | None, row_weight: Integers) -> None:

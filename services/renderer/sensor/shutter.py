@@ -16,7 +16,8 @@ class Shutter:
     """The images that one frame is made of, and the share of each in each row."""
 
     steps: tuple[float, ...]
-    """When each is drawn, in simulation steps after the frame's own step, at most 0; M of them, latest last."""
+    """Times at which images are drawn, in simulation steps after the frame's own step, at most 0; M of them, latest
+    last."""
     weight: npt.NDArray[np.int64]
     """Shares in 1/`TIME_ONE`; columns sum to that, shape (M, H)."""
     middle: npt.NDArray[np.int64]

@@ -33,11 +33,11 @@ class SensorStream:
         return SensorStream.of_humans(f"{name} {self.key}") if name else self
 
     def of_draws(self) -> np.random.Generator:
-        """For the values that hold over the episode."""
+        """Random generator for the values that hold over the episode."""
         return self._at(0)
 
     def of_frame(self, step: int) -> np.random.Generator:
-        """For the noise of one frame."""
+        """Random generator for the noise of one frame."""
         return self._at(step + 1)
 
     def _at(self, block: int) -> np.random.Generator:

@@ -6,7 +6,7 @@ from typing import Annotated
 from readygo.common.config import Range, check_ranges
 
 LEARNING_RATES = {"gnm": 7e-4, "vint": 5e-4, "nomad": 1e-4}
-"""As published, by network."""
+"""Learning rates as published, by network."""
 GOAL_LOOKS_MAX = 20
 """Farthest goal of a sample, in looks; goals out of another trajectory count as far away as that."""
 

@@ -16,7 +16,7 @@ NEAR = {"gnm": (2, 10), "vint": (0, 10), "nomad": (3, 20)}
 PLACES = {"gnm": WAYPOINTS, "vint": WAYPOINTS, "nomad": NOMAD_WAYPOINTS}
 """Places that a network names."""
 DISTANCE_SHARE, DISTANCE_SCALE = 0.5, 1e-2
-"""Of the distance in the loss of GNM and ViNT, and what its square is scaled by."""
+"""Share of the distance in the loss of GNM and ViNT, and what its square is scaled by."""
 NOMAD_DISTANCE_SHARE = 1e-4
 GOAL_HIDDEN = 0.5
 """Share of NoMaD's samples that do not see their goal."""

@@ -62,10 +62,10 @@ def looks_of(dataset: Dataset, names: set[str]) -> Looks:
         names: Ids of those that are taken.
 
     Raises:
-        DatasetError: If there are not two trajectories, or nobody knows the robot.
+        DatasetError: If there are not two trajectories, or the robot is unknown.
     """
     if dataset.robot is None:
-        raise DatasetError("These data do not say what robot drove; record them anew.")
+        raise DatasetError("These data do not say what robot drove; record them again.")
     if dataset.robot.ranges.varies:
         raise DatasetError("These data are of several robots, which the published networks are not told apart.")
     clock = dataset.robot.clock
@@ -104,7 +104,7 @@ class Choice:
     distances: Indices
     """Looks until the goal, shape (B,)."""
     other: npt.NDArray[np.bool_]
-    """See `Batch.other`."""
+    """True where the goal is out of another trajectory, shape (B,)."""
 
 
 def choose(looks: Looks, count: int, rng: np.random.Generator) -> Choice:
@@ -114,7 +114,7 @@ def choose(looks: Looks, count: int, rng: np.random.Generator) -> Choice:
     distances = rng.integers(ahead + 1)
     other = distances == 0
     sizes = looks.last[present] - looks.first[present] + 1
-    # Any look but those of its own trajectory: drawn among the others, and moved behind it.
+    # Any look but those of the same trajectory: drawn among the others, and moved behind it.
     elsewhere = rng.integers(len(looks) - sizes)
     elsewhere += np.where(elsewhere >= looks.first[present], sizes, 0)
     goals = np.where(other, elsewhere, present + distances)

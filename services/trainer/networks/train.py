@@ -114,7 +114,7 @@ class _Learner:
         self.looks, self._config, self._recent = looks, config, list[float]()
 
     def batch(self, count: int, rng: np.random.Generator) -> Batch:
-        """Samples that are drawn."""
+        """Draw a batch of samples."""
         name = self._config.network
         choice = choose(self.looks, count, rng)
         return make_batch(self.looks, self._pictures, choice, frames=NETWORKS[name].frames, places=PLACES[name])
@@ -145,7 +145,7 @@ class _Learner:
 
 
 def _share(run: Run, config: NetworkTrainConfig) -> float:
-    """Of the budget that is spent."""
+    """Share of the budget that is spent."""
     return run.samples / config.samples if config.samples else run.spent_s / (60 * config.minutes)
 
 

@@ -167,7 +167,7 @@ def test_full_disk_ends_in_a_line_and_what_was_kept_stays(make_evaluator, tmp_pa
     with open_results(tmp_path, SETTINGS) as results:
         with (
             small_disk(),
-            pytest.raises(RunError, match=r"cannot be written: .*; \d episodes are kept, the same command goes on"),
+            pytest.raises(RunError, match=r"cannot be written: .*; \d episodes are kept, the same command resumes"),
         ):
             handle_evaluate(make_evaluator(lockstep=1), REQUEST, results=results)
         kept = set(results.records)

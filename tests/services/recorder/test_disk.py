@@ -11,12 +11,12 @@ from readygo.services.recorder.disk import disk_error, try_room
 @pytest.mark.parametrize(
     ("code", "waits", "text"),
     [
-        (errno.ENOSPC, True, "No space left in /data; free some, and recording goes on."),
-        (errno.EDQUOT, True, "No space left in /data; free some, and recording goes on."),
-        (errno.EROFS, True, "/data cannot be written (Read-only file system); mend it, and recording goes on."),
-        (errno.EACCES, True, "/data cannot be written (Permission denied); mend it, and recording goes on."),
-        (errno.EPERM, True, "/data cannot be written (Operation not permitted); mend it, and recording goes on."),
-        (errno.EIO, False, "Writing to /data failed: Input/output error; mend it and run again to go on."),
+        (errno.ENOSPC, True, "No space left in /data; free some, and recording continues."),
+        (errno.EDQUOT, True, "No space left in /data; free some, and recording continues."),
+        (errno.EROFS, True, "/data cannot be written (Read-only file system); fix that, and recording continues."),
+        (errno.EACCES, True, "/data cannot be written (Permission denied); fix that, and recording continues."),
+        (errno.EPERM, True, "/data cannot be written (Operation not permitted); fix that, and recording continues."),
+        (errno.EIO, False, "Writing to /data failed: Input/output error; fix that and run again to resume."),
     ],
 )
 def test_disk_that_can_be_waited_for_is_told_from_one_that_fails(code: int, waits: bool, text: str) -> None:

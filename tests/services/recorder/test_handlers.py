@@ -150,7 +150,7 @@ def test_full_disk_cuts_the_shard_back_and_names_the_folder(make_recorder, coord
     assert send(recorder, append_requests(1)) == ["ok", "retry"]
     assert part.read_bytes() == good
     assert coordinator.lost == []
-    assert coordinator.troubles == [f"No space left in {tmp_path}; free some, and recording goes on."]
+    assert coordinator.troubles == [f"No space left in {tmp_path}; free some, and recording continues."]
     last = append_requests(1)[-1]
     assert handle_append(recorder, last) == AppendReply(status=AppendStatus.RETRY, detail=coordinator.troubles[0])
     assert len(coordinator.troubles) == 1, "it is not tried all the time"

@@ -59,7 +59,7 @@ def test_checkpoint_of_another_version_is_refused(tmp_path):
 
 def test_broken_checkpoint_is_named(tmp_path):
     (tmp_path / "checkpoint.pt").write_bytes(b"no checkpoint")
-    with pytest.raises(PolicyError, match=r"checkpoint\.pt cannot be read: .*; delete it to start anew"):
+    with pytest.raises(PolicyError, match=r"checkpoint\.pt cannot be read: .*; delete it to start again"):
         load_checkpoint(tmp_path, IDENTITY)
 
 
@@ -73,7 +73,7 @@ def test_checkpoint_that_was_cut_off_is_refused_with_what_torch_says_of_it(tmp_p
         load_checkpoint(tmp_path, IDENTITY)
     reason = str(said.value).splitlines()[0]
     assert reason
-    assert str(refusal.value) == f"{path} cannot be read: {reason}; delete it to start anew."
+    assert str(refusal.value) == f"{path} cannot be read: {reason}; delete it to start again."
 
 
 def test_pickled_objects_in_a_checkpoint_are_refused(tmp_path):

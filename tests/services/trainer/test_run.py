@@ -92,7 +92,7 @@ def test_weights_that_are_no_numbers_are_not_saved(make_run):
 
 def test_loss_that_is_no_number_at_once_leaves_no_checkpoint_and_says_so(make_run):
     run = make_run(learning_rate=1e30)
-    with pytest.raises(PolicyError, match=r"^The loss of step 1 is nan .*; there is no checkpoint of before; go on"):
+    with pytest.raises(PolicyError, match=r"^The loss of step 1 is nan .*; there is no earlier checkpoint; continue"):
         run.go(lambda _: None)
     assert list(run.out.iterdir()) == []
 

@@ -2,7 +2,7 @@
 
 A draw is really what its name says, by the way and the speed that are expected of the robot (`ExpectedDrive`): what
 does not fit is refused here, so that shares in the data mean what they say. `site` is what they draw on,
-`along_the_way` the families that any place has room for, `places` those that need a place of their own.
+`along_the_way` the families that any place has room for, `places` those that need a suitable place.
 """
 
 from readygo.services.planner.humans.families.along_the_way import (

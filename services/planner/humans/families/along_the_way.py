@@ -126,7 +126,7 @@ def path_against(
 
 
 def overtaking(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> Encounter:
-    """The same way as the robot: slower, ahead of it, or faster, from behind and well to the side."""
+    """A human on the robot's way: slower, ahead of it, or faster, from behind and well to the side."""
     robot_mps, low, high = (
         site.drive.speed_mps,
         site.episode.human_speed_min_mps,
@@ -160,7 +160,7 @@ def overtaking(site: Site, rng: np.random.Generator, task: Task, wanted: int) ->
 def is_overtaking(site: Site, task: Task, xy_m: Float64Array) -> bool:
     """True if one gets from behind the other to ahead of it on the first 85 % of the way, beside it, with its heading.
 
-    Whoever comes from behind keeps to the side.
+    The one that comes from behind keeps to the side.
     """
     count = math.ceil(site.drive.time_s(0.85 * task.length_m) / DT_S) + 1
     gap = first_rows(xy_m, count) - site.drive.rows(task, count)

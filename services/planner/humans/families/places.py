@@ -1,4 +1,4 @@
-"""Families that need a place of their own: blind corners, doorways, groups that stand, walkers that pause."""
+"""Families that need a suitable place: blind corners, doorways, groups that stand, walkers that pause."""
 
 import math
 

@@ -20,7 +20,7 @@ from readygo.services.planner.humans.timing import Walk, first_rows
 
 Float64Array = npt.NDArray[np.float64]
 Encounter = tuple[Walk, ...]
-"""Those who meet the robot together."""
+"""Humans who meet the robot together."""
 
 PASSAGE_WIDTH_MAX_M = 1.6
 PASSAGE_WIDER_M = 0.5
@@ -45,7 +45,7 @@ class Site:
         return self.find_sight()
 
     def sees(self, robot_m: Point, human_m: Point) -> bool:
-        """True if a camera above the robot's centre there could see a human there, whichever way the robot looks."""
+        """True if a camera above the robot's centre there could see a human there, for any heading of the robot."""
         return self.sight.sees(*robot_m, self.robot.camera.mount_height_m, human_m)
 
     @cached_property
@@ -62,7 +62,7 @@ class Site:
     def passages_on_way(self, task: Task) -> list[tuple[Point, float]]:
         """Middles of the passages that the robot's way leads through, and how far along the way they are [m]."""
         if task not in self._on_way:
-            # Every draw of one task asks again; nobody asks about an earlier task.
+            # Every draw of one task asks again; no draw asks about an earlier task.
             self._on_way.clear()
             self._on_way[task] = self._find_passages_on_way(task)
         return self._on_way[task]
@@ -93,4 +93,4 @@ class Site:
 
 
 Draw = Callable[[Site, np.random.Generator, Task, int], Encounter]
-"""Scene, source of chance, the robot's task and how many humans are wanted at most -> who comes; nobody: no room."""
+"""Scene, source of chance, the robot's task, most humans that are wanted -> who comes; empty if there is no room."""
