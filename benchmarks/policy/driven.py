@@ -4,8 +4,9 @@
 
 `evaluator` is `readygo evaluate`, whose images come at once. `rehearsed` is `readygo simulate-robot --rehearse`: what
 `readygo drive` does, in simulated time, with images that are late or lost as on a robot. `driven` are two programs, one
-that is the robot and one that drives it, in real time, with the same images; a robot of its own for each task, side by
-side. Outcomes of `driven` are kept in FOLDER with the logs of the trials; each row is beside the evaluator's.
+that is the robot and one that drives it, in real time, with the same images; each task has a separate robot, and the
+robots run side by side. Outcomes of `driven` are kept in FOLDER with the logs of the trials; each row is beside the
+evaluator's.
 """
 
 import argparse

@@ -68,7 +68,7 @@ FORGOTTEN_S = 1.0
 EVERY = 2
 """Steps of 0.05 s between samples of an episode."""
 STATIC_SHARE, EXPERT_SHARE = 0.3, 0.1
-"""Of the episodes to learn from: without humans, and driven by the expert after the first round."""
+"""Shares of the training episodes: without humans, and driven by the expert after the first round."""
 AHEAD_STEPS = RobotConfig().clock.steps(best_recipe().sampling.ahead_s)
 """How far ahead the command is that a state teaches, as in the recipe `best`."""
 WIDTHS, BATCH, RATE, EMA_DECAY, RISKS_WEIGHT = (512, 256), 512, 1e-3, 0.995, 4.0
@@ -234,7 +234,7 @@ def driven(course: Course, episode: Episode, learner: Learner | None) -> tuple[D
 
 
 def without_humans(episode: Episode) -> Episode:
-    """The same start and goal, and nobody there."""
+    """The episode with the same start and goal, without humans."""
     return dataclasses.replace(episode[0], humans=()), EpisodeMotions(humans=())
 
 

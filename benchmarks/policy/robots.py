@@ -7,7 +7,7 @@
 
 `readygo evaluate` refuses a robot that a policy did not learn; here such a policy sees through that robot's camera all
 the same, and the robot cuts off what it cannot do of its commands. Episodes are kept in FOLDER as they end; the same
-command goes on, with more policies as well.
+command resumes, with more policies as well.
 """
 
 import argparse

@@ -54,7 +54,7 @@ class Timing:
     cpu_s: Seconds
     """CPU time of the thread, shape (runs, views, images)."""
     wall_s: Seconds
-    """Wall time, same shape."""
+    """Wall time [s], shape (runs, views, images)."""
 
 
 def no_device(job: Job) -> str:

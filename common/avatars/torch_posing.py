@@ -1,4 +1,4 @@
-"""Posing humans with torch, many at once, on whichever device the tensors are."""
+"""Posing humans with torch, many at once, on the device that holds the tensors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class Skeletons:
     canonical_m: Tensor
     """Joints in the canonical pose [m], shape (A, 24, 3)."""
     R_tpose_canonical: Tensor
-    """Shape (A, 24, 3, 3)."""
+    """Rotations from canonical to T-pose coordinates, shape (A, 24, 3, 3)."""
     parents: Tensor
     """Parent of each joint, int64, shape (24,)."""
 

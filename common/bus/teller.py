@@ -1,4 +1,4 @@
-"""What a participant shows of its work: made only while somebody listens, and not too often."""
+"""What a participant shows of its work: made only while a subscriber listens, and not too often."""
 
 import time
 from collections.abc import Callable
@@ -13,7 +13,7 @@ class Publisher(Protocol):
     """The bus that shows it."""
 
     def heard(self, stream: Stream[Any]) -> bool:
-        """True if somebody listens to a stream."""
+        """True if a subscriber listens to a stream."""
         ...
 
     def publish(self, stream: Stream[Any], message: Any) -> None:

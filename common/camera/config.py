@@ -63,8 +63,8 @@ def check_camera_value(name: str, value: float) -> None:
 class CameraConfig:
     """A camera that is fixed to the robot; by default a level, ideal pinhole camera that looks along its x axis.
 
-    What varies from episode to episode is drawn in place of these values, see `SensorConfig`. Light is linear: a value
-    of 1 is white.
+    Values that vary from episode to episode are drawn instead of these, see `SensorConfig`. Light is linear: a value of
+    1 is white.
     """
 
     height_px: int = 144
@@ -75,7 +75,7 @@ class CameraConfig:
     """What the image spans between the middles of its left and right edges, with every lens: the focal length follows
     from it. 100 if no intrinsics are given either."""
     fx_px: float | None = None
-    """Focal length along rows; with the next three, in place of `horizontal_fov_deg`."""
+    """Focal length along rows; together with the next three fields it replaces `horizontal_fov_deg`."""
     fy_px: float | None = None
     """Focal length along columns."""
     cx_px: float | None = None
@@ -126,8 +126,8 @@ class CameraConfig:
     """Time from the first row's end of exposure to the last row's [s]: rolling shutter."""
     latency_s: float = 0.0
     """Age of the image that a policy acts on [s], in whole steps of 0.05 s, the nearest. Training pairs an action with
-    the image of so long before, and in closed loop a policy sees that one. Recorded images stay those of their own
-    time, and the expert, which sees no images, has no latency."""
+    the image of so long before, and in closed loop a policy sees that one. Recorded images are not delayed, and the
+    expert, which sees no images, has no latency."""
 
     depth_min_m: float = 0.0
     """Nearest depth that is measured, for policies that see depths [m]. What the next three say holds for them alone:

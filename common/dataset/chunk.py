@@ -111,7 +111,7 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
     )
     commit_message = by_channel[schemas.EPISODE_COMMIT.number][0]
     if commit_message.end != len(view):
-        raise DatasetError(f"episode {start.episode_id} goes on after its commit")
+        raise DatasetError(f"episode {start.episode_id} continues after its commit")
     if commit.sha256 != (sha256 or canonical_sha256(view, messages, start.index)):
         raise DatasetError(f"episode {start.episode_id} does not match the SHA-256 of its commit")
     base_ns = by_channel[schemas.EPISODE_START.number][0].log_time_ns

@@ -1,4 +1,4 @@
-"""How sharp recorded pictures are: episodes that show fog are found in the data, whoever recorded them."""
+"""Sharpness of recorded images: finds episodes with fog in the data of any recorder."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -246,7 +246,7 @@ def build_index(view: memoryview, shard: Path) -> ShardIndex:
 
 
 def read_provenance(view: memoryview, record: Record) -> Provenance | None:
-    """The shard's provenance in a metadata record, None if it is somebody else's.
+    """The shard's provenance in a metadata record; None if the record is not one of readygo's.
 
     Raises:
         DatasetError: If it is of another format.

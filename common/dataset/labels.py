@@ -54,7 +54,7 @@ def joints_of(message: Any) -> npt.NDArray[np.float32]:
     """Joints [m] in a message on /humans/joints, shape (H, 24, 3).
 
     Raises:
-        DatasetError: If it is packed in another way, or somebody has not 24 joints.
+        DatasetError: If it is packed in another way, or a human does not have 24 joints.
     """
     points = _unpacked(message, JOINT_DTYPE)
     count = len(points) // JOINT_COUNT

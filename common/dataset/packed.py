@@ -1,7 +1,7 @@
 """The messages of samples as bytes, made without the protobuf library, those of an episode's samples at once.
 
 The bytes are those that the library gives. Messages without their times are `Messages`; the time is the first field of
-whatever carries one, so the same content serves at every time.
+each message that carries one, so the same content serves at every time.
 """
 
 import enum

@@ -1,4 +1,4 @@
-"""Where the shards of a data folder are: in it, and in the folders of recorders that have a disk of their own."""
+"""Where the shards of a data folder are: in it, and in the folders of recorders that have a separate disk."""
 
 import json
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Recorded episodes as arrays and images, whatever the shards they are in."""
+"""Recorded episodes as arrays and images, independent of the shards that hold them."""
 
 import hashlib
 from collections.abc import Iterator, Sequence
@@ -97,16 +97,18 @@ class Dataset:
         NaN at samples without an image.
 
         Raises:
-            DatasetError: If nobody asked it.
+            DatasetError: If the data holds no labels of the expert.
         """
         return self._expert_commands[:, 0]
 
     @property
     def expert_ahead(self) -> npt.NDArray[np.float32]:
-        """What it would have gone on with, at every further step: v [m/s], w [rad/s], shape (S, K, 2); NaN like them.
+        """The expert's commands at the K steps after the next: v [m/s], w [rad/s], shape (S, K, 2).
+
+        NaN at samples without an image.
 
         Raises:
-            DatasetError: If nobody asked it.
+            DatasetError: If the data holds no labels of the expert.
         """
         return self._expert_commands[:, 1:]
 
@@ -117,7 +119,7 @@ class Dataset:
         0 nothing, 1 a collision with an obstacle, 2 one with a human, `UNKNOWN_RISK` at samples without an image.
 
         Raises:
-            DatasetError: If nobody looked at all samples with images.
+            DatasetError: If samples with images lack their risks.
         """
         if not self.has_risks:
             raise DatasetError(

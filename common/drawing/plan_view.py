@@ -243,7 +243,7 @@ def put_text(
         xy_px: Its lower left corner.
         size: 1 is letters of about 22 px.
         colour: Of the letters.
-        halo: Colour around them, without which they vanish on grounds of their own colour.
+        halo: Colour around them, without which they vanish on a background of the same colour.
     """
     width = max(1, round(size))
     if halo is not None:
@@ -259,7 +259,7 @@ def text_width_px(text: str, *, size: float = 0.45) -> int:
 
 
 def put_mark(picture: Picture, view: TopView, xy_m: npt.ArrayLike, text: str, colour: Rgb) -> None:
-    """A short text, such as a number, in a disc of its own."""
+    """Draw a short text, such as a number, in a disc."""
     u, v = (round(float(value)) for value in view.world_to_pixel(xy_m) - 0.5)
     cv2.circle(picture, (u, v), 10, WHITE, cv2.FILLED, cv2.LINE_AA)
     cv2.circle(picture, (u, v), 9, colour, cv2.FILLED, cv2.LINE_AA)

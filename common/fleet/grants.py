@@ -41,7 +41,7 @@ class Grants:
         return self._bus.request(topics.EXPECT, request, timeout_s=self._timeout_s)
 
     def trouble(self, reason: str) -> bool:
-        """Say what keeps the recorder from recording, empty for nothing any more, if somebody hears it.
+        """Tell the coordinator, unless it does not answer, what keeps the recorder from recording; empty: nothing.
 
         Returns:
             True if other recorders record now what this one has not.

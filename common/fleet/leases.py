@@ -138,7 +138,7 @@ def _work_on(bus: Bus, stage: Stage, worker: str, claim: ClaimReply, work: Work)
         outcome = work(claim, _inputs(bus, stage, claim))
     except Exception as error:
         if isinstance(error, BusError) and not isinstance(error, PeerError):
-            # Nobody answers: that says nothing of the episode.
+            # No participant answers: that says nothing of the episode.
             raise
         log.exception("stage %s of %s failed", stage.name, claim.episode.episode_id)
         failed = reason(error)

@@ -1,7 +1,7 @@
 """What hides humans from a camera: which heights of every cell are opaque.
 
 A wall hides all of a human, a table only the legs. Bit b of a cell covers the heights above the local floor from
-`bottom_m` + b * `layer_m` on; lower things hide nobody from a camera that is higher.
+`bottom_m` + b * `layer_m` on; lower things hide no human from a camera that is higher.
 """
 
 import math

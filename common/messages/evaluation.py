@@ -27,7 +27,7 @@ class EvaluationPlan:
     checkpoints: str
     """Folder of what was trained elsewhere."""
     method_hashes: dict[str, str]
-    """SHA-256 by method, of those that are files: they must be the same ones wherever they drive."""
+    """SHA-256 by method, of those that are files: every worker must have the same files."""
 
     def __post_init__(self) -> None:
         for method, sha256 in self.method_hashes.items():
@@ -59,7 +59,7 @@ class DrivesReply:
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class KeepRequest:
-    """How a method did: kept once, whoever says it and however often."""
+    """Result of a method in an episode: kept once, however often and by however many workers it is sent."""
 
     index: int
     attempt: int

@@ -1,4 +1,4 @@
-"""Who works on a run, and at what; for whoever watches over it."""
+"""State of a run's workers, for programs that monitor it."""
 
 from dataclasses import dataclass
 
@@ -37,7 +37,7 @@ class WorkerState:
     done: int
     """Stages of episodes that it completed since the coordinator started."""
     failed: int
-    """Those that failed."""
+    """Number of tasks that failed."""
     holds: tuple[HeldLease, ...]
 
     def __post_init__(self) -> None:
@@ -52,7 +52,7 @@ class FleetReply:
     stages: tuple[str, ...]
     """The run's stages in their order."""
     workers: tuple[WorkerState, ...]
-    """By role and name."""
+    """All workers, sorted by role and name."""
     done_per_minute: dict[str, float]
     """Episodes that passed a stage in the last minute, by stage."""
 

@@ -1,6 +1,6 @@
 """Every topic of the bus, with the messages that it carries; all lie below the run's own prefix.
 
-A `Topic` is answered by one server, a `Stream` is heard by whoever likes to.
+A `Topic` is answered by one server, a `Stream` is heard by any number of subscribers.
 """
 
 from dataclasses import dataclass
@@ -80,7 +80,7 @@ class Topic(Generic[Request, Reply]):
 
 @dataclass(frozen=True, slots=True)
 class Stream(Generic[Message]):
-    """Where messages are published; who is slow, or comes late, misses some."""
+    """Where messages are published. Lossy: slow or late subscribers miss messages."""
 
     name: str
     message_type: type[Message]
@@ -88,7 +88,7 @@ class Stream(Generic[Message]):
 
 @dataclass(frozen=True, slots=True)
 class Live(Generic[Message]):
-    """What every participant of one kind may show, each on a stream of its own."""
+    """What every participant of one kind may publish, each on a separate stream."""
 
     kind: str
     message_type: type[Message]
@@ -127,7 +127,7 @@ RECONSTRUCTION_REPORT = Topic("reconstruct/report", ReconstructionReport, Verdic
 PROGRESS = Stream("live/progress", StatusReply)
 """The coordinator's status, a few times a second."""
 WAKE = Stream("live/wake", Wake)
-"""When there may be work for somebody who was told to wait."""
+"""Sent when there may be work for a worker that was told to wait."""
 PREVIEW = Live("preview", LivePreview, every_s=0.2)
 STATE = Live("state", LiveState, every_s=0.2)
 PLAN = Live("plan", LivePlan)

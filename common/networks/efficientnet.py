@@ -1,4 +1,4 @@
-"""EfficientNet-B0 as the published weights have it: padded as for images of 224 pixels, whatever comes in.
+"""EfficientNet-B0 as the published weights have it: images of every size are padded as for 224 pixels.
 
 Source: Tan & Le, EfficientNet: Rethinking model scaling for convolutional neural networks, ICML 2019, table 1.
 """

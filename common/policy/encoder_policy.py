@@ -18,7 +18,7 @@ class EncoderPolicy(Policy):
     """A policy that remembers latents of images, or with early fusion the images."""
 
     def __init__(self, spec: PolicySpec, encoder: Any, head: Any) -> None:
-        """See `load_policy`.
+        """Keep the sessions of both graphs; `load_policy` makes a policy from files.
 
         Args:
             spec: What it was trained for.
@@ -40,7 +40,7 @@ class EncoderPolicy(Policy):
         commands: npt.NDArray[np.float32],
         goals_xy_m: npt.NDArray[np.float32],
     ) -> npt.NDArray[np.float32]:
-        """See `Policy.decide`."""
+        """Commands v [m/s], w [rad/s] within the robot's limits, shape (B, 2)."""
         return self._answer(self.features(memories, commands, goals_xy_m), [memory.traits for memory in memories])
 
     def encode(self, images: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:

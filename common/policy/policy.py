@@ -23,7 +23,7 @@ from readygo.common.robot import RobotConfig
 from readygo.common.robot.ranges import OF_CAMERA
 
 LIMITS = ("v_max_mps", "v_min_mps", "w_max_radps", "a_max_mps2", "alpha_max_radps2", "control_hz", "camera_hz")
-"""Of `RobotConfig`: what a policy's commands are within, and how often they and its images come."""
+"""Fields of `RobotConfig` that limit a policy's commands, and set the rates of commands and images."""
 
 
 class Policy(abc.ABC):
@@ -40,7 +40,7 @@ class Policy(abc.ABC):
             spec: What it was trained for.
         """
         self.spec = spec
-        """What it was trained for."""
+        """Robot, camera and inputs that the policy was trained for."""
 
     def for_robot(self, robot: RobotConfig) -> "Policy":
         """The policy as it drives one of the robots that it knows; itself if it knows one alone.

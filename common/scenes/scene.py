@@ -29,7 +29,7 @@ FILMED_FILE = "maps/filmed_share.npy"
 RECONSTRUCTION_FILE = "reconstruction.json"
 _REMEDY = "import the scene again"
 _GRID_BYTES_MAX = 2**28
-"""Of a grid's file: 33 million cells in double precision."""
+"""Largest file of a grid [bytes]: 33 million cells in double precision."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,7 +97,7 @@ class Scene:
 
     @property
     def license(self) -> str:
-        """Terms under which the scene may be used; empty if nobody said."""
+        """Terms under which the scene may be used; empty if the bundle states none."""
         # The first bundles spell it the British way.
         return str(self.metadata.get("license", self.metadata.get("licence", "")))
 

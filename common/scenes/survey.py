@@ -25,7 +25,7 @@ FLAT_RATIO = 0.5
 SAMPLES_MAX = 200_000
 """Gaussians that are looked at; of larger files, evenly many of all parts."""
 LYING_COS = 0.94
-"""A flat Gaussian lies in a plane whose normal is within 20 deg of its own."""
+"""A flat Gaussian lies in a plane whose normal is within 20 deg of the Gaussian's normal."""
 LEVELS = 200
 """Slices, along a direction, that planes are looked for in."""
 PLANE_RATIO_MIN = 0.4
@@ -136,7 +136,7 @@ class _Flat:
 
 
 def survey(cloud: GaussianCloud) -> Survey:
-    """Look at a cloud in whatever axes and units; numbers must be finite, rotations of length 1."""
+    """Look at a cloud in any axes and units; numbers must be finite, rotations of length 1."""
     stride = -(-len(cloud) // SAMPLES_MAX)
     flat = _flat(cloud.select(np.arange(0, len(cloud), stride)))
     low, high = np.quantile(flat.all_means, [0.01, 0.99], axis=0)

@@ -143,7 +143,7 @@ class _Forest:
         return int(self._count.sum())
 
     def coarsen(self, pixel_m: float) -> None:
-        """Go on to a level."""
+        """Merge the Gaussians further, down to the level of `pixel_m`."""
         rule = MergeRule(pixel_m, self._tolerance, CONTRAST, SKIN_TOLERANCE)
         side_px = (self._high - self._low).max(axis=1, initial=0.0) / pixel_m
         leeway = np.maximum((CROWDED_PX / np.maximum(side_px, 1e-3)) ** 2, 1.0)
