@@ -69,7 +69,7 @@ class _Array(Record):
     """An array as NumPy pickles it."""
 
     values: npt.NDArray[Any] | None = None
-    """None if it holds no plain numbers."""
+    """The array; None if it holds no plain numbers."""
 
     def __setstate__(self, state: Any) -> None:
         shape, dtype, fortran, raw = state[-4:]

@@ -159,7 +159,7 @@ def main(
         episodes: Episodes to record.
         faults: Faults meanwhile.
         every_s: Mean time between two faults [s].
-        seed: Of the faults and of the run.
+        seed: Seed of the faults and of the run.
         timeout_s: Time for all of it [s].
     """
     deadline_s = time.monotonic() + timeout_s

@@ -40,7 +40,7 @@ from readygo.common.fleet import Inputs, StageResult, Worker, append_episode, pu
 from readygo.common.messages import ClaimReply, Split, StatusReply, topics
 
 PROCESSES = 4
-"""That the synthetic workers are shared out among."""
+"""Processes that run the synthetic workers, an equal share each."""
 RESULT = bytes(9000)
 SYNTHETIC = Times(plan_s=3.0, sample_s=0.2, samples=40)
 """Times of a synthetic worker: 11 s per episode."""

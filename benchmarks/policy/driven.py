@@ -52,7 +52,7 @@ class Ending:
 
 
 Endings = dict[str, dict[str, Ending]]
-"""By task and name of the episode."""
+"""How each episode ended, by task and name of the episode."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,7 +144,7 @@ def _drive_task(job: Job, task: str) -> None:
 
 
 def latencies(job: Job) -> dict[str, float]:
-    """From image to command over all trials [ms]: the median of medians, and the worst 99th percentile."""
+    """Time from image to command over all trials [ms]: the median of medians, and the worst 99th percentile."""
     logs = [path for task in job.tasks for path in sorted((job.out / task).glob("*.mcap"))]
     measured = [measures for path in logs if (measures := read_record(path, RECORD)["measures"])]
     medians, p99s = ([measures[key] for measures in measured] for key in ("latency_median_ms", "latency_p99_ms"))

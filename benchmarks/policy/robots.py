@@ -46,7 +46,7 @@ def compare(
         robot: Who drives.
         policies: Folders by what the table calls them; humans are those of the first one's data.
         episodes: Per task.
-        seed: Of the episodes.
+        seed: Seed of the episodes.
         out: Folder that keeps them.
 
     Raises:

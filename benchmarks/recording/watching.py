@@ -60,7 +60,7 @@ class Viewers:
         """Begin to look.
 
         Args:
-            address: Of the page, ws://HOST:PORT/; it may come later.
+            address: Address of the page, ws://HOST:PORT/; it may come later.
             count: Viewers.
         """
         self.received = [0] * count

@@ -10,7 +10,7 @@ from torch import Tensor
 from readygo.common.avatars import SMPL_PARENTS, Avatar
 
 NEWTON_STEPS = 16
-"""From sqrt(3) times the Frobenius norm, an upper bound, to the largest eigenvalue in float64."""
+"""Steps from sqrt(3) times the Frobenius norm, an upper bound, to the largest eigenvalue in float64."""
 _LEVELS = ((1, 4), (4, 7), (7, 10), (10, 15), (15, 18), (18, 20), (20, 22), (22, 24))
 """First joint and end of the joints whose parents stand before them, level by level of the tree."""
 

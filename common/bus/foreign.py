@@ -91,7 +91,7 @@ class ForeignPublisher:
         self._publisher = publisher
 
     def put(self, payload: bytes, attachment: bytes = b"") -> None:
-        """Publish."""
+        """Publish a payload."""
         self._publisher.put(payload, attachment=attachment or None)
 
     def heard(self, timeout_s: float = 0.0) -> bool:

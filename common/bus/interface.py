@@ -68,7 +68,7 @@ class Bus(Protocol):
         Args:
             role: What it does.
             name: Its name.
-            turn: Of those who have the name one after the other, the later one has the higher.
+            turn: Number of this holder of the name; of several in succession, the later one has the higher.
             replaced: Called, on any thread, when one of a higher turn is there: this one was cut off, taken for dead,
                 and is reached again.
 

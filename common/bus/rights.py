@@ -62,7 +62,7 @@ def _asks(name: str, *topics: str) -> dict[str, Any]:
 
 
 def _takes_part(role: str, name: str, *hears: str) -> list[dict[str, Any]]:
-    """To be there, to show what one does, and to hear some streams."""
+    """Rules for a participant: to be present, to publish its live streams, and to hear some streams."""
     return [
         _rule(("liveliness_token", "liveliness_query"), f"alive/{role}/{name}/**"),
         _rule(("put",), f"live/{role}/{name}/*"),

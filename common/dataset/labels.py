@@ -36,7 +36,7 @@ def messages(labels: Sequence[HumanLabels], stamp: Any, frame_id: str, *, floor_
     """The messages of one sample: joints, boxes, footprints.
 
     Args:
-        labels: Of every human, in order.
+        labels: Labels of every human, in order.
         stamp: Time of the sample, a protobuf Timestamp.
         frame_id: Name of the world's frame.
         floor_m: Height at which viewers show the ground points.

@@ -91,7 +91,7 @@ def read_record(path: Path, name: str) -> dict[str, Any]:
 
     Args:
         path: The log.
-        name: Of the record.
+        name: Name of the record.
 
     Raises:
         DatasetError: If this is no log, it was cut off, or it has no such record.

@@ -46,7 +46,7 @@ class Contact:
 
 @dataclass(frozen=True, kw_only=True)
 class Conduct:
-    """Manners of one run."""
+    """Social measures of one run."""
 
     intrusion_s: float
     """Time in a human's personal space [s]."""
@@ -57,7 +57,7 @@ class Conduct:
     turn_acceleration_radps2: float
     """Mean of the turn rate's change, without its sign [rad/s2]."""
     contact: Contact | None = None
-    """Of a run that ended by touching a human."""
+    """The contact that ended the run; None if the robot did not touch a human."""
 
 
 def conduct_of(

@@ -12,7 +12,7 @@ class AtWork:
 
     stage: str
     episode: str
-    """See `EpisodeKey.episode_id`."""
+    """Name of the episode, as `EpisodeKey.episode_id`."""
     attempt: int
 
 

@@ -12,7 +12,7 @@ def repeating(act: Callable[[], object], *, every_s: float, name: str) -> Iterat
     Args:
         act: The function; it raises nothing.
         every_s: Interval [s].
-        name: Of the thread.
+        name: Name of the thread.
     """
     over = threading.Event()
 

@@ -60,7 +60,7 @@ class LightProbes:
     """Light on a grid over a scene's ground."""
 
     frame: GridFrame
-    """Where the cells lie."""
+    """Frame of the grid's cells in the world."""
     sh: Floats
     """Radiance in a cell relative to the scene's mean, shape (H, W, 9, 3); cells without a probe are filled in."""
 

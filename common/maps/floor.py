@@ -99,7 +99,7 @@ def walked(estimate: FloorEstimate, cameras_m: npt.NDArray[np.float64]) -> Floor
     """An estimate whose floor is complete where the person who filmed walked: cameras seldom see what is below them.
 
     Args:
-        estimate: Of the scene.
+        estimate: Estimate of the scene's floor.
         cameras_m: Centres of cameras in the order in which they filmed, shape (N, 3) [m].
     """
     from scipy import ndimage

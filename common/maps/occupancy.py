@@ -174,9 +174,9 @@ class _Bands:
     """Cells with an occupied voxel in a range of heights above the floor, shape (H, W) each."""
 
     low: npt.NDArray[np.bool_]
-    """From the ground clearance over LOW_BAND_M: where noise of the floor reaches."""
+    """Occupied from the ground clearance over LOW_BAND_M: where noise of the floor reaches."""
     robot: npt.NDArray[np.bool_]
-    """Above `low`, up to the robot's height."""
+    """Occupied above `low`, up to the robot's height."""
     waist: npt.NDArray[np.bool_]
     """Above the robot, up to RAIL_TOP_M."""
     human: npt.NDArray[np.bool_]

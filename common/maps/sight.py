@@ -105,10 +105,10 @@ def is_clear(
     """True if no opaque layer lies on a segment; checked every half cell.
 
     Args:
-        opaque: See `SightMap`.
+        opaque: Which heights of every cell are opaque, bits as in `SightMap`, shape (H, W).
         place: Origin x, y, resolution and height of a layer [m].
         eye: x, y in the world, height above the floor [m].
-        target: The other end, likewise.
+        target: The other end: x, y in the world, height above the floor [m].
     """
     ox, oy, resolution, layer = place
     dx, dy, dz = target[0] - eye[0], target[1] - eye[1], target[2] - eye[2]

@@ -64,7 +64,7 @@ class Blob:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class BlobRequest:
-    """One chunk of a blob, please."""
+    """Asks for one chunk of a blob."""
 
     sha256: str
     offset: int = 0
@@ -89,7 +89,7 @@ class FileRef:
     """Path relative to its bundle, with forward slashes."""
     sha256: str
     size: int
-    """Bytes, at most `FILE_BYTES_MAX`."""
+    """Size [bytes], at most `FILE_BYTES_MAX`."""
 
     def __post_init__(self) -> None:
         check_relative_path("path", self.path)
@@ -192,7 +192,7 @@ class CompleteRequest:
     attempt: int
     result: bytes = b""
     rejected: str = ""
-    """Reason; `Stage.on_rejection` says what becomes of the episode."""
+    """Why the stage rejects the episode; `Stage.on_rejection` says what becomes of it."""
     failed: str = ""
     """The worker's error; the episode is started again a few times, then it is set aside with this text."""
     cpu_s: float = 0.0
@@ -206,7 +206,7 @@ class CompleteRequest:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ExpectRequest:
-    """Samples of this attempt have come: is it leased, and is this recorder the one that takes it?"""
+    """Asks whether an attempt, whose samples have come, is leased, and this recorder is to take them."""
 
     recorder: str
     episode: EpisodeKey
@@ -217,7 +217,7 @@ class ExpectRequest:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GrantRequest:
-    """May this recorder make the episode durable under this attempt?"""
+    """Asks whether this recorder may make the episode durable under this attempt."""
 
     recorder: str
     index: int
@@ -249,7 +249,7 @@ class LostRequest:
     recorder: str
     index: int
     reason: str
-    """Empty: the episode is made again. Otherwise the run fails with this text (a full disk, for example)."""
+    """Why the run fails, for example a full disk; empty: the episode is made again."""
     attempt: int = field(default=-1, metadata=OMITTED_WHEN_DEFAULT)
     """Attempt whose grant is taken back; -1: none is taken back."""
 
@@ -260,12 +260,12 @@ class TroubleRequest:
 
     recorder: str
     reason: str
-    """Empty: it records again."""
+    """What keeps the recorder from recording; empty: it records again."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PendingRequest:
-    """Which grants does the coordinator believe this recorder holds?"""
+    """Asks which grants the coordinator believes this recorder to hold."""
 
     recorder: str
 
@@ -291,7 +291,7 @@ class Verdict:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StatusRequest:
-    """How far is the run?"""
+    """Asks for the run's progress."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -368,7 +368,7 @@ class RunSpec:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RunSpecRequest:
-    """What is this run?"""
+    """Asks for the run's specification."""
 
     role: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
     """Role in which the asker will join the run; empty for a client that only looks."""

@@ -24,7 +24,7 @@ Source: foxglove.CameraCalibration, https://docs.foxglove.dev/docs/sdk/schemas/c
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class HumanLabels:
-    """Where a human's body is at one time, in the world."""
+    """Labels of a human's body at one time, in the world."""
 
     joints_m: npt.NDArray[np.float32]
     """The 24 joints of SMPL, the pelvis first [m], shape (24, 3)."""
@@ -148,7 +148,7 @@ class EpisodeHeader:
     outcome: Outcome = field(default=Outcome.SUCCESS, metadata=OMITTED_WHEN_DEFAULT)
     """How the episode ended."""
     driver: Driver = field(default=Driver.EXPERT, metadata=OMITTED_WHEN_DEFAULT)
-    """Who drove."""
+    """Driver of the robot: the expert or a policy."""
     policy: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
     """SHA-256 of the offered policy that drove, see `OfferReply.sha256`; empty if it was none: the expert
     drove, or the policy that the run began with."""
@@ -183,7 +183,7 @@ class AppendStatus(enum.Enum):
     """What became of a batch."""
 
     OK = "ok"
-    """Buffered."""
+    """The batch is buffered."""
     COMMITTED = "committed"
     """The episode is durable."""
     DUP = "dup"

@@ -71,7 +71,7 @@ Message = TypeVar("Message")
 
 @dataclass(frozen=True, slots=True)
 class Topic(Generic[Request, Reply]):
-    """Where requests are answered."""
+    """Name of requests of one kind, which one server answers."""
 
     name: str
     request_type: type[Request]
@@ -80,7 +80,7 @@ class Topic(Generic[Request, Reply]):
 
 @dataclass(frozen=True, slots=True)
 class Stream(Generic[Message]):
-    """Where messages are published. Lossy: slow or late subscribers miss messages."""
+    """Name under which messages of one kind are published. Lossy: slow or late subscribers miss messages."""
 
     name: str
     message_type: type[Message]
@@ -144,32 +144,32 @@ RECONSTRUCTION = Stream("live/reconstruct", ReconstructionProgress)
 
 
 def claim(stage: str) -> Topic[ClaimRequest, ClaimReply]:
-    """Where the workers of a stage ask for work."""
+    """Topic on which the workers of a stage ask for work."""
     return Topic(f"coord/{stage}/claim", ClaimRequest, ClaimReply)
 
 
 def renew(stage: str) -> Topic[RenewRequest, Verdict]:
-    """Where the workers of a stage prolong their leases."""
+    """Topic on which the workers of a stage prolong their leases."""
     return Topic(f"coord/{stage}/renew", RenewRequest, Verdict)
 
 
 def complete(stage: str) -> Topic[CompleteRequest, Verdict]:
-    """Where the workers of a stage hand over what they have made."""
+    """Topic on which the workers of a stage hand over their results."""
     return Topic(f"coord/{stage}/complete", CompleteRequest, Verdict)
 
 
 def append(recorder: str) -> Topic[AppendRequest, AppendReply]:
-    """Where a recorder takes samples."""
+    """Topic on which a recorder takes samples."""
     return Topic(f"rec/{recorder}/append", AppendRequest, AppendReply)
 
 
 def render(renderer: str) -> Topic[RenderRequest, RenderReply]:
-    """Where a renderer draws views."""
+    """Topic on which a renderer draws views."""
     return Topic(f"render/{renderer}", RenderRequest, RenderReply)
 
 
 def presence(role: str, name: str) -> str:
-    """Where a worker's liveliness tokens lie; "*" stands for any role or name.
+    """Key of a worker's liveliness tokens; "*" stands for any role or name.
 
     `{session}` below it says that the worker is there, `claim/{session}` that it has or wants the name, and
     `turn/{number}` which of those who had it one after the other it is.

@@ -76,7 +76,7 @@ class EncoderPolicy(Policy):
             latents: One row per episode, with late fusion those of all frames, shape (B, `latents_width`).
             motion: Features of own motion, see `MotionInput`, shape (B, M).
             goals_xy_m: Goals in the robots' frames (x forward, y left) [m], shape (B, 2).
-            traits: Of the robots, for a policy that knows several, shape (B, TRAIT_COUNT); its own robot's by default.
+            traits: Robot parameters, for a policy that knows several, shape (B, TRAIT_COUNT); of its robot by default.
 
         Returns:
             Commands v [m/s], w [rad/s] within the robot's limits, shape (B, 2).
@@ -93,9 +93,9 @@ class EncoderPolicy(Policy):
         """What the head is given to `decide`: latents, own motion and goal in SI units, shape (B, `feature_count`).
 
         Args:
-            memories: As for `decide`.
-            commands: As for `decide`, shape (B, 2).
-            goals_xy_m: As for `decide`, shape (B, 2).
+            memories: What `start` returned, one per episode.
+            commands: Commands executed over the last step: v [m/s], w [rad/s], shape (B, 2).
+            goals_xy_m: Goals in the robots' frames (x forward, y left) [m], shape (B, 2).
         """
         own = [memory.own_motion(command) for memory, command in zip(memories, commands, strict=True)]
         motion = motion_features(self.spec.inputs.motion, np.stack(own))

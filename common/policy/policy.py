@@ -162,7 +162,7 @@ def check_policy_camera(spec: PolicySpec, robot: RobotConfig, sensor: SensorConf
     """Raise PolicyError unless the robot has the cameras that the policy was trained with, or one of its ranges.
 
     Args:
-        spec: Of the policy.
+        spec: What the policy was trained for.
         robot: Whose cameras shall look.
         sensor: What shall vary of them; None leaves that out.
     """

@@ -73,12 +73,12 @@ class PinholeCamera(Protocol):
 
     @property
     def height_px(self) -> int:
-        """Image height."""
+        """Image height [px]."""
         ...
 
     @property
     def width_px(self) -> int:
-        """Image width."""
+        """Image width [px]."""
         ...
 
 

@@ -37,11 +37,11 @@ class SceneMaps:
     """The maps of a scene; each is read when it is first used."""
 
     folder: Path
-    """The bundle."""
+    """Folder of the scene's bundle."""
     floor_frame: GridFrame
-    """Where the grid of `floor` lies."""
+    """Frame of the floor's grid in the world."""
     config: MapConfig
-    """How the maps were made."""
+    """Settings that the maps were made with."""
 
     @cached_property
     def robot(self) -> OccupancyMap:
@@ -87,7 +87,7 @@ class Scene:
     """A scene bundle. Gaussians and maps are read when they are first used."""
 
     name: str
-    """What it was called on import."""
+    """Name that the scene was given on import."""
     path: Path
     """Folder of the bundle."""
     content_hash: str

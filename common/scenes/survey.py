@@ -62,11 +62,11 @@ class UpCandidate:
     """A direction that may be up, and the floor that it would have."""
 
     name: str
-    """As `--up` takes it: an axis such as -y, or three numbers."""
+    """Name of the direction, as `--up` takes it: an axis such as -y, or three numbers."""
     up: Floats
-    """Unit vector, shape (3,)."""
+    """Unit vector that points up, in the file's axes, shape (3,)."""
     floor: float
-    """Where the floor is along `up`."""
+    """Coordinate of the floor along `up`, in the file's units."""
     support: float
     """Share of all flat surface that lies in the floor, 0..1."""
     above: float
@@ -100,11 +100,11 @@ class Survey:
     low: Floats
     """Along each axis, 1 % of the Gaussians are below, shape (3,)."""
     high: Floats
-    """And 1 % above, shape (3,)."""
+    """Along each axis, 1 % of the Gaussians are above, shape (3,)."""
     ups: tuple[UpCandidate, ...]
-    """Best first."""
+    """Directions that may be up, best first."""
     scales: tuple[ScaleCandidate, ...]
-    """Most telling first."""
+    """Possible scales, most telling first."""
 
     @property
     def likely_ups(self) -> tuple[UpCandidate, ...]:

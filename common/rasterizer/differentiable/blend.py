@@ -146,8 +146,8 @@ def _add_four(
         raster: Weights, and the state of the tile.
         place: Where the block's four planes begin in the state.
         values: Numbers of the records, `stride` for each, those of the planes from the `first` on.
-        first: See `values`.
-        stride: See `values`.
+        first: Index of the four planes' first number within a record.
+        stride: Numbers per record in `values`.
         entry: First entry of the node.
         drawing: Bits of the entries.
     """

@@ -128,7 +128,7 @@ class Gradients(NamedTuple):
     sums: Singles
     """The first 16 numbers of 16 gradient records, one row each, shape (16 * 16,)."""
     numbers: Integers
-    """Which Gaussians have weight, ascending."""
+    """Indices of the Gaussians that have weight, ascending."""
     means_m: Singles
     quats_wxyz: Singles
     scales_m: Singles
@@ -140,7 +140,7 @@ class Gradients(NamedTuple):
     weights: Singles
     """Sum of the Gaussian's weights over all pixels."""
     means_px: Singles
-    """By the projected means: all x, from `means_px[stride]` on all y."""
+    """Derivatives by the projected means: all x, from `means_px[stride]` on all y."""
     stride: int
     pose: Singles
     """Derivatives by R_CW, row by row, and by the camera centre, in 16 parts each, shape (12 * 16,)."""

@@ -10,7 +10,7 @@ from readygo.common.rasterizer.gpu.triton.project import RECORD
 from readygo.common.rasterizer.packed.scene import CHUNK
 
 MAX_PAIRS = 2**31 // CHUNK - 1
-"""Slots are numbered with 31 bits."""
+"""Most pairs: slots are numbered with 31 bits."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -34,7 +34,7 @@ def bin_entries(
         counts: Raised by one per entry, int32, zeros at first, shape (B * T,).
         entries: Written with WRITE: the lists, int64, shape (entry_capacity,).
         entry_capacity: Room for entries; what exceeds it is left out.
-        instance_count: I.
+        instance_count: Instances per camera, I.
         WRITE: Write entries.
         COLUMNS: Tiles along an image row.
         ROWS: Tiles along an image column.
