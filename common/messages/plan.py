@@ -21,7 +21,7 @@ class Outcome(enum.Enum):
 
 
 class Driver(enum.Enum):
-    """Who commanded the robot of a recorded episode."""
+    """Driver of the robot in a recorded episode."""
 
     EXPERT = "expert"
     POLICY = "policy"

@@ -60,7 +60,7 @@ class Gnm(nn.Module):
         return self.dist_predictor(features)[:, 0], _summed(self.action_predictor(features))
 
     def waypoints(self, images: torch.Tensor, goal: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
-        """Waypoints ahead, x forward and y left, in steps of 0.25 s at full speed, with heading, (B, 5, 4)."""
+        """Waypoints ahead: x forward, y left, in units of 0.25 s at full speed, and heading, shape (B, 5, 4)."""
         return self.predict(images, goal)[1]
 
 
@@ -104,7 +104,7 @@ class Vint(nn.Module):
         return self.dist_predictor(features)[:, 0], _summed(self.action_predictor(features))
 
     def waypoints(self, images: torch.Tensor, goal: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
-        """Waypoints ahead, x forward and y left, in steps of 0.25 s at full speed, with heading, (B, 5, 4)."""
+        """Waypoints ahead: x forward, y left, in units of 0.25 s at full speed, and heading, shape (B, 5, 4)."""
         return self.predict(images, goal)[1]
 
 
@@ -162,7 +162,7 @@ class Nomad(nn.Module):
         _lay_out(self)
 
     def waypoints(self, images: torch.Tensor, goal: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
-        """Waypoints ahead, x forward and y left, in steps of 0.25 s at full speed, (B, 8, 2)."""
+        """Waypoints ahead: x forward, y left, in units of 0.25 s at full speed, shape (B, 8, 2)."""
         condition, ddpm = self.vision_encoder(images, goal), Ddpm()
         sample = torch.randn((len(images), NOMAD_WAYPOINTS, 2), generator=generator)
         for step in reversed(range(len(ddpm.betas))):

@@ -25,7 +25,7 @@ class Kept:
     due_ns: int = 0
     """Simulated time of its next decision [ns]."""
     goal_image: npt.NDArray[np.uint8] | None = None
-    """Image that the robot would see at the goal, sRGB, shape (H, W, 3); None until a client sets it."""
+    """Image that the robot would see at the goal, sRGB, shape (H, W, 3); None where it is not known."""
 
 
 class PolicyMemory:

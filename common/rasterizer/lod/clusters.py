@@ -70,7 +70,7 @@ class Clusters(NamedTuple):
     cost: Floats
     """Cost of the cheapest merger, shape (256,)."""
     partner: Integers
-    """Number of the cluster that the cheapest merger would merge with, shape (256,)."""
+    """Partner of the cheapest merger, -1: none, shape (256,)."""
     number: Integers
     """Number after merging, shape (256,)."""
 

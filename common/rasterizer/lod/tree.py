@@ -75,7 +75,7 @@ class Node:
     end: int
     """Index behind its last Gaussian."""
     count: int
-    """Number of merged Gaussians that stand for these."""
+    """Number of Gaussians that stand for these."""
     pixel_m: float = 0.0
     children: "tuple[Node, ...]" = ()
     chunk: int = -1
