@@ -126,7 +126,7 @@ def _measures_of_method(found: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def readme(text: str, results: Path) -> str:
-    """The text of README.md with its table written anew.
+    """The text of README.md with its table written again.
 
     Args:
         text: As it stands.

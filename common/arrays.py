@@ -66,7 +66,7 @@ def load_npz(
 
     Args:
         path: The archive.
-        names: Of the arrays; those that are missing are left out. None stands for all.
+        names: Names of the arrays; those that are missing are left out. None stands for all.
         bytes_max: The arrays may have so many bytes together, unpacked.
         raises: What is raised.
         records: Dtypes of records that arrays may have.

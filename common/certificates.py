@@ -75,7 +75,7 @@ def issue(authority: Path, out: Path, name: str, *, hosts: Sequence[str] = (), d
 
 
 def load_identity(folder: Path, name: str) -> Identity:
-    """The certificate of a name, looked at before anybody else does.
+    """The certificate of a name, checked before it is used in a connection.
 
     Args:
         folder: Holds `ca.pem`, `{name}.pem` and `{name}.key`.

@@ -19,7 +19,7 @@ class Range:
     low: float = -math.inf
     high: float = math.inf
     above: float = -math.inf
-    """As `low`, which then is not in the range itself."""
+    """Exclusive lower bound: numbers must be greater."""
 
     def __contains__(self, number: float) -> bool:
         return math.isfinite(number) and self.low <= number <= self.high and number > self.above

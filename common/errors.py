@@ -19,7 +19,7 @@ class SceneError(ReadygoError):
 
 
 class NoGroundError(SceneError):
-    """A scene that nobody can move in: no floor, none that is large enough, or far too much of it."""
+    """A scene in which no agent can move: no floor, none that is large enough, or far too much of it."""
 
 
 class AvatarError(ReadygoError):
@@ -63,5 +63,5 @@ class DiskError(RunError):
 
 
 def reason(error: Exception) -> str:
-    """What went wrong, in words for somebody who sees no traceback."""
+    """What went wrong, in words for a user who sees no traceback."""
     return str(error) if isinstance(error, ReadygoError) else f"{type(error).__name__}: {error}"

@@ -200,7 +200,7 @@ def _class_part(kind: type) -> tuple[object, ...]:
 
 
 def _intrinsic_part(intrinsic: Any) -> tuple[object, ...]:
-    """Of what makes instructions the source: Python code that runs when a kernel is compiled."""
+    """Parts of an intrinsic: the sources of the Python code that emits its instructions when a kernel is compiled."""
     made = intrinsic._defn
     closure = [_closure_part(cell.cell_contents) for cell in made.__closure__ or ()]
     return "intrinsic", made.__qualname__, sources_digest(Path(made.__code__.co_filename)), closure

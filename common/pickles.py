@@ -1,9 +1,9 @@
 """Reading pickles of NumPy arrays that strangers made: nothing in them can run, and what they cost is bounded.
 
-A pickle is a program that may call whatever it names. The unpickler here resolves a closed list of names, all of them
-to functions and records of this module: what NumPy arrays are made of, SciPy's sparse matrices and chumpy's arrays
-(which old SMPL files hold; chumpy itself does not run on today's Python). Any other name ends the reading. NumPy makes
-no array before its dtype and its bytes were compared.
+A pickle is a program that may call any function that it names. The unpickler here resolves a closed list of names, all
+of them to functions and records of this module: what NumPy arrays are made of, SciPy's sparse matrices and chumpy's
+arrays (which old SMPL files hold; chumpy itself does not run on today's Python). Any other name ends the reading. NumPy
+makes no array before its dtype and its bytes were compared.
 """
 
 import math
@@ -69,7 +69,7 @@ class _Array(Record):
     """An array as NumPy pickles it."""
 
     values: npt.NDArray[Any] | None = None
-    """None if it holds no plain numbers."""
+    """The array; None if it holds no plain numbers."""
 
     def __setstate__(self, state: Any) -> None:
         shape, dtype, fortran, raw = state[-4:]

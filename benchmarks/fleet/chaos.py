@@ -91,7 +91,7 @@ def bench_chaos(
         episodes: Episodes to record.
         faults: Faults meanwhile.
         workers: Renderers.
-        seed: Of the faults and of the run.
+        seed: Seed of the faults and of the run.
         longest_s: Longest time that a process is stopped or a disk full [s].
         disk_mib: Size of the disk in memory that the data are on, for full disks; without the right to mount one, or
             with 0, these faults are skipped [MiB].

@@ -21,7 +21,7 @@ from readygo.common.messages import StatusRequest, topics
 from readygo.common.messages.fleet import FleetRequest
 
 SHORTEST_S = 0.3
-"""Of freezes and full disks."""
+"""Shortest duration of a freeze or of a full disk [s]."""
 
 
 class Kind(enum.Enum):
@@ -70,13 +70,13 @@ class Fault:
 
     kind: Kind
     after: int
-    """It happens when so many episodes are durable,"""
+    """The fault happens after this many episodes are durable,"""
     delay_s: float
-    """and so much later, at any moment of whatever is under way [s]."""
+    """plus this delay, at any moment of the work that is under way [s]."""
     pick: float
     """Which process, file or byte, 0..1."""
     duration_s: float
-    """Of what is over after a while [s]."""
+    """Duration of a fault that ends by itself [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,7 +166,7 @@ def _end_launcher(site: Site, fault: Fault) -> Trace:
 def _lose_disk(site: Site, fault: Fault) -> Trace:
     own = own_folders(site.folder.path)
     if not own:
-        return Trace(words="no recorder has a disk of its own any more", skipped=True)
+        return Trace(words="no recorder has a separate disk any more", skipped=True)
     name, place = sorted(own.items())[0]
     site.end(signal.SIGKILL)
     # The recorder writes on for a moment, as onto a disk that is pulled out.
@@ -229,7 +229,7 @@ def _damage_shard(site: Site, fault: Fault) -> Trace:
 def _fill_disk(site: Site, fault: Fault) -> Trace:
     folder = site.folder.path
     if not os.path.ismount(folder):
-        return Trace(words="the data folder is on no small disk of its own", skipped=True)
+        return Trace(words="the data folder is not on a separate small disk", skipped=True)
     ballast = folder / ".readygo" / "ballast"
     with contextlib.suppress(OSError), ballast.open("wb") as file:
         _take_all(file.fileno())

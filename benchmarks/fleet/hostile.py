@@ -1,8 +1,8 @@
-"""Messages of somebody who has a run's token and means ill, or is of another version: none may cost an episode.
+"""Messages from a hostile process that has a run's token, or from another version: none may cost an episode.
 
-Until the first claim a run is of no numeric class, and takes the first that is named: whoever may join may name it.
-Commands are left out (`ctl`: whoever may join may cancel), and so are words in the name of a worker or recorder about
-what it really holds: only certificates tell them from the true ones.
+Before the first claim a run has no numeric class; it takes the first one named, by any process that may join. Two
+kinds of message are left out: commands (`ctl`: any process that may join may cancel), and reports in the name of a
+worker or recorder about what it really holds, because only certificates tell them from genuine ones.
 """
 
 import dataclasses
@@ -33,7 +33,7 @@ from readygo.common.messages import (
 
 TIMEOUT_S = 2.0
 UNANSWERED_MAX = 4
-"""No more lies are told than so many that nobody answers: who is not there believes nothing."""
+"""No more lies are sent after this many went unanswered: the process that was asked is not there."""
 MANY = 200_000
 """Lists in one message: more than any message may hold."""
 
@@ -54,8 +54,8 @@ def send_lies(bus: Bus, spec: RunSpec, rng: random.Random) -> str:
         try:
             answer = lie()
         except BusError as error:
-            unanswered += "Nobody answered" in str(error)
-            refused += "Nobody answered" not in str(error)
+            unanswered += "No participant answered" in str(error)
+            refused += "No participant answered" not in str(error)
         else:
             refused += answer
             believed += [] if answer else [name]
@@ -63,11 +63,11 @@ def send_lies(bus: Bus, spec: RunSpec, rng: random.Random) -> str:
 
 
 Lie = tuple[str, Callable[[], bool]]
-"""What it is, and what sends it: True if it was refused."""
+"""Name of a lie, and a function that sends it and returns True if it was refused."""
 
 
 def _nonsense(bus: Bus, spec: RunSpec, rng: random.Random) -> list[Lie]:
-    """Whatever is no message, to every topic of the coordinator and of a recorder."""
+    """Payloads that are no valid message, to every topic of the coordinator and of a recorder."""
     deep: list[Any] = []
     for _ in range(300):
         deep = [deep]
@@ -120,15 +120,15 @@ def _reports(bus: Bus, spec: RunSpec, rng: random.Random) -> list[Lie]:
         ),
         ("done outside", _sender(bus, topics.DONE, dataclasses.replace(done, shard="../../etc/passwd"), _not_ok)),
         ("done of an attempt to come", _sender(bus, topics.DONE, dataclasses.replace(done, attempt=99), _not_ok)),
-        ("done of nobody", _sender(bus, topics.DONE, dataclasses.replace(done, recorder="nobody"), _not_ok)),
+        ("done of no recorder", _sender(bus, topics.DONE, dataclasses.replace(done, recorder="nobody"), _not_ok)),
         ("done without samples", _sender(bus, topics.DONE, {**dataclasses.asdict(done), "sample_count": -5}, _not_ok)),
         ("done of nothing", _sender(bus, topics.DONE, dataclasses.replace(done, index=10**6), _not_ok)),
         (
-            "grant to nobody",
+            "grant to no recorder",
             _sender(bus, topics.GRANT, GrantRequest(recorder="nobody", index=index, attempt=1), _not_ok),
         ),
         (
-            "trouble of nobody",
+            "trouble of no recorder",
             _sender(bus, topics.TROUBLE, TroubleRequest(recorder="nobody", reason="forged"), _not_ok),
         ),
         ("blob outside", _sender(bus, topics.BLOB, {"sha256": "../ledger.sqlite", "offset": 0}, lambda r: r.size < 0)),
@@ -144,7 +144,7 @@ def _reports(bus: Bus, spec: RunSpec, rng: random.Random) -> list[Lie]:
 
 
 def _samples(bus: Bus, spec: RunSpec, rng: random.Random) -> list[Lie]:
-    """Samples that nobody leased, of this run and of another."""
+    """Samples without a lease, of this run and of another."""
     image = rng.randbytes(2000)
     first = make_requests(rng.randrange(20), [image])[0]
     key = dataclasses.replace(first.header.episode, seed=spec.seed, split=spec.split)

@@ -3,7 +3,7 @@
     python -m readygo.benchmarks.fleet.hosts --episodes 120 --faults 200
 
 Hosts are network namespaces of this machine, as in `benchmarks.recording.three_hosts` (root and `ip` are needed); all
-speak mTLS. The first host has the coordinator, each of the others a recorder with a disk of its own and workers: one of
+speak mTLS. The first host has the coordinator, each of the others a recorder with its own disk and workers: one of
 role `all` on the second, one of every role on the third. All workers have the same name, which is allowed: names differ
 within a role only. The faults: a process is killed and started again, frozen, or its host cut off; a process of another
 role takes the workers' name and leaves; a second process asks for a name that is taken; the coordinator is killed.
@@ -33,7 +33,7 @@ from readygo.common.dataset.aside import read_set_aside
 from readygo.common.messages.stages import EXPERT_LINE
 
 NAME = "desk-1"
-"""Of every worker."""
+"""Name of every worker."""
 RECORDERS = ("rec0", "rec1")
 GUEST = "driver"
 """Role of a worker that the line has no work for."""
@@ -41,7 +41,7 @@ POLL_S = 0.2
 GUEST_S = 6.0
 """So long a process stays that takes another one's name [s]."""
 LONGEST_S = 8.0
-"""Freezes and cuts [s]."""
+"""Longest freeze or cut [s]."""
 
 
 @dataclass
@@ -159,7 +159,7 @@ def main(
         episodes: Episodes to record.
         faults: Faults meanwhile.
         every_s: Mean time between two faults [s].
-        seed: Of the faults and of the run.
+        seed: Seed of the faults and of the run.
         timeout_s: Time for all of it [s].
     """
     deadline_s = time.monotonic() + timeout_s

@@ -1,6 +1,6 @@
 """What a fleet of many workers would do: `python -m readygo.benchmarks.fleet.model [--workers 10 100 1000 10000]`.
 
-A discrete-event model: workers that do all stages, one episode after the other, each on a core of its own; a
+A discrete-event model: workers that do all stages, one episode after the other, each on a separate core; a
 coordinator and recorders that serve one request after the other in order of arrival. The times are measured ones: those
 of the requests by `rates` (processor time, Zenoh not included), those of the stages by `readygo generate --json`
 (`cpu_s`).
@@ -20,7 +20,7 @@ from readygo.common.fleet.append import BATCH
 COORDINATOR = -1
 """A station's number; those of recorders are 0, 1, ..."""
 WORK = None
-"""In place of a station: on the worker's own core."""
+"""Used instead of a station's number: the step runs on the worker's core."""
 SPREAD = 0.5
 """Work takes its mean time, more or less by up to this share."""
 EVENTS_MAX = 3_000_000
@@ -35,7 +35,7 @@ class Times:
     sample_s: float = 0.0055
     """One image with all that belongs to it."""
     samples: int = 222
-    """Samples of an episode."""
+    """Samples per episode."""
     plan_stages: int = 3
     claim_s: float = 0.0004
     complete_s: float = 0.0008
@@ -53,11 +53,11 @@ class Prediction:
     recorders: int
     samples_hz: float
     share_of_ideal: float
-    """Beside workers that wait for nobody."""
+    """Samples per second as a share of what workers that never wait would make, 0..1."""
     coordinator_busy: float
     """Share of the time, 0..1."""
     recorder_busy: float
-    """The same of the busiest recorder."""
+    """Share of the time that the busiest recorder is busy, 0..1."""
     claim_p99_s: float
 
 
@@ -87,8 +87,8 @@ def predict(times: Times, workers: int, recorders: int = 1, *, cores: float = ma
         times: Mean times.
         workers: Size of the fleet.
         recorders: Recorders.
-        cores: Cores that the workers share, where they have none of their own each.
-        seed: Of what varies.
+        cores: Cores that the workers share, if there is not one for each of them.
+        seed: Seed of the varying service times.
     """
     steps, rng = episode_steps(times), random.Random(seed)
     ideal_s = times.plan_s + times.samples * times.sample_s

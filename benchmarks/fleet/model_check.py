@@ -1,9 +1,9 @@
 """The model of a fleet beside real ones: `python -m readygo.benchmarks.fleet.model_check [--json]`.
 
-Real runs of the embedded scene with one to eight processes that do all stages, and 200 synthetic workers, who sleep in
-place of working, at a real coordinator and a real recorder. The model is fed with the times of the requests as `rates`
-measures them, with the processor time that the stages of each run took, and with the cores that its workers were given:
-other work on the machine takes some. Measured is between a quarter and three quarters of a run.
+Real runs of the embedded scene with one to eight processes that do all stages, and 200 synthetic workers, which sleep
+instead of working, with a real coordinator and a real recorder. The model is fed with the times of the requests as
+`rates` measures them, with the processor time that the stages of each run took, and with the cores that its workers
+were given: other work on the machine takes some. Measured is between a quarter and three quarters of a run.
 """
 
 import dataclasses
@@ -40,10 +40,10 @@ from readygo.common.fleet import Inputs, StageResult, Worker, append_episode, pu
 from readygo.common.messages import ClaimReply, Split, StatusReply, topics
 
 PROCESSES = 4
-"""That the synthetic workers are shared out among."""
+"""Processes that run the synthetic workers, an equal share each."""
 RESULT = bytes(9000)
 SYNTHETIC = Times(plan_s=3.0, sample_s=0.2, samples=40)
-"""Of a synthetic worker: 11 s an episode."""
+"""Times of a synthetic worker: 11 s per episode."""
 Told = tuple[float, StatusReply]
 
 
@@ -54,13 +54,13 @@ class Measured:
     workers: int
     samples_hz: float
     cores: float
-    """That its workers took."""
+    """Cores that the fleet's workers took."""
     plan_s: float
     """Processor time of the stages before the images, for each episode."""
     sample_s: float
-    """The same of the images, for each sample."""
+    """Processor time of the images, for each sample [s]."""
     samples: int
-    """Of an episode."""
+    """Samples per episode."""
 
 
 def main(
@@ -110,7 +110,7 @@ def compared(times: Times, measured: Measured) -> dict[str, Any]:
 
 
 def synthetic_row(times: Times, workers: int, measured_hz: float) -> dict[str, Any]:
-    """The same of synthetic workers, who take no cores."""
+    """A row for synthetic workers, which use no cores."""
     slept = {name: getattr(SYNTHETIC, name) for name in ("plan_s", "sample_s", "samples")}
     found = predict(dataclasses.replace(times, **slept), workers)
     return _row(f"{workers} asleep", None, measured_hz, found.samples_hz)

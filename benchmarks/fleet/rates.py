@@ -36,7 +36,7 @@ from readygo.common.messages import (
 from readygo.services.coordinator import BlobStore, Coordinator, CoordinatorConfig, Ledger, handlers
 
 RESULT_BYTES = {"human-plan": 9_000, "animate": 160_000, "robot-plan": 14_000}
-"""Of the embedded scene with two humans."""
+"""Sizes of the stages' results for the embedded scene with two humans [bytes]."""
 SHARE_SAMPLES = 10
 INGEST_EPISODES = 10
 ASKED = {"completions_hz": 2000.0, "ingest_mb_s": 250.0}
@@ -150,7 +150,7 @@ def recorder_rates(folder: Path) -> dict[str, float]:
 
 
 def synthetic_spec() -> RunSpec:
-    """A run of no scene."""
+    """A run without a scene."""
     return RunSpec(
         run="rates",
         scene_path="nowhere",

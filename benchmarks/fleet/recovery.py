@@ -1,6 +1,6 @@
 """How fast a fleet starts and recovers: `python -m readygo.benchmarks.fleet.recovery [--repeats 5] [--json]`.
 
-A run of the embedded scene with small images goes on while its processes are killed and stopped. Wall times depend on
+A run of the embedded scene with small images continues while its processes are killed and stopped. Wall times depend on
 what else the machine does: the fastest and the median of the repeats are given, and beside the time until a process is
 ready its processor time, which does not.
 """
@@ -45,7 +45,7 @@ EPISODES = 100_000
 
 
 class Watch:
-    """What somebody sees who has joined the run."""
+    """What a process that has joined the run observes."""
 
     def __init__(self, bus: Bus) -> None:
         self.bus = bus

@@ -104,7 +104,7 @@ class Site:
         return found
 
     def join(self) -> ZenohBus:
-        """A participant of the run, as somebody who has its token.
+        """Join the run as a participant that has its token.
 
         Raises:
             ReadygoError: If no fleet is at work.
@@ -139,7 +139,7 @@ class Site:
         return total
 
     def stop(self) -> None:
-        """End whatever is left of the run, by force."""
+        """Kill the processes that are left of the run."""
         for pid in self.left_behind():
             os.kill(pid, signal.SIGKILL)
         if self._process is not None:
@@ -166,5 +166,5 @@ def run_to_end(site: Site, *, patience_s: float, runs_max: int = 10) -> None:
     deadline_s, begun = time.monotonic() + patience_s, len(site.reruns)
     while not site.keep_up():
         if time.monotonic() > deadline_s or len(site.reruns) - begun > runs_max:
-            raise RunError(f"The run does not end: {site.reruns[-1] if site.reruns else 'it goes on and on'}")
+            raise RunError(f"The run does not end: {site.reruns[-1] if site.reruns else 'it never finishes'}")
         time.sleep(0.2)

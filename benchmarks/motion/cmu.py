@@ -26,7 +26,7 @@ class Bone(NamedTuple):
     """One bone of an Acclaim skeleton."""
 
     vector_m: Array
-    """From its near to its far end in the rest pose, shape (3,)."""
+    """Vector from its near to its far end in the rest pose [m], shape (3,)."""
     R_axis: Array
     """Axes of its angles, shape (3, 3)."""
     dof: list[str]

@@ -82,7 +82,7 @@ class Samples:
     previous: Floats
     """The action before, shape (N, 2)."""
     near: npt.NDArray[np.bool_]
-    """Somebody is within NEAR_M, in view or not, shape (N,)."""
+    """True where a human is within NEAR_M, in view or not, shape (N,)."""
     run: npt.NDArray[np.int64]
     """Which run it is of, shape (N,)."""
 
@@ -289,7 +289,7 @@ def study(course: Course, mode: str, episodes: int) -> dict[str, Any]:
 def text(results: Sequence[dict[str, Any]]) -> str:
     """The results for people."""
     head = f"{'expert':<12}{'features':<11}{'v':>8}{'w':>8}{'change v':>10}{'change w':>10}"
-    lines = [f"{'':<23}{'all held-out samples':>36}{f'somebody within {NEAR_M:g} m':>36}", head + head[23:]]
+    lines = [f"{'':<23}{'all held-out samples':>36}{f'a human within {NEAR_M:g} m':>36}", head + head[23:]]
     for result in results:
         for name in ("repeat", *FEATURES):
             cells = [

@@ -101,7 +101,7 @@ def _unknown(name: str, data: Path | None) -> str:
 
 
 def _imported(name: str, source: Path, sky: Path | None) -> Path:
-    """The bundle of a Gaussian file in the user's cache; made anew when the file, or what makes maps, has changed."""
+    """The bundle of a Gaussian file in the user's cache, made again when the file or the code of maps has changed."""
     digest = hashlib.sha256()
     makers = [*(ROOT / "common" / "maps").glob("*.py"), ROOT / "common" / "scenes" / "bundle.py"]
     cell_m = SCENE_CELL_M.get(name, 0.05)

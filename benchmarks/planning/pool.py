@@ -49,7 +49,7 @@ def _drawn_here(job: Job, index: int) -> "Future[Draw]":
     future: Future[Draw] = Future()
     try:
         future.set_result(draw_index(job, index))
-    except Exception as error:  # Delivered to whoever asks for the result, as a pool does.
+    except Exception as error:  # Raised again when the caller asks for the result, as a pool does.
         future.set_exception(error)
     return future
 

@@ -51,7 +51,7 @@ REJECTED_MAX = 300
 """Draws without a scenario, one after the other, that make a map unusable."""
 FREE_HUMAN_M = 3.0
 FREE_GAP_M = 0.3
-"""Free stretches: nobody is in view or within FREE_HUMAN_M, walls leave FREE_GAP_M beside the disc [m]."""
+"""Free stretches: no human is in view or within FREE_HUMAN_M, and walls leave FREE_GAP_M beside the disc [m]."""
 START_S = 1.0
 """The time that a robot needs to reach its speed takes no part in that of free stretches [s]."""
 
@@ -103,7 +103,7 @@ class Draw:
     """CPU time of drawing the scenario, or of finding out that there is none [ms]."""
     motion_ms: float = 0.0
     runs: dict[tuple[str, str], Run] = field(default_factory=dict)
-    """By task and mode."""
+    """Runs by task and mode."""
     pictures: dict[str, bytes] = field(default_factory=dict)
     """Failures as PNG, by their path in the folder of pictures; empty where they are not wanted or written already."""
 

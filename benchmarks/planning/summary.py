@@ -60,7 +60,7 @@ def row_of(runs: Sequence[Run], scenario_ms: float) -> dict[str, Any]:
 
 
 def map_row(job: Job, drawn: Sequence[Draw]) -> dict[str, Any]:
-    """What was drawn on a map, whatever the experts made of it."""
+    """What was drawn on a map, independent of the experts' results."""
     accepted = [draw for draw in drawn if not draw.rejected]
     return {
         "map": job.source.name,

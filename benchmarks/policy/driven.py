@@ -4,8 +4,9 @@
 
 `evaluator` is `readygo evaluate`, whose images come at once. `rehearsed` is `readygo simulate-robot --rehearse`: what
 `readygo drive` does, in simulated time, with images that are late or lost as on a robot. `driven` are two programs, one
-that is the robot and one that drives it, in real time, with the same images; a robot of its own for each task, side by
-side. Outcomes of `driven` are kept in FOLDER with the logs of the trials; each row is beside the evaluator's.
+that is the robot and one that drives it, in real time, with the same images; each task has a separate robot, and the
+robots run side by side. Outcomes of `driven` are kept in FOLDER with the logs of the trials; each row is beside the
+evaluator's.
 """
 
 import argparse
@@ -51,7 +52,7 @@ class Ending:
 
 
 Endings = dict[str, dict[str, Ending]]
-"""By task and name of the episode."""
+"""How each episode ended, by task and name of the episode."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,7 +144,7 @@ def _drive_task(job: Job, task: str) -> None:
 
 
 def latencies(job: Job) -> dict[str, float]:
-    """From image to command over all trials [ms]: the median of medians, and the worst 99th percentile."""
+    """Time from image to command over all trials [ms]: the median of medians, and the worst 99th percentile."""
     logs = [path for task in job.tasks for path in sorted((job.out / task).glob("*.mcap"))]
     measured = [measures for path in logs if (measures := read_record(path, RECORD)["measures"])]
     medians, p99s = ([measures[key] for measures in measured] for key in ("latency_median_ms", "latency_p99_ms"))

@@ -68,7 +68,7 @@ FORGOTTEN_S = 1.0
 EVERY = 2
 """Steps of 0.05 s between samples of an episode."""
 STATIC_SHARE, EXPERT_SHARE = 0.3, 0.1
-"""Of the episodes to learn from: without humans, and driven by the expert after the first round."""
+"""Shares of the training episodes: without humans, and driven by the expert after the first round."""
 AHEAD_STEPS = RobotConfig().clock.steps(best_recipe().sampling.ahead_s)
 """How far ahead the command is that a state teaches, as in the recipe `best`."""
 WIDTHS, BATCH, RATE, EMA_DECAY, RISKS_WEIGHT = (512, 256), 512, 1e-3, 0.995, 4.0
@@ -86,7 +86,7 @@ class Course:
         Args:
             scene: Scene bundle, "embedded", or "embedded:SEED".
             avatars: Avatar file or folder of them; None takes the embedded ones.
-            seed: Of the episodes.
+            seed: Seed of the episodes.
             timed_margin_m: How far the expert stays away from humans [m]; None as in its recipe.
         """
         config = RunConfig()
@@ -151,10 +151,10 @@ class Learner:
         """New weights, a function of the seed.
 
         Args:
-            output: See `NetworkConfig.output`.
-            caution: See `NetworkConfig.caution`; may be changed at any time.
+            output: Kind of output, as `NetworkConfig.output`.
+            caution: Risk coefficient, as `NetworkConfig.caution`; may be changed at any time.
             robot: Whose limits are the units of commands.
-            seed: Of weights and batches.
+            seed: Seed of weights and batches.
         """
         torch.manual_seed(seed)
         self.weighed, self.caution = output == "weighed", caution
@@ -221,7 +221,7 @@ class LearnerDriver:
         """Nothing to remember."""
 
     def act(self, running: Sequence[tuple[EpisodeSimulation, None]]) -> list[Command | DriverFailure]:
-        """See `readygo.common.episode.loop.Driver.act`."""
+        """Commands for one control step, as `readygo.common.episode.loop.Driver.act` returns them."""
         return [self._learner.command(self._senses.told[-1])]
 
 
@@ -234,7 +234,7 @@ def driven(course: Course, episode: Episode, learner: Learner | None) -> tuple[D
 
 
 def without_humans(episode: Episode) -> Episode:
-    """The same start and goal, and nobody there."""
+    """The episode with the same start and goal, without humans."""
     return dataclasses.replace(episode[0], humans=()), EpisodeMotions(humans=())
 
 
@@ -247,7 +247,7 @@ def learned(course: Course, learner: Learner, *, rounds: int, samples: int, step
         rounds: How often it learns.
         samples: Samples that a round adds at least.
         steps: Steps of the optimizer after a round; three times as many after the last one.
-        seed: Of who drives, and whether humans are there.
+        seed: Seed of the choice of drivers and of episodes with humans.
     """
     rng, episodes = np.random.default_rng(seed), course.episodes(Split.TRAIN)
     for number in range(rounds):

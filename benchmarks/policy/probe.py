@@ -62,7 +62,7 @@ def risk_scores(logits: Floats, truth: Bools, usual: Floats) -> dict[str, float 
     """How well risks are told: over all commands, and among those of one state.
 
     Args:
-        logits: Of the risk of each command, shape (N, C).
+        logits: Logits of the risk of each command, shape (N, C).
         truth: Which commands would meet it, shape (N, C).
         usual: How often each command met it in training, shape (C,).
     """

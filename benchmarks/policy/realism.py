@@ -4,7 +4,7 @@
         [--methods straight-line gnm]
 
 Each arm learns by `readygo learn`, with its own states in its data, from as many samples as the others. The same
-command goes on where it was stopped; in a folder of another scene, other people or another budget it ends in a line:
+command resumes where it was stopped; in a folder of another scene, other people or another budget it ends in a line:
 
 - photoreal: among six avatars as they are
 - mesh: people as simple assets of a game engine ([renderer] human_look = "mesh"), as in Vid2Sim
@@ -55,15 +55,15 @@ class Job:
     avatars: str
     """Folder of avatars, or "embedded"."""
     samples: int
-    """That each policy is shown, some of them more than once."""
+    """Samples that each policy is shown, some of them more than once."""
     test: int
     """Episodes per task."""
     test_scenes: Sequence[str]
-    """Where policies are tried."""
+    """Scenes in which policies are tested."""
     methods: Sequence[str]
-    """That also drive, by what `readygo evaluate` calls them."""
+    """Methods that also drive, by the names of `readygo evaluate`."""
     network_samples: int
-    """That each published network is shown."""
+    """Samples that each published network is shown."""
     workers: int
     seed: int
 
@@ -89,7 +89,7 @@ def _settings_file(job: Job, arm: str) -> Path:
 
 
 def make_policy(job: Job, arm: str) -> None:
-    """Learn an arm's policy, or go on; nothing is done where it has learned."""
+    """Learn an arm's policy, or resume; does nothing if it has finished."""
     budget = ("--samples", job.samples, "--seed", job.seed, "--episodes", 0)
     people = ("--avatars", f"{job.avatars}:train")
     _readygo("learn", job.scene, "--out", job.out / arm, "--config", _settings_file(job, arm), *people, *budget)

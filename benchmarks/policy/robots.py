@@ -7,7 +7,7 @@
 
 `readygo evaluate` refuses a robot that a policy did not learn; here such a policy sees through that robot's camera all
 the same, and the robot cuts off what it cannot do of its commands. Episodes are kept in FOLDER as they end; the same
-command goes on, with more policies as well.
+command resumes, with more policies as well.
 """
 
 import argparse
@@ -46,7 +46,7 @@ def compare(
         robot: Who drives.
         policies: Folders by what the table calls them; humans are those of the first one's data.
         episodes: Per task.
-        seed: Of the episodes.
+        seed: Seed of the episodes.
         out: Folder that keeps them.
 
     Raises:

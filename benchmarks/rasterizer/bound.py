@@ -86,10 +86,10 @@ def bound_ms(work: dict[str, float], setting: Setting, scene_coefficients: int, 
     """Least time per image of each stage that has necessary operations [ms].
 
     Args:
-        work: Of `mean_work`.
+        work: Mean counts per image, from `mean_work`.
         setting: Whose avatars tell how many joints move a Gaussian.
         scene_coefficients: SH coefficients per channel of the scene.
-        fma_per_s: Of `peak_fma_per_s`.
+        fma_per_s: Peak rate of multiply-adds [1/s], from `peak_fma_per_s`.
     """
     humans = sum(len(avatar.cloud) for avatar in setting.avatars)
     joints = sum(int((avatar.lbs_weight > 0).sum()) for avatar in setting.avatars) / max(humans, 1)

@@ -98,7 +98,7 @@ def scene_errors(scene: Scene, views: int, people: int = 0, seed: int = 0) -> li
         scene: Bundle.
         views: How many.
         people: Embedded avatars in front of the camera.
-        seed: Of the standpoints.
+        seed: Seed of the standpoints.
     """
     scenery, camera = scene_scenery(scene), CameraConfig()
     avatars = dict(list(load_avatars().items())[:people])

@@ -40,7 +40,7 @@ class Footprints:
 
 @dataclass(frozen=True, kw_only=True)
 class Work:
-    """What has to be done for one image, whoever does it."""
+    """Work for one image, the same for every renderer."""
 
     visible: int
     """Gaussians whose box holds a pixel's centre."""

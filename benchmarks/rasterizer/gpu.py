@@ -276,7 +276,7 @@ def _peak_memory_gib(device: str) -> float:
 def _views(
     scene: Scene, avatars: dict[str, Avatar], camera: CameraConfig, motion: Motion, people: int, count: int
 ) -> Iterator[View]:
-    """Cameras in the robot's free area, with people ahead of them, each in a pose of its own."""
+    """Cameras in the robot's free area, with people ahead of them, each in a different pose."""
     rng = np.random.default_rng(0)
     occupancy = scene.maps.robot
     names = list(avatars)

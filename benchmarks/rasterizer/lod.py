@@ -46,7 +46,7 @@ def main(
     Args:
         scene: Scene bundle, "embedded", or "embedded:SEED".
         avatars: People in every image, 2 m and more ahead of the camera.
-        placement: Where people stand: on free ground in sight of the camera, or whatever stands there.
+        placement: Where people stand: on free ground in sight of the camera, or anywhere, even inside of objects.
         avatar_folder: Folder of avatars; the embedded ones by default.
         motion: How people walk: .npz with root_m and pose_axis_angle; the built-in gait by default.
         views: Views that are compared.

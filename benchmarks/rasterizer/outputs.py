@@ -68,7 +68,7 @@ def main(
 
 
 def _fastest_ms(rasterizer: CpuRasterizer, runs: int, view: View) -> list[float]:
-    """Per set of images."""
+    """Fastest time of each set of images [ms]."""
     best = [math.inf] * len(SETS)
     for _ in range(runs + 1):
         for k, names in enumerate(SETS):

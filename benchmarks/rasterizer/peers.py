@@ -24,7 +24,7 @@ class PeerResult:
 
     images_per_s: float | None = None
     psnr_db: float | None = None
-    """Of our image against the peer's."""
+    """PSNR of our image against the peer's [dB]."""
     why_none: str = ""
 
 

@@ -61,7 +61,7 @@ def bench_render(
         scene: Scene bundle, or "embedded" (the default).
         synthetic: Instead of a scene: a flat of that many Gaussians of SH degree 3, such as 500k, 1.5M or 20M.
         avatars: People in every image, 0 to 8, 2 m and more ahead of the camera.
-        placement: Where people stand: on free ground in sight of the camera, or whatever stands there.
+        placement: Where people stand: on free ground in sight of the camera, or anywhere, even inside of objects.
         avatar_folder: Folder of avatars; the embedded ones by default.
         avatar_gaussians: Gaussians per person, such as 30k; as many as they have by default.
         motion: How people walk: .npz with root_m and pose_axis_angle; the built-in gait by default.

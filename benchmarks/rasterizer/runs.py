@@ -54,7 +54,7 @@ class Timing:
     cpu_s: Seconds
     """CPU time of the thread, shape (runs, views, images)."""
     wall_s: Seconds
-    """Wall time, same shape."""
+    """Wall time [s], shape (runs, views, images)."""
 
 
 def no_device(job: Job) -> str:
@@ -195,7 +195,7 @@ def _measure_in_process(job: Job, number: int) -> Timing:
 
 
 def measure_in_processes(job: Job) -> list[Timing]:
-    """The same measurement in `job.threads` processes that start together when all are warm."""
+    """Measure in `job.threads` processes that start together when all are warm."""
     context = multiprocessing.get_context("spawn")
     barrier = context.Barrier(job.threads)
     with ProcessPoolExecutor(job.threads, context, _keep_barrier, (barrier,)) as pool:

@@ -132,7 +132,7 @@ def random_places(scenery: Scenery, humans: int, count: int, seed: int, *, in_si
         scenery: Scene.
         humans: How many stand before the camera, at the distances of `AHEAD`.
         count: Standpoints.
-        seed: Of the draw.
+        seed: Seed of the draw.
         in_sight: Draw again, up to `_TRIES` times, until all people stand on free ground and nothing of the map is in
             the way to them; otherwise they stand as they come, in furniture and behind walls too.
 

@@ -60,9 +60,9 @@ class Setting:
     camera: CameraConfig
     places: list[Place]
     avatars: list[Avatar]
-    """One per person."""
+    """Avatars of the people, one per person."""
     motions: list[Motion]
-    """One per person."""
+    """Motions of the people, one per person."""
 
     @property
     def wardrobe(self) -> dict[str, Avatar]:
@@ -84,7 +84,7 @@ class Setting:
         return PosedHuman(avatar=name, root_m=root_m, pose_axis_angle=motion.pose_axis_angle[row])
 
     def cloud(self, scene: GaussianCloud, humans: Sequence[PosedHuman]) -> GaussianCloud:
-        """One cloud of everything, for renderers that pose nobody themselves."""
+        """One cloud of scene and humans, for renderers that do not pose avatars themselves."""
         bodies = [pose_avatar(self.wardrobe[p.avatar], p.root_m, p.pose_axis_angle) for p in humans]
         return concatenate([scene, *bodies]) if bodies else scene
 

@@ -39,7 +39,7 @@ def main(
 
     Args:
         posed: Folder with images/ and sparse/0.
-        out: Folder of the training, which must be new: a training that went on is not measured whole.
+        out: Folder of the training, which must be new: a resumed training would not be measured whole.
         steps: Steps of the optimiser.
         gaussians: At most so many.
         batch: Views a step.

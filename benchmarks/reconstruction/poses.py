@@ -50,7 +50,7 @@ def shape_rmse_m(T_world_camera: Array, errors: PoseErrors) -> float:
 
     Args:
         T_world_camera: Its poses [m], shape (V, 4, 4).
-        errors: Of all of them.
+        errors: Errors of all of them.
     """
     centres = T_world_camera[:, :3, 3]
     R, t = np.swapaxes(T_world_camera[:, :3, :3], 1, 2), -np.einsum("vji,vj->vi", T_world_camera[:, :3, :3], centres)

@@ -4,7 +4,8 @@
     readygo scene poses out/walk.mp4 --marker-size-m 0.2 --out out/lobby
     python -m readygo.benchmarks.reconstruction.surfaces_and_plain out/walk.truth.json out/lobby/posed --out out/both
 
-Both are of the preset `draft`. Run it again to go on: trainings go on from their last state, and finished ones stay.
+Both use the preset `draft`. Run the command again to resume: trainings continue from their last state, and finished
+ones stay.
 Depths are those of the Gaussians' planes from each n-th camera, before anything is cleaned away, against those of the
 filmed scene. Seconds are the trainings' own, by the clock.
 """
@@ -59,7 +60,7 @@ def main(
     Args:
         truth: NAME.truth.json beside the capture.
         posed: Folder with images/ and sparse/0 of its poses.
-        out: Folder of both trainings; an earlier one goes on.
+        out: Folder of both trainings; earlier trainings are resumed.
         steps: Steps of the optimiser.
         side_px: Longer side of the images.
         every: Depths are compared from each n-th camera.

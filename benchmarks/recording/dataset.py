@@ -116,7 +116,7 @@ def report(name: str, value: float, unit: str) -> None:
 
 
 def measure_recording(folder: Path, requests: list[AppendRequest]) -> None:
-    """From the append handler to the finished shard."""
+    """Measure recording, from the append handler to the finished shard."""
     count = EPISODES * SAMPLES
     begin_s = time.thread_time()
     record(folder / "data", requests, EPISODES, fsync=False)

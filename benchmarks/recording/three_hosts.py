@@ -2,8 +2,8 @@
 
     python -m readygo.benchmarks.recording.three_hosts SCENE --episodes 6 --cut-s 10
 
-Hosts are network namespaces of this machine (it takes root and `ip`), each with a home, a cache and a working directory
-of its own, joined by a bridge. The first has the coordinator, the second a worker, the third a recorder and a worker;
+Hosts are network namespaces of this machine (it takes root and `ip`), joined by a bridge; each has a separate home,
+cache and working directory. The first has the coordinator, the second a worker, the third a recorder and a worker;
 all speak mTLS. The second one's link is taken down in the middle and put up again. Compiled kernels are copied to each
 host's cache, or they would be compiled three times.
 """
@@ -34,24 +34,24 @@ POLL_S = 0.5
 
 @dataclass(frozen=True)
 class Host:
-    """A network namespace with files of its own."""
+    """A network namespace with separate files."""
 
     number: int
     root: Path
 
     @property
     def name(self) -> str:
-        """Of the namespace."""
+        """Name of the namespace."""
         return f"readygo-host{self.number}"
 
     @property
     def address(self) -> str:
-        """On the bridge."""
+        """IP address of the host on the bridge."""
         return f"10.99.7.{self.number}"
 
     @property
     def certs(self) -> Path:
-        """Its certificates."""
+        """Folder of the host's certificates."""
         return self.root / "certs"
 
     def start(self, *arguments: str) -> "subprocess.Popen[bytes]":

@@ -1,4 +1,4 @@
-"""Memory and processor time of `readygo monitor` while a run goes on and somebody looks at its page.
+"""Memory and processor time of `readygo monitor` while a run continues and viewers look at its page.
 
     readygo learn embedded --out RUN &
     python -m readygo.benchmarks.recording.watching RUN --minutes 30 --viewers 2
@@ -60,7 +60,7 @@ class Viewers:
         """Begin to look.
 
         Args:
-            address: Of the page, ws://HOST:PORT/; it may come later.
+            address: Address of the page, ws://HOST:PORT/; it may come later.
             count: Viewers.
         """
         self.received = [0] * count

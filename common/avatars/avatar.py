@@ -23,7 +23,7 @@ class Avatar:
     license: str
     """Terms under which the human may be used."""
     height_m: float
-    """From the soles to the top of the head [m]."""
+    """Height from the soles to the top of the head [m]."""
     cloud: GaussianCloud
     """Gaussians in the canonical pose [m], SMPL axes."""
     lbs_index: npt.NDArray[np.uint8]

@@ -21,7 +21,7 @@ EMBEDDED_FOLDER = Path(__file__).parent / "data"
 GAUSSIANS_MAX = 500_000
 """An avatar has no more; those of photos have some 100,000."""
 _BYTES_MAX = GAUSSIANS_MAX * 600
-"""Of all arrays [bytes]: a Gaussian has 67 numbers of at most 8 bytes."""
+"""Largest size of all arrays [bytes]: a Gaussian has 67 numbers of at most 8 bytes."""
 
 _ARRAY_SHAPES: dict[str, tuple[int | str, ...]] = {
     "means": ("N", 3),

@@ -33,7 +33,7 @@ class LabelModel:
     """An avatar as its labels need it: its skeleton, and at most 1,912 points of it."""
 
     skeleton: Avatar
-    """Without Gaussians."""
+    """Skeleton of the avatar, without Gaussians."""
     footprint: FootprintModel
     hull: npt.NDArray[np.float64]
     """Canonical points [m] that are the outermost of some joint's in some direction, shape (P, 3), P <= 912."""

@@ -21,7 +21,7 @@ BODY_PARTS = {
 
 
 LIGHT_FROM = (0.4, 0.3, 0.866)
-"""Where the one lamp is, seen from everybody, in the world."""
+"""Direction to the only lamp, the same for all humans, in the world."""
 LAMP, AMBIENT = 1.2, 0.6
 """Light on what faces the lamp, and on everything, next to which colours are as they are at 1."""
 

@@ -18,7 +18,7 @@ Singles = npt.NDArray[np.float32]
 AXIS_SHARE = 4.0
 """Weight of the axis of a flat Gaussian next to the direction from the bones."""
 _NEXT = (3, 4, 5, 6, 7, 8, 9, 10, 11, 12, -1, -1, 15, 16, 17, -1, 18, 19, 20, 21, 22, 23, -1, -1)
-"""The joint at the other end of each joint's bone; -1: the bone goes on as the one before it."""
+"""The joint at the other end of each joint's bone; -1: the bone continues the one before it."""
 _PARENTS = tuple(int(parent) for parent in SMPL_PARENTS)
 
 

@@ -1,4 +1,4 @@
-"""Posing humans with torch, many at once, on whichever device the tensors are."""
+"""Posing humans with torch, many at once, on the device that holds the tensors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from torch import Tensor
 from readygo.common.avatars import SMPL_PARENTS, Avatar
 
 NEWTON_STEPS = 16
-"""From sqrt(3) times the Frobenius norm, an upper bound, to the largest eigenvalue in float64."""
+"""Steps from sqrt(3) times the Frobenius norm, an upper bound, to the largest eigenvalue in float64."""
 _LEVELS = ((1, 4), (4, 7), (7, 10), (10, 15), (15, 18), (18, 20), (20, 22), (22, 24))
 """First joint and end of the joints whose parents stand before them, level by level of the tree."""
 
@@ -24,7 +24,7 @@ class Skeletons:
     canonical_m: Tensor
     """Joints in the canonical pose [m], shape (A, 24, 3)."""
     R_tpose_canonical: Tensor
-    """Shape (A, 24, 3, 3)."""
+    """Rotations from canonical to T-pose coordinates, shape (A, 24, 3, 3)."""
     parents: Tensor
     """Parent of each joint, int64, shape (24,)."""
 

@@ -1,4 +1,4 @@
-"""What travels beside the message of a request: the name of its topic, and by choice the trace that it belongs to."""
+"""What travels beside the message of a request: the name of its topic, and optionally the trace that it belongs to."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

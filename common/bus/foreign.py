@@ -91,11 +91,11 @@ class ForeignPublisher:
         self._publisher = publisher
 
     def put(self, payload: bytes, attachment: bytes = b"") -> None:
-        """Publish."""
+        """Publish a payload."""
         self._publisher.put(payload, attachment=attachment or None)
 
     def heard(self, timeout_s: float = 0.0) -> bool:
-        """True if somebody listens, or comes within a time."""
+        """True if a subscriber listens, or one comes within `timeout_s`."""
         until_s = time.monotonic() + timeout_s
         while not self._publisher.matching_status.matching:
             if time.monotonic() >= until_s:

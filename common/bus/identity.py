@@ -13,7 +13,7 @@ MONITOR = "monitor"
 """Looks, and changes nothing."""
 TRAINER = "trainer"
 ANYBODY = "anybody"
-"""Under whose name is asked where no certificates are used: whoever knows the run's token may do everything."""
+"""Name of every asker where no certificates are used: each process that knows the run's token may do everything."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +29,7 @@ class Identity:
 
     @property
     def role(self) -> str:
-        """What it may do."""
+        """The role, which decides what the participant may do."""
         return role_of(self.name)
 
 

@@ -48,11 +48,11 @@ class InProcessBus:
         self._leave.append(lambda: self._room.handlers.pop(topic.name, None))
 
     def request(self, topic: Topic[Request, Reply], request: Request, *, timeout_s: float = 5.0) -> Reply:
-        """Ask `topic`; see `Bus.request`. Nobody can come to answer while the asker waits, so it does not wait."""
+        """Ask `topic` as `Bus.request` does; no participant can join while the asker waits, so it does not wait."""
         handler = self._room.handlers.get(topic.name)
         if handler is None:
             served = ", ".join(sorted(self._room.handlers)) or "nothing"
-            raise BusError(f"Nobody answered {topic.name}; served: {served}.")
+            raise BusError(f"No participant answered {topic.name}; served: {served}.")
         try:
             reply = handler(request)
         except Exception as error:
@@ -69,7 +69,7 @@ class InProcessBus:
                 mailbox.put(message)
 
     def heard(self, stream: Stream[Message]) -> bool:
-        """True if somebody listens to `stream`."""
+        """True if a subscriber listens to `stream`."""
         return any(matches(name, stream.name) for name, _ in tuple(self._room.mailboxes))
 
     def tell(self, live: Live[Message], make: Callable[[], Message]) -> None:
@@ -81,7 +81,7 @@ class InProcessBus:
         self._add(self._room.mailboxes, (stream.name, Mailbox(self._inbox, handler)))
 
     def announce(self, role: str, name: str, *, turn: int = 0, replaced: Callable[[], object] | None = None) -> str:
-        """Say that a worker is alive; see `Bus.announce`. Nobody can be cut off."""
+        """Say that a worker is alive, as `Bus.announce` does; within a process no participant can be cut off."""
         self._teller.me = role, name
         member = Member(role, name, str(next(self._room.sessions)))
         self._room.present.append(member)

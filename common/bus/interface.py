@@ -27,8 +27,8 @@ class Bus(Protocol):
         Args:
             topic: What is asked.
             handler: Answers.
-            by: Roles whose certificates allow to ask, nobody named stands for all; where no certificates are used,
-                whoever is in the run may.
+            by: Roles whose certificates allow to ask, empty for all roles; where no certificates are used, every
+                participant of the run may ask.
         """
         ...
 
@@ -37,7 +37,7 @@ class Bus(Protocol):
 
         Raises:
             PeerError: If the handler failed; the message names the topic and the reason.
-            BusError: If nobody answers in time.
+            BusError: If no participant answers in time.
         """
         ...
 
@@ -51,7 +51,7 @@ class Bus(Protocol):
     def tell(self, live: Live[Message], make: Callable[[], Message]) -> None:
         """Publish on this participant's own stream of a kind what `make` gives.
 
-        Nothing is made before `announce` has said who this is, while nobody listens, or before `Live.every_s` is over.
+        No message is made before `announce` was called, without a subscriber, or before `Live.every_s` is over.
         """
         ...
 
@@ -68,7 +68,7 @@ class Bus(Protocol):
         Args:
             role: What it does.
             name: Its name.
-            turn: Of those who have the name one after the other, the later one has the higher.
+            turn: Number of this holder of the name; of several in succession, the later one has the higher.
             replaced: Called, on any thread, when one of a higher turn is there: this one was cut off, taken for dead,
                 and is reached again.
 

@@ -1,6 +1,6 @@
 """Rights by the names of certificates: what the router lets through, and what a handler does not answer.
 
-A participant asks under its own name, below `readygo/{run}/by/{name}/`; the router lets nobody ask under another one.
+A participant asks under its own name, below `readygo/{run}/by/{name}/`; the router refuses requests under another name.
 So a handler knows who asks. The router refuses in silence, a handler with a reason that it logs: hence the router lets
 everybody with a certificate ask what an operator's or a worker's first mistake would be (`_OPEN`), and nothing else
 that is not of their role.
@@ -32,7 +32,7 @@ _SEE_WHO_IS_THERE = ("declare_liveliness_subscriber", "liveliness_query")
 
 
 def access_control(workers: Iterable[str], recorders: Iterable[str]) -> dict[str, Any]:
-    """Zenoh's `access_control` of a router: whatever is not named is refused.
+    """Zenoh's `access_control` of a router: every key that is not named is refused.
 
     Args:
         workers: Roles of those that claim stages.
@@ -62,7 +62,7 @@ def _asks(name: str, *topics: str) -> dict[str, Any]:
 
 
 def _takes_part(role: str, name: str, *hears: str) -> list[dict[str, Any]]:
-    """To be there, to show what one does, and to hear some streams."""
+    """Rules for a participant: to be present, to publish its live streams, and to hear some streams."""
     return [
         _rule(("liveliness_token", "liveliness_query"), f"alive/{role}/{name}/**"),
         _rule(("put",), f"live/{role}/{name}/*"),
@@ -97,8 +97,8 @@ def refusal(asker: str, roles: Iterable[str], request: object) -> str:
 
     Args:
         asker: Common name under which it came.
-        roles: Who may ask; nobody named stands for all.
-        request: What was asked: nobody speaks for another recorder, or as a role that is not its own.
+        roles: Roles that may ask; empty for all.
+        request: What was asked: a recorder speaks only for itself, and a participant only in its own role.
     """
     role, _, name = asker.partition(".")
     if role == COORDINATOR:

@@ -1,4 +1,4 @@
-"""What a participant shows of its work: made only while somebody listens, and not too often."""
+"""What a participant shows of its work: made only while a subscriber listens, and not too often."""
 
 import time
 from collections.abc import Callable
@@ -10,14 +10,14 @@ Message = TypeVar("Message")
 
 
 class Publisher(Protocol):
-    """The bus that shows it."""
+    """The part of a bus that publishes."""
 
     def heard(self, stream: Stream[Any]) -> bool:
-        """True if somebody listens to a stream."""
+        """True if a subscriber listens to a stream."""
         ...
 
     def publish(self, stream: Stream[Any], message: Any) -> None:
-        """See `Bus.publish`."""
+        """Give a message to the subscribers of a stream, and return at once."""
         ...
 
 
@@ -31,7 +31,7 @@ class Teller:
         """Role and name, once they are announced."""
 
     def tell(self, live: Live[Message], make: Callable[[], Message]) -> None:
-        """See `Bus.tell`."""
+        """Publish what `make` gives on this participant's stream of a kind, as `Bus.tell` does."""
         if self.me is None:
             return
         now_s = self._clock()

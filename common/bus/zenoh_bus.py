@@ -1,9 +1,9 @@
 """The bus over Zenoh: one session per process, queryables for handlers, liveliness tokens for presence.
 
 Multicast and shared memory are off: shared memory corrupts data when a receiver freezes, and a fleet never finds peers
-by chance. RELIABLE + BLOCK is no durability, so whatever must arrive is a request with a reply; what is published is
-dropped where the way is full. Zenoh's own threads only put what arrives into the inbox: they swallow exceptions, and
-stall the link when they are slow.
+by chance. RELIABLE + BLOCK is no durability, so every message that must arrive is a request with a reply; published
+messages are dropped when the link is full. Zenoh's own threads only put what arrives into the inbox: they swallow
+exceptions, and stall the link when they are slow.
 """
 
 import contextlib
@@ -97,7 +97,7 @@ def _tls_settings(identity: Identity) -> dict[str, Any]:
 
 
 def free_endpoint() -> str:
-    """A loopback endpoint whose port nobody uses right now."""
+    """A loopback endpoint whose port no process uses right now."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
@@ -138,7 +138,7 @@ class Router:
             config = _config("router", token, identity, listen=endpoint)
             if access:
                 config.insert_json5("access_control", json.dumps(access))
-            # The router reads the file when it opens; nobody else may.
+            # The router reads the file when it opens; no other user may read it.
             with tempfile.NamedTemporaryFile("w", suffix=".txt") as users:
                 if token:
                     users.write(f"{_USER}:{token}\n")
@@ -218,7 +218,7 @@ class ZenohBus:
                 if text not in ("Timeout", _ASTRAY):
                     raise PeerError(f"{topic.name}: {text}")
             time.sleep(_RETRY_S)
-        raise BusError(f"Nobody answered {key} within {timeout_s:g} s.")
+        raise BusError(f"No participant answered {key} within {timeout_s:g} s.")
 
     def publish(self, stream: Stream[Message], message: Message) -> None:
         """Give `message` to those who hear `stream`; see `Bus.publish`. Without any it is not even encoded."""
@@ -226,7 +226,7 @@ class ZenohBus:
             self._publisher(stream).put(encode(message))
 
     def heard(self, stream: Stream[Message]) -> bool:
-        """True if somebody listens to `stream`."""
+        """True if a subscriber listens to `stream`."""
         return bool(self._publisher(stream).matching_status.matching)  # type: ignore[attr-defined]
 
     def tell(self, live: Live[Message], make: Callable[[], Message]) -> None:
@@ -277,7 +277,7 @@ class ZenohBus:
             self._watch_for_successors(key, turn, replaced)
         self._teller.me = role, name
         self._declared.append(self._session.liveliness().declare_token(f"{key}/{session}"))
-        # Once this question is answered, the router knows the token: whoever asks from now on sees it.
+        # Once this question is answered, the router knows the token: every participant that asks from now on sees it.
         self._tokens(f"{key}/{session}")
         return session
 

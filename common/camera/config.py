@@ -63,19 +63,19 @@ def check_camera_value(name: str, value: float) -> None:
 class CameraConfig:
     """A camera that is fixed to the robot; by default a level, ideal pinhole camera that looks along its x axis.
 
-    What varies from episode to episode is drawn in place of these values, see `SensorConfig`. Light is linear: a value
-    of 1 is white.
+    Values that vary from episode to episode are drawn instead of these, see `SensorConfig`. Light is linear: a value of
+    1 is white.
     """
 
     height_px: int = 144
-    """Image height."""
+    """Image height [px]."""
     width_px: int = 256
-    """Image width."""
+    """Image width [px]."""
     horizontal_fov_deg: float | None = None
     """What the image spans between the middles of its left and right edges, with every lens: the focal length follows
     from it. 100 if no intrinsics are given either."""
     fx_px: float | None = None
-    """Focal length along rows; with the next three, in place of `horizontal_fov_deg`."""
+    """Focal length along rows [px]; together with the next three fields it replaces `horizontal_fov_deg`."""
     fy_px: float | None = None
     """Focal length along columns."""
     cx_px: float | None = None
@@ -98,15 +98,15 @@ class CameraConfig:
     p2: float = 0.0
     """Tangential coefficient."""
     mount_x_m: float = 0.0
-    """Ahead of the robot's centre [m]."""
+    """Position ahead of the robot's centre [m]."""
     mount_y_m: float = 0.0
-    """To the left of the robot's centre [m]."""
+    """Position to the left of the robot's centre [m]."""
     mount_height_m: float = 0.5
-    """Above the local floor at the robot's centre [m]."""
+    """Height above the local floor at the robot's centre [m]."""
     mount_yaw_deg: float = 0.0
-    """Where it looks: positive is to the left, 180 to the rear."""
+    """Direction in which it looks [deg]: positive is to the left, 180 to the rear."""
     mount_pitch_deg: float = 0.0
-    """Positive looks down."""
+    """Inclination [deg]: positive looks down."""
     exposure_ev: float = 0.0
     """Brighter by this many stops: light is multiplied by 2^exposure_ev."""
     red_gain: float = 1.0
@@ -126,8 +126,8 @@ class CameraConfig:
     """Time from the first row's end of exposure to the last row's [s]: rolling shutter."""
     latency_s: float = 0.0
     """Age of the image that a policy acts on [s], in whole steps of 0.05 s, the nearest. Training pairs an action with
-    the image of so long before, and in closed loop a policy sees that one. Recorded images stay those of their own
-    time, and the expert, which sees no images, has no latency."""
+    the image of so long before, and in closed loop a policy sees that one. Recorded images are not delayed, and the
+    expert, which sees no images, has no latency."""
 
     depth_min_m: float = 0.0
     """Nearest depth that is measured, for policies that see depths [m]. What the next three say holds for them alone:
@@ -178,7 +178,7 @@ class CameraConfig:
 
     @property
     def coefficients(self) -> tuple[float, ...]:
-        """Of the lens model, in OpenCV's order."""
+        """Coefficients of the lens model, in OpenCV's order."""
         return tuple(getattr(self, name) for name in self.coefficient_names)
 
     @property
@@ -218,11 +218,11 @@ class CameraConfig:
         return np.array([[focal_px, 0.0, self.width_px / 2], [0.0, focal_px, self.height_px / 2], [0.0, 0.0, 1.0]])
 
     def place_m(self, x_m: float, y_m: float, yaw_rad: float) -> tuple[float, float]:
-        """Where a robot's camera is, seen from above [m].
+        """Position of a robot's camera seen from above [m].
 
         Args:
-            x_m: The robot's centre in the world [m].
-            y_m: As `x_m`.
+            x_m: World x of the robot's centre [m].
+            y_m: World y of the robot's centre [m].
             yaw_rad: Its heading from the world's x axis to the left [rad].
         """
         c, s = math.cos(yaw_rad), math.sin(yaw_rad)
@@ -232,8 +232,8 @@ class CameraConfig:
         """Where a robot's camera is, seen from above, and where it looks: x [m], y [m], yaw [rad].
 
         Args:
-            x_m: The robot's centre in the world [m].
-            y_m: The robot's centre in the world [m].
+            x_m: World x of the robot's centre [m].
+            y_m: World y of the robot's centre [m].
             yaw_rad: The robot's heading [rad].
         """
         return *self.place_m(x_m, y_m, yaw_rad), yaw_rad + math.radians(self.mount_yaw_deg)
@@ -242,8 +242,8 @@ class CameraConfig:
         """Pose of the camera of a robot on the floor, OpenCV axes, shape (4, 4).
 
         Args:
-            x_m: The robot's centre in the world [m].
-            y_m: As `x_m`.
+            x_m: World x of the robot's centre [m].
+            y_m: World y of the robot's centre [m].
             yaw_rad: Its heading from the world's x axis to the left [rad].
             floor_m: Height of the floor below it [m].
         """

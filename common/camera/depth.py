@@ -60,8 +60,8 @@ def depth_rng(name: str, step: int) -> np.random.Generator:
     """The random generator of a frame's depths.
 
     Args:
-        name: Of its episode.
-        step: Of the frame in it.
+        name: Name of the episode.
+        step: Step of the frame in the episode.
     """
     digest = hashlib.sha256(f"depth {step} {name}".encode()).digest()
     return np.random.Generator(np.random.Philox(int.from_bytes(digest[:16], "little")))

@@ -36,7 +36,7 @@ class Lens:
 
     fisheye: bool
     radial: tuple[float, float, float, float]
-    """a1 to a4."""
+    """Radial coefficients a1 to a4."""
     tangential: tuple[float, float] = (0.0, 0.0)
     """p1, p2 of Brown-Conrady."""
     s_max: float
@@ -133,14 +133,14 @@ def _border(height_px: int, width_px: int) -> Floats:
 
 @compiled(error_model="numpy")
 def _growth(c: Floats, s: float) -> float:
-    """g(s) / s."""
+    """The growth of the lens function, g(s) / s."""
     t = s * s
     return float(1.0 + t * (c[0] + t * (c[1] + t * (c[2] + t * c[3]))))
 
 
 @compiled(error_model="numpy")
 def _slope(c: Floats, s: float) -> float:
-    """Derivative of g."""
+    """Derivative of the lens function g at s."""
     t = s * s
     return float(1.0 + t * (3.0 * c[0] + t * (5.0 * c[1] + t * (7.0 * c[2] + t * 9.0 * c[3]))))
 

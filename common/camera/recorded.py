@@ -10,8 +10,8 @@ def with_whole_camera(config: Mapping[str, Any]) -> dict[str, Any]:
     """A run's recorded sections as they are today.
 
     Lens, light and shutter used to stand in `[renderer.sensor]`, with what varies in a table `ranges` below them and
-    the number of sub-frames beside them. A value with a range had no meaning of its own: the middle of the range is now
-    the camera's (`SensorConfig.middle`). Sections of today come back unchanged.
+    the number of sub-frames beside them. A value with a range was not used: the middle of the range is now the camera's
+    (`SensorConfig.middle`). Sections of today come back unchanged.
     """
     renderer = config.get("renderer", {})
     sensor = renderer.get("sensor", {}) if isinstance(renderer, Mapping) else {}

@@ -12,7 +12,7 @@ from readygo.common.ranges import Range, Ranges
 
 @dataclass(frozen=True, kw_only=True)
 class SensorConfig(Ranges):
-    """Values of the camera that are drawn anew for every episode in place of its own: (lowest, highest), uniformly.
+    """Ranges (lowest, highest) from which each episode draws values of the camera, uniformly.
 
     () keeps the camera's own value. The names are those of `CameraConfig`.
     """

@@ -21,11 +21,12 @@ class View:
     left_rad: float
     """Bearing of the left border at the camera's own height, from the camera's heading to the left [rad]."""
     right_rad: float
-    """The same of the right border, to the right [rad]."""
+    """Bearing of the right border at the camera's own height, from the camera's heading to the right [rad]."""
     rise: float
     """Height of the upper border above the camera, at the middle of the image, per distance."""
     fall: float
-    """The same of the lower border; negative unless the camera looks up."""
+    """Height of the lower border above the camera, at the middle of the image, per distance; negative unless the camera
+    looks up."""
     height_m: float
     """Height of the camera above the floor [m]."""
 

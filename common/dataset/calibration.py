@@ -19,15 +19,15 @@ class Calibration:
     """The camera of an episode."""
 
     height_px: int
-    """Image height."""
+    """Image height [px]."""
     width_px: int
-    """Image width."""
+    """Image width [px]."""
     K_px: npt.NDArray[np.float64]
     """Intrinsics [px] with pixel centres at +0.5, shape (3, 3)."""
     distortion_model: str
     """One of `readygo.common.messages.samples.DISTORTION_MODELS`; "" is a pinhole camera."""
     distortion: tuple[float, ...]
-    """Coefficients of the model."""
+    """Coefficients of the distortion model."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,9 +35,9 @@ class Calibrations:
     """Every camera in every episode."""
 
     first: npt.NDArray[np.void]
-    """The first camera, a row per episode."""
+    """Calibrations of the first camera, a row per episode."""
     further: Mapping[str, npt.NDArray[np.void]]
-    """The others by name, a row per episode."""
+    """Calibrations of the other cameras by name, a row per episode."""
 
     @classmethod
     def of(cls, indexes: Sequence[ShardIndex], order: Sequence[EpisodePlace], cameras: Sequence[str]) -> "Calibrations":

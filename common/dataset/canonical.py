@@ -19,7 +19,7 @@ from readygo.common.dataset.records import MESSAGE_FIELDS_SIZE, MESSAGE_HEADER, 
 from readygo.common.errors import DatasetError
 
 EPISODE_SLOT_NS = 100 * schemas.NS_PER_S
-"""From the beginning of an episode to that of the next index, in canonical form."""
+"""Time from the beginning of an episode to that of the next index, in canonical form [ns]."""
 HALF_PX = 0.5
 _BY_NUMBER = {
     channel.number: channel

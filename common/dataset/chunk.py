@@ -44,7 +44,7 @@ SAMPLE_DTYPE = np.dtype(
 )
 """One sample: action = v [m/s], w [rad/s]; goal in the robot's frame; pose = x, y, z [m], yaw [rad]."""
 OUTPUT_DTYPE = np.dtype([("offset", "<u8"), ("length", "<u4")])
-"""Where one sample's output is: an encoded image, or a whole message with labels or commands."""
+"""Offset and length of one sample's output [bytes]: an encoded image, or a whole message with labels or commands."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,14 +73,14 @@ class EpisodeChunk:
     ending: schemas.Ending
     """Known where there are the expert's commands; without them an episode is a success of the expert."""
     image_every: int = 1
-    """See `EpisodeHeader.image_every`."""
+    """Samples from image to image, as `EpisodeHeader.image_every`."""
     cameras: tuple[FurtherCamera, ...] = ()
     """The cameras besides the first one; intrinsics with pixel centres at +0.5."""
     drawn: dict[str, float] = field(default_factory=dict)
-    """See `EpisodeHeader.drawn`."""
+    """Values that the episode's robot drew from its ranges, by the names of `RobotRanges`."""
     outputs: dict[str, npt.NDArray[np.void]] = field(default_factory=dict)
-    """By output besides rgb (images, labels, the expert's commands): rows of `OUTPUT_DTYPE`, one per sample; `offset`
-    counts from the beginning of `data`."""
+    """Place of each output besides rgb (images, labels, the expert's commands): rows of `OUTPUT_DTYPE`, one per sample;
+    `offset` counts from the beginning of `data`."""
 
     @property
     def sample_count(self) -> int:
@@ -111,7 +111,7 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
     )
     commit_message = by_channel[schemas.EPISODE_COMMIT.number][0]
     if commit_message.end != len(view):
-        raise DatasetError(f"episode {start.episode_id} goes on after its commit")
+        raise DatasetError(f"episode {start.episode_id} continues after its commit")
     if commit.sha256 != (sha256 or canonical_sha256(view, messages, start.index)):
         raise DatasetError(f"episode {start.episode_id} does not match the SHA-256 of its commit")
     base_ns = by_channel[schemas.EPISODE_START.number][0].log_time_ns

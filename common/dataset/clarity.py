@@ -1,4 +1,4 @@
-"""How sharp recorded pictures are: episodes that show fog are found in the data, whoever recorded them."""
+"""Sharpness of recorded images: finds episodes with fog in the data of any recorder."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -20,9 +20,9 @@ class RecordedClarity:
     samples: npt.NDArray[np.int64]
     """The samples that were looked at, shape (K,), episode by episode."""
     sharpness: npt.NDArray[np.float64]
-    """Of their pictures, see `readygo.common.images.clarity`, shape (K,)."""
+    """Sharpness of these samples' images, from `readygo.common.images.clarity`, shape (K,)."""
     of_episode: npt.NDArray[np.float64]
-    """Median of each episode that was looked at, shape (E,)."""
+    """Median sharpness of each episode that was looked at, shape (E,)."""
 
     @property
     def blurred(self) -> int:
@@ -30,7 +30,7 @@ class RecordedClarity:
         return int(np.count_nonzero(self.of_episode < SHARP_FROM))
 
     def to_mapping(self) -> dict[str, Any]:
-        """Plain values."""
+        """Summary as plain values, for JSON."""
         return {
             "sharpness_median": round(float(np.median(self.sharpness)), 1),
             "sharpness_5_percent": round(float(np.quantile(self.sharpness, 0.05)), 1),

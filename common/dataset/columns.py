@@ -38,7 +38,7 @@ class Column:
         return counts
 
     def where(self, mask: Mask | None) -> "Column":
-        """The same with nothing in the rows that `mask`, shape (N,), leaves out; None leaves out none."""
+        """The column with no bytes in the rows where `mask`, shape (N,), is False; None keeps all rows."""
         return self if mask is None else Column(self.rows, self.there & mask[:, None])
 
 
@@ -54,7 +54,7 @@ class Pieces:
         return np.fromiter(map(len, self.rows), dtype=np.int64, count=len(self.rows))
 
     def where(self, mask: Mask | None) -> "Pieces":
-        """See `Column.where`."""
+        """The pieces with no bytes in the rows where `mask`, shape (N,), is False; None keeps all rows."""
         if mask is None:
             return self
         return Pieces([row if kept else b"" for row, kept in zip(self.rows, mask, strict=True)])
@@ -64,7 +64,7 @@ Part = Column | Pieces
 
 
 def constant(content: bytes, count: int) -> Column:
-    """The same bytes in all of `count` rows."""
+    """A column with the same bytes in all of `count` rows."""
     rows = np.empty((count, len(content)), dtype=np.uint8)
     rows[:] = np.frombuffer(content, dtype=np.uint8)
     return _whole(rows)

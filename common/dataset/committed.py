@@ -65,7 +65,7 @@ def committed_episode(folders: Iterable[Path], wanted: EpisodeKey) -> CommittedE
         wanted: Which episode.
 
     Raises:
-        DatasetError: See `committed_episodes`.
+        DatasetError: As `committed_episodes`.
     """
     chunks = (chunk for path in _shards(folders) for chunk in _chunks(path, lambda key: key == wanted))
     return next(map(_episode, chunks), None)

@@ -86,7 +86,7 @@ class _Records:
         )
         """Rows of (log time [ns], offset) of the messages of each channel."""
         self.size = 0
-        """Bytes so far."""
+        """Size of the records so far [bytes]."""
 
     def add(self, channel: schemas.Channel, payload: bytes, time_ns: int = 0) -> None:
         """Add a message of a time since the episode began."""
@@ -124,7 +124,7 @@ class _Records:
 
 
 def _places(messages: Messages, stamps: Column, begin: Counts, end: Counts) -> npt.NDArray[np.void]:
-    """Where the images' files are, or else the whole messages, which go from `begin` to `end`."""
+    """Offset and length of each sample's image file, or else of its whole message, from `begin` to `end`."""
     places = np.zeros(len(begin), dtype=OUTPUT_DTYPE)
     if messages.channel.number in schemas.IMAGE_NUMBERS:
         head, files, _ = messages.groups[0]
@@ -146,10 +146,10 @@ class _Encoder:
         self._rows = _rows(samples, self._numbers)
         self._canonical = _Records(header.episode.index * EPISODE_SLOT_NS)
         self._records = _Records(place.start_ns) if place else self._canonical
-        """Those of the shard."""
+        """Records as the shard holds them; the canonical form if no place is given."""
 
     def encoded(self, attempt: int) -> EpisodeChunk:
-        """The whole chunk."""
+        """The episode as one chunk."""
         header, records, samples = self._header, self._records, self._samples
         described = self._begin()
         places = self._add_samples()

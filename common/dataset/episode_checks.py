@@ -45,7 +45,7 @@ class _Step:
     w_radps: float
     goal_xy_m: tuple[float, float]
     image: bytes | None
-    """None at a sample without an image."""
+    """Encoded image; None at a sample without an image."""
     image_format: str
 
 

@@ -68,7 +68,7 @@ CAMERA_DTYPE = np.dtype(
 )
 """A camera besides the first one, in one episode."""
 ENDING_DTYPE = np.dtype([("outcome", "S24"), ("driver", "S16"), ("policy", "S64")])
-"""An `Ending`."""
+"""How an episode ended: the fields of `Ending`."""
 _RECORDS = (EPISODE_DTYPE, SAMPLE_DTYPE, CAMERA_DTYPE, ENDING_DTYPE, OUTPUT_DTYPE)
 FOOTER_SIZE = RECORD_HEADER.size + 8 + 8 + 4 + len(MAGIC)
 DATA_END_SIZE = RECORD_HEADER.size + 4
@@ -97,8 +97,8 @@ class ShardIndex:
     drawn: tuple[dict[str, float], ...] = ()
     """`EpisodeHeader.drawn` of each episode; empty where no robot has ranges."""
     outputs: dict[str, npt.NDArray[np.void]] = field(default_factory=dict)
-    """By output besides rgb (images, labels, the expert's commands): rows of `OUTPUT_DTYPE`, one per sample; `offset`
-    counts from the beginning of the file."""
+    """Place of each output besides rgb (images, labels, the expert's commands): rows of `OUTPUT_DTYPE`, one per sample;
+    `offset` counts from the beginning of the file."""
 
     def episode_key(self, row: int) -> EpisodeKey:
         """Key of the episode in a row of `episodes`."""
@@ -246,7 +246,7 @@ def build_index(view: memoryview, shard: Path) -> ShardIndex:
 
 
 def read_provenance(view: memoryview, record: Record) -> Provenance | None:
-    """The shard's provenance in a metadata record, None if it is somebody else's.
+    """The shard's provenance in a metadata record; None if the record is not one of readygo's.
 
     Raises:
         DatasetError: If it is of another format.

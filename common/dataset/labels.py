@@ -36,7 +36,7 @@ def messages(labels: Sequence[HumanLabels], stamp: Any, frame_id: str, *, floor_
     """The messages of one sample: joints, boxes, footprints.
 
     Args:
-        labels: Of every human, in order.
+        labels: Labels of every human, in order.
         stamp: Time of the sample, a protobuf Timestamp.
         frame_id: Name of the world's frame.
         floor_m: Height at which viewers show the ground points.
@@ -54,7 +54,7 @@ def joints_of(message: Any) -> npt.NDArray[np.float32]:
     """Joints [m] in a message on /humans/joints, shape (H, 24, 3).
 
     Raises:
-        DatasetError: If it is packed in another way, or somebody has not 24 joints.
+        DatasetError: If it is packed in another way, or a human does not have 24 joints.
     """
     points = _unpacked(message, JOINT_DTYPE)
     count = len(points) // JOINT_COUNT

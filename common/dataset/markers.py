@@ -79,9 +79,9 @@ def frames(position: Part, orientation: Part, cameras: Sequence[bytes]) -> Messa
     """The messages on /tf: the robot's frame in the world, and its cameras'.
 
     Args:
-        position: Of the robot on the floor, foxglove.Vector3s.
-        orientation: Of the robot, foxglove.Quaternions.
-        cameras: See `camera_frames`.
+        position: Position of the robot on the floor, foxglove.Vector3s.
+        orientation: Orientation of the robot, foxglove.Quaternions.
+        cameras: Encoded frames of the cameras, from `camera_frames`.
     """
     count = len(position.rows)
     turned = (position, field_head(5, orientation), orientation)

@@ -1,7 +1,7 @@
 """The messages of samples as bytes, made without the protobuf library, those of an episode's samples at once.
 
 The bytes are those that the library gives. Messages without their times are `Messages`; the time is the first field of
-whatever carries one, so the same content serves at every time.
+each message that carries one, so the same content serves at every time.
 """
 
 import enum
@@ -48,11 +48,11 @@ class Timed(enum.Enum):
 
     NOWHERE = 0
     FIRST = -1
-    """In its first field."""
+    """The time is the first field of the message."""
     IN_TRANSFORMS = FrameTransforms.TRANSFORMS_FIELD_NUMBER
-    """In the first field of every transform of a FrameTransforms."""
+    """The time is the first field of every transform of a FrameTransforms."""
     IN_ENTITIES = SceneUpdate.ENTITIES_FIELD_NUMBER
-    """In the first field of every entity of a SceneUpdate."""
+    """The time is the first field of every entity of a SceneUpdate."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,7 +65,7 @@ class Messages:
     """One, or with times inside one for each transform or entity, which is not there where it has no bytes; an image
     has those of its file in the second part."""
     there: Mask | None = None
-    """Which samples have one, shape (N,); None if all have."""
+    """True for samples that have a message on this channel, shape (N,); None if all have."""
 
     def at(self, stamps: Column) -> list[Part]:
         """The messages at their times (see `columns.stamps`)."""
@@ -116,8 +116,8 @@ def messages(
 
     Args:
         samples: All with the same outputs, but for those without images and the image of the goal.
-        header: Of their episode.
-        numbers: See `numbers_of`.
+        header: Header of their episode.
+        numbers: The samples' numbers, from `numbers_of`; computed by default.
     """
     numbers = numbers_of(samples) if numbers is None else numbers
     files, outputs = [sample.image for sample in samples], _outputs(samples, header)

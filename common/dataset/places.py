@@ -1,4 +1,4 @@
-"""Where the shards of a data folder are: in it, and in the folders of recorders that have a disk of their own."""
+"""Where the shards of a data folder are: in it, and in the folders of recorders that have a separate disk."""
 
 import json
 from collections.abc import Mapping
@@ -73,7 +73,7 @@ def present_folders(folder: Path) -> list[Path]:
     """Those of `shard_folders` that are there.
 
     Raises:
-        DatasetError: See `own_folders`.
+        DatasetError: If the note of the recorders' folders cannot be read.
     """
     return [folder, *filter(is_there, own_folders(folder).values())]
 
@@ -82,7 +82,7 @@ def absent(folder: Path) -> str:
     """Which of `shard_folders` is not there, and what to do; empty if all are.
 
     Raises:
-        DatasetError: See `own_folders`.
+        DatasetError: If the note of the recorders' folders cannot be read.
     """
     for name, place in own_folders(folder).items():
         if not is_there(place):

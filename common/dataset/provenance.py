@@ -54,7 +54,7 @@ class PolicyOrigin:
     """The policy that drove in a share of the episodes."""
 
     sha256: str = ""
-    """Over the files that it is loaded from."""
+    """SHA-256 over the files that the policy is loaded from."""
     mix: float = 0.0
     """Share of the episodes that it was to drive."""
 
@@ -70,11 +70,11 @@ class Provenance:
     """What the samples' bits depend on besides their key: backend, package versions, architecture."""
     scene: SceneOrigin = field(default_factory=SceneOrigin)
     avatars: Mapping[str, AvatarOrigin] = field(default_factory=dict)
-    """By name."""
+    """Origin of each avatar, by its name."""
     scenarios: ScenarioOrigin | None = None
-    """None where scenarios were drawn."""
+    """File of the scenarios that were played; None where scenarios were drawn."""
     policy: PolicyOrigin | None = None
-    """None where the expert alone drove."""
+    """The policy that drove; None where the expert alone drove."""
     seed: int | None = None
     config: Mapping[str, Any] | None = None
     """The run's resolved settings by section, as plain values."""

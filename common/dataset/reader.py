@@ -1,4 +1,4 @@
-"""Recorded episodes as arrays and images, whatever the shards they are in."""
+"""Recorded episodes as arrays and images, independent of the shards that hold them."""
 
 import hashlib
 from collections.abc import Iterator, Sequence
@@ -54,7 +54,7 @@ class Dataset:
         places = [folders] if isinstance(folders, str | Path) else folders
         found = [(number, shard) for number, folder in enumerate(places) for shard in find_shards(folder)]
         self.shards: tuple[Path, ...] = tuple(shard for _, shard in found)
-        """The files."""
+        """Paths of the shards, in the order of the folders."""
         indexes = [load_index(shard) for shard in self.shards]
         check_alike(self.shards, indexes)
         self.provenance: Provenance = indexes[0].provenance
@@ -97,16 +97,18 @@ class Dataset:
         NaN at samples without an image.
 
         Raises:
-            DatasetError: If nobody asked it.
+            DatasetError: If the data holds no labels of the expert.
         """
         return self._expert_commands[:, 0]
 
     @property
     def expert_ahead(self) -> npt.NDArray[np.float32]:
-        """What it would have gone on with, at every further step: v [m/s], w [rad/s], shape (S, K, 2); NaN like them.
+        """The expert's commands at the K steps after the next: v [m/s], w [rad/s], shape (S, K, 2).
+
+        NaN at samples without an image.
 
         Raises:
-            DatasetError: If nobody asked it.
+            DatasetError: If the data holds no labels of the expert.
         """
         return self._expert_commands[:, 1:]
 
@@ -117,7 +119,7 @@ class Dataset:
         0 nothing, 1 a collision with an obstacle, 2 one with a human, `UNKNOWN_RISK` at samples without an image.
 
         Raises:
-            DatasetError: If nobody looked at all samples with images.
+            DatasetError: If samples with images lack their risks.
         """
         if not self.has_risks:
             raise DatasetError(
@@ -139,12 +141,12 @@ class Dataset:
 
     @cached_property
     def _asked(self) -> npt.NDArray[np.bool_]:
-        """Where there is a message of the expert, shape (S,)."""
+        """True for samples that have a message of the expert, shape (S,)."""
         return np.asarray(self._table.payloads[EXPERT]["length"] > 0)
 
     @cached_property
     def _expert_commands(self) -> npt.NDArray[np.float32]:
-        """Shape (S, 1 + K, 2)."""
+        """The expert's commands v [m/s], w [rad/s] at this and K further steps, shape (S, 1 + K, 2); NaN: not asked."""
         if not self.has_expert:
             raise DatasetError(
                 f"The samples of {self.shards[0].parent} have no commands of the expert; record with "

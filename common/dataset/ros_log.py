@@ -91,14 +91,14 @@ def read_record(path: Path, name: str) -> dict[str, Any]:
 
     Args:
         path: The log.
-        name: Of the record.
+        name: Name of the record.
 
     Raises:
         DatasetError: If this is no log, it was cut off, or it has no such record.
     """
     try:
         with open_regular(path) as file:
-            # No record is longer than the file, whatever it claims.
+            # A record's stated length is not trusted: none is longer than the file.
             reader = SeekingReader(file, record_size_limit=os.fstat(file.fileno()).st_size)
             if reader.get_summary() is None:
                 raise McapError("it was cut off")

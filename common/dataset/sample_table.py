@@ -17,7 +17,8 @@ class SampleTable:
     rows: npt.NDArray[np.void]
     """Rows of `readygo.common.dataset.chunk.SAMPLE_DTYPE`, shape (S,)."""
     payloads: Mapping[str, npt.NDArray[np.void]]
-    """By optional channel that all shards have: rows of `readygo.common.dataset.chunk.OUTPUT_DTYPE`, shape (S,)."""
+    """Places of the samples' outputs, by optional channel that all shards have: rows of
+    `readygo.common.dataset.chunk.OUTPUT_DTYPE`, shape (S,)."""
     shard: npt.NDArray[np.int32]
     """Number of each sample's shard, shape (S,)."""
     episode: npt.NDArray[np.int32]

@@ -90,7 +90,7 @@ OPTIONAL_CHANNELS: Mapping[str, Channel] = {
     **GOAL_IMAGE_CHANNELS,
     **DRAWN_CHANNELS,
 }
-"""In the order of their messages, which follow those of `SAMPLE_CHANNELS`."""
+"""All optional channels in the order of their messages, which follow those of `SAMPLE_CHANNELS`."""
 ROS_CALIBRATION = Channel(19, "/camera/calibration", CameraCalibration)
 """The calibration as ROS and OpenCV have it, pixel centres at integers; in `CALIBRATION` they are at +0.5."""
 TRANSFORMS = Channel(20, "/tf", FrameTransforms)
@@ -117,18 +117,18 @@ class CameraChannels:
         first = 64 + 16 * place
         self.name = name
         self.calibration = Channel(first, f"/camera/{name}/calibration", CameraCalibration)
-        """As on `ROS_CALIBRATION`, in every form of an episode."""
+        """Calibration as ROS and OpenCV have it, pixel centres at integers, in every form of an episode."""
         self.images: Mapping[str, Channel] = {
             image_name(name, kind): Channel(
                 first + 1 + number, f"/camera/{name}/{'image' if kind == RGB else kind}", CompressedImage
             )
             for number, kind in enumerate(OUTPUTS)
         }
-        """By the names of the images."""
+        """Channels of the camera's images, by the names of the images."""
 
     @property
     def frame(self) -> str:
-        """The camera's frame."""
+        """Name of the camera's coordinate frame."""
         return camera_frame(self.name)
 
 
@@ -194,7 +194,7 @@ def samples_with(channel: Channel, sample_count: int, image_every: int) -> range
     Args:
         channel: One of `SAMPLE_CHANNELS` or of `optional_channels`.
         sample_count: Samples of the episode.
-        image_every: See `EpisodeHeader.image_every`.
+        image_every: Samples from image to image, as `EpisodeHeader.image_every`.
     """
     if channel in (*GOAL_IMAGE_CHANNELS.values(), *DRAWN_CHANNELS.values()):
         return range(min(sample_count, 1))
@@ -206,8 +206,8 @@ def image_every(commands: Any, numbers: Sequence[int], sample_count: int) -> int
 
     Args:
         commands: One of its ExpertCommands messages, which say it; None where there are none.
-        numbers: Of its samples with images.
-        sample_count: Of its samples.
+        numbers: Numbers of its samples with images.
+        sample_count: Number of its samples.
     """
     if commands is not None:
         return int(commands.image_every) or 1

@@ -32,7 +32,7 @@ class Stage:
     robot: RobotConfig | None = None
     """Gives the cameras their places, and the robot its size; None leaves both out."""
     maps: "SceneMaps | None" = None
-    """Of the scene; None leaves the map out. They are read with the first episode."""
+    """Maps of the scene, read with the first episode; None leaves the map out."""
 
     def of(self, drawn: Mapping[str, float]) -> "Stage":
         """The stage of an episode, whose robot is one of the robot's ranges; see `EpisodeHeader.drawn`."""
@@ -74,7 +74,7 @@ class Stage:
             poses_xyzyaw: The robot at every sample: x, y, z [m], yaw [rad], shape (S, 4).
             goal_xy_m: The goal [m].
             start_ns: When the episode begins in the shard.
-            with_map: See `staged`.
+            with_map: True for a shard's first episode, which has the map before its samples.
         """
         stamp = schemas.timestamp(start_ns)
         found = [

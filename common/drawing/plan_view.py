@@ -21,25 +21,25 @@ GOAL: Rgb = (0, 158, 115)
 INK: Rgb = (38, 44, 52)
 WHITE: Rgb = (255, 255, 255)
 FREE, OCCUPIED = 250, 150
-"""Grey of map cells."""
+"""Grey of free and of occupied map cells, 0..255."""
 SCALE_BARS_M = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
 SCALE_BAR_SHARE = 0.2
-"""Of a picture's width that a scale bar takes at most."""
+"""Largest share of a picture's width that a scale bar takes."""
 _SUBPIXEL_BITS = 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DrawnEpisode:
-    """Where everybody went in one episode."""
+    """Paths of robot and humans in one episode."""
 
     label: str
     """What the report calls it, for example its id and outcome."""
     robot_xy_m: npt.NDArray[np.float64]
-    """The robot's way, shape (T, 2)."""
+    """Path of the robot [m], shape (T, 2)."""
     goal_xy_m: npt.NDArray[np.float64]
-    """Shape (2,)."""
+    """Goal of the robot [m], shape (2,)."""
     humans_xy_m: tuple[npt.NDArray[np.float64], ...] = ()
-    """The ways of the humans while the robot drove, shape (T, 2) each."""
+    """Paths of the humans while the robot drove [m], shape (T, 2) each."""
 
 
 def map_view(occupancy: OccupancyMap, *, pixels_per_cell: int = 4) -> TopView:
@@ -72,7 +72,7 @@ def map_window(
 
 
 def resized(view: TopView, height_px: int) -> TopView:
-    """The same view with another number of rows."""
+    """The view with another number of rows."""
     rows, columns = view.rgb.shape[:2]
     scale = height_px / rows
     shape = (max(1, round(columns * scale)), height_px)
@@ -86,7 +86,7 @@ def resized(view: TopView, height_px: int) -> TopView:
 
 
 def faded(view: TopView, share: float = 0.35) -> TopView:
-    """The same view mixed with white, so that paths on it stand out."""
+    """The view mixed with white, so that paths on it stand out."""
     rgb = np.rint(view.rgb * (1 - share) + 255 * share).astype(np.uint8)
     return TopView(rgb=rgb, frame=view.frame)
 
@@ -181,7 +181,7 @@ def fill_area(
         picture: Drawn on.
         view: Where the picture lies.
         corners_m: Corners [m], shape (N, 2).
-        colour: Of the area.
+        colour: Colour of the area.
         share: How much of the colour the area takes, 0..1.
     """
     mask = np.zeros(picture.shape[:2], np.uint8)
@@ -199,7 +199,7 @@ def fill_band(
         view: Where the picture lies.
         xy_m: The path [m], shape (N, 2) with N >= 1.
         radius_m: Half of the band's width [m].
-        colour: Of the band.
+        colour: Colour of the band.
         share: How much of the colour the band takes, 0..1.
     """
     mask = np.zeros(picture.shape[:2], np.uint8)
@@ -242,8 +242,8 @@ def put_text(
         text: ASCII.
         xy_px: Its lower left corner.
         size: 1 is letters of about 22 px.
-        colour: Of the letters.
-        halo: Colour around them, without which they vanish on grounds of their own colour.
+        colour: Colour of the letters.
+        halo: Colour around them, without which they vanish on a background of the same colour.
     """
     width = max(1, round(size))
     if halo is not None:
@@ -259,7 +259,7 @@ def text_width_px(text: str, *, size: float = 0.45) -> int:
 
 
 def put_mark(picture: Picture, view: TopView, xy_m: npt.ArrayLike, text: str, colour: Rgb) -> None:
-    """A short text, such as a number, in a disc of its own."""
+    """Draw a short text, such as a number, in a disc."""
     u, v = (round(float(value)) for value in view.world_to_pixel(xy_m) - 0.5)
     cv2.circle(picture, (u, v), 10, WHITE, cv2.FILLED, cv2.LINE_AA)
     cv2.circle(picture, (u, v), 9, colour, cv2.FILLED, cv2.LINE_AA)

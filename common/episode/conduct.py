@@ -13,9 +13,9 @@ Source: Francis et al., Principles and guidelines for evaluating social robot na
 NEAR_MISS_M = 0.2
 """Free space below which an encounter without contact is a near miss [m]."""
 MOVING_MPS = 0.1
-"""A robot that touches somebody at a lower speed stood [m/s]."""
+"""A robot that touches a human at a lower speed counts as standing [m/s]."""
 REACTION_S = 1.0
-"""Who was in view for this long could have been avoided [s]."""
+"""A human who was in view for this long could have been avoided [s]."""
 
 Float64Array = npt.NDArray[np.float64]
 Sees = Callable[[tuple[float, float, float], tuple[float, float]], bool]
@@ -40,16 +40,16 @@ class Contact:
 
     @property
     def at_fault(self) -> bool:
-        """True if the robot drove into somebody whom it had seen for long enough to react."""
+        """True if the robot moved and had seen the human for long enough to react."""
         return self.robot_moved and self.seen_s >= REACTION_S
 
 
 @dataclass(frozen=True, kw_only=True)
 class Conduct:
-    """Manners of one run."""
+    """Social measures of one run."""
 
     intrusion_s: float
-    """Time in somebody's personal space [s]."""
+    """Time in a human's personal space [s]."""
     near_misses: int
     """Encounters that came nearer than `NEAR_MISS_M` and did not end in contact."""
     jerk_mps3: float
@@ -57,7 +57,7 @@ class Conduct:
     turn_acceleration_radps2: float
     """Mean of the turn rate's change, without its sign [rad/s2]."""
     contact: Contact | None = None
-    """Of a run that ended by touching a human."""
+    """The contact that ended the run; None if the robot did not touch a human."""
 
 
 def conduct_of(

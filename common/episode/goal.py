@@ -15,7 +15,7 @@ def goal_pose(scenario: Scenario, robot_map: OccupancyMap, radius_m: float) -> t
     Args:
         scenario: Start and goal.
         robot_map: What blocks the robot.
-        radius_m: Of the disc that paths are planned for [m].
+        radius_m: Radius of the disc that paths are planned for [m].
     """
     goal_x, goal_y = scenario.goal_xy_m.tolist()
     start_x, start_y, _ = scenario.start_xyyaw.tolist()
@@ -29,7 +29,7 @@ def arrival_yaw_rad(
 
     Args:
         occupancy: What blocks.
-        radius_m: Of the disc that moves [m].
+        radius_m: Radius of the disc that moves [m].
         start_xy_m: Where from.
         goal_xy_m: Where to.
     """

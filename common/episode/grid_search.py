@@ -60,7 +60,7 @@ class GridSearch:
             factor: Cost factors, shape (H, W); the source's own cell may be blocked.
             source: Row and column that distances are measured from.
             target: Where the flood may stop; farther cells stay at UNREACHED or above their true distance.
-            slack_units: How far beyond the target's distance the flood goes on.
+            slack_units: How far the flood continues beyond the target's distance.
             out: Array to fill, shape (H, W); a new one without.
         """
         out = np.empty(self.shape, np.int32) if out is None else out

@@ -111,7 +111,7 @@ def run_episodes(
 ) -> Iterator[EpisodeRun]:
     """Drive through episodes, `lockstep` of them at a time; the next one starts as soon as one ends.
 
-    An episode whose driver fails, or commands what is not finite, ends with the robot standing; the others go on.
+    An episode whose driver fails, or commands what is not finite, ends with the robot standing; the others continue.
 
     Args:
         simulations: Episodes at their start, taken one by one.

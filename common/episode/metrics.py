@@ -18,7 +18,7 @@ class EpisodeResult:
     shortest_m: float
     """Shortest way to the circle of success around the goal [m]; see `shortest_way_m`."""
     conduct: Conduct | None = None
-    """Manners of the run; None where nobody measured them."""
+    """Social measures of the run; None where they were not measured."""
 
     @classmethod
     def from_trajectory(cls, trajectory: RobotTrajectory, shortest_m: float) -> "EpisodeResult":

@@ -21,7 +21,7 @@ Float64Array = npt.NDArray[np.float64]
 class EpisodeSimulation:
     """The closed loop that the expert is recorded in and policies are judged in, by the steps of the robot's clock.
 
-    The episode starts at rest. Humans are where the roots of their motions are, whatever the robot does.
+    The episode starts at rest. Humans follow the roots of their motions and do not react to the robot.
     """
 
     def __init__(
@@ -148,7 +148,7 @@ class EpisodeSimulation:
 
         Args:
             human_visible: What the robot perceived at each step, shape (T,); False without.
-            replanned: Steps at which the expert planned anew, shape (T,); False without.
+            replanned: Steps at which the expert replanned, shape (T,); False without.
             expert_cost: Cost of the plan in force, shape (T,); 0 without.
             replan_times_s: CPU time of each replan [s].
 
@@ -199,7 +199,7 @@ class EpisodeSimulation:
 
 
 def _side_by_side(paths_m: list[Float64Array]) -> Float64Array:
-    """Paths of shape (T, 2) [m] as one array, shape (longest T, N, 2); whoever arrives early stays there."""
+    """Paths of shape (T, 2) [m] as one array, shape (longest T, N, 2); a human who arrives early stays there."""
     length = max((len(path) for path in paths_m), default=1)
     together = np.empty((length, len(paths_m), 2))
     for index, path in enumerate(paths_m):

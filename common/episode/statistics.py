@@ -20,7 +20,8 @@ def bootstrap_interval(columns: Float64Array, statistic: Statistic | None = None
 
     Args:
         columns: A row per episode: what is resampled together stays matched, shape (N, K).
-        statistic: Of the means; the first column's mean by default. Resamples in which it is not finite are left out.
+        statistic: Function of the means; the first column's mean by default. Resamples in which it is not finite are
+            left out.
 
     Returns:
         Lower and upper end; NaN if there is none.

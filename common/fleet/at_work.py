@@ -1,4 +1,4 @@
-"""What this thread works on: for whoever logs, counts or traces it."""
+"""What this thread works on: read by code that logs, counts or traces it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,7 +12,7 @@ class AtWork:
 
     stage: str
     episode: str
-    """See `EpisodeKey.episode_id`."""
+    """Name of the episode, as `EpisodeKey.episode_id`."""
     attempt: int
 
 

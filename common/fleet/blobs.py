@@ -15,7 +15,7 @@ from readygo.common.messages.codec import MESSAGE_BYTES_MAX
 log = logging.getLogger(__name__)
 
 ABSENT_S = 60.0
-"""A download is given up when nobody has answered for this long [s]."""
+"""A download is given up after this long without an answer [s]."""
 _ANSWER_S = 5.0
 _RETRY_S = 0.5
 
@@ -24,7 +24,7 @@ def fetch_blob(bus: Bus, sha256: str) -> bytes:
     """All bytes of a blob, at most `MESSAGE_BYTES_MAX`: it holds a message.
 
     Raises:
-        RunError: If nobody has it, it is larger, or what came does not match its hash.
+        RunError: If no participant has it, it is larger, or what came does not match its hash.
     """
     data = bytearray()
     while True:
@@ -45,7 +45,7 @@ def fetch_file(bus: Bus, file: FileRef, path: Path) -> None:
     """Have a file of the run on this machine, where it is a cache for all its processes.
 
     It has its name only after its bytes were found to match its hash. Processes that want it at the same time wait for
-    the first of them; a download that was cut goes on where it was, also in another process.
+    the first of them; an interrupted download resumes where it was, also in another process.
 
     Args:
         bus: Where it is asked for.
@@ -53,8 +53,8 @@ def fetch_file(bus: Bus, file: FileRef, path: Path) -> None:
         path: Where it shall be.
 
     Raises:
-        RunError: If nobody has it, or what came does not match its hash, twice.
-        BusError: If nobody answers for `ABSENT_S`.
+        RunError: If no participant has it, or what came does not match its hash, twice.
+        BusError: If no participant answers for `ABSENT_S`.
     """
     if is_whole(path, file):
         return
@@ -70,7 +70,7 @@ def fetch_file(bus: Bus, file: FileRef, path: Path) -> None:
                 part.replace(path)
             else:
                 # What an earlier download left may be what is wrong.
-                log.warning("%s arrived damaged: it is fetched anew", file.path)
+                log.warning("%s arrived damaged: it is fetched again", file.path)
                 part.unlink()
         if not is_whole(path, file):
             raise RunError(f"File {file.path} of the run does not match its hash: it has changed where the run began.")
@@ -101,7 +101,7 @@ def _download(bus: Bus, file: FileRef, part: Path) -> None:
 
 
 def _chunk(bus: Bus, file: FileRef, offset: int) -> BlobReply:
-    """Bytes of a file from `offset` on, as soon as somebody answers."""
+    """Bytes of a file from `offset` on, as soon as a participant answers."""
     deadline_s = time.monotonic() + ABSENT_S
     while True:
         try:

@@ -41,7 +41,7 @@ class Grants:
         return self._bus.request(topics.EXPECT, request, timeout_s=self._timeout_s)
 
     def trouble(self, reason: str) -> bool:
-        """Say what keeps the recorder from recording, empty for nothing any more, if somebody hears it.
+        """Report what keeps the recorder from recording (empty: nothing); a coordinator that is away misses it.
 
         Returns:
             True if other recorders record now what this one has not.

@@ -50,16 +50,16 @@ Work = Callable[[ClaimReply, Inputs], StageResult | None]
 
 @dataclass(frozen=True, kw_only=True)
 class Worker:
-    """Who asks for work, and what it can do."""
+    """A worker that asks for work: its name, its stages and its presence on the bus."""
 
     name: str
     numeric_class: str
     works: Mapping[Stage, Work]
-    """What it does for a stage, in the order in which it asks for them."""
+    """Function that does a stage's work, by stage, in the order in which the worker asks for them."""
     role: str = ""
-    """As what it is announced on the bus; empty if it is not."""
+    """Role under which the worker is announced on the bus; empty if it is not."""
     session: str = ""
-    """What `Bus.announce` gave: its leases end with it."""
+    """Session that `Bus.announce` returned: the worker's leases end with it."""
 
 
 def claim_any(bus: Bus, worker: Worker) -> ClaimStatus:
@@ -138,7 +138,7 @@ def _work_on(bus: Bus, stage: Stage, worker: str, claim: ClaimReply, work: Work)
         outcome = work(claim, _inputs(bus, stage, claim))
     except Exception as error:
         if isinstance(error, BusError) and not isinstance(error, PeerError):
-            # Nobody answers: that says nothing of the episode.
+            # No participant answers: that says nothing of the episode.
             raise
         log.exception("stage %s of %s failed", stage.name, claim.episode.episode_id)
         failed = reason(error)

@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterator
 
 @contextlib.contextmanager
 def repeating(act: Callable[[], object], *, every_s: float, name: str) -> Iterator[None]:
-    """Do something on a thread of its own for as long as the block runs; first after one interval.
+    """Call a function on a separate thread for as long as the block runs; first after one interval.
 
     Args:
-        act: What; it raises nothing.
+        act: The function; it raises nothing.
         every_s: Interval [s].
-        name: Of the thread.
+        name: Name of the thread.
     """
     over = threading.Event()
 

@@ -16,9 +16,9 @@ def turn_between(first: Singles, last: Singles, share: float, out: Singles) -> N
     """Interpolate rotations along the shorter way (slerp).
 
     Args:
-        first: Axis-angle vectors [rad], shape (J, 3).
-        last: The same where `share` is 1.
-        share: Of the way, 0..1.
+        first: Axis-angle vectors [rad] where `share` is 0, shape (J, 3).
+        last: Axis-angle vectors [rad] where `share` is 1, shape (J, 3).
+        share: Share of the turn that is done, 0..1.
         out: Filled with axis-angle vectors.
     """
     p, q, r = np.empty(4), np.empty(4), np.empty(4)

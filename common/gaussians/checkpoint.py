@@ -1,8 +1,8 @@
 """Training checkpoints of gsplat (`ckpt_*.pt`) and of nerfstudio's splatfacto (`step-*.ckpt`).
 
 Both hold what is optimised: means, rotations (w, x, y, z, of any length), logarithms of scales, logits of opacities,
-and SH coefficients. gsplat has them below "splats", of every process of a training a file of its own; splatfacto below
-"pipeline", in a frame of its own that `dataparser_transforms.json` leads out of.
+and SH coefficients. gsplat has them below "splats", in one file per process of a training; splatfacto below "pipeline",
+in a separate frame, from which `dataparser_transforms.json` leads to the frame of the training's input.
 
 Source: nerfstudio-project/gsplat, `examples/simple_trainer.py`; nerfstudio-project/nerfstudio, `splatfacto.py` and
 `save_dataparser_transform` (both Apache-2.0).

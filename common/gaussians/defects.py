@@ -1,4 +1,4 @@
-"""Gaussians that cannot be drawn, and those that nobody wants to see: finding, naming, leaving them out."""
+"""Gaussians that cannot be drawn, and unwanted ones: finding, naming, leaving them out."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Reading Gaussians from whatever file holds them."""
+"""Reading Gaussians from a file of any known format."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,7 +40,7 @@ class GaussianSource:
     """What a file or an output folder holds."""
 
     cloud: GaussianCloud
-    """Its Gaussians, with whatever numbers it holds, in its axes and units."""
+    """Its Gaussians with all their numbers, unchecked, in the file's axes and units."""
     file: Path
     """The file that they come from: of a folder, the newest; of several, the first."""
     kind: str
@@ -52,7 +52,7 @@ class GaussianSource:
 
 
 def load_gaussians(path: str | Path) -> GaussianCloud:
-    """Read Gaussians of whatever `FORMATS` names; the content decides which it is.
+    """Read Gaussians of any of `FORMATS`; the content decides which it is.
 
     Quaternions are normalised; axes and units stay those of the file.
 
@@ -74,7 +74,7 @@ def load_gaussians(path: str | Path) -> GaussianCloud:
 
 
 def read_gaussians(path: str | Path) -> GaussianCloud:
-    """As `load_gaussians`, but with whatever numbers the file holds.
+    """Read Gaussians of any of `FORMATS`, as `load_gaussians`, but with all numbers unchecked, as the file has them.
 
     Raises:
         SceneError: If the file is missing, truncated, empty or of another format.

@@ -84,9 +84,9 @@ def turned(M: Floats, R: Floats, out: Singles) -> None:
     """Write the ten terms 1, x, y, z, xx, yy, zz, xy, xz, yz of quadratic forms in a frame turned by `R`.
 
     Args:
-        M: See `irradiance_matrix`, shape (3, 4, 4).
+        M: Quadratic forms of the light, one per colour, from `irradiance_matrix`, shape (3, 4, 4).
         R: Maps normals to the other frame, shape (3, 3).
-        out: Shape (3, 10).
+        out: Filled with the terms, shape (3, 10).
     """
     Q, T = np.empty((3, 3)), np.empty((3, 3))
     for c in range(3):

@@ -20,7 +20,7 @@ _PATTERNS = (
     ("ckpts/ckpt_*.pt", "ckpt_*.pt"),
     ("ply/point_cloud_*.ply",),
 )
-"""Of each training, where its Gaussians are, seen from its folder and from those below it."""
+"""Patterns of each training's Gaussians, relative to its folder and to the folders below it."""
 _STEP = re.compile(r"(?:iteration_|step-|ckpt_|point_cloud_)(\d+)")
 _RANK = re.compile(r"(ckpt_\d+_rank)\d+\.pt")
 

@@ -79,7 +79,7 @@ def _sample_directions() -> Floats:
 def rotate_sh(sh: npt.NDArray[np.float32], R: npt.ArrayLike) -> npt.NDArray[np.float32]:
     """Coefficients of colours that are rotated with their Gaussians: seen along R d, the colour is the old one along d.
 
-    Each degree is a representation of its own: its matrix follows from the basis at a fixed set of directions.
+    Each degree is a separate representation: its matrix follows from the basis at a fixed set of directions.
 
     Args:
         sh: Coefficients, shape (N, K, 3), K = 1, 4, 9 or 16.

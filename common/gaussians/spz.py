@@ -169,9 +169,10 @@ def _first_three(stored: Bytes) -> npt.NDArray[np.float32]:
 
 
 def _smallest_three(stored: Bytes) -> npt.NDArray[np.float32]:
-    """Of a little-endian word the top two bits name the largest of x, y, z, w; the others follow in order from the top.
+    """Quaternions of words whose top two bits name the largest of x, y, z, w; the others follow from the top.
 
-    Each has a sign bit and nine bits of magnitude / 511 * sqrt(1/2). The largest is positive.
+    Words are little-endian. Each other component has a sign bit and nine bits of magnitude / 511 * sqrt(1/2). The
+    largest is positive.
     """
     words = np.ascontiguousarray(stored).view("<u4")[:, 0]
     fields = np.stack([words >> 20, words >> 10, words], axis=1) & 1023

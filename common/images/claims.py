@@ -23,7 +23,7 @@ _TILE_MAX_PX = 4096
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _KEPT_CHUNKS = frozenset((b"tRNS", b"eXIf", b"gAMA", b"cHRM", b"sRGB", b"iCCP", b"cICP"))
-"""Of the ancillary chunks: transparency, which way is up, and what greys are made by."""
+"""Ancillary chunks that are kept: transparency, orientation, and how colours are coded."""
 _FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """JPEG's markers before the size of the image."""
 _BARE = frozenset((0x01, *range(0xD0, 0xD9)))
@@ -155,7 +155,7 @@ def _webp(head: bytes) -> ImageClaim | None:
 
 
 def _tiff(data: bytes | memoryview, order: str) -> ImageClaim | None:
-    """Of the first image of a file; a decoder that is asked for one image reads that."""
+    """Claim of the first image of a TIFF file; a decoder that is asked for one image reads that."""
     (at,) = struct.unpack_from(f"{order}I", data, 4)
     (count,) = struct.unpack_from(f"{order}H", data, at)
     values = {_TIFF_BITS: 1, _TIFF_SAMPLES: 1}

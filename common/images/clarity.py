@@ -1,6 +1,6 @@
 """How much a picture shows: its sharpness, and the share of it that is surface.
 
-Fog is what a camera sees that stands inside of large Gaussians, or looks at ground that nobody filmed. Both numbers
+Fog is what a camera sees that stands inside of large Gaussians, or looks at ground that was not filmed. Both numbers
 are low there; they were measured from a robot's height (camera 144x256, 100 deg, 0.5 m above the floor), at the places
 and in the directions in which an expert drove (sharpness, as recorded), or at 80 random ones (coverage):
 
@@ -54,7 +54,7 @@ def sharpness(rgb: npt.NDArray[np.uint8]) -> float:
     if factor > 1.0:
         height, width = (max(3, round(side / factor)) for side in grey.shape)
         grey = cv2.resize(grey, (width, height), interpolation=cv2.INTER_AREA)
-    # Whole numbers: the sums are exact, whatever adds them up.
+    # Whole numbers: the sums are exact in any order of addition.
     g = grey.astype(np.int64)
     laplacian = g[:-2, 1:-1] + g[2:, 1:-1] + g[1:-1, :-2] + g[1:-1, 2:] - 4 * g[1:-1, 1:-1]
     count, total, squares = laplacian.size, int(laplacian.sum()), int((laplacian * laplacian).sum())

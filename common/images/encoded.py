@@ -1,4 +1,4 @@
-"""Decoding images that somebody else has encoded: what they claim to be is checked before it costs anything."""
+"""Decoding images from other programs: their stated format and size are checked before any memory is used."""
 
 from collections.abc import Collection
 from pathlib import Path

@@ -29,14 +29,14 @@ from readygo.common.rasterizer.packed.scene import PackedScene
 Floats = npt.NDArray[np.float64]
 
 FORMAT = "readygo-light/1"
-"""Of a file of probes; another one for whatever changes their values."""
+"""Format of a file of probes; it changes with everything that changes their values."""
 _BYTES_MAX = 2**26
-"""Of a file of probes [bytes]: `PROBES_MAX` of them stand in a grid of some thousand cells of 216 bytes."""
+"""Largest file of probes [bytes]: `PROBES_MAX` of them stand in a grid of some thousand cells of 216 bytes."""
 SPACING_M = 1.0
-"""Between probes; more where there would be too many of them."""
+"""Distance between probes [m]; larger where there would be too many of them."""
 PROBES_MAX = 200
 HEIGHT_M = 1.1
-"""Of a probe above the floor: a human's chest."""
+"""Height of a probe above the floor, that of a human's chest [m]."""
 CLEARANCE_M = 0.25
 """A probe stands at least this far from what blocks humans."""
 FACE_PX = 16
@@ -60,7 +60,7 @@ class LightProbes:
     """Light on a grid over a scene's ground."""
 
     frame: GridFrame
-    """Where the cells lie."""
+    """Frame of the grid's cells in the world."""
     sh: Floats
     """Radiance in a cell relative to the scene's mean, shape (H, W, 9, 3); cells without a probe are filled in."""
 

@@ -1,4 +1,4 @@
-"""Ground that nobody filmed: a few huge Gaussians stand for it, and images of it are a blur."""
+"""Ground that was not filmed: a few huge Gaussians stand for it, and images of it are a blur."""
 
 from dataclasses import dataclass
 
@@ -28,7 +28,7 @@ class GroundDetail:
     """How fine the Gaussians are that the ground consists of; masks have the floor's grid, shape (H, W)."""
 
     coarse: npt.NDArray[np.bool_]
-    """Cells that nobody filmed from near."""
+    """Cells that were not filmed from near."""
     blurred: npt.NDArray[np.bool_]
     """Cells of Gaussians above BLURRED_M; coarse ones may be among them."""
     size_m: float

@@ -85,7 +85,7 @@ def farthest_m(labels: npt.NDArray[np.int32], resolution_m: float) -> float:
     """The longest straight distance of two cells of one area [m], up to 1 %.
 
     Args:
-        labels: Areas as of `free_components`, 0 where nobody can be, shape (H, W).
+        labels: Areas as of `free_components`, 0 where no agent can be, shape (H, W).
         resolution_m: Edge of a cell [m].
     """
     rows, columns = np.nonzero(labels)

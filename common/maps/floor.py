@@ -27,7 +27,8 @@ HALF_ABSORBED = 0.5 * math.log(2.0)
 GAP_MAX_M = 0.25
 """Gaps in the support up to twice this wide, and up to four cells, are closed [m]."""
 WALKED_M, STRIDE_M = 0.25, 1.0
-"""Whoever films stands on floor: so far around each camera, and on the way to the next one if it is not farther [m]."""
+"""A person who films stands on floor: so far around each camera, and on the way to the next one if it is not farther
+[m]."""
 WALKED_HEIGHTS_M = (0.4, 2.2)
 """Cameras that are held, or stand on a robot, are this high above the floor [m]."""
 MARGIN_M = 0.5
@@ -95,10 +96,10 @@ def estimate_floor(cloud: GaussianCloud, cell_m: float) -> FloorEstimate:
 
 
 def walked(estimate: FloorEstimate, cameras_m: npt.NDArray[np.float64]) -> FloorEstimate:
-    """An estimate whose floor is complete where somebody walked who filmed: cameras seldom see what is below them.
+    """An estimate whose floor is complete where the person who filmed walked: cameras seldom see what is below them.
 
     Args:
-        estimate: Of the scene.
+        estimate: Estimate of the scene's floor.
         cameras_m: Centres of cameras in the order in which they filmed, shape (N, 3) [m].
     """
     from scipy import ndimage

@@ -54,7 +54,7 @@ class OccupancyMap:
     """
 
     frame: GridFrame
-    """Where the cells lie."""
+    """Frame of the grid's cells in the world."""
     occupied: npt.NDArray[np.bool_]
     """True where something stands or no floor is known, shape (H, W); row 0 is the smallest y."""
 
@@ -67,7 +67,7 @@ class FloorMap:
     """Height of the local floor."""
 
     frame: GridFrame
-    """Where the cells lie."""
+    """Frame of the grid's cells in the world."""
     height_m: npt.NDArray[np.float32]
     """World z of the floor at cell centres [m], shape (H, W), finite everywhere (extrapolated beyond known floor)."""
 
@@ -107,13 +107,13 @@ class FloorMap:
 def bilinear(
     height_m: npt.NDArray[np.float32], origin_x_m: float, origin_y_m: float, resolution_m: float, x_m: float, y_m: float
 ) -> float:
-    """As `FloorMap.at`, for callers that are compiled themselves.
+    """Floor height [m] at a point as `FloorMap.at`, for callers that are compiled themselves.
 
     Args:
-        height_m: See `FloorMap`.
-        origin_x_m: See `GridFrame`, as for the next one.
-        origin_y_m: See there.
-        resolution_m: See there.
+        height_m: Height of the floor at cell centres [m], shape (H, W).
+        origin_x_m: World x of the grid's corner [m].
+        origin_y_m: World y of the grid's corner [m].
+        resolution_m: Edge of a cell [m].
         x_m: World x [m].
         y_m: World y [m].
     """

@@ -53,7 +53,7 @@ class MapConfig:
     slope_max: float = 0.35
     """Steeper floor (rise over run) is blocked."""
     close_coarse: bool = False
-    """True blocks ground that nobody filmed: where huge Gaussians stand for it."""
+    """True blocks ground that was not filmed: where huge Gaussians stand for it."""
     close_unfilmed: bool = True
     """True keeps the robot where it sees what was filmed; only of scenes whose cameras are known."""
 
@@ -81,7 +81,7 @@ class ScenePlan:
     phantoms: npt.NDArray[np.bool_]
     """Cells where only the floor's own Gaussians stick out of it; they are free, shape (H, W)."""
     coarse: npt.NDArray[np.bool_]
-    """Cells whose ground nobody filmed from near, shape (H, W)."""
+    """Cells whose ground was not filmed from near, shape (H, W)."""
     blurred: npt.NDArray[np.bool_]
     """Cells whose ground consists of Gaussians so large that images of it are blurred, shape (H, W)."""
     ground_size_m: float
@@ -174,9 +174,9 @@ class _Bands:
     """Cells with an occupied voxel in a range of heights above the floor, shape (H, W) each."""
 
     low: npt.NDArray[np.bool_]
-    """From the ground clearance over LOW_BAND_M: where noise of the floor reaches."""
+    """Occupied from the ground clearance over LOW_BAND_M: where noise of the floor reaches."""
     robot: npt.NDArray[np.bool_]
-    """Above `low`, up to the robot's height."""
+    """Occupied above `low`, up to the robot's height."""
     waist: npt.NDArray[np.bool_]
     """Above the robot, up to RAIL_TOP_M."""
     human: npt.NDArray[np.bool_]

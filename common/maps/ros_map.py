@@ -56,7 +56,7 @@ def load_unknown_cells(path: str | Path) -> npt.NDArray[np.bool_]:
     """The cells that a map says nothing about, in the rows and columns of `load_ros_map`.
 
     Raises:
-        SceneError: As `load_ros_map`.
+        SceneError: If a file is missing or broken, or the yaw is not a quarter turn.
     """
     path = Path(path)
     header = _read_header(path)

@@ -1,7 +1,7 @@
 """What hides humans from a camera: which heights of every cell are opaque.
 
 A wall hides all of a human, a table only the legs. Bit b of a cell covers the heights above the local floor from
-`bottom_m` + b * `layer_m` on; lower things hide nobody from a camera that is higher.
+`bottom_m` + b * `layer_m` on; lower things hide no human from a camera that is higher.
 """
 
 import math
@@ -105,10 +105,10 @@ def is_clear(
     """True if no opaque layer lies on a segment; checked every half cell.
 
     Args:
-        opaque: See `SightMap`.
+        opaque: Which heights of every cell are opaque, bits as in `SightMap`, shape (H, W).
         place: Origin x, y, resolution and height of a layer [m].
         eye: x, y in the world, height above the floor [m].
-        target: The other end, likewise.
+        target: The other end: x, y in the world, height above the floor [m].
     """
     ox, oy, resolution, layer = place
     dx, dy, dz = target[0] - eye[0], target[1] - eye[1], target[2] - eye[2]

@@ -15,7 +15,7 @@ OPACITY_MIN = 0.1
 TILT_COS_MIN = 0.8
 """Surfaces steeper than 37 deg are no floor."""
 THIN_M = 0.03
-"""A Gaussian that stands out by less than this (standard deviation) lies flat, whatever its shape [m]."""
+"""A Gaussian of any shape that stands out by less than this (standard deviation) lies flat [m]."""
 SAMPLES_PER_AXIS_MAX = 16
 
 

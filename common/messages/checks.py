@@ -9,7 +9,7 @@ NAME_MAX = 200
 """Characters of a name at most."""
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 _PATH_MAX = 1000
-"""Characters of a path."""
+"""Most characters of a path."""
 
 
 def check_sha256(name: str, text: str, *, empty: bool = False) -> None:

@@ -1,7 +1,7 @@
 """Messages as MessagePack: dataclasses become maps, arrays an extension type, nothing is ever pickled.
 
-Whoever decodes trusts no byte: types are those that the message's class names, arrays have one of a few dtypes and as
-many numbers as their shape says, and what is larger than any message of ours is refused before it costs memory.
+All incoming bytes are validated: types are those that the message's class names, arrays have one of a few dtypes and as
+many numbers as their shape says, and input larger than any of our messages is refused before it costs memory.
 """
 
 import dataclasses
@@ -25,7 +25,7 @@ ARRAY_EXT = 1
 MESSAGE_BYTES_MAX = 256 * 2**20
 """No message is larger [bytes]; an episode with all its images is the largest."""
 ITEMS_MAX = 100_000
-"""Lists, maps and arrays in a message, unless its class has an `ITEMS_MAX` of its own."""
+"""Most lists, maps and arrays in a message, unless its class defines another `ITEMS_MAX`."""
 _LIST_MAX = 20_000
 _STR_MAX = 16 * 2**20
 _DIMENSIONS_MAX = 4

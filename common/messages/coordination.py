@@ -34,7 +34,7 @@ class VerdictStatus(enum.Enum):
 
     OK = "ok"
     STALE = "stale"
-    """Another attempt, or another recorder, has the episode."""
+    """The episode belongs to another attempt or another recorder."""
     DONE = "done"
     """The episode is durable already."""
 
@@ -64,7 +64,7 @@ class Blob:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class BlobRequest:
-    """One chunk of a blob, please."""
+    """Asks for one chunk of a blob."""
 
     sha256: str
     offset: int = 0
@@ -89,7 +89,7 @@ class FileRef:
     """Path relative to its bundle, with forward slashes."""
     sha256: str
     size: int
-    """Bytes, at most `FILE_BYTES_MAX`."""
+    """Size [bytes], at most `FILE_BYTES_MAX`."""
 
     def __post_init__(self) -> None:
         check_relative_path("path", self.path)
@@ -133,9 +133,10 @@ class ClaimRequest:
     numeric_class: str = ""
     """What the bits of this worker's results depend on: backend, package versions, architecture."""
     role: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
-    """As what it announced itself on the bus."""
+    """Role under which the worker announced itself on the bus."""
     session: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
-    """Of its presence there, see `Bus.announce`: its leases end with that; empty where they end by time alone."""
+    """Session of the worker's presence on the bus, from `Bus.announce`: its leases end with that session; empty where
+    they end by time alone."""
 
     def __post_init__(self) -> None:
         check_printable("worker", self.worker)
@@ -160,26 +161,26 @@ class ClaimReply:
     """The offered policy that drives this episode if its draw says so, for a stage that records; None where none was
     offered: the run's own drives then, see `RunSpec.policy`."""
     lease: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
-    """Proves that one holds the lease: nobody else hears of it."""
+    """Secret that proves that the worker holds the lease; the coordinator tells it to no other process."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Wake:
-    """There may be work again: whoever waits may ask at once."""
+    """There may be work again: workers that wait may ask at once."""
 
     stages: tuple[str, ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
-    """For whom; empty is for all."""
+    """Stages whose workers are woken; empty: of all stages."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RenewRequest:
-    """The worker is still at it."""
+    """The worker still works on an episode: its lease is to be prolonged."""
 
     worker: str
     index: int
     attempt: int
     lease: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
-    """`ClaimReply.lease`."""
+    """Secret of the lease, from `ClaimReply.lease`."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -191,12 +192,12 @@ class CompleteRequest:
     attempt: int
     result: bytes = b""
     rejected: str = ""
-    """Reason; `Stage.on_rejection` says what becomes of the episode."""
+    """Why the stage rejects the episode; `Stage.on_rejection` says what becomes of it."""
     failed: str = ""
-    """An error of the worker's; the episode is begun anew a few times, then it is set aside with this text."""
+    """The worker's error; the episode is started again a few times, then it is set aside with this text."""
     cpu_s: float = 0.0
     lease: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
-    """`ClaimReply.lease`."""
+    """Secret of the lease, from `ClaimReply.lease`."""
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.cpu_s < math.inf:
@@ -205,18 +206,18 @@ class CompleteRequest:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ExpectRequest:
-    """Samples of this attempt have come: is it leased, and is this recorder the one that takes it?"""
+    """Asks whether an attempt, whose samples have come, is leased, and this recorder is to take them."""
 
     recorder: str
     episode: EpisodeKey
     attempt: int
     lease: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
-    """What their sender gave as `AppendRequest.lease`."""
+    """Secret of the lease that the sender of the samples gave, from `AppendRequest.lease`."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GrantRequest:
-    """May this recorder make the episode durable under this attempt?"""
+    """Asks whether this recorder may make the episode durable under this attempt."""
 
     recorder: str
     index: int
@@ -233,7 +234,7 @@ class DoneRequest:
     shard: str
     sample_count: int
     policy: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
-    """The offered policy that drove, see `EpisodeHeader.policy`."""
+    """SHA-256 of the offered policy that drove, as in `EpisodeHeader.policy`; empty if it was none."""
 
     def __post_init__(self) -> None:
         if self.sample_count < 1:
@@ -248,9 +249,9 @@ class LostRequest:
     recorder: str
     index: int
     reason: str
-    """Empty: the episode is made again. Otherwise the run fails with this text (a full disk, for example)."""
+    """Why the run fails, for example a full disk; empty: the episode is made again."""
     attempt: int = field(default=-1, metadata=OMITTED_WHEN_DEFAULT)
-    """That was granted; without it nothing is taken back."""
+    """Attempt whose grant is taken back; -1: none is taken back."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -259,12 +260,12 @@ class TroubleRequest:
 
     recorder: str
     reason: str
-    """Empty: it records again."""
+    """What keeps the recorder from recording; empty: it records again."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PendingRequest:
-    """Which grants does the coordinator believe this recorder holds?"""
+    """Asks which grants the coordinator believes this recorder to hold."""
 
     recorder: str
 
@@ -274,7 +275,7 @@ class PendingReply:
     """Indices that were granted to the recorder and not reported done."""
 
     attempts: tuple[int, ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
-    """Under which attempts, in the order of `indices`."""
+    """Attempts under which they were granted, in the order of `indices`."""
 
     indices: tuple[int, ...]
 
@@ -285,12 +286,12 @@ class Verdict:
 
     status: VerdictStatus
     reason: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
-    """Why it is not OK, where that is no matter of being late."""
+    """Why the status is not OK, unless the report was merely late."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StatusRequest:
-    """How far is the run?"""
+    """Asks for the run's progress."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -314,15 +315,15 @@ class StatusReply:
     failed: str = ""
     """Why the run cannot be finished; empty while it can."""
     kept: dict[str, int] = field(default_factory=dict, metadata=OMITTED_WHEN_DEFAULT)
-    """Episodes that go on, or are durable, although a stage rejected them, by reason."""
+    """Episodes that continue, or are durable, although a stage rejected them, by reason."""
     policies: int = field(default=0, metadata=OMITTED_WHEN_DEFAULT)
     """Policies that were offered to the run so far."""
     trouble: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
-    """What the run waits for somebody to mend, such as a full disk; empty while it goes on."""
+    """What an operator must mend before the run continues, such as a full disk; empty while it runs."""
     paused: bool = field(default=False, metadata=OMITTED_WHEN_DEFAULT)
     """True while no work is given out, by an operator's wish."""
     run: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
-    """Name of the run on the bus: who hears of all runs of a router knows them by it."""
+    """Name of the run on the bus, by which a client of a router with several runs tells them apart."""
     priority: int = field(default=0, metadata=OMITTED_WHEN_DEFAULT)
     """Workers of several runs do those with a higher one first."""
 
@@ -335,7 +336,7 @@ class RunSpec:
     """Name of the run on the bus."""
     scene_path: str
     scene_hash: str
-    """Of its content, see `readygo.common.scenes.Scene.content_hash`."""
+    """Hash of the scene's content, `readygo.common.scenes.Scene.content_hash`."""
     scene_files: tuple[FileRef, ...]
     avatars_path: str
     """Folder or file of the avatars; empty for the embedded ones."""
@@ -354,7 +355,7 @@ class RunSpec:
     stages: tuple[Stage, ...] = field(default=EXPERT_LINE, metadata=OMITTED_WHEN_DEFAULT)
     """The assembly line that every episode passes, in order; the last stage records."""
     policy: PolicyRef | None = field(default=None, metadata=OMITTED_WHEN_DEFAULT)
-    """None where the expert alone drives."""
+    """The policy that drives; None where the expert alone drives."""
     avatar_files: tuple[FileRef, ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
     """The files at `avatars_path`; none where the avatars are the embedded ones."""
 
@@ -367,10 +368,10 @@ class RunSpec:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RunSpecRequest:
-    """What is this run?"""
+    """Asks for the run's specification."""
 
     role: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
-    """As what the asker will join it, empty for somebody who only looks."""
+    """Role in which the asker will join the run; empty for a client that only looks."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -13,11 +13,11 @@ class Split(enum.Enum):
     """Disjoint random streams of episodes."""
 
     TRAIN = "train"
-    """To learn from."""
+    """Episodes to learn from."""
     VAL = "val"
-    """To choose among checkpoints."""
+    """Episodes to choose among checkpoints."""
     TEST = "test"
-    """To measure success rates."""
+    """Episodes to measure success rates."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -27,7 +27,7 @@ class EpisodeKey:
     seed: int
     """Seed of the run."""
     split: Split
-    """Which random streams."""
+    """Split of the episode, which selects its random streams."""
     index: int
     """Number of the episode; those that are rejected leave gaps."""
 

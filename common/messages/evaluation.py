@@ -9,7 +9,7 @@ from readygo.common.messages.plan import RobotTrajectory
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EvaluationPlanRequest:
-    """What is driven here, and how?"""
+    """Asks which tasks and methods are driven in this evaluation, and how."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -21,13 +21,13 @@ class EvaluationPlan:
     control_hz: float | None
     """How often the policy decides [Hz]; None: as often as the robot is commanded."""
     camera: str
-    """Through whose camera the policy looks: "policy" or "robot"."""
+    """Camera through which the policy looks: "policy" or "robot"."""
     lockstep: int
     """Episodes that run side by side, for their views to share a request."""
     checkpoints: str
     """Folder of what was trained elsewhere."""
     method_hashes: dict[str, str]
-    """SHA-256 by method, of those that are files: they must be the same ones wherever they drive."""
+    """SHA-256 by method, of those that are files: every worker must have the same files."""
 
     def __post_init__(self) -> None:
         for method, sha256 in self.method_hashes.items():
@@ -36,7 +36,7 @@ class EvaluationPlan:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class DrivesRequest:
-    """What is missing of an episode that is leased under this attempt?"""
+    """Asks which drives are missing of an episode that is leased under this attempt."""
 
     index: int
     attempt: int
@@ -44,7 +44,7 @@ class DrivesRequest:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Drive:
-    """One method in one task."""
+    """One method that drives in one task."""
 
     task: str
     method: str
@@ -52,14 +52,14 @@ class Drive:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class DrivesReply:
-    """What is missing; an episode of which nothing is counts as done."""
+    """The missing drives; an episode without any counts as done."""
 
     drives: tuple[Drive, ...]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class KeepRequest:
-    """How a method did: kept once, whoever says it and however often."""
+    """Result of a method in an episode: kept once, however often and by however many workers it is sent."""
 
     index: int
     attempt: int

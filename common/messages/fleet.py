@@ -1,4 +1,4 @@
-"""Who works on a run, and at what; for whoever watches over it."""
+"""State of a run's workers, for programs that monitor it."""
 
 from dataclasses import dataclass
 
@@ -7,16 +7,16 @@ from readygo.common.messages.checks import check_printable
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FleetRequest:
-    """Who works on the run?"""
+    """Asks the coordinator which processes work on the run."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class HeldLease:
-    """What a worker holds."""
+    """A lease that a worker holds."""
 
     stage: str
     index: int
-    """Number of the episode."""
+    """Number of the episode in its run."""
     attempt: int
     held_s: float
     """Time since the lease began, or since the coordinator did [s]."""
@@ -30,14 +30,14 @@ class WorkerState:
     """A process of the fleet, as the coordinator sees it."""
 
     role: str
-    """Empty if it holds a lease, but is not there (any more)."""
+    """Role of the process; empty if it holds a lease, but is not there (any more)."""
     name: str
     silent_s: float
     """Time since it asked, renewed or reported anything [s]; recorders, which claim nothing, are never heard."""
     done: int
     """Stages of episodes that it completed since the coordinator started."""
     failed: int
-    """Those that failed."""
+    """Stages of episodes that failed on it since the coordinator started."""
     holds: tuple[HeldLease, ...]
 
     def __post_init__(self) -> None:
@@ -52,7 +52,7 @@ class FleetReply:
     stages: tuple[str, ...]
     """The run's stages in their order."""
     workers: tuple[WorkerState, ...]
-    """By role and name."""
+    """All workers, sorted by role and name."""
     done_per_minute: dict[str, float]
     """Episodes that passed a stage in the last minute, by stage."""
 

@@ -1,4 +1,4 @@
-"""Learning while a run goes on: policies that are offered to it, and what it has recorded."""
+"""Learning while a run continues: policies that are offered to it, and what it has recorded."""
 
 import re
 from dataclasses import dataclass
@@ -46,7 +46,7 @@ class CommittedEpisode:
     """An episode that is durable, with all that was recorded of it."""
 
     ITEMS_MAX: ClassVar[int] = 1_000_000
-    """See `readygo.common.messages.codec.ITEMS_MAX`: a sample takes a dozen."""
+    """Most lists, maps and arrays in the message, instead of the codec's default: a sample takes a dozen."""
 
     header: EpisodeHeader
     attempt: int

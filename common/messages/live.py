@@ -1,6 +1,6 @@
-"""What a run shows while it goes on; docs/live.md is the page for those who watch.
+"""What a run publishes while it continues; docs/live.md is the page for programs that subscribe.
 
-All of it is lossy, none of it is recorded, and nobody makes any of it while nobody listens.
+All of it is lossy, none of it is recorded, and a process makes a message only while a subscriber listens.
 """
 
 from dataclasses import dataclass, field
@@ -22,9 +22,9 @@ class LivePreview:
     time_ns: int
     """Simulated time since the episode began [ns]."""
     format: str
-    """"jpeg" or "png"."""
+    """Encoding of the images: "jpeg" or "png"."""
     image: bytes
-    """The first camera's."""
+    """Image of the first camera, encoded."""
     outputs: dict[str, bytes] = field(default_factory=dict, hash=False, metadata=OMITTED_WHEN_DEFAULT)
     """Those of the other cameras, in the same format, and depths, as PNG, by their names
     (`readygo.common.images.names`)."""
@@ -41,20 +41,20 @@ class LiveState:
     sample_count: int
     driver: Driver
     goal_xy_m: tuple[float, float]
-    """In the world [m]."""
+    """Goal in the world: x, y [m]."""
     robot_xyzyaw: tuple[float, float, float, float]
-    """On the floor: x, y, z [m], yaw [rad]."""
+    """Robot on the floor: x, y, z [m], yaw [rad]."""
     v_mps: float
     w_radps: float
     humans_xyzyaw: tuple[tuple[float, float, float, float], ...]
-    """On the floor: x, y, z [m], yaw [rad]."""
+    """Humans on the floor: x, y, z [m], yaw [rad]."""
     human_visible: bool
     human_distance_m: float
-    """Infinite without humans."""
+    """Distance to the nearest human [m]; infinite without humans."""
     time_to_collision_s: float
     replanned: bool
     horizontal_fov_rad: float
-    """Of the robot's camera."""
+    """Horizontal field of view of the robot's camera [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -67,7 +67,7 @@ class LivePlan:
     robot_xyyaw: npt.NDArray[np.float32]
     """Way of the robot, five poses a second: x, y [m], yaw [rad], shape (T, 3)."""
     replanned: npt.NDArray[np.bool_]
-    """True where it planned anew since the pose before, shape (T,)."""
+    """True where the expert replanned since the pose before, shape (T,)."""
     humans_xy_m: tuple[npt.NDArray[np.float32], ...]
     """Ways of the humans, five points a second, shape (T_h, 2) each; they stand at the last one."""
 
@@ -112,12 +112,12 @@ class LiveHealth:
     cpu_s: float
     """CPU time of the process so far [s]."""
     memory_bytes: int
-    """What it alone holds."""
+    """Memory that only this process holds [bytes]."""
     disk_free_bytes: int
     """Room on the disk of its data; 0 without any."""
     disk_size_bytes: int
     metrics: str
-    """Where it shows its metrics, HOST:PORT; empty if nowhere."""
+    """Endpoint of its metrics, HOST:PORT; empty if there is none."""
 
     def __post_init__(self) -> None:
         check_printable("role", self.role)
@@ -135,7 +135,7 @@ class LiveCommit:
     outcome: Outcome
     driver: Driver
     policy: str
-    """See `EpisodeHeader.policy`."""
+    """SHA-256 of the offered policy that drove, as in `EpisodeHeader.policy`; empty if it was none."""
     sample_count: int
     shard: str
 
@@ -153,9 +153,9 @@ class LiveLoss:
     """Samples learned from so far."""
     train_loss: float
     validation_loss: float
-    """On episodes that are held out."""
+    """Loss on held-out episodes."""
     success_rate: float | None = None
-    """In closed loop, where it was measured."""
+    """Success rate in closed loop, 0..1, where it was measured."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -166,7 +166,7 @@ class LiveEvaluation:
     task: str
     """"static" or "dynamic": without humans or among them."""
     method: str
-    """Who drove: "policy", or the name of a baseline."""
+    """Method that drove: "policy", or the name of a baseline."""
     policy: str
     """SHA-256 over the files of the policy that is measured; empty for a baseline."""
     outcome: Outcome

@@ -21,7 +21,7 @@ class Outcome(enum.Enum):
 
 
 class Driver(enum.Enum):
-    """Who commanded the robot of a recorded episode."""
+    """Driver of the robot in a recorded episode."""
 
     EXPERT = "expert"
     POLICY = "policy"
@@ -37,7 +37,7 @@ class RobotTrajectory:
     actions: npt.NDArray[np.float64]
     """Command executed over the next dt: v [m/s], w [rad/s], shape (T, 2)."""
     replanned: npt.NDArray[np.bool_]
-    """True where the expert planned anew at this step, shape (T,)."""
+    """True where the expert replanned at this step, shape (T,)."""
     human_visible: npt.NDArray[np.bool_]
     """True where the robot perceives a human (field of view and range), shape (T,)."""
     human_distance_m: npt.NDArray[np.float64]

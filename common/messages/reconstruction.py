@@ -26,7 +26,7 @@ class ReconstructionJob:
     out: str = ""
     """The scene bundle to make."""
     work: str = ""
-    """State folder."""
+    """Folder of the job's state."""
     license: str = ""
     config: str = ""
     """`ReconstructorConfig` as JSON."""
@@ -39,11 +39,11 @@ class ReconstructionProgress:
     attempt: int
     stage: str
     number: int
-    """Of the stage, from 1."""
+    """Number of the stage, from 1."""
     stages: int
-    """How many there are."""
+    """Number of stages."""
     share: float
-    """Of the stage, 0 to 1."""
+    """Finished share of the stage, 0..1."""
     words: str = ""
     picture: bytes = b""
     """PNG of what is being made, with the first message that comes after it is drawn."""

@@ -24,7 +24,7 @@ Source: foxglove.CameraCalibration, https://docs.foxglove.dev/docs/sdk/schemas/c
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class HumanLabels:
-    """Where a human's body is at one time, in the world."""
+    """Labels of a human's body at one time, in the world."""
 
     joints_m: npt.NDArray[np.float32]
     """The 24 joints of SMPL, the pelvis first [m], shape (24, 3)."""
@@ -47,7 +47,7 @@ class Sample:
     seq: int
     """Number of the sample in its episode, from 0."""
     crc32: int
-    """See `sample_crc32`."""
+    """Checksum of image and outputs, from `sample_crc32`."""
     time_ns: int
     """Simulated time since the episode began [ns]."""
     image: bytes
@@ -71,11 +71,11 @@ class Sample:
     labels: tuple[HumanLabels, ...] = field(default=(), hash=False, metadata=OMITTED_WHEN_DEFAULT)
     """Labels of the humans in the order of `humans_xyzyaw`; none unless `EpisodeHeader.labels` says so."""
     expert_commands: tuple[tuple[float, float], ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
-    """What the expert would have the robot execute from here on, whoever drives: v [m/s], w [rad/s] over the next
-    step and over every further one; none where nobody asked it."""
+    """The expert's labels, whether it drives or a policy: commands v [m/s], w [rad/s] over the next step and over every
+    further one; empty where the expert was not asked."""
     risks: bytes = field(default=b"", metadata=OMITTED_WHEN_DEFAULT)
     """What would become of the robot under each command of `readygo.common.robot.command_grid`: 0 nothing, 1 a
-    collision with an obstacle, 2 one with a human; empty where nobody looked."""
+    collision with an obstacle, 2 one with a human; empty where this was not computed."""
 
     @property
     def intact(self) -> bool:
@@ -134,7 +134,7 @@ class EpisodeHeader:
     avatars: tuple[str, ...]
     encounters: tuple[str, ...]
     image_format: str
-    """"jpeg" or "png"."""
+    """Encoding of the images: "jpeg" or "png"."""
     height_px: int
     width_px: int
     K_px: tuple[float, ...]
@@ -148,7 +148,7 @@ class EpisodeHeader:
     outcome: Outcome = field(default=Outcome.SUCCESS, metadata=OMITTED_WHEN_DEFAULT)
     """How the episode ended."""
     driver: Driver = field(default=Driver.EXPERT, metadata=OMITTED_WHEN_DEFAULT)
-    """Who drove."""
+    """Driver of the robot: the expert or a policy."""
     policy: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
     """SHA-256 of the offered policy that drove, see `OfferReply.sha256`; empty if it was none: the expert
     drove, or the policy that the run began with."""
@@ -176,14 +176,14 @@ class AppendRequest:
     samples: tuple[Sample, ...]
     last: bool
     lease: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
-    """`ClaimReply.lease` of the sender."""
+    """Secret of the sender's lease, from `ClaimReply.lease`."""
 
 
 class AppendStatus(enum.Enum):
     """What became of a batch."""
 
     OK = "ok"
-    """Buffered."""
+    """The batch is buffered."""
     COMMITTED = "committed"
     """The episode is durable."""
     DUP = "dup"

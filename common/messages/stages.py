@@ -1,6 +1,7 @@
 """The assembly line as data, and the requests and replies of its stages: one message pair per handler.
 
-A reply with a non-empty `rejected` says why the episode shall not go on; `Stage.on_rejection` says whether it does.
+A reply with a non-empty `rejected` says why the stage rejects the episode; `Stage.on_rejection` says whether the
+episode continues all the same.
 """
 
 import enum
@@ -19,7 +20,7 @@ class OnRejection(enum.Enum):
     SKIP = "skip"
     """Its index is left out for good, and the next index takes its place."""
     KEEP = "keep"
-    """It goes on with the stage's result, in which later stages find the outcome."""
+    """It continues with the stage's result, in which later stages find the outcome."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -29,7 +30,7 @@ class Stage:
     name: str
     """Part of the stage's topics, and its name in ledger and status."""
     role: str
-    """The workers that do it."""
+    """Role of the workers that do the stage."""
     needs: tuple[str, ...] = ()
     """Names of the earlier stages whose results it gets, in this order."""
     on_rejection: OnRejection = OnRejection.SKIP
@@ -45,12 +46,12 @@ EXPERT_LINE = (HUMAN_PLAN, ANIMATE, ROBOT_PLAN, RENDER)
 """An expert among humans: the line of a run whose spec names no other."""
 DRIVE = Stage(name="drive", role="driver", needs=(HUMAN_PLAN.name, ANIMATE.name), records=True)
 DRIVE_LINE = (HUMAN_PLAN, ANIMATE, DRIVE)
-"""A policy or the expert among humans, whatever the outcome; the expert says at every state what it would do."""
+"""A policy or the expert among humans, recorded with every outcome; the expert labels every state."""
 EVALUATE = Stage(name="evaluate", role="evaluator", records=True)
 EVALUATE_LINE = (EVALUATE,)
-"""Every method through one episode; who keeps the records stands in a recorder's place."""
+"""Every method through one episode; the process that keeps the results takes the recorder's role."""
 STAGES = (*EXPERT_LINE, DRIVE, EVALUATE)
-"""All that there are."""
+"""All stages that a run's spec may name."""
 
 
 def check_stages(stages: Sequence[Stage]) -> None:

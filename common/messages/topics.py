@@ -1,6 +1,6 @@
 """Every topic of the bus, with the messages that it carries; all lie below the run's own prefix.
 
-A `Topic` is answered by one server, a `Stream` is heard by whoever likes to.
+A `Topic` is answered by one server, a `Stream` is heard by any number of subscribers.
 """
 
 from dataclasses import dataclass
@@ -71,7 +71,7 @@ Message = TypeVar("Message")
 
 @dataclass(frozen=True, slots=True)
 class Topic(Generic[Request, Reply]):
-    """Where requests are answered."""
+    """Name of requests of one kind, which one server answers."""
 
     name: str
     request_type: type[Request]
@@ -80,7 +80,7 @@ class Topic(Generic[Request, Reply]):
 
 @dataclass(frozen=True, slots=True)
 class Stream(Generic[Message]):
-    """Where messages are published; who is slow, or comes late, misses some."""
+    """Name under which messages of one kind are published. Lossy: slow or late subscribers miss messages."""
 
     name: str
     message_type: type[Message]
@@ -88,7 +88,7 @@ class Stream(Generic[Message]):
 
 @dataclass(frozen=True, slots=True)
 class Live(Generic[Message]):
-    """What every participant of one kind may show, each on a stream of its own."""
+    """What every participant of one kind may publish, each on a separate stream."""
 
     kind: str
     message_type: type[Message]
@@ -127,7 +127,7 @@ RECONSTRUCTION_REPORT = Topic("reconstruct/report", ReconstructionReport, Verdic
 PROGRESS = Stream("live/progress", StatusReply)
 """The coordinator's status, a few times a second."""
 WAKE = Stream("live/wake", Wake)
-"""When there may be work for somebody who was told to wait."""
+"""Sent when there may be work for a worker that was told to wait."""
 PREVIEW = Live("preview", LivePreview, every_s=0.2)
 STATE = Live("state", LiveState, every_s=0.2)
 PLAN = Live("plan", LivePlan)
@@ -144,32 +144,32 @@ RECONSTRUCTION = Stream("live/reconstruct", ReconstructionProgress)
 
 
 def claim(stage: str) -> Topic[ClaimRequest, ClaimReply]:
-    """Where the workers of a stage ask for work."""
+    """Topic on which the workers of a stage ask for work."""
     return Topic(f"coord/{stage}/claim", ClaimRequest, ClaimReply)
 
 
 def renew(stage: str) -> Topic[RenewRequest, Verdict]:
-    """Where the workers of a stage prolong their leases."""
+    """Topic on which the workers of a stage prolong their leases."""
     return Topic(f"coord/{stage}/renew", RenewRequest, Verdict)
 
 
 def complete(stage: str) -> Topic[CompleteRequest, Verdict]:
-    """Where the workers of a stage hand over what they have made."""
+    """Topic on which the workers of a stage hand over their results."""
     return Topic(f"coord/{stage}/complete", CompleteRequest, Verdict)
 
 
 def append(recorder: str) -> Topic[AppendRequest, AppendReply]:
-    """Where a recorder takes samples."""
+    """Topic on which a recorder takes samples."""
     return Topic(f"rec/{recorder}/append", AppendRequest, AppendReply)
 
 
 def render(renderer: str) -> Topic[RenderRequest, RenderReply]:
-    """Where a renderer draws views."""
+    """Topic on which a renderer draws views."""
     return Topic(f"render/{renderer}", RenderRequest, RenderReply)
 
 
 def presence(role: str, name: str) -> str:
-    """Where a worker's liveliness tokens lie; "*" stands for any role or name.
+    """Key of a worker's liveliness tokens; "*" stands for any role or name.
 
     `{session}` below it says that the worker is there, `claim/{session}` that it has or wants the name, and
     `turn/{number}` which of those who had it one after the other it is.

@@ -1,4 +1,4 @@
-"""EfficientNet-B0 as the published weights have it: padded as for images of 224 pixels, whatever comes in.
+"""EfficientNet-B0 as the published weights have it: images of every size are padded as for 224 pixels.
 
 Source: Tan & Le, EfficientNet: Rethinking model scaling for convolutional neural networks, ICML 2019, table 1.
 """
@@ -11,7 +11,7 @@ from torch.nn import functional
 
 CHANNELS = 1280
 CLASSES = 1000
-"""Of a layer that nothing uses, but that the weights hold."""
+"""Classes of a last layer that nothing uses, but that the published weights hold."""
 _BLOCKS = (
     (1, 3, 1, 1, 32, 16),
     (2, 3, 2, 6, 16, 24),
@@ -23,7 +23,7 @@ _BLOCKS = (
 )
 """Repeats, kernel, stride of the first one, expansion, channels in and out."""
 DROPOUT = 0.2
-"""Of the pooled features, in training."""
+"""Dropout of the pooled features in training."""
 Norm = Callable[[int], nn.Module]
 
 

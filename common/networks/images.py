@@ -7,9 +7,9 @@ import numpy.typing as npt
 import torch
 
 MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
-"""Of ImageNet's images."""
+"""Mean and standard deviation of the colours of ImageNet's images, 0..1."""
 ASPECT = 4 / 3
-"""Of the images that the networks learned from; wider ones lose their sides."""
+"""Aspect ratio of the images that the networks learned from; wider images lose their sides."""
 
 
 def small_image(image: npt.NDArray[np.uint8], width_px: int, height_px: int) -> torch.Tensor:
@@ -17,8 +17,8 @@ def small_image(image: npt.NDArray[np.uint8], width_px: int, height_px: int) -> 
 
     Args:
         image: sRGB image, shape (H, W, 3).
-        width_px: Of the result.
-        height_px: Of the result.
+        width_px: Width of the result [px].
+        height_px: Height of the result [px].
 
     Returns:
         Values 0..1, shape (3, height, width).

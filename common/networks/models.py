@@ -13,7 +13,7 @@ from readygo.common.networks.mobilenet import mobilenet_features
 from readygo.common.networks.unet import ConditionalUnet, Ddpm
 
 WAYPOINTS = 5
-"""Of GNM and ViNT."""
+"""Waypoints that GNM and ViNT predict."""
 NOMAD_WAYPOINTS = 8
 NOMAD_LOW, NOMAD_HIGH = (-2.5, -4.0), (5.0, 4.0)
 """Range that NoMaD's steps are normalised by."""
@@ -36,7 +36,7 @@ class NavigationNetwork(Protocol):
 
 
 class Gnm(nn.Module):
-    """GNM."""
+    """GNM, general navigation model: predicts waypoints and distance from images and the goal's image."""
 
     frames, width_px, height_px = 6, 85, 64
 
@@ -60,7 +60,7 @@ class Gnm(nn.Module):
         return self.dist_predictor(features)[:, 0], _summed(self.action_predictor(features))
 
     def waypoints(self, images: torch.Tensor, goal: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
-        """See `NavigationNetwork.waypoints`."""
+        """Waypoints ahead: x forward, y left, in units of 0.25 s at full speed, and heading, shape (B, 5, 4)."""
         return self.predict(images, goal)[1]
 
 
@@ -85,7 +85,7 @@ class Decoder(nn.Module):
 
 
 class Vint(nn.Module):
-    """ViNT."""
+    """ViNT, visual navigation transformer: predicts waypoints and distance from images and the goal's image."""
 
     frames, width_px, height_px = 6, 85, 64
 
@@ -99,17 +99,17 @@ class Vint(nn.Module):
         _lay_out(self)
 
     def predict(self, images: torch.Tensor, goal: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """See `Gnm.predict`."""
+        """Distances to the goal, in looks (B,), and waypoints (B, 5, 4), as `Gnm.predict`."""
         features = self.decoder(_tokens(self, images, goal))
         return self.dist_predictor(features)[:, 0], _summed(self.action_predictor(features))
 
     def waypoints(self, images: torch.Tensor, goal: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
-        """See `NavigationNetwork.waypoints`."""
+        """Waypoints ahead: x forward, y left, in units of 0.25 s at full speed, and heading, shape (B, 5, 4)."""
         return self.predict(images, goal)[1]
 
 
 class VisionEncoder(nn.Module):
-    """NoMaD's encoder."""
+    """NoMaD's encoder of the images and the goal's image."""
 
     def __init__(self, frames: int) -> None:
         super().__init__()
@@ -150,7 +150,7 @@ class Distance(nn.Module):
 
 
 class Nomad(nn.Module):
-    """NoMaD with a goal."""
+    """NoMaD with a goal: draws waypoints by diffusion from images and the goal's image."""
 
     frames, width_px, height_px = 4, 96, 96
 
@@ -162,7 +162,7 @@ class Nomad(nn.Module):
         _lay_out(self)
 
     def waypoints(self, images: torch.Tensor, goal: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
-        """See `NavigationNetwork.waypoints`."""
+        """Waypoints ahead: x forward, y left, in units of 0.25 s at full speed, shape (B, 8, 2)."""
         condition, ddpm = self.vision_encoder(images, goal), Ddpm()
         sample = torch.randn((len(images), NOMAD_WAYPOINTS, 2), generator=generator)
         for step in reversed(range(len(ddpm.betas))):

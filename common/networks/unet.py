@@ -63,7 +63,7 @@ class StepEncoding(nn.Module):
     """Sines of the diffusion step."""
 
     def forward(self, step: torch.Tensor) -> torch.Tensor:
-        """(B,) -> (B, 256)."""
+        """Encodings of diffusion steps, (B,) -> (B, 256)."""
         half = STEP_WIDTH // 2
         rate = torch.exp(torch.arange(half, device=step.device) * (-math.log(10000.0) / (half - 1)))
         angle = step[:, None] * rate

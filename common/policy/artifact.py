@@ -1,15 +1,14 @@
 """The policy artifact: a folder with `policy.toml`, `encoder.onnx`, `head.onnx` and `metrics.json`.
 
-Policies of any other shape are one graph with inputs of their own, see `readygo.common.policy.graph`.
+Policies of any other shape are one graph that names its inputs, see `readygo.common.policy.graph`.
 
 encoder.onnx: `image` uint8 (B, H, W, C) RGB -> `latent` float32 (B, L). With late fusion it sees one frame, C = 3; with
 early fusion all of them stacked along the channels, oldest first, C = 3 `frame_count`. Beside it, where the policy
 takes it, `depth` uint8 (B, H, W, C / 3), and of further cameras `image_left`, `depth_left`, see
 `readygo.common.policy.sight`.
 head.onnx: `features` float32 (B, F) -> `action` float32 (B, 2), v [m/s] and w [rad/s] within the robot's limits.
-The features are the latents (late fusion: of ..., t - 2 spacings, t - 1 spacing and t), then what the policy knows of
-its own motion (`MotionInput`), then the goal in the robot's frame (dx, dy) [m]. Every normalisation lies inside of the
-two graphs.
+The features are the latents (late fusion: of ..., t - 2 spacings, t - 1 spacing and t), then the ego-motion
+(`MotionInput`), then the goal in the robot's frame (dx, dy) [m]. Every normalisation lies inside of the two graphs.
 
 The head of a policy for several robots has a second input, `robot` float32 (B, 6): what
 `readygo.common.policy.traits.TRAITS` names of the robot, in SI units. Its commands are within that robot's limits.
@@ -37,11 +36,11 @@ from readygo.common.robot import RobotConfig
 
 POLICY_FORMAT = "readygo-policy/2"
 ROBOTS_FORMAT = "readygo-policy/4"
-"""Of policies for several robots: as the second format, but the head is told which robot it drives."""
+"""Format of policies for several robots: like the second format, but the head is told which robot it drives."""
 GRAPH_FORMAT = "readygo-policy/3"
-"""Of policies of one graph, see `readygo.common.policy.graph`."""
+"""Format of policies of one graph, see `readygo.common.policy.graph`."""
 FIRST_FORMAT = "readygo-policy/1"
-"""Of policies that name no inputs: theirs are `FIRST_INPUTS`."""
+"""Format of policies that name no inputs: theirs are `FIRST_INPUTS`."""
 GOAL_SCALE_M = 10.0
 """Goals are divided by this and clipped to [-1, 1] [m]."""
 ENCODER_FILE = "encoder.onnx"
@@ -63,14 +62,14 @@ class Goal(enum.Enum):
     """What a policy is told of its goal."""
 
     POINT = "point"
-    """Where it is in the robot's frame."""
+    """Position of the goal in the robot's frame: dx, dy [m]."""
     IMAGE = "image"
-    """What the robot would see there."""
+    """Image that the robot would see at the goal."""
     BOTH = "both"
 
 
 class MotionInput(enum.Enum):
-    """What a policy is told of its own motion."""
+    """Ego-motion that a policy is given."""
 
     POSES = "poses"
     """Poses of the older frames in the present robot frame (dx, dy [m], dyaw [rad] each), the oldest first, then
@@ -99,7 +98,7 @@ class PolicyInputs:
     images: tuple[str, ...] = (RGB,)
     """What each frame is of, in this order: see `readygo.common.policy.sight`."""
     goal: Goal = Goal.POINT
-    """What it is told of the goal; images of goals are for policies of one graph."""
+    """Form in which the policy gets its goal; images of goals are for policies of one graph."""
     robot: bool = False
     """True if the head is told which robot it drives."""
 
@@ -139,17 +138,17 @@ class PolicySpec:
     """What a policy was trained for."""
 
     robot: RobotConfig
-    """With the camera whose images it saw."""
+    """The robot, with the camera whose images the policy saw."""
     sensor: SensorConfig = field(default_factory=SensorConfig)
     """What varied of that camera from episode to episode."""
     frame_spacing_s: float = 0.5
     """Time between the frames [s]; a multiple of the time between two images of the robot's camera."""
     inputs: PolicyInputs = field(default_factory=PolicyInputs)
-    """What its graphs take."""
+    """Inputs of its encoder and head."""
     graph: GraphSpec | None = None
-    """Its graph, where it has one in place of encoder and head; `inputs` then says its frames and images alone."""
+    """Graph of a policy that has one instead of encoder and head; `inputs` then names only its frames and images."""
     training: Mapping[str, Any] = field(default_factory=dict)
-    """Where it comes from: data hashes, seed, versions."""
+    """Origin of the policy: data hashes, seed, versions."""
 
     def __post_init__(self) -> None:
         self.robot.clock.spacing_steps(self.frame_spacing_s)

@@ -35,7 +35,7 @@ class PolicyState:
 
     memory: PolicyMemory
     command: Command = (0.0, 0.0)
-    """The latest decision."""
+    """The latest command: v [m/s], w [rad/s]."""
 
 
 class PolicyDriver:
@@ -62,7 +62,7 @@ class PolicyDriver:
         return state
 
     def act(self, running: Sequence[tuple[EpisodeSimulation, PolicyState]]) -> list[Command | DriverFailure]:
-        """See `Driver.act`."""
+        """Commands of the policy for one control step, as `Driver.act` returns them."""
         simulations, states = zip(*running, strict=True)
         previous = np.array([(s.v_mps, s.w_radps) for s in simulations], dtype=np.float32)
         for state, command in zip(states, previous, strict=True):

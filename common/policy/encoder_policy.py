@@ -18,7 +18,7 @@ class EncoderPolicy(Policy):
     """A policy that remembers latents of images, or with early fusion the images."""
 
     def __init__(self, spec: PolicySpec, encoder: Any, head: Any) -> None:
-        """See `load_policy`.
+        """Keep the sessions of both graphs; `load_policy` makes a policy from files.
 
         Args:
             spec: What it was trained for.
@@ -40,7 +40,7 @@ class EncoderPolicy(Policy):
         commands: npt.NDArray[np.float32],
         goals_xy_m: npt.NDArray[np.float32],
     ) -> npt.NDArray[np.float32]:
-        """See `Policy.decide`."""
+        """Commands v [m/s], w [rad/s] within the robot's limits, shape (B, 2)."""
         return self._answer(self.features(memories, commands, goals_xy_m), [memory.traits for memory in memories])
 
     def encode(self, images: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
@@ -76,7 +76,7 @@ class EncoderPolicy(Policy):
             latents: One row per episode, with late fusion those of all frames, shape (B, `latents_width`).
             motion: Features of own motion, see `MotionInput`, shape (B, M).
             goals_xy_m: Goals in the robots' frames (x forward, y left) [m], shape (B, 2).
-            traits: Of the robots, for a policy that knows several, shape (B, TRAIT_COUNT); its own robot's by default.
+            traits: Robot parameters, for a policy that knows several, shape (B, TRAIT_COUNT); of its robot by default.
 
         Returns:
             Commands v [m/s], w [rad/s] within the robot's limits, shape (B, 2).
@@ -93,9 +93,9 @@ class EncoderPolicy(Policy):
         """What the head is given to `decide`: latents, own motion and goal in SI units, shape (B, `feature_count`).
 
         Args:
-            memories: As for `decide`.
-            commands: As for `decide`, shape (B, 2).
-            goals_xy_m: As for `decide`, shape (B, 2).
+            memories: What `start` returned, one per episode.
+            commands: Commands executed over the last step: v [m/s], w [rad/s], shape (B, 2).
+            goals_xy_m: Goals in the robots' frames (x forward, y left) [m], shape (B, 2).
         """
         own = [memory.own_motion(command) for memory, command in zip(memories, commands, strict=True)]
         motion = motion_features(self.spec.inputs.motion, np.stack(own))

@@ -1,4 +1,4 @@
-"""Policies of any shape: one ONNX graph whose inputs `policy.toml` names, with a state of its own if it has one.
+"""Policies of any shape: one ONNX graph whose inputs `policy.toml` names, with a recurrent state if it has one.
 
     format = "readygo-policy/3"
     frame_spacing_s = 0.5
@@ -78,7 +78,7 @@ class GraphSpec:
         """The graph of a `policy.toml`.
 
         Raises:
-            ValueError: If something is given that nobody has.
+            ValueError: If an input asks for a quantity that does not exist.
         """
         return cls(
             inputs={str(name): Given(given) for name, given in mapping["inputs"].items()},
@@ -88,7 +88,7 @@ class GraphSpec:
         )
 
     def to_mapping(self) -> dict[str, Any]:
-        """As plain values."""
+        """Plain values for `policy.toml`."""
         return {
             "action": self.action,
             "rate_hz": self.rate_hz,

@@ -24,13 +24,13 @@ _FRAME_JITTER_NS = 5_000_000
 
 
 class GraphPolicy(Policy):
-    """A policy of one graph."""
+    """A policy of one ONNX graph that `policy.toml` describes."""
 
     def __init__(self, spec: PolicySpec, session: Any) -> None:
-        """See `load_policy`.
+        """Check that the graph fits its spec; `load_policy` makes one from files.
 
         Args:
-            spec: With a graph.
+            spec: What it was trained for, with a graph.
             session: onnxruntime's session of it.
 
         Raises:
@@ -44,7 +44,7 @@ class GraphPolicy(Policy):
         self._frame_channels = channels_by_image(spec.inputs.images)
 
     def remembered_image(self, images: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
-        """The images themselves."""
+        """The images themselves, unchanged: the graph takes images, not latents."""
         self.check_images(images)
         return images
 
@@ -54,7 +54,7 @@ class GraphPolicy(Policy):
         commands: npt.NDArray[np.float32],
         goals_xy_m: npt.NDArray[np.float32],
     ) -> npt.NDArray[np.float32]:
-        """See `Policy.decide`; between two decisions of the graph the last one holds.
+        """Commands v [m/s], w [rad/s], shape (B, 2); between two decisions of the graph the last one holds.
 
         Raises:
             PolicyError: If it wants an image of the goal, and there is none.
@@ -76,7 +76,7 @@ class GraphPolicy(Policy):
         action, *after = self._session.run([self._graph.action, *self._graph.state.values()], fed)
         kept.state = dict(zip(self._graph.state, after, strict=True))
         period_ns = round(1e9 / self._graph.rate_hz)
-        # Its rhythm is kept where images come nearly in time, and begins anew after a pause.
+        # Its rhythm is kept where images come nearly in time, and starts again after a pause.
         late = kept.decision is None or now_ns - kept.due_ns >= period_ns
         kept.decision = self._limited(action, memory.traits[LIMITS_AT:])
         kept.due_ns = (now_ns if late else kept.due_ns) + period_ns
@@ -115,7 +115,7 @@ def _ports(graph: GraphSpec, session: Any) -> dict[str, Port]:
     """The graph's inputs by name.
 
     Raises:
-        PolicyError: If it has others than it is given, lacks an output, or one is of a type that nobody gives.
+        PolicyError: If it has others than it is given, lacks an output, or one is of a type that no input provides.
     """
     inputs, outputs = {item.name: item for item in session.get_inputs()}, {item.name for item in session.get_outputs()}
     named = {*graph.inputs, *graph.state}

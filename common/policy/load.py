@@ -1,4 +1,4 @@
-"""Loading an exported policy with onnxruntime: one thread, the same numbers whatever the batch."""
+"""Loading an exported policy with onnxruntime: one thread, so the numbers do not depend on the batch."""
 
 from pathlib import Path
 from typing import Any

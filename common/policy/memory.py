@@ -23,9 +23,9 @@ class Kept:
     decision: npt.NDArray[np.float32] | None = None
     """The latest command: v [m/s], w [rad/s], shape (2,)."""
     due_ns: int = 0
-    """When it decides anew [ns]."""
+    """Simulated time of its next decision [ns]."""
     goal_image: npt.NDArray[np.uint8] | None = None
-    """What the robot would see at the goal, sRGB, shape (H, W, 3), where somebody has told."""
+    """Image that the robot would see at the goal, sRGB, shape (H, W, 3); None where it is not known."""
 
 
 class PolicyMemory:

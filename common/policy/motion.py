@@ -46,10 +46,10 @@ def own_motion(older: Array, present: Array, commands: npt.NDArray[np.float32]) 
 
 
 def motion_features(motion: MotionInput, poses: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """What a policy is told of its own motion where all is known.
+    """Ego-motion features of a policy where the motion is fully known.
 
     Args:
-        motion: What it takes.
+        motion: Form in which the policy takes them.
         poses: From `own_motion`, shape (N, 3 K + 2).
 
     Returns:

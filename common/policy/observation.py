@@ -1,4 +1,4 @@
-"""What a robot knows at one step: all that a method is given that somebody evaluates."""
+"""What a robot knows at one step: everything that an evaluated method is given."""
 
 from dataclasses import dataclass
 

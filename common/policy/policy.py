@@ -23,7 +23,7 @@ from readygo.common.robot import RobotConfig
 from readygo.common.robot.ranges import OF_CAMERA
 
 LIMITS = ("v_max_mps", "v_min_mps", "w_max_radps", "a_max_mps2", "alpha_max_radps2", "control_hz", "camera_hz")
-"""Of `RobotConfig`: what a policy's commands are within, and how often they and its images come."""
+"""Fields of `RobotConfig` that limit a policy's commands, and set the rates of commands and images."""
 
 
 class Policy(abc.ABC):
@@ -40,7 +40,7 @@ class Policy(abc.ABC):
             spec: What it was trained for.
         """
         self.spec = spec
-        """What it was trained for."""
+        """Robot, camera and inputs that the policy was trained for."""
 
     def for_robot(self, robot: RobotConfig) -> "Policy":
         """The policy as it drives one of the robots that it knows; itself if it knows one alone.
@@ -162,7 +162,7 @@ def check_policy_camera(spec: PolicySpec, robot: RobotConfig, sensor: SensorConf
     """Raise PolicyError unless the robot has the cameras that the policy was trained with, or one of its ranges.
 
     Args:
-        spec: Of the policy.
+        spec: What the policy was trained for.
         robot: Whose cameras shall look.
         sensor: What shall vary of them; None leaves that out.
     """

@@ -22,7 +22,7 @@ def known_as(trained: RobotConfig, robot: RobotConfig, names: Sequence[str]) -> 
 
     Args:
         trained: The policy's, with its ranges.
-        robot: What it shall drive: one robot, or several of ranges of their own.
+        robot: The robot to drive: one robot, or several, described by their ranges.
         names: Ranges that are looked at.
 
     Raises:

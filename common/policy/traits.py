@@ -12,7 +12,7 @@ TRAITS = ("mount_height_m", "tan_half_fov", "mount_pitch_rad", "radius_m", "v_ma
 down); the robot's radius; its limits."""
 TRAIT_COUNT = len(TRAITS)
 LIMITS_AT = 4
-"""Where the limits begin, which commands are in units of."""
+"""Index of the first limit in the robot parameters; commands are in units of the limits."""
 
 
 def traits_of(robot: RobotConfig) -> npt.NDArray[np.float64]:

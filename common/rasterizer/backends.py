@@ -69,12 +69,12 @@ def make_rasterizer(
 
 
 def packed_cloud(cloud: StaticCloud, cache: Path, *, normals: bool = False) -> PackedScene:
-    """A cloud packed for the backend cpu; in the cache folder, by whichever process comes first."""
+    """A cloud packed for the backend cpu, in the cache folder; the first process that needs it packs it."""
     return load_or_pack(cache / f"packed-{cloud.key}", cloud.load, normals=normals)
 
 
 def cloud_tree(cloud: StaticCloud, cache: Path, *, normals: bool = False) -> ChunkTree:
-    """As `packed_cloud`, with levels of detail; the first process takes about 30 s per million Gaussians."""
+    """A cloud as a tree with levels of detail, cached; the first process takes about 30 s per million Gaussians."""
     pack = partial(packed_cloud, cloud, cache, normals=normals)
     return load_or_build_tree(cache / f"lod-{cloud.key}", pack, normals=normals)
 

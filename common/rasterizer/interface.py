@@ -60,7 +60,7 @@ class View:
     shadows: GaussianCloud | None = None
     """A few more Gaussians, made for this view; they are in its colours and in no other image of it."""
     K_px: npt.NDArray[np.float64] | None = None
-    """Intrinsics [px] in place of the rasterizer's, for an image of the same size, shape (3, 3)."""
+    """Intrinsics [px] that replace the rasterizer's, for an image of the same size, shape (3, 3)."""
 
 
 class PinholeCamera(Protocol):
@@ -73,12 +73,12 @@ class PinholeCamera(Protocol):
 
     @property
     def height_px(self) -> int:
-        """Image height."""
+        """Image height [px]."""
         ...
 
     @property
     def width_px(self) -> int:
-        """Image width."""
+        """Image width [px]."""
         ...
 
 

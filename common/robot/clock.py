@@ -4,8 +4,7 @@ import math
 from dataclasses import dataclass
 
 LOWEST_HZ = 20
-"""Fewest simulated steps a second, as many as the motions of humans have rows: between two steps nobody looks for
-collisions."""
+"""Fewest simulated steps a second, equal to the rows of a human's motion: collisions are only checked at steps."""
 HIGHEST_HZ = 120
 """Most simulated steps a second."""
 

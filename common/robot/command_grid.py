@@ -15,7 +15,7 @@ SPEED_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
 TURN_SHARES = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
 """Yaw rates of the grid, in units of the robot's largest one."""
 OBSTACLE, HUMAN, UNKNOWN_RISK = 1, 2, 255
-"""What a command may lead to: a collision with an obstacle, or with a human; 0 is neither. Or nobody looked."""
+"""What a command may lead to: a collision with an obstacle, or with a human; 0 is neither. 255: not computed."""
 COMMAND_COUNT = len(SPEED_SHARES) * len(TURN_SHARES)
 """Commands of a robot that does not reverse."""
 

@@ -16,7 +16,7 @@ from readygo.common.robot.clock import LOWEST_HZ, Clock, make_clock
 from readygo.common.robot.ranges import OF_CAMERA, RobotRanges
 
 CAMERAS_MAX = 7
-"""Cameras besides the first one: each has channels of its own in a shard."""
+"""Most cameras besides the first one: each has separate channels in a shard."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,8 +73,8 @@ class RobotConfig:
             raise ValueError("ranges are for robots of one camera: leave out either [ranges] or the further cameras.")
         if self.ranges.horizontal_fov_deg and (camera.horizontal_fov_deg is None or camera.distortion != "none"):
             raise ValueError(
-                "ranges.horizontal_fov_deg needs a camera without distortion that has a horizontal_fov_deg of its own, "
-                "no fx_px."
+                "ranges.horizontal_fov_deg needs a camera without distortion that sets horizontal_fov_deg itself, "
+                "not fx_px."
             )
         try:
             self.ranges.check(lambda name, value: self.with_values({name: value}))

@@ -10,7 +10,7 @@ OF_CAMERA = ("mount_height_m", "horizontal_fov_deg", "mount_pitch_deg")
 
 @dataclass(frozen=True, kw_only=True)
 class RobotRanges(Ranges):
-    """Values that are drawn anew for every episode in place of the robot's own: (lowest, highest), uniformly.
+    """Ranges (lowest, highest) from which each episode draws values of the robot, uniformly.
 
     () keeps the robot's own value. The names are those of `RobotConfig` and `CameraConfig`.
     """

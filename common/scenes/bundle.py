@@ -101,7 +101,7 @@ def import_scene(
     """Make a scene bundle of a Gaussian file, or of a training's output folder.
 
     Args:
-        source: Whatever `readygo.common.gaussians.files.FORMATS` names.
+        source: File or folder of one of `readygo.common.gaussians.files.FORMATS`.
         out: Folder to make; must not exist.
         name: Name of the scene; the folder's by default.
         sky: Gaussians of the far surroundings, in the frame of `source`.
@@ -115,7 +115,7 @@ def import_scene(
         opacity_threshold: Opacity sum above which a voxel is occupied.
         human_height_m: Height of humans for their map [m].
         crop: What is kept of the scene, in metres after moving.
-        close_coarse: Keep everybody off ground that nobody filmed.
+        close_coarse: Keep robot and humans off ground that was not filmed.
         mirror: Take the mirror image of the file.
         drop_bad: Leave out Gaussians that cannot be drawn (`readygo.common.gaussians.defects`) instead of refusing the
             file, and those that are huge; their number is kept in `SceneSource.dropped_gaussians`.

@@ -19,9 +19,9 @@ from readygo.common.maps import FloorMap, SightMap
 from readygo.common.maps.sight import is_clear
 
 FILMED_MIN = 0.5
-"""Places with a smaller share of filmed rays show too much that nobody filmed."""
+"""Places with a smaller share of filmed rays show too much that was not filmed."""
 CAMERAS_MAX = 400
-"""Of more cameras so many are taken, evenly."""
+"""Most cameras that are used; of more, so many are taken evenly."""
 FAR_M = 8.0
 """What is farther from a camera, or a place, tells nothing of it [m]."""
 BINS = 16

@@ -29,7 +29,7 @@ FILMED_FILE = "maps/filmed_share.npy"
 RECONSTRUCTION_FILE = "reconstruction.json"
 _REMEDY = "import the scene again"
 _GRID_BYTES_MAX = 2**28
-"""Of a grid's file: 33 million cells in double precision."""
+"""Largest file of a grid [bytes]: 33 million cells in double precision."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,11 +37,11 @@ class SceneMaps:
     """The maps of a scene; each is read when it is first used."""
 
     folder: Path
-    """The bundle."""
+    """Folder of the scene's bundle."""
     floor_frame: GridFrame
-    """Where the grid of `floor` lies."""
+    """Frame of the floor's grid in the world."""
     config: MapConfig
-    """How the maps were made."""
+    """Settings that the maps were made with."""
 
     @cached_property
     def robot(self) -> OccupancyMap:
@@ -87,7 +87,7 @@ class Scene:
     """A scene bundle. Gaussians and maps are read when they are first used."""
 
     name: str
-    """What it was called on import."""
+    """Name that the scene was given on import."""
     path: Path
     """Folder of the bundle."""
     content_hash: str
@@ -97,7 +97,7 @@ class Scene:
 
     @property
     def license(self) -> str:
-        """Terms under which the scene may be used; empty if nobody said."""
+        """Terms under which the scene may be used; empty if the bundle states none."""
         # The first bundles spell it the British way.
         return str(self.metadata.get("license", self.metadata.get("licence", "")))
 

@@ -25,7 +25,7 @@ FLAT_RATIO = 0.5
 SAMPLES_MAX = 200_000
 """Gaussians that are looked at; of larger files, evenly many of all parts."""
 LYING_COS = 0.94
-"""A flat Gaussian lies in a plane whose normal is within 20 deg of its own."""
+"""A flat Gaussian lies in a plane whose normal is within 20 deg of the Gaussian's normal."""
 LEVELS = 200
 """Slices, along a direction, that planes are looked for in."""
 PLANE_RATIO_MIN = 0.4
@@ -62,11 +62,11 @@ class UpCandidate:
     """A direction that may be up, and the floor that it would have."""
 
     name: str
-    """As `--up` takes it: an axis such as -y, or three numbers."""
+    """Name of the direction, as `--up` takes it: an axis such as -y, or three numbers."""
     up: Floats
-    """Unit vector, shape (3,)."""
+    """Unit vector that points up, in the file's axes, shape (3,)."""
     floor: float
-    """Where the floor is along `up`."""
+    """Coordinate of the floor along `up`, in the file's units."""
     support: float
     """Share of all flat surface that lies in the floor, 0..1."""
     above: float
@@ -100,11 +100,11 @@ class Survey:
     low: Floats
     """Along each axis, 1 % of the Gaussians are below, shape (3,)."""
     high: Floats
-    """And 1 % above, shape (3,)."""
+    """Along each axis, 1 % of the Gaussians are above, shape (3,)."""
     ups: tuple[UpCandidate, ...]
-    """Best first."""
+    """Directions that may be up, best first."""
     scales: tuple[ScaleCandidate, ...]
-    """Most telling first."""
+    """Possible scales, most telling first."""
 
     @property
     def likely_ups(self) -> tuple[UpCandidate, ...]:
@@ -136,7 +136,7 @@ class _Flat:
 
 
 def survey(cloud: GaussianCloud) -> Survey:
-    """Look at a cloud in whatever axes and units; numbers must be finite, rotations of length 1."""
+    """Look at a cloud in any axes and units; numbers must be finite, rotations of length 1."""
     stride = -(-len(cloud) // SAMPLES_MAX)
     flat = _flat(cloud.select(np.arange(0, len(cloud), stride)))
     low, high = np.quantile(flat.all_means, [0.01, 0.99], axis=0)

@@ -170,7 +170,7 @@ def shuffled(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
 
 
 def per_quarter(*lanes: int) -> list[int]:
-    """The same pick within each of the four 128-bit quarters."""
+    """Lane numbers that pick the same lanes within each of the four 128-bit quarters."""
     return [lane + 4 * quarter for quarter in range(4) for lane in lanes]
 
 
@@ -185,7 +185,7 @@ def _joined(builder: Any, parts: list[Any], lanes: int) -> Any:
 
 
 def _columns_of_quarters(builder: Any, rows: list[Any]) -> list[Any]:
-    """Of four vectors the 4x4 matrices that their quarters make, each transposed."""
+    """The 4x4 matrices that the quarters of four vectors make, each transposed."""
     low, high = per_quarter(0, 16, 1, 17), per_quarter(2, 18, 3, 19)
     low_pair, high_pair = per_quarter(0, 1, 16, 17), per_quarter(2, 3, 18, 19)
     a, b, c, d = rows

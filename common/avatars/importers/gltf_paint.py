@@ -23,7 +23,7 @@ class Material:
     texture: npt.NDArray[np.uint8] | None
     """sRGB and alpha, shape (H, W, 4)."""
     uv_matrix: Array
-    """From (u, v, 1) to texture coordinates, shape (2, 3)."""
+    """Maps (u, v, 1) to texture coordinates, shape (2, 3)."""
     alpha_mode: str
     alpha_cutoff: float
 

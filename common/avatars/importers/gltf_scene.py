@@ -53,14 +53,14 @@ class Part:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Tree:
-    """How the nodes of a file hang at each other."""
+    """How the nodes of a file depend on each other."""
 
     parents: list[int]
-    """-1 for none."""
+    """Parent of each node, -1: none."""
     order: list[int]
     """All nodes, parents before their children."""
     depths: list[int]
-    """Steps to the root."""
+    """Steps from each node to its root."""
 
     def nearest(self, chosen: Collection[int]) -> list[int]:
         """The nearest ancestor of each node that is among some; -1 if there is none."""

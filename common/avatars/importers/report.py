@@ -13,7 +13,7 @@ class SkeletonReport:
     estimated: tuple[str, ...]
     """SMPL joints without a bone, placed by the measures of the body."""
     merged: dict[str, str]
-    """Bone of the file without a joint of its own -> SMPL joint that moves its skin."""
+    """Bone of the file that has no SMPL joint -> SMPL joint that moves its skin."""
     source: str
     """How bones were recognised: "names", "humanoid extension" or "geometry"."""
 

@@ -107,7 +107,7 @@ def smpl_joints(bone: Mapping[str, int], heads: Array, toes: Mapping[str, Array]
 
     Args:
         bone: SMPL joint -> bone.
-        heads: Of the bones, SMPL axes, soles at y = 0, shape (B, 3).
+        heads: Where the bones begin, SMPL axes, soles at y = 0, shape (B, 3).
         toes: Foremost point of each foot, by side.
     """
     place: dict[str, Array] = {joint: heads[number] for joint, number in bone.items()}

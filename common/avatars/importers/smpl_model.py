@@ -22,7 +22,7 @@ _ALL_KEYS = (*MODEL_KEYS, "f", "shapedirs")
 _BYTES_MAX = 2**28
 """A model with 300 shape directions has 60 MB in these arrays, 250 MB as a pickle of all."""
 _NUMBERS_MAX = 2**24
-"""Of an array; those of 300 shape directions are 6 million."""
+"""Most numbers in an array; those of 300 shape directions are 6 million."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,13 +30,13 @@ class SmplModel:
     """A SMPL body of one shape in its zero pose (y up, +x the body's left, +z facing)."""
 
     vertices_m: Array
-    """Shape (V, 3)."""
+    """Vertices in the zero pose [m], shape (V, 3)."""
     faces: npt.NDArray[np.int64]
     """Corners of triangles, shape (F, 3); F may be 0."""
     weights: Array
     """Skinning weights, shape (V, 24)."""
     joints_m: Array
-    """Shape (24, 3)."""
+    """Joints in the zero pose [m], shape (24, 3)."""
 
 
 def load_smpl_model(path: str | Path, *, betas: npt.ArrayLike | None = None) -> SmplModel:

@@ -23,7 +23,7 @@ FLATNESS = 0.12
 """Standard deviation along the normal, relative to the one along the surface."""
 OPACITY = 0.98
 COVER_PROBES_M = ((0.003, 0.0024), (0.006, 0.0042), (0.010, 0.006), (0.016, 0.0096), (0.024, 0.0144), (0.034, 0.02))
-"""Where along the normal, and within which distance, a covering layer such as a shirt over the skin is looked for."""
+"""Distances along the normal, and radii around them, at which a covering layer such as a shirt is looked for [m]."""
 # A saturated set of random disks of diameter r covers 0.547 of an area (Feder, Random sequential adsorption, 1980);
 # six candidates per sample fill about three quarters of that.
 _SATURATION = 0.75 * 0.547 * 4.0 / np.pi
@@ -34,7 +34,7 @@ class Mesh:
     """Triangles with what a sample needs, in metres."""
 
     corners_m: Array
-    """Shape (F, 3, 3)."""
+    """Corners of the triangles [m], shape (F, 3, 3)."""
     normals: Array
     """Outward unit normals at the corners, shape (F, 3, 3)."""
     weights: Array

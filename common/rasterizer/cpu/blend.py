@@ -205,12 +205,12 @@ def _blend_block(
     Args:
         ws: Workspace.
         depths: Where depths are summed up; None: the compiled code has no trace of them.
-        normals: Where normals are summed up; None: likewise.
+        normals: Where normals are summed up; None: the compiled code has no trace of them.
         place: Where the block's state begins.
         entry: First entry of the node.
         touched: A bit per entry.
-        x: Pixel centres [px].
-        y: See `x`.
+        x: Columns of the pixel centres [px].
+        y: Rows of the pixel centres [px].
 
     Returns:
         True if a pixel is not finished.

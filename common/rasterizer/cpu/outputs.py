@@ -20,10 +20,10 @@ class Sums(NamedTuple):
 
     depths: Depths | None = None
     normals: Singles | None = None
-    """Per tile 16 blocks of x, y, z of 4x4 px, shape (T * 768,)."""
+    """Sums of normals: per tile 16 blocks of x, y, z of 4x4 px, shape (T * 768,)."""
 
     def clear(self) -> None:
-        """Start an image."""
+        """Set all sums to zero before an image."""
         if self.depths is not None:
             self.depths.weighted_m.fill(0.0)
         if self.normals is not None:
@@ -39,9 +39,9 @@ def normal_block(
     Args:
         normal: Packed normals, flat; None: nothing is written.
         block: Number of the block.
-        x: Camera coordinates of the means [m].
-        y: See `x`.
-        z: See `x`.
+        x: Camera coordinates x of the means [m].
+        y: Camera coordinates y of the means [m].
+        z: Camera coordinates z of the means [m].
         R: Rotation from the frame of the covariances to the camera, row by row, nine values.
         ws: Workspace.
     """
@@ -103,7 +103,7 @@ def write_images(
 
 @inlined
 def _place(width: int, u: int, v: int) -> int:
-    """Where a pixel is in memory of one value per pixel."""
+    """Index of a pixel in memory that holds one value per pixel, tile by tile."""
     tile = (v >> 4) * ((width + 15) >> 4) + (u >> 4)
     return tile * 256 + (((v >> 2) & 3) * 4 + ((u >> 2) & 3)) * 16 + (v & 3) * 4 + (u & 3)
 

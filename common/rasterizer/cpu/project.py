@@ -51,7 +51,7 @@ class Gaussians(NamedTuple):
     sh_count: int
     """Coefficients per channel; 1: `colour` is used."""
     normal: npt.NDArray[np.int16] | None = None
-    """None where no normals are wanted; the compiled code then has no trace of them."""
+    """Packed shortest axes of the Gaussians, flat; None where no normals are wanted, and not compiled in."""
 
 
 class Skin(NamedTuple):
@@ -66,9 +66,9 @@ class Lit(NamedTuple):
     """The light on a human."""
 
     normal: npt.NDArray[np.int16]
-    """Of `packed_shading`, flat."""
+    """Packed normals that light falls on, as `packed_shading` gives them, flat."""
     terms: Singles
-    """Of `turned` into the camera's frame, flat; empty: the avatar's own colours."""
+    """Terms of the light in the camera's frame, as `turned` gives them, flat; empty: the avatar's own colours."""
 
 
 @inlined
@@ -88,10 +88,10 @@ def _image_block(optics: Optics, geometry: Singles, g: int, x: Any, y: Any, z: A
     Args:
         optics: Camera.
         geometry: Packed geometry.
-        g: Where the block begins there.
-        x: Camera coordinates of the means [m].
-        y: See `x`.
-        z: See `x`.
+        g: Index in `geometry` at which the block begins.
+        x: Camera coordinates x of the means [m].
+        y: Camera coordinates y of the means [m].
+        z: Camera coordinates z of the means [m].
         R: Rotation from the frame of the covariances to the camera, row by row, nine values.
         ws: Workspace.
     """
@@ -320,7 +320,7 @@ def project_human(
         cloud: Gaussians in canonical coordinates.
         skin: Joints and weights of its blocks.
         lit: The light on it.
-        lead: Of `lead_terms`, shape (5,).
+        lead: By how much the Gaussians are sorted as nearer, from `lead_terms`, shape (5,).
         A_CS: Transforms of the joints from canonical to camera coordinates, shape (24, 3, 4).
         chunks: Chunks that may be seen.
         slab: Depths that are drawn now.

@@ -182,7 +182,7 @@ class CpuRasterizer:
         Each new set of kinds of images (depths and mask; normals) is compiled when it is first asked for.
 
         Raises:
-            ValueError: As there, or if normals are wanted of a scene that was packed without.
+            ValueError: As `Rasterizer.render`, or if normals are wanted of a scene that was packed without.
         """
         wanted = checked_outputs(views, outputs, self._avatars)
         if "normal" in wanted and any(layer.normal is None for layer in self._layers):

@@ -2,7 +2,7 @@
 
 A box is kept as two int64 numbers: the tile that holds its top left corner, and the blocks that it covers there, in the
 next tile to the right, the one below and the one right below, 16 bits each. A box that meets more than these four
-tiles has the tile `LARGE`, and its bounds, packed as in `pack_box`, in place of the blocks.
+tiles has the tile `LARGE`, and its bounds, packed as in `pack_box`, instead of the blocks.
 """
 
 from typing import Any

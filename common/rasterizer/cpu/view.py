@@ -164,7 +164,7 @@ def posed_box(
 def add_human_chunk(
     view: PinholeView, low: Floats, high: Floats, reach: float, lead: Singles, i: int, n: int, out: VisibleChunks
 ) -> int:
-    """As `add_if_visible`, of a chunk that is sorted as nearer by up to what `lead_terms` say within its box."""
+    """Add a chunk of a human if it may be seen, sorted as nearer by up to what `lead_terms` say within its box."""
     end: int = add_if_visible(view, low, high, reach, i, n, out)
     if end > n and lead[4] > 0.0:
         most = float(lead[3])
@@ -193,12 +193,12 @@ def cull_human(
 
     Args:
         view: Camera.
-        lead: Of `lead_terms`, shape (5,).
+        lead: By how much the Gaussians are sorted as nearer, from `lead_terms`, shape (5,).
         A_CS: Transforms of the joints from canonical to camera coordinates, shape (24, 3, 4).
         box_start: First box of each chunk, shape (C + 1,).
         box_joint: Joint of each box, shape (B,).
         centre_m: Centres of the boxes around the means, canonical coordinates, shape (B, 3).
-        half_m: Their half sizes, shape (B, 3).
+        half_m: Half sizes of these boxes [m], shape (B, 3).
         reach_m: Largest distance from its mean at which a Gaussian of the chunk is drawn, shape (C,).
         out: Where to write.
     """

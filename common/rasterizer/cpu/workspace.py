@@ -1,4 +1,4 @@
-"""Memory of the CPU rasterizer that is used anew for every image."""
+"""Memory of the CPU rasterizer that is reused for every image."""
 
 from typing import Any, NamedTuple
 
@@ -39,15 +39,15 @@ class Workspace(NamedTuple):
     keys: Integers
     """Depth bits and record number of what this slab draws, shape (N,)."""
     sorted_keys: Integers
-    """The same, sorted, shape (N,)."""
+    """The keys of this slab sorted by depth, shape (N,)."""
     later: Integers
-    """Keys beyond the slab, shape (N,)."""
+    """Depth bits and record number of what lies beyond the slab, shape (N,)."""
     tile_place: Integers
     """Where each tile's next entry goes, and three places for entries that do not exist, shape (T + 3,)."""
     tile_alive: Integers
     """Bit k is set while the tile's 4x4 block k is not finished; 0 beyond the image, shape (T + slack,)."""
     quad_alive: Integers
-    """The same of a tile and its neighbours, laid out as a box's blocks, shape (T,)."""
+    """Unfinished blocks of a tile and its neighbours, laid out as a box's blocks, shape (T,)."""
     tile_state: Singles
     """Colour and transmittance, shape (T * 1024,)."""
     node_next: Integers

@@ -20,13 +20,13 @@ class Visibility:
     """The n Gaussians that may have touched the image; what comes after the backward pass is None before it."""
 
     index: Tensor
-    """Their numbers, ascending, int64, shape (n,)."""
+    """Indices of these Gaussians, ascending, int64, shape (n,)."""
     radius_px: Tensor
     """Larger half side of the box outside of which alpha is below 1/255 [px], shape (n,)."""
     gradient_px: Tensor | None = None
     """Derivatives of the loss by the projected means [1/px], shape (n, 2); what densification looks at."""
     absolute_gradient_px: Tensor | None = None
-    """The same with the absolute values of the pixels' shares summed up (if asked for), shape (n, 2)."""
+    """Sums of the pixels' absolute derivatives by the projected means [1/px], if asked for, shape (n, 2)."""
     weight: Tensor | None = None
     """Sum over all pixels of alpha times transmittance; 0: hidden, shape (n,)."""
 

@@ -122,7 +122,7 @@ def _weigh(raster: Raster, place: int, touched: int) -> Any:
     while touched:
         bit = touched & -touched
         touched ^= bit
-        # Finished pixels stay as they are, even if their block goes on: a difference of `TRANSMITTANCE_MIN` behind an
+        # Finished pixels stay as they are, even if their block continues: a difference of `TRANSMITTANCE_MIN` behind an
         # alpha of 0.99 would be a hundred times larger in the gradient.
         weight = load_f16(weights, k) * where(transmittance >= TRANSMITTANCE_MIN, transmittance, 0.0)
         transmittance = transmittance - weight
@@ -146,8 +146,8 @@ def _add_four(
         raster: Weights, and the state of the tile.
         place: Where the block's four planes begin in the state.
         values: Numbers of the records, `stride` for each, those of the planes from the `first` on.
-        first: See `values`.
-        stride: See `values`.
+        first: Index of the four planes' first number within a record.
+        stride: Numbers per record in `values`.
         entry: First entry of the node.
         drawing: Bits of the entries.
     """

@@ -184,7 +184,7 @@ def blend_gradients(
         ws: Workspace with the lists of the slab.
         raster: What the slab's `blend` noted.
         slopes: Derivatives of the loss by the planes.
-        replay: See `begin_replay`.
+        replay: State of the pixels as `begin_replay` makes it, which this call continues.
         absolute: Sum up the absolute values of each pixel's derivatives by the projected mean as well, in log2 units.
         out: Gradient records are added to.
     """

@@ -1,7 +1,7 @@
 """Colours of spherical harmonics, and what their derivatives are.
 
 The basis is that of `readygo.common.gaussians.sh_basis`, as polynomials that equal it on the unit sphere; derivatives
-are projected to the sphere's tangent plane, where it does not matter how the polynomials go on beyond the sphere.
+are projected to the sphere's tangent plane, where the polynomials' values off the sphere do not matter.
 
 Source: Kerbl et al., 3D Gaussian Splatting for Real-Time Radiance Field Rendering, 2023.
 """

@@ -81,11 +81,11 @@ class FrameGradients:
     """All Gaussians' rows if they were asked for, shape (m or N, K, 3)."""
     features: Singles | None
     R_CW: npt.NDArray[np.float64]
-    """Shape (3, 3)."""
+    """Derivative by the rotation from world to camera, shape (3, 3)."""
     p_WC: npt.NDArray[np.float64]
-    """Shape (3,)."""
+    """Derivative by the camera's centre in the world, shape (3,)."""
     means_px: Singles
-    """Shape (n, 2)."""
+    """Derivatives by the projected means, shape (n, 2)."""
     absolute_px: Singles | None
     """Sums of the pixels' absolute derivatives by the projected means, shape (n, 2)."""
     weights: Singles
@@ -97,7 +97,7 @@ class Drawn:
     """What a view looks like."""
 
     planes: Singles
-    """See `memory.PLANES`; sides are multiples of 16 px, features are filled up to a multiple of `FEATURE_GROUP`."""
+    """Image planes in the order of `memory.PLANES`; sides are multiples of 16 px, features of `FEATURE_GROUP`."""
     token: Singles
     """The frame stays in use while this lives."""
     index: npt.NDArray[np.int64]
@@ -176,7 +176,7 @@ class Frame:
         token = np.zeros(1, dtype=np.float32)
         self._token = weakref.ref(token)
         planes = self._raster.planes.reshape(-1, self._raster.height, self._raster.stride)
-        # Whoever holds the images keeps their memory; the frame does not.
+        # The caller that holds the images keeps their memory; the frame does not.
         self._raster = self._raster._replace(planes=np.empty(0, dtype=np.float32))
         return Drawn(planes, token, index[: self._rows], radius_px[: self._rows])
 

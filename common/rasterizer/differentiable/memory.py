@@ -20,7 +20,7 @@ derivatives of red, green, blue by the offset (9), which of them are not black (
 QUATERNION, SCALES, OPACITY, NUMBER, DERIVATIVES, COLOURED, RADIUS = 3, 7, 10, 11, 12, 21, 22
 """Rows of a group."""
 GROUP = GROUP_ROWS * 16
-"""Numbers per group."""
+"""Numbers per group of 16 Gaussians."""
 TRANSMITTANCE, RED, DEPTH, PLANES = 0, 1, 4, 5
 """Planes of an image: transmittance, red, green, blue, depth times weight, and then the features."""
 MOMENTS, WEIGHT, CHANNELS, FEATURES = (
@@ -75,7 +75,7 @@ class Kept(NamedTuple):
     """
 
     groups: Singles
-    """See `GROUP_ROWS`, shape (G * GROUP,)."""
+    """Groups of 16 Gaussians, with the rows of `GROUP_ROWS`, shape (G * GROUP,)."""
     lanes: npt.NDArray[np.int32]
     """Gaussians of each group, shape (G,)."""
     waiting: Integers
@@ -110,7 +110,7 @@ class Raster(NamedTuple):
     block_x: Singles
     """Columns of a tile's blocks within it [px], shape (16,)."""
     block_y: Singles
-    """Rows [px], shape (16,)."""
+    """Rows of a tile's blocks within it [px], shape (16,)."""
 
 
 class Gradients(NamedTuple):
@@ -128,7 +128,7 @@ class Gradients(NamedTuple):
     sums: Singles
     """The first 16 numbers of 16 gradient records, one row each, shape (16 * 16,)."""
     numbers: Integers
-    """Which Gaussians have weight, ascending."""
+    """Indices of the Gaussians that have weight, ascending."""
     means_m: Singles
     quats_wxyz: Singles
     scales_m: Singles
@@ -140,7 +140,7 @@ class Gradients(NamedTuple):
     weights: Singles
     """Sum of the Gaussian's weights over all pixels."""
     means_px: Singles
-    """By the projected means: all x, from `means_px[stride]` on all y."""
+    """Derivatives by the projected means: all x, from `means_px[stride]` on all y."""
     stride: int
     pose: Singles
     """Derivatives by R_CW, row by row, and by the camera centre, in 16 parts each, shape (12 * 16,)."""

@@ -26,7 +26,7 @@ def place_of(number: int) -> int:
 
 
 class PartialSumType(types.Type):
-    """A sum in parts."""
+    """Numba type of a sum in parts."""
 
     def __init__(self) -> None:
         super().__init__(name="PartialSum")
@@ -104,7 +104,7 @@ def _lanes_of(size: int, *picks: int) -> list[int]:
 
 
 def _by_quarters(builder: Any, sums: list[Any]) -> Any:
-    """Of as many sums as a register has quarters, a quarter of the lanes each."""
+    """Merge as many sums as a register has quarters, a quarter of the lanes each."""
     if len(sums) == 2:
         return _merged(builder, sums[0], sums[1], _lanes_of(4, 0, 2), _lanes_of(4, 1, 3))
     ab, cd = (_merged(builder, sums[k], sums[k + 1], _lanes_of(8, 0, 2), _lanes_of(8, 1, 3)) for k in (0, 2))

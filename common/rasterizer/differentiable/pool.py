@@ -1,4 +1,4 @@
-"""Memory that is handed out again once nobody refers to it any more."""
+"""Memory that is handed out again once no array refers to it any more."""
 
 import mmap
 import weakref

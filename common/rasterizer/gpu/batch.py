@@ -21,7 +21,7 @@ class Batch:
     T_world_camera: Tensor
     """Camera poses, OpenCV axes, float64, shape (B, 4, 4)."""
     avatar: Tensor
-    """Avatar of each human, -1: nobody, int32, shape (B, P)."""
+    """Avatar of each human, int32, shape (B, P); -1: this place is empty."""
     root_m: Tensor
     """Pelvises in the z-up world [m], float64, shape (B, P, 3)."""
     pose_axis_angle: Tensor

@@ -61,7 +61,7 @@ class ChunkedAvatar:
     joint: npt.NDArray[np.uint8]
     """Joints that move each Gaussian, shape (C, 4, 256)."""
     weight: Singles
-    """Their weights, shape (C, 4, 256)."""
+    """Skinning weights of these joints, shape (C, 4, 256)."""
     shading: Singles
     """Normals that light falls on, shape (C, 3, 256)."""
     box_joint: npt.NDArray[np.int32]
@@ -69,7 +69,7 @@ class ChunkedAvatar:
     box_centre_m: Singles
     """Centres of the boxes around those means of the chunk that the joint moves [m], shape (C, J, 3)."""
     box_half_m: Singles
-    """Their half sizes [m], shape (C, J, 3)."""
+    """Half sizes of these boxes [m], shape (C, J, 3)."""
 
 
 def morton_order(cloud: GaussianCloud) -> npt.NDArray[np.int64]:

@@ -20,7 +20,7 @@ class DeviceClouds:
     """The chunks of all scenes, then those of all avatars; C chunks, of which D belong to avatars."""
 
     scene_chunks: int
-    """C - D."""
+    """Number of the scenes' chunks, C - D."""
     human_chunks: int
     """Chunks of the largest avatar."""
     sh_count: int
@@ -34,11 +34,11 @@ class DeviceClouds:
     reaches: Tensor
     """How far the Gaussians of each chunk reach [m], shape (C,)."""
     geometry: Tensor
-    """See `ChunkedCloud.geometry`, shape (C, 11, 256)."""
+    """Mean, covariance, log2 opacity and squared reach, the rows of `GEOMETRY_ROWS`, shape (C, 11, 256)."""
     colours: Tensor
-    """See `ChunkedCloud.colour`, shape (C, 3, 256)."""
+    """Colours of degree 0, not clamped, shape (C, 3, 256)."""
     normals: Tensor
-    """See `ChunkedCloud.normal`, shape (C, 3, 256)."""
+    """Shortest axis of each Gaussian, in the frame of its covariance, shape (C, 3, 256)."""
     sh: Tensor
     """Higher coefficients of the S chunks that have them, filled up with zeros, shape (S, sh_count - 1, 3, 256)."""
     sh_rows: Tensor
@@ -46,19 +46,19 @@ class DeviceClouds:
     first_chunks: Tensor
     """First chunk of each avatar, counted from the first avatar's, int32, shape (A,)."""
     chunk_counts: Tensor
-    """Number of its chunks, int32, shape (A,)."""
+    """Number of each avatar's chunks, int32, shape (A,)."""
     joints: Tensor
-    """See `ChunkedAvatar.joint`, shape (D, 4, 256)."""
+    """Joints that move each Gaussian of the avatars, uint8, shape (D, 4, 256)."""
     weights: Tensor
-    """See `ChunkedAvatar.weight`, shape (D, 4, 256)."""
+    """Skinning weights of these joints, shape (D, 4, 256)."""
     shading: Tensor
-    """See `ChunkedAvatar.shading`, shape (D, 3, 256)."""
+    """Normals of the avatars that light falls on, shape (D, 3, 256)."""
     box_joints: Tensor
-    """See `ChunkedAvatar.box_joint`, shape (D, box_count)."""
+    """Joint that carries each box of an avatar's chunk, -1: no box, int32, shape (D, box_count)."""
     box_centres: Tensor
-    """See `ChunkedAvatar.box_centre_m`, shape (D, box_count, 3)."""
+    """Centres of these boxes [m], shape (D, box_count, 3)."""
     box_halves: Tensor
-    """See `ChunkedAvatar.box_half_m`, shape (D, box_count, 3)."""
+    """Half sizes of these boxes [m], shape (D, box_count, 3)."""
     skeletons: Skeletons
     """Joints of the avatars."""
 

@@ -15,15 +15,15 @@ class DeviceImages:
     rgb: Tensor
     """Colours before rounding, not clipped above 1, shape (B, H, W, 3)."""
     alpha: Tensor
-    """Shape (B, H, W)."""
+    """One minus the transmittance that is left, shape (B, H, W)."""
     depth_m: Tensor | None = None
-    """Shape (B, H, W)."""
+    """Mean depth along the optical axis, weighted as colours are [m]; inf where nothing is drawn, shape (B, H, W)."""
     median_depth_m: Tensor | None = None
-    """Shape (B, H, W)."""
+    """Depth of the Gaussian that brings the transmittance below one half [m]; inf: none, shape (B, H, W)."""
     mask: Tensor | None = None
-    """Uint8, shape (B, H, W)."""
+    """Human that this median Gaussian belongs to, counted from 1; 0: scene or none; uint8, shape (B, H, W)."""
     normal: Tensor | None = None
-    """Shape (B, H, W, 3)."""
+    """Mean normals in the camera's frame, of length 1; 0 where nothing is drawn, shape (B, H, W, 3)."""
 
 
 def rgb_bytes(rgb: Tensor) -> Tensor:

@@ -6,7 +6,7 @@ What differs from `readygo.common.rasterizer.constants`, and what is done about 
 - The Gaussian that would bring a pixel's transmittance to 1e-4 or below is dropped together with what follows. With
   alphas of at most 0.99 a pixel then lacks up to 1 % of its light (README.md has the measured consequence).
 - Footprints end at min(3.33, sqrt(2 ln(255 opacity))) sigmas, which is the same box for every opacity up to 1.
-- One call draws one set of Gaussians: cameras that see other humans or other poses are calls of their own.
+- One call draws one set of Gaussians: cameras that see other humans or other poses need separate calls.
 
 Source: gsplat 1.5.3, `gsplat/rendering.py` and `gsplat/cuda/csrc/RasterizeToPixels3DGSFwd.cu`.
 """

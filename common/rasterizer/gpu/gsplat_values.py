@@ -27,7 +27,7 @@ class Blended:
     values: Tensor
     """Values weighted with alpha and transmittance, over zero, shape (H, W, D)."""
     alpha: Tensor
-    """Shape (H, W)."""
+    """One minus the transmittance that is left, shape (H, W)."""
     nothing: Tensor
     """0. `weight` is known after the backward pass of what this is added to, which it does not change."""
     _probe: Tensor

@@ -80,7 +80,7 @@ class GpuRasterizer:
         """The images of views; see `Rasterizer.render`.
 
         Raises:
-            ReadygoError: As there, or if a view has shadows or intrinsics, or its humans a lead.
+            ReadygoError: As `Rasterizer.render`, or if a view has shadows or intrinsics, or its humans a lead.
         """
         wanted = checked_outputs(views, outputs, self._numbers)
         if not views:

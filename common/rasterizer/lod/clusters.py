@@ -31,11 +31,11 @@ class Originals(NamedTuple):
     """N Gaussians in the order of their chunks."""
 
     mean_m: Floats
-    """Shape (N, 3)."""
+    """Means [m], shape (N, 3)."""
     covariance_m2: Floats
-    """xx, xy, xz, yy, yz, zz, shape (N, 6)."""
+    """Covariances xx, xy, xz, yy, yz, zz [m2], shape (N, 6)."""
     opacity: Floats
-    """Shape (N,)."""
+    """Opacities, 0..1, shape (N,)."""
     colour: Floats
     """Colours without their dependence on direction, shape (N, 3)."""
     skin: npt.NDArray[np.float32]
@@ -54,23 +54,23 @@ class Clusters(NamedTuple):
     area: Floats
     """Area of the merged, dilated Gaussian [m2], shape (256,)."""
     mean_m: Floats
-    """Relative to the region's first Gaussian, shape (256, 3)."""
+    """Mean relative to the region's first Gaussian [m], shape (256, 3)."""
     covariance_m2: Floats
-    """Not dilated, shape (256, 6)."""
+    """Covariance xx, xy, xz, yy, yz, zz, not dilated [m2], shape (256, 6)."""
     colour: Floats
-    """Shape (256, 3)."""
+    """Colour without its dependence on direction, shape (256, 3)."""
     skin: Floats
-    """Shape (256, 24) or (256, 0)."""
+    """Weights of an avatar's joints, shape (256, 24), or (256, 0) for a scene."""
     unrest: Floats
     """What a change of the order of blending costs, see `cost`, shape (256,)."""
     near: Integers
     """Neighbours, nearest first; -1: none, shape (256, 8)."""
     distance2: Floats
-    """Squared distances to them, shape (256, 8)."""
+    """Squared distances to these neighbours, shape (256, 8)."""
     cost: Floats
     """Cost of the cheapest merger, shape (256,)."""
     partner: Integers
-    """With whom, shape (256,)."""
+    """Partner of the cheapest merger, -1: none, shape (256,)."""
     number: Integers
     """Number after merging, shape (256,)."""
 

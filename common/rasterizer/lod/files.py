@@ -1,6 +1,6 @@
 """Cache folders of trees of chunks and of packed avatars: read-only memory maps that all workers of a host share.
 
-A folder's name carries the content hash of what it was made from; whoever comes first makes it while others wait.
+A folder's name carries the content hash of what it was made from; the first process makes it while others wait.
 """
 
 import fcntl

@@ -71,11 +71,11 @@ class Node:
     """A node while the tree grows."""
 
     first: int
-    """Its first Gaussian."""
+    """Index of its first Gaussian."""
     end: int
-    """Behind its last Gaussian."""
+    """Index behind its last Gaussian."""
     count: int
-    """Gaussians that stand for those."""
+    """Number of Gaussians that stand for these."""
     pixel_m: float = 0.0
     children: "tuple[Node, ...]" = ()
     chunk: int = -1
@@ -143,7 +143,7 @@ class _Forest:
         return int(self._count.sum())
 
     def coarsen(self, pixel_m: float) -> None:
-        """Go on to a level."""
+        """Merge the Gaussians further, into the level whose pixels have the size `pixel_m` [m]."""
         rule = MergeRule(pixel_m, self._tolerance, CONTRAST, SKIN_TOLERANCE)
         side_px = (self._high - self._low).max(axis=1, initial=0.0) / pixel_m
         leeway = np.maximum((CROWDED_PX / np.maximum(side_px, 1e-3)) ** 2, 1.0)

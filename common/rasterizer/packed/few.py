@@ -1,4 +1,4 @@
-"""A few Gaussians, packed anew for every image: `pack_sorted` for clouds of degree 0 in one compiled pass."""
+"""A few Gaussians, packed again for every image: `pack_sorted` for clouds of degree 0 in one compiled pass."""
 
 import math
 

@@ -216,7 +216,7 @@ def flatness(covariance_m2: Floats, axes: Floats) -> Floats:
     """1 for flat Gaussians, 0 for balls, shape (N,).
 
     Args:
-        covariance_m2: As of `covariances`, shape (N, 6).
+        covariance_m2: Covariances xx, xy, xz, yy, yz, zz [m2], shape (N, 6).
         axes: Shortest axes, shape (N, 3).
     """
     xx, xy, xz, yy, yz, zz = covariance_m2.T

@@ -19,7 +19,7 @@ _FILE = "readygo embedded scene"
 
 
 def ensure_embedded_scene(folder: str | Path, seed: int = 0) -> Scene:
-    """The bundle of the embedded scene in `folder`, made or made anew if it is not there or not up to date.
+    """The bundle of the embedded scene in `folder`, made if it is missing and made again if it is out of date.
 
     Several processes may call this at once: each finds or makes a complete bundle.
 

@@ -132,7 +132,7 @@ def _walk(solid: Any, x: Any, y: Any, z: Any, dx: Any, dy: Any, dz: Any, reach: 
     """First solid voxel along a ray: (distance, i, j, k, face), or distance -1 when nothing is hit within `reach`.
 
     Solid voxels around the start are passed through until the ray has been free once, so that surfaces which lie
-    inside a voxel of their own solid do not shade themselves.
+    inside a voxel of the solid that they bound do not shade themselves.
     """
     nx, ny, nz = solid.shape
     i, j, k = int(np.floor(x)), int(np.floor(y)), int(np.floor(z))

@@ -85,7 +85,7 @@ class Surfaces:
         self._tint: Array | None = None
 
     def at(self, x_m: float, y_m: float, z_m: float = 0.0, *, yaw_deg: float = 0.0) -> "Surfaces":
-        """The same collection with the origin moved to (x, y, z) and turned about z."""
+        """The surfaces with the origin moved to (x, y, z) and turned about z."""
         c, s = (round(f(math.radians(yaw_deg)), 12) for f in (math.cos, math.sin))
         placed = Surfaces(self.rng, spacing_factor=self._factor)
         placed._store = self._store

@@ -127,7 +127,7 @@ def rug_pattern(width_m: float, depth_m: float, palette: tuple[Colour, Colour, C
         width_m: Extent along u.
         depth_m: Extent along v.
         palette: Field, diamonds, border.
-        seed: Of the speckle.
+        seed: Seed of the speckle.
     """
     field, figure, border = palette
 

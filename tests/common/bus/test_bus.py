@@ -120,7 +120,7 @@ def test_failing_handler_answers_with_its_reason_and_goes_on(server: Bus, client
 
 
 def test_silence_is_an_error_but_no_answer(client: Bus) -> None:
-    with pytest.raises(BusError, match=r"Nobody answered .*question") as error:
+    with pytest.raises(BusError, match=r"No participant answered .*question") as error:
         client.request(QUESTION, REQUEST, timeout_s=0.2)
     assert not isinstance(error.value, PeerError)
 
@@ -130,7 +130,7 @@ def test_server_that_left_does_not_answer(join: Join, client: Bus) -> None:
     server.serve(QUESTION, lambda _: REPLY)
     assert client.request(QUESTION, REQUEST) == REPLY
     server.close()
-    with pytest.raises(BusError, match="Nobody answered"):
+    with pytest.raises(BusError, match="No participant answered"):
         client.request(QUESTION, REQUEST, timeout_s=0.2)
 
 
@@ -252,7 +252,7 @@ def test_request_waits_for_a_server_that_starts_later(server: Bus, client: Bus) 
 @pytest.mark.parametrize("kind", ["zenoh"], indirect=False)
 def test_handler_that_takes_too_long_is_silence(server: Bus, client: Bus) -> None:
     server.serve(QUESTION, lambda _: time.sleep(0.6) or REPLY)  # type: ignore[func-returns-value]
-    with pytest.raises(BusError, match=r"Nobody answered readygo/.*/question within 0\.3 s"):
+    with pytest.raises(BusError, match=r"No participant answered readygo/.*/question within 0\.3 s"):
         client.request(QUESTION, REQUEST, timeout_s=0.3)
 
 

@@ -22,11 +22,11 @@ def test_messages_are_handed_over_as_they_are() -> None:
 
 def test_silence_names_what_is_served() -> None:
     bus = InProcessBus()
-    with pytest.raises(BusError, match=r"Nobody answered question; served: nothing\."):
+    with pytest.raises(BusError, match=r"No participant answered question; served: nothing\."):
         bus.request(QUESTION, REQUEST)
     for topic in (QUESTION, OTHER):
         bus.serve(topic, lambda _: REPLY)
-    with pytest.raises(BusError, match=r"Nobody answered third; served: other, question\."):
+    with pytest.raises(BusError, match=r"No participant answered third; served: other, question\."):
         bus.request(Topic("third", PendingRequest, PendingReply), REQUEST)
 
 

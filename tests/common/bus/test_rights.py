@@ -98,7 +98,7 @@ def test_handlers_refuse_a_wrong_role_in_one_line_and_log_it(join: Join, caplog:
 
 def test_router_lets_nothing_through_that_is_not_of_a_role(join: Join) -> None:
     for name in ("renderer", "monitor", "operator"):
-        with pytest.raises(BusError, match="Nobody answered"):
+        with pytest.raises(BusError, match="No participant answered"):
             join(name).request(topics.DONE, DONE, timeout_s=0.3)
     # Nobody asks under the name of another.
     forged = join("renderer")
@@ -107,7 +107,7 @@ def test_router_lets_nothing_through_that_is_not_of_a_role(join: Join) -> None:
         assert list(forged._session.get(key, payload=encode(CANCEL), attachment=b"ctl", timeout=2.0)) == []
     # Nobody but the coordinator answers for it.
     forged.serve(topics.OFFER, lambda _: pytest.fail("it took a trainer's policy"))
-    with pytest.raises(BusError, match="Nobody answered"):
+    with pytest.raises(BusError, match="No participant answered"):
         join("trainer").request(topics.OFFER, _offer(), timeout_s=0.5)
 
 

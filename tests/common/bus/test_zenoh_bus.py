@@ -22,7 +22,7 @@ def test_runs_do_not_hear_each_other() -> None:
     router = Router(free_endpoint())
     server, stranger = ZenohBus(router.endpoint, "mine"), ZenohBus(router.endpoint, "another")
     server.serve(topics.PENDING, lambda _: PendingReply(indices=()))
-    with pytest.raises(BusError, match="Nobody answered"):
+    with pytest.raises(BusError, match="No participant answered"):
         stranger.request(topics.PENDING, REQUEST, timeout_s=0.2)
     for bus in (stranger, server, router):
         bus.close()

@@ -68,7 +68,7 @@ def test_recorder_that_answers_is_waited_for_however_long_its_disk_is_full() -> 
 
 def test_recorder_that_is_not_there_is_no_fault_of_the_episode() -> None:
     header, samples = make_episode(0, 1)
-    with pytest.raises(BusError, match="Nobody answered rec/rec1/append"):
+    with pytest.raises(BusError, match="No participant answered rec/rec1/append"):
         append_episode(InProcessBus(), CLAIM, header, iter(samples))
 
 

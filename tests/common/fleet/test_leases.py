@@ -162,7 +162,7 @@ def test_unanswered_input_is_no_failure_of_the_episode_but_a_refused_one_is() ->
     lease = dataclasses.replace(LEASE, inputs=(Blob(sha256="0" * 64),))
     completed: list[CompleteRequest] = []
     bus = _bus(iter([lease, lease]), completed)
-    with pytest.raises(BusError, match="Nobody answered blob"):
+    with pytest.raises(BusError, match="No participant answered blob"):
         claim_any(bus, _worker(lambda *_: StageResult()))
     assert completed == []
     bus.serve(topics.BLOB, lambda _: BlobReply(size=-1, data=b""))

@@ -33,19 +33,19 @@ def blend(
     """Blend each tile's list, nearest first, onto what its pixels hold; programs (B * T,).
 
     Args:
-        entries: See `sort_lists`; so are the next five.
-        spare: See `entries`.
-        starts: See `entries`.
-        counts: See `entries`.
-        in_spare: See `entries`.
-        entry_capacity: See `entries`.
-        records: See `project`; so are the next two.
-        record_normals: See `records`.
-        owners: See `records`.
+        entries: Lists, sorted by depth unless the sorted form is in `spare`, int64, shape (entry_capacity,).
+        spare: Sorted form of the lists that `in_spare` names, int64, shape (entry_capacity,).
+        starts: Where each list begins, shape (B * T,).
+        counts: Entries of each list, shape (B * T,).
+        in_spare: 1 for lists whose sorted form is in `spare`, int32, shape (B * T,).
+        entry_capacity: Room for entries.
+        records: Projected Gaussians by slot, shape (capacity * 256, RECORD).
+        record_normals: With NORMALS: axes towards the camera, in its frame, shape (capacity * 256, 4).
+        owners: Number of each pair's human, from 1; 0: the scene, shape (capacity,).
         planes: Read and written: the images as they are so far, shape (B, PLANES, H, W).
         alive: Read and written: 1 for tiles with an unfinished pixel, int32, shape (B * T,).
-        width: W.
-        height: H.
+        width: Image width, W [px].
+        height: Image height, H [px].
         PLANES: Planes per image: COLOUR_PLANES, then DEPTH_PLANES and NORMAL_PLANES if they are wanted.
         DEPTH: Blend depths.
         NORMALS: Blend normals.

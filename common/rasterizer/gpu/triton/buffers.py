@@ -10,7 +10,7 @@ from readygo.common.rasterizer.gpu.triton.project import RECORD
 from readygo.common.rasterizer.packed.scene import CHUNK
 
 MAX_PAIRS = 2**31 // CHUNK - 1
-"""Slots are numbered with 31 bits."""
+"""Most pairs: slots are numbered with 31 bits."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -18,21 +18,21 @@ class Buffers:
     """What `project`, `bin_entries` and `sort_lists` write; N pairs of a camera and a chunk, E entries of tiles."""
 
     pairs: Tensor
-    """Int32, shape (N,)."""
+    """Numbers of visible instances of chunks, camera * I + instance, int32, shape (N,)."""
     owners: Tensor
-    """Int32, shape (N,)."""
+    """Number of each pair's human, from 1; 0: the scene; int32, shape (N,)."""
     records: Tensor
-    """Float32, shape (N * 256, RECORD)."""
+    """Projected Gaussians, float32, shape (N * 256, RECORD)."""
     record_normals: Tensor
-    """Float32, shape (N * 256, 4), or (1, 4) if no normals are drawn."""
+    """Normals towards the camera, in its frame, float32, shape (N * 256, 4), or (1, 4) if no normals are drawn."""
     rects: Tensor
-    """Int32, shape (N * 256,)."""
+    """Tiles of each Gaussian, packed, or UNSEEN, int32, shape (N * 256,)."""
     depths: Tensor
-    """Float32, shape (N * 256,)."""
+    """Depth of each Gaussian [m], float32, shape (N * 256,)."""
     entries: Tensor
-    """Int64, shape (E,)."""
+    """Depth bits and slots of the Gaussians in the tiles' lists, int64, shape (E,)."""
     spare: Tensor
-    """Int64, shape (E,)."""
+    """Second memory of the same size, which merging sorted runs writes to, int64, shape (E,)."""
 
     @property
     def pair_capacity(self) -> int:

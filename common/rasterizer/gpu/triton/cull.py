@@ -11,7 +11,7 @@ import triton.language as tl
 from readygo.common.rasterizer import constants
 
 CLOUD_SIZES = ("scene_chunks", "human_chunks", "human_count", "instance_count")
-"""Arguments that change with the scene: kernels are not compiled anew for numbers that happen to be round."""
+"""Arguments that change with the scene: kernels are not recompiled for numbers that happen to be round."""
 
 _NEAR_M = tl.constexpr(constants.NEAR_M)
 _FOV_MARGIN = tl.constexpr(constants.FOV_MARGIN)
@@ -77,16 +77,16 @@ def cull_scene(
         reaches: How far their Gaussians reach [m], shape (C,).
         offsets: Written: the centres in the camera frame [m], shape (B, I, 3).
         nears: Written: lower bounds of the means' depths [m], 1e30: not in the image, shape (B, I).
-        fars: Written: upper bounds, shape (B, I).
+        fars: Written: upper bounds of the means' depths [m], -1e30: not in the image, shape (B, I).
         boxes: Written: first and last tiles x0 | y0 << 8 | x1 << 16 | y1 << 24, shape (B, I).
-        chunk_count: C.
-        instance_count: I.
-        fx: Focal length [px]; then those of y, principal point, image size.
-        fy: See `fx`.
-        cx: See `fx`.
-        cy: See `fx`.
-        width: See `fx`.
-        height: See `fx`.
+        chunk_count: Number of the scenes' chunks, C.
+        instance_count: Instances per camera, I.
+        fx: Focal length along rows [px].
+        fy: Focal length along columns [px].
+        cx: Principal point, from the left border [px].
+        cy: Principal point, from the upper border [px].
+        width: Image width [px].
+        height: Image height [px].
         TILE_W: Tile width [px].
         TILE_H: Tile height [px].
         LANES: Chunks per program.
@@ -138,7 +138,7 @@ def cull_humans(
     that each joint carries along.
 
     Args:
-        humans: Avatar of each human, -1: nobody, shape (B * P,).
+        humans: Avatar of each human, -1: this place is empty, shape (B * P,).
         transforms: Transforms of the joints from canonical to camera coordinates, shape (B * P, 24, 12).
         first_chunks: First chunk of each avatar, counted from the first one of all avatars, shape (A,).
         chunk_counts: Number of its chunks, shape (A,).
@@ -146,19 +146,19 @@ def cull_humans(
         box_centres: Centres of the boxes [m], shape (C, BOXES, 3).
         box_halves: Their half sizes [m], shape (C, BOXES, 3).
         reaches: How far the Gaussians of each chunk reach [m], shape (C,).
-        nears: See `cull_scene`; so are the other arguments.
-        fars: See `nears`.
-        boxes: See `nears`.
+        nears: Written: lower bounds of the means' depths [m], 1e30: not in the image, shape (B, I).
+        fars: Written: upper bounds of the means' depths [m], -1e30: not in the image, shape (B, I).
+        boxes: Written: first and last tiles x0 | y0 << 8 | x1 << 16 | y1 << 24, shape (B, I).
         scene_chunks: Instances before the first human's.
         human_chunks: Instances that each human has room for.
-        human_count: P.
-        instance_count: I.
-        fx: See `nears`.
-        fy: See `nears`.
-        cx: See `nears`.
-        cy: See `nears`.
-        width: See `nears`.
-        height: See `nears`.
+        human_count: Humans per camera, P.
+        instance_count: Instances per camera, I.
+        fx: Focal length along rows [px].
+        fy: Focal length along columns [px].
+        cx: Principal point, from the left border [px].
+        cy: Principal point, from the upper border [px].
+        width: Image width [px].
+        height: Image height [px].
         BOXES: Boxes per chunk.
         TILE_W: Tile width [px].
         TILE_H: Tile height [px].
@@ -225,14 +225,14 @@ def select_chunks(
     """Flag the instances that may put Gaussians of a slab on unfinished tiles; programs (B, ceil(I / LANES)).
 
     Args:
-        nears: See `cull_scene`.
-        fars: See `cull_scene`.
-        boxes: See `cull_scene`.
+        nears: Lower bounds of the means' depths [m], 1e30: not in the image, shape (B, I).
+        fars: Upper bounds of the means' depths [m], -1e30: not in the image, shape (B, I).
+        boxes: First and last tiles x0 | y0 << 8 | x1 << 16 | y1 << 24, shape (B, I).
         edges: Depths at which the slabs begin and end [m], shape (B, SLABS + 1).
         alive_sums: Unfinished tiles above and left of each corner of a tile, shape (B, ROWS + 1, COLUMNS + 1).
         flags: Written: 0 or 1, int32, shape (B, I).
         slab: Number of the slab.
-        instance_count: I.
+        instance_count: Instances per camera, I.
         SLABS: Number of slabs.
         COLUMNS: Tiles along an image row.
         ROWS: Tiles along an image column.
@@ -274,7 +274,7 @@ def list_pairs(flags, ends, pairs, total_count, capacity, LANES: tl.constexpr):
         flags: Flags of `select_chunks`, shape (B * I,).
         ends: Their running sum, shape (B * I,).
         pairs: Written: numbers of the flagged instances, shape (capacity,).
-        total_count: B * I.
+        total_count: Instances of all cameras, B * I.
         capacity: Length of `pairs`; what exceeds it is left out.
         LANES: Instances per program.
     """

@@ -26,7 +26,7 @@ class GraphedPass:
         self._captured: dict[Shape, tuple[Batch, Tensor, Any, int]] = {}
 
     def draw(self, batch: Batch, *, depth: bool = False, normals: bool = False) -> Tensor:
-        """See `TritonPipeline.draw`; the planes are overwritten by the next call with a batch of this shape."""
+        """Image planes, as `TritonPipeline.draw`; the next call with a batch of this shape overwrites them."""
         cameras, human_count = batch.avatar.shape
         if not 0 < cameras <= self._most:
             return self._pipeline.draw(batch, depth=depth, normals=normals)

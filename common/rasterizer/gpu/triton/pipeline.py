@@ -21,7 +21,7 @@ from readygo.common.rasterizer.gpu.triton.settings import TritonSettings
 from readygo.common.rasterizer.gpu.triton.tiles import bin_entries, sort_lists
 
 FAR_M = 1e30
-"""Beyond every depth."""
+"""Depth beyond every Gaussian [m]."""
 _FUSED = {"enable_fp_fusion": True}
 """Multiply-adds shall be fused; Triton's default changes between versions."""
 _LANES = 128
@@ -224,7 +224,7 @@ class TritonPipeline:
             flags, ends, buffers.pairs, len(ends), buffers.pair_capacity, LANES=_LANES, **_FUSED
         )
         self._needed[:1] = torch.maximum(self._needed[:1], ends[-1:])
-        # A copy is aligned like every tensor: kernels are not compiled anew for other numbers of instances.
+        # A copy is aligned like every tensor: kernels are not recompiled for other numbers of instances.
         return ends[-1:].clone()
 
     def _alive_sums(self, alive: Tensor) -> Tensor:
@@ -325,7 +325,7 @@ def _camera_transforms(clouds: DeviceClouds, batch: Batch, R_CW: Tensor, p_WC: T
 
 
 def _camera_lights(batch: Batch, R_CW: Tensor) -> Tensor:
-    """Terms of the light on humans in their camera's frame, float32, shape (B * P, 3, 10); of nobody, one row."""
+    """Terms of the light on humans in their camera's frame, float32, shape (B * P, 3, 10); without humans one row."""
     if batch.light.numel() == 0:
         return torch.zeros((1, 3, TERMS), device=R_CW.device)
     return turned_terms(batch.light, R_CW[:, None]).float().reshape(-1, 3, TERMS).contiguous()

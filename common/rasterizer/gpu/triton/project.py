@@ -40,24 +40,24 @@ def project(
 
     Args:
         pairs: Numbers of the instances, camera * I + instance, shape (capacity,).
-        pair_total: Their number, shape (1,).
+        pair_total: Number of pairs, shape (1,).
         capacity: Room for pairs.
-        humans: See `cull_humans`; so are the next two.
-        transforms: See `humans`.
+        humans: Avatar of each human, -1: this place is empty, shape (B * P,).
+        transforms: Transforms of the joints from canonical to camera coordinates, shape (B * P, 24, 12).
         lights: Terms of the light on humans in their camera's frame, shape (B * P, 3, 10).
-        first_chunks: See `humans`.
+        first_chunks: First chunk of each avatar, counted from the first one of all avatars, shape (A,).
         joints: Joints that move each Gaussian of the avatars, uint8, shape (C_avatars, 4, 256).
-        weights: Their weights, shape (C_avatars, 4, 256).
+        weights: Skinning weights of these joints, shape (C_avatars, 4, 256).
         shading: Normals of the avatars that light falls on, shape (C_avatars, 3, 256).
         views: R_CW row by row and p_WC of each camera, float32, shape (B, 12).
         offsets: Centres of the scenes' chunks in the camera frame [m], shape (B, I, 3).
-        geometry: Chunks of scenes, then of avatars, shape (C, 11, 256).
+        geometry: Mean, covariance, log2 opacity and squared reach of the Gaussians, scenes first, shape (C, 11, 256).
         colours: Colours of degree 0, shape (C, 3, 256).
         sh: Higher coefficients of the chunks that have them, float16, shape (S, SH_COUNT - 1, 3, 256).
         sh_rows: Row in `sh` of each chunk, -1: none, shape (C,).
-        normals: Shortest axes, shape (C, 3, 256).
-        edges: See `select_chunks`.
-        alive_sums: See `select_chunks`.
+        normals: Shortest axis of each Gaussian, shape (C, 3, 256).
+        edges: Depths at which the slabs begin and end [m], shape (B, SLABS + 1).
+        alive_sums: Unfinished tiles above and left of each corner of a tile, shape (B, ROWS + 1, COLUMNS + 1).
         records: Written for Gaussians that are drawn: shape (capacity * 256, RECORD).
         record_normals: Written with NORMALS: axes towards the camera, in its frame, shape (capacity * 256, 4).
         rects: Written: tiles of each Gaussian, packed as boxes are, or UNSEEN, shape (capacity * 256,).
@@ -66,14 +66,14 @@ def project(
         slab: Number of the slab.
         scene_chunks: Instances before the first human's.
         human_chunks: Instances that each human has room for.
-        human_count: P.
-        instance_count: I.
-        fx: Focal length [px]; then those of y, principal point, image size.
-        fy: See `fx`.
-        cx: See `fx`.
-        cy: See `fx`.
-        width: See `fx`.
-        height: See `fx`.
+        human_count: Humans per camera, P.
+        instance_count: Instances per camera, I.
+        fx: Focal length along rows [px].
+        fy: Focal length along columns [px].
+        cx: Principal point, from the left border [px].
+        cy: Principal point, from the upper border [px].
+        width: Image width [px].
+        height: Image height [px].
         SLABS: Number of slabs.
         SH_COUNT: Coefficients per channel, 1, 4, 9 or 16.
         NORMALS: Write normals.

@@ -21,7 +21,7 @@ class TritonSettings:
     sort_run: int = 256
     """Entries of a tile's list that are sorted in registers; longer lists are merged from such runs."""
     long_sort_run: int = 1024
-    """The same for lists that are longer than this, such as those of tiles full of a human."""
+    """Entries sorted in registers at once for lists longer than this, such as those of tiles full of a human."""
     project_warps: int = 8
     sort_warps: int = 1
     long_sort_warps: int = 4

@@ -3,7 +3,7 @@
 """Triton kernels that spread projected Gaussians to lists per tile and sort each list by depth.
 
 An entry is depth bits << 32 | slot: sorted as a number it is sorted by depth, and equal depths by the Gaussian's place
-in the scene, whatever order the atomic counters of the lists gave them.
+in the scene, so the order in which atomic counters fill the lists does not matter.
 """
 
 import triton
@@ -24,17 +24,17 @@ def bin_entries(
     """Count the entries of each tile, or write them; any number of programs share the pairs.
 
     Args:
-        pairs: See `project`; so are the next four.
-        pair_total: See `pairs`.
-        capacity: See `pairs`.
-        rects: See `pairs`.
-        depths: See `pairs`.
+        pairs: Numbers of the instances, camera * I + instance, shape (capacity,).
+        pair_total: Number of pairs, shape (1,).
+        capacity: Room for pairs.
+        rects: Tiles of each Gaussian, packed as boxes are, or UNSEEN, shape (capacity * 256,).
+        depths: Depth of each Gaussian [m], shape (capacity * 256,).
         alive: 1 for tiles with an unfinished pixel, shape (B, T).
         starts: Where each tile's list begins, int64, shape (B * T,); not read when counting.
         counts: Raised by one per entry, int32, zeros at first, shape (B * T,).
         entries: Written with WRITE: the lists, int64, shape (entry_capacity,).
         entry_capacity: Room for entries; what exceeds it is left out.
-        instance_count: I.
+        instance_count: Instances per camera, I.
         WRITE: Write entries.
         COLUMNS: Tiles along an image row.
         ROWS: Tiles along an image column.
@@ -83,7 +83,7 @@ def sort_lists(entries, spare, starts, counts, entry_capacity, in_spare, least, 
         entry_capacity: Room for entries.
         in_spare: Written: 1 for lists whose sorted form is in `spare`, int32, shape (B * T,).
         least: Shorter lists are left alone.
-        most: So are longer ones.
+        most: Longer lists are left alone.
         RUN: Entries that are sorted in registers, a power of two.
     """
     tile = tl.program_id(0)
