@@ -29,8 +29,8 @@ class Kind(enum.Enum):
 
     KILL = "a worker is killed"
     KILL_TWO = "two workers are killed at once"
-    FREEZE = "a worker is stopped and goes on"
-    FREEZE_ROUTER = "the launcher with the router is stopped and goes on"
+    FREEZE = "a worker is stopped and continues"
+    FREEZE_ROUTER = "the launcher with the router is stopped and continues"
     KILL_LAUNCHER = "the launcher with the router is killed, and started again"
     END_LAUNCHER = "the launcher is told to end, and started again"
     DAMAGE_BLOB = "a result between the stages is damaged"

@@ -120,16 +120,16 @@ def _reports(bus: Bus, spec: RunSpec, rng: random.Random) -> list[Lie]:
         ),
         ("done outside", _sender(bus, topics.DONE, dataclasses.replace(done, shard="../../etc/passwd"), _not_ok)),
         ("done of an attempt to come", _sender(bus, topics.DONE, dataclasses.replace(done, attempt=99), _not_ok)),
-        ("done of no recorder", _sender(bus, topics.DONE, dataclasses.replace(done, recorder="nobody"), _not_ok)),
+        ("done of no recorder", _sender(bus, topics.DONE, dataclasses.replace(done, recorder="rec-unknown"), _not_ok)),
         ("done without samples", _sender(bus, topics.DONE, {**dataclasses.asdict(done), "sample_count": -5}, _not_ok)),
         ("done of nothing", _sender(bus, topics.DONE, dataclasses.replace(done, index=10**6), _not_ok)),
         (
             "grant to no recorder",
-            _sender(bus, topics.GRANT, GrantRequest(recorder="nobody", index=index, attempt=1), _not_ok),
+            _sender(bus, topics.GRANT, GrantRequest(recorder="rec-unknown", index=index, attempt=1), _not_ok),
         ),
         (
             "trouble of no recorder",
-            _sender(bus, topics.TROUBLE, TroubleRequest(recorder="nobody", reason="forged"), _not_ok),
+            _sender(bus, topics.TROUBLE, TroubleRequest(recorder="rec-unknown", reason="forged"), _not_ok),
         ),
         ("blob outside", _sender(bus, topics.BLOB, {"sha256": "../ledger.sqlite", "offset": 0}, lambda r: r.size < 0)),
         (

@@ -143,7 +143,7 @@ def _visit(fleet: Fleet, role: str) -> None:
 FAULTS: Mapping[str, Callable[[Fleet], None]] = {
     "a worker or recorder is killed": _kill,
     "the coordinator is killed": _kill_coordinator,
-    "a process is stopped and goes on": _freeze,
+    "a process is stopped and continues": _freeze,
     "a host is cut off for a while": _cut,
     "a worker of another role takes the name": _take_name,
     "a second worker of the role asks for the name": _take_taken_name,

@@ -12,7 +12,7 @@ OPERATOR = "operator"
 MONITOR = "monitor"
 """Looks, and changes nothing."""
 TRAINER = "trainer"
-ANYBODY = "anybody"
+ANONYMOUS = "anonymous"
 """Name of every asker where no certificates are used: each process that knows the run's token may do everything."""
 
 

@@ -22,7 +22,7 @@ import zenoh
 
 from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.bus.envelope import opened, seal
-from readygo.common.bus.identity import ANYBODY, Identity, Member
+from readygo.common.bus.identity import ANONYMOUS, Identity, Member
 from readygo.common.bus.inbox import Inbox, Mailbox
 from readygo.common.bus.rights import refusal
 from readygo.common.bus.teller import Teller
@@ -173,7 +173,7 @@ class ZenohBus:
         check_endpoint(connect)
         self._prefix = f"readygo/{run}/"
         self._certified = identity is not None
-        self._asker = identity.name if identity else ANYBODY
+        self._asker = identity.name if identity else ANONYMOUS
         try:
             self._session = zenoh.open(_config("client", token, identity, connect=connect))
         except zenoh.ZError as error:

@@ -32,7 +32,7 @@ class Lease:
     """The offered policy that comes with it, for a stage that records; empty without any."""
 
 
-_FORGOTTEN = "rejected before the ledger was made anew"
+_FORGOTTEN = "rejected before the ledger was rebuilt"
 _REBUILDING = "rebuilding"
 _REBUILT = "rebuilt"
 """Key of the length that a run was to have when its ledger was rebuilt."""

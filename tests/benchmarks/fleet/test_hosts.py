@@ -58,7 +58,7 @@ def test_process_that_ends_early_is_started_again_and_one_that_is_done_is_not(mo
 
 def test_faults_that_last_are_ended(monkeypatch) -> None:
     fleet = _fleet(monkeypatch)
-    FAULTS["a process is stopped and goes on"](fleet)
+    FAULTS["a process is stopped and continues"](fleet)
     FAULTS["a host is cut off for a while"](fleet)
     frozen = next(p.running for p in fleet.processes.values() if p.running.got)
     assert frozen.got == [signal.SIGSTOP]

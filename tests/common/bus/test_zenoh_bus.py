@@ -86,7 +86,7 @@ def test_request_that_goes_astray_is_not_handled_and_sent_again() -> None:
     handled: list[PendingRequest] = []
     server.serve(topics.PENDING, lambda request: handled.append(request) or PendingReply(indices=(3,)))
     assert client.request(topics.PENDING, REQUEST).indices == (3,)
-    key = f"readygo/test/by/anybody/{topics.PENDING.name}"
+    key = f"readygo/test/by/anonymous/{topics.PENDING.name}"
     for other in ({"attachment": b"coord/policy"}, {}):
         (reply,) = client._session.get(key, payload=encode(REQUEST), timeout=5.0, **other)
         assert reply.err.payload.to_bytes().decode() == _ASTRAY
@@ -132,7 +132,7 @@ def test_server_outlives_whatever_is_sent_to_it() -> None:
     sent = 0
     for cls, payload in inputs(3000, seed=1):
         if topic := topics_of.get(cls):
-            key = f"readygo/test/by/anybody/{topic.name}"
+            key = f"readygo/test/by/anonymous/{topic.name}"
             (reply,) = client._session.get(key, payload=payload, attachment=topic.name.encode(), timeout=20.0)
             assert reply.ok or b"is no" in reply.err.payload.to_bytes()
             sent += 1
