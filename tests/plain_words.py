@@ -28,7 +28,7 @@ PHRASES = {
 """What to write instead, by phrase."""
 PATTERN = re.compile(rf"\b(?:{'|'.join(PHRASES)})\b".replace(" ", r"\s+"), re.IGNORECASE)
 """A line break may part a phrase."""
-FOLDERS = ("apps", "benchmarks", "common", "deploy", "docs", "examples", "readygo", "services")
+FOLDERS = ("apps", "benchmarks", "common", "deploy", "docs", "examples", "experiments", "readygo", "services")
 EXEMPT = ("CHANGELOG.md",)
 """What was once written stays."""
 

@@ -13,7 +13,7 @@ Array = npt.NDArray[np.float64]
 
 CORRELATED = 3.0
 """Poses are off by so many times what their residuals say as if matches erred independently, which those of one surface
-do not: 2.7, 2.5 and 3.5 times in three simulated films (`python -m readygo.benchmarks.reconstruction.poses`)."""
+do not: 2.7, 2.5 and 3.5 times in three simulated films (`python -m experiments.reconstruction.poses`)."""
 IMAGES_MAX = 400
 """Most images of a map that are looked at: time and memory grow with their square."""
 _DRIFT_MAX = 0.05

@@ -4,7 +4,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from readygo.benchmarks.reconstruction.poses import shape_rmse_m
+from experiments.reconstruction.poses import shape_rmse_m
 from readygo.services.reconstructor.poses.colmap import read_map
 from readygo.services.reconstructor.poses.covariance import pose_errors
 from readygo.services.reconstructor.similarity import umeyama

@@ -1,1 +1,0 @@
-"""Reconstruction: simulated captures beside the truth, and trainings of Gaussians."""

@@ -1,0 +1,1 @@
+"""Experiments with reconstruction: simulated captures beside the truth, and trainings of Gaussians."""
