@@ -74,32 +74,35 @@ def worker(
     log_format: Annotated[LogFormat, OBSERVING] = "text",
     traces: Annotated[str, OBSERVING] = "",
 ) -> None:
-    """Work in a fleet until the run is over, or until SIGTERM: what is under way then is finished.
+    """Join a fleet as one worker, until the run is finished or SIGTERM; work that has begun is finished first.
 
-    What the machine lacks of the run (scene, avatars, policy) is fetched, checked and kept for all workers of it.
+    Files of the run that the machine lacks (scene, avatars, policy) are fetched, checked and cached for all its
+    workers.
 
-    Without `run`, or with several, it works for one run after the other: the one of the highest priority that has work.
+    Without `run`, or with several, the worker serves one run at a time: the one with the highest priority that has
+    work.
 
-    A worker that somebody must help first (settings, data, disk) exits with 78; started again it would do no better.
-    Without certificates, the run's token must be in the environment, as READYGO_TOKEN.
+    Exit status 78 means that a user must mend something first (settings, data, disk); a restart does not help. Without
+    certificates, the environment variable READYGO_TOKEN must hold the run's token.
 
     Args:
         role: coordinator, recorder, the role of a stage (human-planner, animator, robot-planner, renderer or driver),
             all, which does every stage in one process, trainer, or reconstructor.
         connect: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447 or tls/lab1:7447.
         run: Name of the run, as `readygo generate --listen` or `readygo reconstruct --listen` prints it, or several
-            with commas between; by default a recorder or a stage's worker serves all that the router has and will have.
+            separated by commas; by default a recorder or a stage's worker serves all present and future runs of the
+            router.
         name: Name of this worker; must differ between workers of one role.
-        data: Data folder of the run (coordinator and recorder; a trainer catches up from it, one for each run). A
-            recorder of several runs has a folder for each in it.
+        data: Data folder of the run, for coordinator and recorder; a trainer catches up from it, with one folder per
+            run. A recorder of several runs makes a folder for each run in it.
         out: Folder of the policy (trainer only).
-        config: TOML file with fields of `TrainConfig` that shall be others than the recipe's (trainer only).
-        certs: Folder of certificates, of which the role's is shown to a tls/ endpoint.
+        config: TOML file with fields of `TrainConfig` that override the recipe's (trainer only).
+        certs: Folder of certificates; the worker presents its role's to a tls/ endpoint.
         exit_with_parent: Exit as soon as standard input is closed.
-        metrics: HOST:PORT where Prometheus finds this process; port 0 takes a free one, which the log names, and a file
-            in .readygo/targets of the run's data folder.
-        log_format: "json" writes one JSON object a line, with run, worker, stage, episode and attempt.
-        traces: Where OpenTelemetry's spans go: an OTLP endpoint such as http://collector:4318, or a folder.
+        metrics: HOST:PORT of this process's Prometheus endpoint; port 0 takes a free one, which the log and a file in
+            .readygo/targets of the run's data folder name.
+        log_format: "json" writes one JSON object per line, with run, worker, stage, episode and attempt.
+        traces: Destination of OpenTelemetry spans: an OTLP endpoint such as http://collector:4318, or a folder.
     """
     check_endpoint(connect, "--connect")
     if role != TRAINER:
