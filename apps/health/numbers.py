@@ -170,7 +170,7 @@ def _floor_holes(scene: Scene) -> dict[str, Any]:
 
 
 def _filmed(scene: Scene) -> dict[str, Any] | None:
-    """Median share of the view from the ground that was filmed, and the area where it suffices; None without cameras."""
+    """Median filmed share of the views from the ground, and the area where it suffices; None without cameras."""
     share = scene.maps.filmed_share
     if share is None:
         return None
