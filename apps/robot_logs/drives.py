@@ -118,7 +118,7 @@ def _at(odometry: Odometry, times_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.f
 
 
 def _fresh(times_ns: npt.NDArray[np.int64], known_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-    """True at times with a message at most `GAP_NS` before and after, shape (T,)."""
+    """True at times within `GAP_NS` after a message whose successor follows within `GAP_NS`, shape (T,)."""
     place = np.searchsorted(known_ns, times_ns, side="right") - 1
     following = known_ns[np.minimum(place + 1, len(known_ns) - 1)]
     return (place >= 0) & (times_ns - known_ns[place] <= GAP_NS) & (following - known_ns[place] <= GAP_NS)
