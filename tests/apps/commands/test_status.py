@@ -69,7 +69,7 @@ def test_runs_of_a_router_are_listed_the_most_urgent_first(
     finally:
         bus.close()
     assert table == [
-        ["first", "2", "0", "of", "3", "0", "0", "goes", "on"],
+        ["first", "2", "0", "of", "3", "0", "0", "running"],
         ["later", "0", "0", "of", "3", "0", "0", "paused"],
     ]
     assert [(each["run"], each["priority"]) for each in listed] == [("first", 2), ("later", 0)]
