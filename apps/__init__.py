@@ -1,1 +1,1 @@
-"""What ties the services together: the `readygo` command, the local fleet and the demo."""
+"""Applications on top of the services: the `readygo` command, the local fleet and the demo."""

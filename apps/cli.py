@@ -1,4 +1,4 @@
-"""The command line's machinery: finds a command, reads its arguments with tyro, turns mistakes into one line."""
+"""The command line: finds a command, reads its arguments with tyro, reports user errors in one line."""
 
 import contextlib
 import dataclasses
@@ -29,40 +29,40 @@ READER_GONE = 128 + signal.SIGPIPE
 HELP = ("-h", "--help")
 AGAIN_S = 0.05
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
-"""Errors of a write: they name no file, yet the user can mend them."""
+"""Error numbers of a full disk: such errors name no file, yet the user can mend them."""
 
 
 class Bare(NamedTuple):
-    """Beside an option's type, as in `Annotated[float | None, Bare("0.5")]`: its value where only its name is given."""
+    """Annotation of an option, as in `Annotated[float | None, Bare("0.5")]`: its value if only its name is given."""
 
     value: str
 
 
 class Group(NamedTuple):
-    """Beside an option's type: help shows it below a heading, "NAME options", with others of that group."""
+    """Annotation of an option: help shows it below a heading, "NAME options", with others of that group."""
 
     name: str
 
 
 class Repeated(NamedTuple):
-    """Beside an option's type, a tuple: each value comes after the option's name again."""
+    """Annotation of an option whose type is a tuple: the option's name is repeated before each value."""
 
 
 class Command(NamedTuple):
     """One command of the command line."""
 
     path: str
-    """Where its function is, as "package.module:function"; it is imported when the command is called."""
+    """Its function, as "package.module:function"; the module is imported when the command is called."""
     summary: str
-    """What it does."""
+    """One line for the list of commands."""
 
 
 def run_command(commands: Mapping[str, Command], argv: Sequence[str]) -> None:
     """Run the command that the arguments name.
 
-    What the user can mend prints one line and exits with 2: a `ReadygoError`, an error of the operating system that
-    names a file, a full disk. Everything else is a bug and shows its traceback. Ctrl-C exits with 130; SIGTERM ends a
-    command in the same way, with 143.
+    Errors that the user can mend print one line and exit with 2: a `ReadygoError`, an error of the operating system
+    that names a file, a full disk. Every other exception is a bug and shows its traceback. Ctrl-C exits with 130;
+    SIGTERM ends a command in the same way, with 143.
     """
     from readygo.common.errors import ReadygoError
     from readygo.common.printable import PlainLines
@@ -91,19 +91,19 @@ def run_command(commands: Mapping[str, Command], argv: Sequence[str]) -> None:
         _drop_output()
         _stop(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}.", USER_MISTAKE)
     except KeyboardInterrupt as stop:
-        # A command that knows what it leaves behind raises it anew with its words.
-        said = str(stop) or "what is recorded or saved stays, run the same command again to go on."
+        # A command that knows what it leaves behind raises the interrupt again with that information.
+        said = str(stop) or "what is recorded or saved stays, run the same command again to resume."
         _stop(f"stopped; {said}", TERMINATED if _terminated() else INTERRUPTED)
 
 
 def _terminate(number: int, frame: object) -> None:
-    """End as at Ctrl-C, so that whatever the command has started ends with it; once begun, nothing disturbs that."""
+    """End as at Ctrl-C, so that the command ends its child processes and threads too; ignore further SIGTERMs."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     raise KeyboardInterrupt
 
 
 def stop_later(lost: "sys.UnraisableHookArgs") -> None:
-    """As `sys.unraisablehook`: who is told to stop where nothing can be raised, as in a destructor, is told again."""
+    """A `sys.unraisablehook` that repeats an interrupt that came where nothing can be raised, as in a destructor."""
     if not isinstance(lost.exc_value, KeyboardInterrupt):
         sys.__unraisablehook__(lost)
         return
@@ -165,7 +165,7 @@ def function_of(command: Command) -> Callable[..., object]:
 
 
 def _bound(function: Callable[..., object], *, prog: str, argv: Sequence[str]) -> Callable[[], object]:
-    """A command's function with its arguments."""
+    """Bind a command's function to its parsed arguments."""
     import tyro
 
     from readygo.apps.usage import errors_in_one_line
@@ -193,7 +193,7 @@ def _bound(function: Callable[..., object], *, prog: str, argv: Sequence[str]) -
 
 
 def _groups(hints: Mapping[str, Any], parameters: Sequence[inspect.Parameter], words: str) -> list[inspect.Parameter]:
-    """A parameter for each group of options, whose type has those as its fields: help shows them below a heading."""
+    """One parameter per group of options, a dataclass with the options as fields: help shows each below a heading."""
     import docstring_parser
     import tyro
 
@@ -224,12 +224,12 @@ def _groups(hints: Mapping[str, Any], parameters: Sequence[inspect.Parameter], w
 
 
 def option_name(parameter: str) -> str:
-    """The option of a command's parameter: `from_` is --from, because a parameter cannot be called so."""
+    """The option of a command's parameter; `from_` becomes --from, because `from` is a keyword of Python."""
     return f"--{parameter.rstrip('_').replace('_', '-')}"
 
 
 def _with_bare_values(hints: Mapping[str, Any], argv: Sequence[str]) -> list[str]:
-    """The arguments, with values of options that may go without one."""
+    """The arguments, with the `Bare` value added to each option that came without a value."""
     bare = {
         option_name(name): said.value
         for name, hint in hints.items()
@@ -243,7 +243,7 @@ def _with_bare_values(hints: Mapping[str, Any], argv: Sequence[str]) -> list[str
 
 
 def _with_value_name(hint: Any, parameter: inspect.Parameter) -> Any:
-    """The hint with what help calls the value: SCENE, PATH, {train,val,test}."""
+    """The type hint, annotated with the value's name in the help: SCENE, PATH, {train,val,test}."""
     import tyro
 
     positional = parameter.kind is inspect.Parameter.POSITIONAL_ONLY
@@ -256,7 +256,7 @@ def _with_value_name(hint: Any, parameter: inspect.Parameter) -> Any:
     if name is None:
         return hint
     optional = positional and parameter.default is not inspect.Parameter.empty
-    # "(default: None)" says nothing; what is taken then stands in the words.
+    # "(default: None)" says nothing; the argument's description names the default.
     several = positional and typing.get_origin(hint) is tuple
     unsaid = parameter.default in (None, "", ()) or several
     metavar = f"[{name}]" if optional else name
@@ -265,7 +265,7 @@ def _with_value_name(hint: Any, parameter: inspect.Parameter) -> Any:
 
 
 def value_name(hint: Any, name: str, positional: bool) -> str | None:
-    """What a value is called; None leaves it to tyro."""
+    """Name of a value in the help, such as PATH; None keeps tyro's."""
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin is Annotated:
         return value_name(arguments[0], name, positional)
@@ -286,12 +286,12 @@ def value_name(hint: Any, name: str, positional: bool) -> str | None:
 
 
 def _mend_streams() -> None:
-    """Give closed streams somewhere to go, and characters that a stream's encoding lacks a question mark."""
+    """Redirect closed standard streams to /dev/null, and print "?" for characters that the encoding lacks."""
     for number in range(3):
         try:
             os.fstat(number)
         except OSError:
-            # Takes the lowest free number, which is this one.
+            # open() takes the lowest free descriptor, which is this one.
             os.open(os.devnull, os.O_RDWR)
     sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
@@ -301,7 +301,7 @@ def _mend_streams() -> None:
 
 
 def _drop_output() -> None:
-    """Let what could not be written go: the interpreter would try again when it ends, and complain."""
+    """Discard unwritten output: otherwise the interpreter would retry at exit and report an error."""
     with contextlib.suppress(OSError, ValueError):
         sys.stdout.flush()
         return

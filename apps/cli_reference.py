@@ -1,6 +1,6 @@
-"""What the command line's help says of all commands, as one page and as completion for shells.
+"""The help of all commands as one page, and completion scripts for shells.
 
-Both are made of signatures and docstrings, as the help is.
+Both are generated from signatures and docstrings, as the help is.
 """
 
 import inspect
@@ -18,11 +18,11 @@ class Parameter(NamedTuple):
     """One argument of a command."""
 
     flag: str
-    """As it is typed, such as --out; the plain name of one without a flag."""
+    """The option as typed, such as --out, or the name of a positional argument."""
     value: str
-    """What its value is called; empty for a switch."""
+    """Name of its value in the help; empty for a switch."""
     default: str
-    """Empty where it must be given, or where words say what is taken."""
+    """Default value; empty if the argument is required, or if its description names the default."""
     words: str
 
 
@@ -30,12 +30,12 @@ class Described(NamedTuple):
     """A command with its arguments."""
 
     words: str
-    """All that its docstring says before the arguments."""
+    """Text of its docstring before the arguments."""
     parameters: tuple[Parameter, ...]
 
 
 def described(command: Command) -> Described:
-    """What there is to know of a command; its module is imported."""
+    """Description and arguments of a command; its module is imported."""
     function = function_of(command)
     hints = typing.get_type_hints(function, include_extras=True)
     words, arguments = _docstring(inspect.getdoc(function) or "")
@@ -60,7 +60,7 @@ def completion(commands: Mapping[str, Command], shell: Shell) -> str:
 
     Args:
         commands: All commands.
-        shell: Whose script.
+        shell: Shell that the script is for.
     """
     options = {
         name: [p.flag for p in described(command).parameters if p.flag.startswith("--")]
@@ -120,7 +120,7 @@ def _first_words(commands: Mapping[str, Command]) -> list[str]:
 
 
 def _docstring(text: str) -> tuple[str, dict[str, str]]:
-    """The words before the sections of a docstring, and what it says of every argument."""
+    """The text before the sections of a docstring, and the description of every argument by name."""
     words, _, rest = text.partition("\nArgs:\n")
     words = re.split(r"\n(?:Returns|Raises):\n", words)[0].strip()
     section = re.split(r"\n(?=\S)", rest)[0]

@@ -1,4 +1,4 @@
-"""What readygo needs of a machine, and what is there."""
+"""Checks whether a machine has the software and hardware that readygo needs."""
 
 import importlib.metadata
 import importlib.util
@@ -17,7 +17,7 @@ from readygo.common.extras import Extra, install_command
 from readygo.common.files import cache_folder, cache_root
 
 PACKAGES = ("numpy", "numba", "scipy", "opencv-python-headless", "msgpack", "eclipse-zenoh", "mcap", "protobuf", "tyro")
-"""What every install has, and what a run's numbers depend on."""
+"""Packages of every installation, whose versions may affect a run's numbers."""
 EXTRAS: dict[Extra, tuple[str, str]] = {
     "policy": ("onnxruntime", "driving by a policy, evaluate"),
     "train": ("torch", "train, learn"),
@@ -28,7 +28,7 @@ EXTRAS: dict[Extra, tuple[str, str]] = {
     "metrics": ("prometheus_client", "--metrics"),
     "otel": ("opentelemetry", "--traces"),
 }
-"""For each extra a package that tells whether it is there, and what it is for."""
+"""For each extra: a package that shows whether it is installed, and its purpose."""
 FREE_MIN_GB = 2.0
 ROUTER_PORT = 7447
 """Zenoh's usual port, which `--listen` names most often."""
@@ -36,19 +36,19 @@ ROUTER_PORT = 7447
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing about the machine."""
+    """Result of one check."""
 
     name: str
     good: bool | None
-    """False: nothing works before it is mended; None: as it may be."""
+    """True: passed; False: readygo cannot work until this is mended; None: information only."""
     text: str
 
 
 def examine(data: Path) -> list[Finding]:
-    """Everything about this machine.
+    """Run all checks of this machine.
 
     Args:
-        data: Folder whose disk is looked at.
+        data: Folder whose disk is checked.
     """
     return [*_software(), *_hardware(), *_places(data), *_extras(), *_optional_files()]
 
@@ -132,6 +132,6 @@ def _version(package: str) -> str:
 
 
 def _optional_files() -> Iterator[Finding]:
-    """Files that licenses keep out of readygo: the commands that take them name them."""
+    """Findings on files that readygo may not ship because of their licenses; commands take them as arguments."""
     yield Finding("SMPL model", None, "optional; `readygo avatar import --smpl FILE` takes one")
     yield Finding("PriorMDM", None, "optional; [animator] of a run's settings names code and checkpoint")

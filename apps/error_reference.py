@@ -1,4 +1,4 @@
-"""The page of all messages that tell of a mistake, read from the code that raises them."""
+"""The page of all error messages, generated from the code that raises them."""
 
 import ast
 from collections.abc import Iterator
@@ -34,7 +34,7 @@ def errors_page(root: Path) -> str:
 
 
 def _raised(tree: ast.AST, kinds: set[str]) -> Iterator[tuple[str, str]]:
-    """Name and message of every exception that is raised with words."""
+    """Name and message of every exception that is raised with a message."""
     for node in ast.walk(tree):
         if not (isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and node.exc.args):
             continue
@@ -44,7 +44,7 @@ def _raised(tree: ast.AST, kinds: set[str]) -> Iterator[tuple[str, str]]:
 
 
 def _words(node: ast.expr) -> str:
-    """A message with its values left out."""
+    """A message with placeholders for its values."""
     if isinstance(node, ast.Constant):
         return str(node.value)
     if isinstance(node, ast.JoinedStr):

@@ -1,7 +1,7 @@
-"""What is wrong with the arguments of a command, in one line; tyro's own words fill a box of many lines.
+"""One-line errors for a command's arguments, instead of tyro's boxes of many lines.
 
-The only place that uses tyro's hook for errors, which is not part of its public interface: a version without it, or an
-error that is not known here, is said in tyro's words.
+This module alone uses tyro's error hook, which is not part of its public interface: with a version without it, or for
+an unknown kind of error, tyro's text is printed.
 """
 
 import contextlib
@@ -14,19 +14,19 @@ from typing import Any
 from readygo.common.errors import ReadygoError
 
 _KINDS = {"INT": "a whole number", "FLOAT": "a number"}
-"""By what help calls the value."""
+"""Kind of value in words, by the value's name in the help."""
 _WRONG = (
     re.compile(r"invalid literal for (?P<kind>int)\(\) with base 10: (?P<got>.*)", re.DOTALL),
     re.compile(r"could not convert string to (?P<kind>float): (?P<got>.*)", re.DOTALL),
     re.compile(r"no type matching (?P<kind>.+?) could be instantiated from \[(?P<got>.*?)\]\.?\s.*", re.DOTALL),
 )
-"""What Python and tyro say of a value that is none of its kind."""
+"""Patterns of the messages of Python and tyro for a value of a wrong type."""
 _ALIKE_MIN = 0.75
 
 
 @contextlib.contextmanager
 def errors_in_one_line(options: Collection[str]) -> Iterator[None]:
-    """Have tyro raise ReadygoError, in one line, where it would print a box and exit.
+    """Make tyro raise a one-line ReadygoError instead of printing a box and exiting.
 
     Args:
         options: All options of the command, such as "--out".
@@ -47,17 +47,17 @@ def _raise(options: Collection[str], event: Any) -> None:
 
 
 def _words(options: Collection[str], event: Any) -> str:
-    """What is wrong; empty for an event that is not known."""
+    """The error in words; empty for an unknown event."""
     match type(event).__name__:
         case "UnrecognizedArgs":
             return _unknown(options, event.tokens)
         case "MissingArgs":
-            # The missing one may be there under a wrong name.
+            # The missing argument may be there under a misspelt name.
             if any(token.startswith("-") for token in event.unrecognized_tokens):
                 return _unknown(options, event.unrecognized_tokens)
             return f"{_list([_named(each.arg) for each in event.missing_arguments], 'and')} must be given"
         case "InvalidChoice":
-            # Those of an option that may be None come in any order.
+            # tyro lists the choices of an optional value in any order.
             choices = sorted(set(event.choices) - {"None"}) if "None" in event.choices else list(event.choices)
             close = _closest(event.value, choices)
             return f"{_name(event.argument)} must be {_list(choices, 'or')}, got {event.value!r}{close}"
@@ -92,13 +92,13 @@ def _wrong_value(message: str) -> str:
 
 
 def _name(argument: Any) -> str:
-    """An option's name; what help calls a value that has none."""
+    """An option's name; for a positional argument, its name in the help."""
     name = argument.lowered.metavar if argument.is_positional() else argument.lowered.name_or_flags[0]
     return str(name).strip("[]")
 
 
 def _named(argument: Any) -> str:
-    """An option's name, and what help calls its value."""
+    """An option's name with the name of its value, as in the help."""
     metavar = argument.lowered.metavar
     return _name(argument) if argument.is_positional() or not metavar else f"{_name(argument)} {metavar}"
 

@@ -1,12 +1,13 @@
-"""Fine-tune a policy by reinforcement learning, and see on the same episodes whether that helped.
+"""Fine-tune a policy by reinforcement learning, and compare success rates before and after on the same episodes.
 
     pip install -e ".[rl]" -c constraints.txt
     python examples/gym_finetune.py out/lobby-run/policy --scene out/lobby --minutes 10 --out out/finetuned
     readygo evaluate out/lobby out/finetuned
 
-The policy is one that imitates the expert, of `readygo learn` or `readygo train`. PPO of stable-baselines3 goes on from
-its weights in `ReadyGo/PointNav-v0`: the image encoder stays, the three layers behind it are trained. Around what the
-policy decides, commands are drawn at random; a critic, which knows no more than the policy, learns alone at first.
+The policy comes from `readygo learn` or `readygo train` and imitates the expert. PPO of stable-baselines3 continues
+from its weights in `ReadyGo/PointNav-v0`: the image encoder is frozen, the three layers behind it are trained. Commands
+are drawn at random around the policy's output. The critic has the same inputs as the policy, and is trained alone
+first.
 """
 
 import argparse
@@ -40,15 +41,15 @@ from readygo.services.trainer.finetune import load_head, save_head
 from readygo.services.trainer.model import PolicyNet
 
 NOISE = 0.1
-"""Standard deviation of commands at first, in shares of the robot's limits."""
+"""Initial standard deviation of commands, as a share of the robot's limits."""
 LIMIT_S = EpisodeConfig().time_limit_s
 CRITIC_WIDTHS = [128, 128]
 CRITIC_ROLLOUTS = 3
-"""Rollouts from which the critic alone learns."""
+"""Number of first rollouts that train only the critic."""
 
 
 class Rides(VecEnv):
-    """Robots of `PointNavVectorEnv` for stable-baselines3; what a robot observes is what the policy's head is given."""
+    """`PointNavVectorEnv` for stable-baselines3; a robot's observation is the input of the policy's head."""
 
     def __init__(self, folder: Path, count: int, **arguments: Any) -> None:
         self._envs = make_vec(
@@ -65,17 +66,17 @@ class Rides(VecEnv):
         features = spaces.Box(-np.inf, np.inf, (policy.spec.inputs.feature_count,), np.float32)
         shares = spaces.Box(np.float32([0.0, -1.0]), np.float32([1.0, 1.0]))
         self.outcomes: list[bool] = []
-        """Of every episode that ended, whether it succeeded."""
+        """True for each finished episode that succeeded."""
         super().__init__(count, features, shares)
 
     def reset(self) -> np.ndarray:
-        """Begin an episode of every robot."""
+        """Begin an episode for every robot; returns its observations, shape (B, F)."""
         observation, _ = self._envs.reset(seed=self._seeds[0])
         self._memories = [self._policy.start() for _ in self._memories]
         return self._features(self._memories, observation)
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Take commands, as shares of the robot's limits, shape (B, 2)."""
+        """Set the next commands, as shares of the robot's limits, shape (B, 2)."""
         self._actions = actions * self._limits
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
@@ -97,7 +98,7 @@ class Rides(VecEnv):
         return self._policy.features(memories, observation["velocity"], observation["goal"])
 
     def close(self) -> None:
-        """Let go of the scene."""
+        """Release the scene."""
         self._envs.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
@@ -105,20 +106,20 @@ class Rides(VecEnv):
         return [getattr(self._envs, attr_name)] * len(self._memories)
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Nothing of one robot alone can be set."""
+        """Not supported: single robots have no attributes to set."""
         raise NotImplementedError
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **arguments: Any) -> list[Any]:
-        """Robots have no methods of their own."""
+        """Not supported: single robots have no methods."""
         raise NotImplementedError
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
-        """No wrapper stands around one robot alone."""
+        """False for every robot: single robots have no wrappers."""
         return [False] * len(self._memories)
 
 
 class ActorAndCritic(nn.Module):
-    """In place of stable-baselines3's networks: the policy's own head, and a critic of the same numbers."""
+    """The policy's head and a critic with the same inputs, instead of stable-baselines3's networks."""
 
     latent_dim_pi = 2
 
@@ -127,7 +128,7 @@ class ActorAndCritic(nn.Module):
         self.head, self._net, self.critic, self.latent_dim_vf = net.head, [net], critic, latent_dim_vf
 
     def forward(self, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """What actor and critic say of features (B, F)."""
+        """Outputs of actor and critic for features, shape (B, F)."""
         return self.forward_actor(features), self.forward_critic(features)
 
     def forward_actor(self, features: torch.Tensor) -> torch.Tensor:
@@ -136,7 +137,7 @@ class ActorAndCritic(nn.Module):
         return net.decide(net.act(*self._parts(features)))
 
     def forward_critic(self, features: torch.Tensor) -> torch.Tensor:
-        """Shape (B, `latent_dim_vf`)."""
+        """Features of the value function, shape (B, `latent_dim_vf`)."""
         latents, motion, goal = self._parts(features)
         return self.critic(torch.cat([latents, motion, goal / GOAL_SCALE_M], dim=1))
 
@@ -147,7 +148,7 @@ class ActorAndCritic(nn.Module):
 
 
 class Watch(BaseCallback):
-    """Has the critic learn alone at first, ends by time, and says how it goes."""
+    """Trains only the critic at first, ends training after the time budget, and prints the progress."""
 
     def __init__(self, head: nn.Module, rides: Rides, minutes: float) -> None:
         super().__init__()
@@ -167,7 +168,7 @@ class Watch(BaseCallback):
 
 
 def fine_tune(folder: Path, rides: Rides, minutes: float, *, rollout_steps: int = 256) -> tuple[PolicyNet, int]:
-    """Train a policy's head, and say over how many steps."""
+    """Train a policy's head; returns the network and the number of steps."""
     net = load_head(folder)
     ppo = PPO(
         "MlpPolicy",
@@ -192,7 +193,7 @@ def fine_tune(folder: Path, rides: Rides, minutes: float, *, rollout_steps: int 
 
 
 def drive(folder: Path, scene: str, episodes: int, name: str) -> list[EpisodeRecord]:
-    """How a policy does in the test episodes, under a name of its own."""
+    """Drive a policy through the test episodes; the records carry `name` as their method."""
     policy = load_policy(folder)
     world = evaluation_world(scene, settings_of_policy(policy.spec), avatars=avatars_of_policy(policy.spec), seed=0)
     evaluator = make_evaluator(world, renderer=world.renderer(), policy=policy)
@@ -201,7 +202,7 @@ def drive(folder: Path, scene: str, episodes: int, name: str) -> list[EpisodeRec
 
 
 def say_success(before: Sequence[EpisodeRecord], after: Sequence[EpisodeRecord]) -> None:
-    """Success rates with their 95 % intervals, and McNemar's test of the difference."""
+    """Print success rates with 95 % intervals, and McNemar's test of the difference."""
     records = [*before, *after]
     for (task, name), scores in scores_of(records, time_limit_s=LIMIT_S).items():
         rate = scores["success"]
@@ -214,13 +215,13 @@ def say_success(before: Sequence[EpisodeRecord], after: Sequence[EpisodeRecord])
 
 
 def say(line: str) -> None:
-    """One line, at once."""
+    """Print a line, unbuffered."""
     sys.stdout.write(line + "\n")
     sys.stdout.flush()
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """See the module."""
+    """Fine-tune a policy, write it, and compare it with the original one."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("policy", nargs="?", type=Path, default=Path("out/policy"))
     parser.add_argument("--scene", default="embedded")

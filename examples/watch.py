@@ -1,4 +1,4 @@
-"""Keeps the newest image of every renderer of a run as a file: python watch.py ENDPOINT RUN FOLDER."""
+"""Saves the newest image of every renderer of a run as a file: python watch.py ENDPOINT RUN FOLDER."""
 
 import os
 import sys
@@ -13,7 +13,7 @@ endpoint, run, folder = sys.argv[1:]
 
 
 def keep(preview: LivePreview) -> None:
-    """Write an image."""
+    """Write a renderer's newest image to a file."""
     (Path(folder) / f"{preview.episode.episode_id}.{preview.format}").write_bytes(preview.image)
 
 

@@ -1,4 +1,4 @@
-"""The same as watch.py without readygo: python watch_zenoh.py ENDPOINT RUN FOLDER."""
+"""Saves the newest image of every renderer of a run, without readygo: python watch_zenoh.py ENDPOINT RUN FOLDER."""
 
 import json
 import os
@@ -13,7 +13,7 @@ endpoint, run, folder = sys.argv[1:]
 
 
 def keep(sample: zenoh.Sample) -> None:
-    """Write an image."""
+    """Write a renderer's newest image to a file."""
     preview = msgpack.unpackb(sample.payload.to_bytes())
     episode = preview["episode"]
     name = f"{episode['split']}-{episode['seed']}-{episode['index']:06d}.{preview['format']}"

@@ -1,4 +1,4 @@
-"""readygo: from a Gaussian scene of a real place to navigation data with moving people, and to robot policies.
+"""readygo: from a Gaussian scene of a real place to navigation data with pedestrians, and to robot policies.
 
 The names below are the library; each module is loaded when one of its names is first used. World: metres, z up.
 Robot: x forward, y left. Camera: OpenCV's axes. `T_world_camera` maps camera coordinates to the world.
@@ -93,7 +93,7 @@ _NAMES = {
     ),
 }
 """The public names, by the module that each is loaded from."""
-# A type checker knows the names from the imports above, and thereby those that do not exist.
+# Hidden from type checkers: they know all names from the imports above, and so detect missing ones.
 if not TYPE_CHECKING:
     __all__ = ["__version__", *(name for names in _NAMES.values() for name in names)]
 

@@ -24,7 +24,7 @@ def main() -> None:
 
 
 def _stop_at_once(signal_number: int, frame: FrameType | None) -> None:
-    # While modules load, an exception would come out of them as one of a dozen others, and there is nothing to undo.
+    # While modules load, they may turn an exception into a different one, and there is nothing to undo.
     os.write(2, b"readygo: stopped before anything was done.\n")
     os._exit(INTERRUPTED)
 

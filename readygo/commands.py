@@ -1,4 +1,4 @@
-"""The commands of `readygo`, by name. The table stands above all layers: it may name what lies in any of them."""
+"""The commands of `readygo`, by name. The table is above all layers: it may name functions of any of them."""
 
 import sys
 from typing import Literal
@@ -13,7 +13,7 @@ def completion(shell: Literal["bash", "zsh", "fish"], /) -> None:
     `readygo completion fish > ~/.config/fish/completions/readygo.fish`.
 
     Args:
-        shell: The shell.
+        shell: Shell that the script is for.
     """
     from readygo.apps.cli_reference import completion as script
 
@@ -21,24 +21,24 @@ def completion(shell: Literal["bash", "zsh", "fish"], /) -> None:
 
 
 COMMANDS = {
-    "demo": Command("readygo.apps.demo.demo:demo", "run the whole job on the embedded scene and write a report"),
+    "demo": Command("readygo.apps.demo.demo:demo", "run the whole pipeline on the embedded scene and write a report"),
     "scene import": Command("readygo.apps.commands.scene:scene_import", "make a scene bundle of a Gaussian file"),
     "scene inspect": Command(
         "readygo.apps.commands.scene:scene_inspect", "measure a scene bundle and draw it from above"
     ),
     "scene report": Command(
-        "readygo.apps.commands.scene_report:scene_report", "write the health report of a scene, as a page"
+        "readygo.apps.commands.scene_report:scene_report", "write the quality report of a scene, as a web page"
     ),
     "scene crop": Command("readygo.apps.commands.scene_edit:scene_crop", "keep a part of a scene"),
     "scene align": Command("readygo.apps.commands.scene_edit:scene_align", "level a scene's floor at height 0"),
     "scene scale": Command("readygo.apps.commands.scene_edit:scene_scale", "make a scene larger or smaller"),
     "scene clean": Command("readygo.apps.commands.scene_edit:scene_clean", "remove huge Gaussians, floaters and haze"),
     "scene capture": Command(
-        "readygo.apps.commands.capture:scene_capture", "film a scene with a marker in it; poses are known"
+        "readygo.apps.commands.capture:scene_capture", "record a hand-held video of a scene with known poses"
     ),
     "scene poses": Command(
         "readygo.apps.commands.reconstruct:scene_poses",
-        "find metric camera poses of a video or photos, without Gaussians",
+        "find metric camera poses of a video or photos, without training",
     ),
     "reconstruct": Command(
         "readygo.apps.commands.reconstruct:reconstruct_command", "make a scene bundle of a video or photos"
@@ -47,26 +47,26 @@ COMMANDS = {
         "readygo.apps.commands.train_gaussians:scene_train", "train Gaussians on posed images (a COLMAP model)"
     ),
     "marker": Command("readygo.apps.commands.reconstruct:marker", "write a printable marker of true size, as PDF"),
-    "avatar list": Command("readygo.apps.commands.avatar:avatar_list", "list the people that can walk through scenes"),
+    "avatar list": Command("readygo.apps.commands.avatar:avatar_list", "list the avatars of pedestrians"),
     "avatar import": Command(
         "readygo.apps.commands.avatar_import:avatar_import", "make an avatar of a HUGS, SMPL, glTF or Gaussian file"
     ),
     "avatar preview": Command(
-        "readygo.apps.commands.avatar:avatar_preview", "draw a person from all sides, or film them walking"
+        "readygo.apps.commands.avatar:avatar_preview", "draw an avatar from all sides, or walking in a video"
     ),
     "plan": Command(
-        "readygo.apps.commands.plan:plan", "plan one episode again and explain it in numbers, a picture or a film"
+        "readygo.apps.commands.plan:plan", "replay one episode and explain it in numbers, a picture or a video"
     ),
     "router": Command("readygo.apps.commands.router:router", "let several runs share one fleet"),
-    "generate": Command("readygo.apps.commands.generate:generate", "record episodes of an expert among walking people"),
+    "generate": Command("readygo.apps.commands.generate:generate", "record episodes of a robot among pedestrians"),
     "validate": Command("readygo.apps.commands.data:validate", "read a dataset again and report every defect"),
     "recover": Command(
-        "readygo.apps.commands.recover:recover", "save what is whole of a damaged dataset, and record the rest again"
+        "readygo.apps.commands.recover:recover", "keep intact episodes of a damaged dataset, and record the rest again"
     ),
     "requeue": Command(
-        "readygo.apps.commands.requeue:requeue", "record again what was on a recorder's disk that is gone"
+        "readygo.apps.commands.requeue:requeue", "record again the episodes of a recorder whose disk is lost"
     ),
-    "inspect": Command("readygo.apps.commands.data:inspect", "say what a dataset holds"),
+    "inspect": Command("readygo.apps.commands.data:inspect", "summarise a dataset"),
     "coverage": Command(
         "readygo.apps.commands.coverage:coverage", "show what a dataset covers, and what it does not, on one page"
     ),
@@ -76,36 +76,36 @@ COMMANDS = {
     "import mcap": Command(
         "readygo.apps.commands.import_log:import_log", "make a data folder of a robot's log, an MCAP file"
     ),
-    "play": Command("readygo.apps.commands.play:play", "write a recorded episode as a film"),
+    "play": Command("readygo.apps.commands.play:play", "write a recorded episode as a video"),
     "card": Command(
         "readygo.apps.commands.card:card", "write a README.md of a data folder: what it holds, in pictures"
     ),
-    "export": Command("readygo.apps.commands.export:export", "write a dataset in the format of another program"),
+    "export": Command("readygo.apps.commands.export:export", "export a dataset to the format of another framework"),
     "store": Command(
         "readygo.apps.commands.store:store", "copy finished shards to an object store, and read them back"
     ),
     "learn": Command(
-        "readygo.apps.commands.learn:learn", "record and learn side by side, until a policy drives well in a scene"
+        "readygo.apps.commands.learn:learn", "record and train at the same time, until a policy drives well in a scene"
     ),
-    "train": Command("readygo.apps.commands.train:train", "learn a policy from recorded episodes"),
+    "train": Command("readygo.apps.commands.train:train", "train a policy on recorded episodes"),
     "evaluate": Command("readygo.apps.commands.evaluate:evaluate", "measure success rates in closed loop"),
     "monitor": Command(
-        "readygo.apps.commands.monitor:monitor", "show a run on a page: scene, robots, humans, images, numbers"
+        "readygo.apps.commands.monitor:monitor", "show a run on a web page: scene, robots, pedestrians, images, metrics"
     ),
-    "drive": Command("readygo.apps.commands.drive:drive", "drive a robot to a goal by what its camera shows"),
+    "drive": Command("readygo.apps.commands.drive:drive", "drive a robot to a goal with a policy and its camera"),
     "simulate-robot": Command(
         "readygo.apps.commands.simulate_robot:simulate_robot",
-        "be a robot in a scene: send its images and odometry, and do as it is told",
+        "simulate a robot in a scene: publish images and odometry, follow cmd_vel",
     ),
-    "status": Command("readygo.apps.commands.status:status", "say how far a fleet's run is, and who works on it"),
-    "pause": Command("readygo.apps.commands.control:pause", "let a fleet give out no more work for now"),
-    "resume": Command("readygo.apps.commands.control:resume", "let a paused fleet go on"),
+    "status": Command("readygo.apps.commands.status:status", "show the progress of a fleet's run, and its workers"),
+    "pause": Command("readygo.apps.commands.control:pause", "pause a fleet: workers get no more work"),
+    "resume": Command("readygo.apps.commands.control:resume", "resume a paused fleet"),
     "cancel": Command("readygo.apps.commands.control:cancel", "end a fleet's run; what is recorded stays"),
     "coordinator": Command(
-        "readygo.apps.commands.coordinator:coordinator", "lead a run whose workers are on other machines"
+        "readygo.apps.commands.coordinator:coordinator", "coordinate a run whose workers are on other machines"
     ),
-    "certs init": Command("readygo.apps.commands.certs:certs_init", "make the authority of a fleet's certificates"),
-    "certs issue": Command("readygo.apps.commands.certs:certs_issue", "issue certificates, whose roles are rights"),
+    "certs init": Command("readygo.apps.commands.certs:certs_init", "create the certificate authority of a fleet"),
+    "certs issue": Command("readygo.apps.commands.certs:certs_issue", "issue certificates for the roles of a fleet"),
     "worker": Command("readygo.apps.fleet.worker:worker", "join a fleet as one worker"),
     "bench render": Command(
         "readygo.benchmarks.rasterizer.render:bench_render",
@@ -121,7 +121,7 @@ COMMANDS = {
         "readygo.benchmarks.fleet.chaos:bench_chaos",
         "record a run among random faults, and compare it with one in peace",
     ),
-    "doctor": Command("readygo.apps.commands.doctor:doctor", "say what this machine has, lacks and can do"),
+    "doctor": Command("readygo.apps.commands.doctor:doctor", "check this machine's software, hardware and disk"),
     "completion": Command("readygo.commands:completion", "print a script that completes commands in a shell"),
     "warm": Command("readygo.apps.commands.warm:warm", "compile all kernels once"),
 }

@@ -13,9 +13,9 @@ from readygo.common.errors import AvatarError
 Array = npt.NDArray[np.float64]
 
 PHASES = ("left heel strike", "left stance", "right heel strike", "right stance")
-"""A quarter of a stride apart."""
+"""Gait phases of the columns, a quarter of a stride apart."""
 VIEWS = {"front": 0.0, "left side": 0.5 * np.pi, "back": np.pi}
-"""Where the camera stands, seen from the human: angle [rad] from where they go, to the left."""
+"""Direction from the human to the camera by view: angle [rad] from the walking direction to the left."""
 TILE = Framing(height_px=400, width_px=300, focal_px=800.0)
 SPEED_MPS, LENGTH_M = 1.2, 9.0
 CAMERA_DISTANCE_M, CAMERA_HEIGHT_M = 4.4, 1.3
@@ -26,11 +26,11 @@ def contact_sheet(avatar: Avatar, *, seed: int = 0) -> Picture:
     """The sheet: a row per view, a column per phase of a straight walk at 1.2 m/s.
 
     Args:
-        avatar: Who.
-        seed: Habits of the human.
+        avatar: Avatar that walks.
+        seed: Seed of the human's gait habits.
 
     Returns:
-        RGB.
+        RGB image of the sheet.
     """
     way = np.stack([np.linspace(0.0, LENGTH_M, 200), np.zeros(200)], axis=1)
     motion = level_walk(avatar, way, SPEED_MPS, seed=seed)
@@ -57,7 +57,7 @@ def phase_rows(joints_m: Array) -> tuple[int, int, int, int]:
     A heel strikes where its ankle is furthest ahead of the pelvis.
 
     Args:
-        joints_m: Shape (T, 24, 3).
+        joints_m: Joint positions [m], shape (T, 24, 3).
 
     Raises:
         AvatarError: If there is no whole stride.

@@ -1,4 +1,4 @@
-"""Where previews of an avatar are taken: a wall, and a floor with lines on which sliding feet would show."""
+"""The set of an avatar's previews: a wall, and a floor with lines that make foot sliding visible."""
 
 from dataclasses import dataclass
 
@@ -45,7 +45,7 @@ class Studio:
 
         Args:
             T_world_camera: Camera pose, OpenCV axes, shape (4, 4).
-            motion: How they move over z = 0.
+            motion: Motion of the human over z = 0.
             row: Row of the motion.
             joints_m: The joints of the whole motion [m], shape (T, 24, 3).
 
@@ -96,7 +96,7 @@ def _ground(T_world_camera: Array, framing: Framing, feet_m: Array) -> Array:
 
 
 def _lined(points: Array, distance: Array, eye_height_m: float, focal_px: float) -> Array:
-    """Colours of the floor at points (H, W, 2) that are so far along their rays."""
+    """Colours of the floor at points, shape (H, W, 2), with their distances along the rays."""
     # A pixel covers this much floor, along the ray more than across it; lines are blurred to it.
     footprint = (distance / focal_px)[..., None] * np.stack(
         [np.ones_like(distance), np.maximum(distance / eye_height_m, 1.0)], axis=-1

@@ -22,7 +22,7 @@ def turntable(avatar: Avatar, poses: Sequence[FloatArray]) -> Image:
     """A sheet with a row of views per pose, the person turning left from image to image.
 
     Args:
-        avatar: Who.
+        avatar: Avatar to draw.
         poses: Joint rotations [rad] as in `Motion` for a person that faces SMPL's +z, shape (24, 3) each.
 
     Returns:
@@ -43,7 +43,7 @@ def turntable(avatar: Avatar, poses: Sequence[FloatArray]) -> Image:
 
 
 def standing_pose() -> FloatArray:
-    """Upright, arms down."""
+    """Joint rotations of standing upright, arms down [rad], shape (24, 3)."""
     pose = np.zeros((24, 3), dtype=np.float32)
     pose[16] = (0.0, -0.15, -1.22)
     pose[17] = (0.0, 0.15, 1.22)
@@ -52,7 +52,7 @@ def standing_pose() -> FloatArray:
 
 
 def stride_pose() -> FloatArray:
-    """The left foot ahead, the right arm with it."""
+    """Joint rotations of mid-stride, left foot and right arm ahead [rad], shape (24, 3)."""
     pose = standing_pose()
     pose[1], pose[2] = (-0.42, 0.0, 0.0), (0.30, 0.0, 0.0)
     pose[4], pose[5] = (0.10, 0.0, 0.0), (0.45, 0.0, 0.0)
@@ -75,7 +75,7 @@ def _turned(pose: FloatArray, angle_rad: float) -> FloatArray:
 
 
 def _grounded_root(avatar: Avatar, pose: FloatArray) -> FloatArray:
-    """The pelvis' place that puts the lower ankle where it is when the person stands on z = 0."""
+    """Pelvis position that puts the lower ankle at its height when the person stands on z = 0."""
     motion = Motion(root_m=np.zeros((1, 3), dtype=np.float32), pose_axis_angle=pose[None])
     ankles_m = joint_positions(avatar, motion)[0, [7, 8], 2]
     return np.array([0.0, 0.0, avatar.joints_tpose_m[7, 1] - ankles_m.min()], dtype=np.float32)

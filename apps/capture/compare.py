@@ -1,4 +1,4 @@
-"""Poses that were found in a capture beside the true ones.
+"""Errors of the poses that a reconstruction found in a capture.
 
 Legend: S = the similarity that maps found camera centres to the true ones with the least squared error.
 """
@@ -19,7 +19,7 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class PoseErrors:
-    """How far found poses are from the true ones."""
+    """Errors of found poses against the true ones."""
 
     images: int
     """Images of the capture that have a pose."""
@@ -28,11 +28,11 @@ class PoseErrors:
     scale_percent: float
     """Found lengths over true ones, less 1 [%]: one over the scale of S."""
     camera_rmse_m: float
-    """Camera centres after the best rotation and translation: what a wrong scale does is in it [m]."""
+    """RMS error of camera centres after the best rotation and translation; includes the scale error [m]."""
     shape_rmse_m: float
-    """Camera centres after S [m]."""
+    """RMS error of camera centres after S [m]."""
     camera_max_m: float
-    """The farthest camera after the best rotation and translation [m]."""
+    """Largest error of a camera centre after the best rotation and translation [m]."""
     rotation_deg: float
     """Median angle between found and true orientation after S [deg]."""
     up_deg: float
@@ -49,7 +49,7 @@ def pose_errors(truth: Truth, found: Mapping[str, Floats]) -> PoseErrors:
     """Compare found poses with the truth.
 
     Args:
-        truth: Of the capture.
+        truth: Ground truth of the capture.
         found: `T_world_camera`, shape (4, 4), metres, z up, by image name.
 
     Raises:

@@ -1,4 +1,4 @@
-"""How a capture is simulated."""
+"""Settings of a simulated capture."""
 
 import math
 from dataclasses import dataclass
@@ -8,29 +8,29 @@ from readygo.common.errors import ConfigError
 from readygo.services.reconstructor.metric.markers import DEFAULT_DICTIONARY
 
 FOV_DEG = 68.0
-"""Of a telephone's main camera, along the longer side of its image."""
+"""Field of view of a phone's main camera, along the longer side of its image [deg]."""
 EXPOSURE_S, READOUT_S = 0.010, 0.015
 SECONDS_MIN, FRAMES_MAX = 2.0, 3000
 
 
 @dataclass(frozen=True, kw_only=True)
 class CaptureConfig:
-    """One capture."""
+    """Settings of one simulated capture."""
 
     seconds: float = 30.0
-    """How long the walk takes."""
+    """Duration of the walk [s]."""
     fps: int = 3
     """Frames per second of the video, or photos per second."""
     width_px: int = 640
     height_px: int = 480
     marker_size_m: float = 0.2
-    """Printed side of the black square [m]; 0 lays down no marker."""
+    """Printed side of the black square [m]; 0: no marker."""
     marker_dictionary: str = DEFAULT_DICTIONARY
     marker_id: int = 0
     sub_frames: int = 0
-    """Images that a frame is made of, for motion blur and rolling shutter; 0 leaves both out."""
+    """Images averaged into a frame, for motion blur and rolling shutter; 0: neither."""
     photos: bool = False
-    """Sharp photos in place of a video."""
+    """True takes sharp photos instead of a video."""
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -49,12 +49,12 @@ class CaptureConfig:
 
     @property
     def frames(self) -> int:
-        """How many pictures are taken."""
+        """Number of frames or photos."""
         return round(self.seconds * self.fps)
 
 
 def phone_camera(config: CaptureConfig) -> CameraConfig:
-    """The telephone: its lens, what its sensor adds, and its shutter if there is one.
+    """The phone's camera: lens, sensor noise, and rolling shutter if it is simulated.
 
     Raises:
         ConfigError: If the image is too large or too small.
@@ -67,7 +67,7 @@ def phone_camera(config: CaptureConfig) -> CameraConfig:
             height_px=config.height_px,
             fx_px=focal_px,
             fy_px=focal_px,
-            # Nobody's lens is centred on the sensor.
+            # No real lens is exactly centred on its sensor.
             cx_px=0.5 * config.width_px + 0.004 * along,
             cy_px=0.5 * config.height_px - 0.003 * across,
             distortion="brown_conrady",

@@ -1,4 +1,4 @@
-"""Filming a walk: what the telephone records of a scene with a marker on its floor, and the truth about it."""
+"""Simulated capture: the images that a hand-held phone records of a scene with a marker, and the ground truth."""
 
 import dataclasses
 import math
@@ -34,12 +34,12 @@ from readygo.services.renderer.sensor.streams import SensorStream
 Rgb = npt.NDArray[np.uint8]
 _PAGES = ("A3", "A2")
 DRIFT_EV = 0.25
-"""Automatic exposure wanders by so much [stops]."""
+"""Amplitude of the drift of the automatic exposure [stops]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Filming:
-    """A capture that is planned."""
+    """A planned capture: walk, marker and exposures."""
 
     scene: Scene
     config: CaptureConfig
@@ -47,16 +47,16 @@ class Filming:
     walk: Walk
     marker: FloorMarker | None
     exposures_ev: npt.NDArray[np.float64]
-    """Of each frame [stops], shape (N,)."""
+    """Exposure of each frame [stops], shape (N,)."""
 
     @property
     def times_s(self) -> npt.NDArray[np.float64]:
-        """When each frame is taken, shape (N,): the end of its last row's exposure."""
+        """Time of each frame, the end of its last row's exposure [s], shape (N,)."""
         return (np.arange(self.config.frames) + 0.5) / self.config.fps
 
     @property
     def notes(self) -> list[str]:
-        """What a user should know of it."""
+        """Hints for the user about the planned capture."""
         walk = self.walk
         if walk.way_m >= walk.loop_m:
             return []
@@ -101,7 +101,7 @@ def _sheet(config: CaptureConfig) -> Sheet:
 
 
 def pictures(filming: Filming) -> Iterator[Rgb]:
-    """What the telephone records, sRGB, shape (H, W, 3) each; the same for the same plan."""
+    """Frames of the capture, sRGB, shape (H, W, 3) each; deterministic for a plan."""
     capture = _capture(filming)
     plain = capture.camera_of(SensorStream.of_humans(f"capture {filming.config.seed}"))
     for number, exposure_ev in enumerate(filming.exposures_ev.tolist()):
@@ -140,15 +140,15 @@ def _moments(filming: Filming, number: int) -> Callable[[float], Moment]:
 
 
 def film(filming: Filming, out: Path, heard: Callable[[int], None]) -> Path:
-    """Write the video, or the folder of photos, and the truth beside it.
+    """Write the video, or the folder of photos, and the ground truth beside it.
 
     Args:
-        filming: What is filmed.
+        filming: Planned capture.
         out: The video, .mp4 or .webm, or the folder.
-        heard: Hears how many frames are done.
+        heard: Called with the number of finished frames.
 
     Returns:
-        The truth file.
+        Path of the truth file.
 
     Raises:
         ReadygoError: If something cannot be written.
@@ -167,10 +167,10 @@ def film(filming: Filming, out: Path, heard: Callable[[int], None]) -> Path:
 
 
 def check_out(out: Path, config: CaptureConfig) -> None:
-    """Refuse names that nothing can be written under, before the work.
+    """Check the output's name before the work begins.
 
     Raises:
-        ReadygoError: If it is so.
+        ReadygoError: If no output can be written under this name.
     """
     if config.photos and (out.exists() or out.suffix):
         raise SceneError(f"{out} must be the name of a new folder for --photos.")
@@ -225,11 +225,17 @@ def _truth(filming: Filming, images: list[Any]) -> dict[str, Any]:
 def ground_of(
     scene: Scene, crop: tuple[float, float, float, float] | None, start: tuple[float, float] | None, radius_m: float
 ) -> Ground:
-    """See `walking_ground`; refuses places that contradict each other.
+    """The ground to film, from the command's options.
+
+    Args:
+        scene: Scene bundle.
+        crop: x0 y0 x1 y1 of the filmed area [m], instead of start and radius.
+        start: Centre of the filmed area [m].
+        radius_m: Radius of the filmed area [m].
 
     Raises:
-        ConfigError: If they do, or a number makes no sense.
-        SceneError: If nobody can walk there.
+        ConfigError: If the options contradict each other, or a number is invalid.
+        SceneError: If the area has no walkable ground.
     """
     if crop is not None and start is not None:
         raise ConfigError("Give either --crop, or --start and --radius.")

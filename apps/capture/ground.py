@@ -1,4 +1,4 @@
-"""Where somebody walks who films a place: the ground, a closed way over it, and where the marker lies."""
+"""The ground that a person with a phone walks on: its cells, a closed path over it, and the marker's place."""
 
 import math
 from dataclasses import dataclass
@@ -17,31 +17,31 @@ Cells = npt.NDArray[np.bool_]
 BODY_RADIUS_M = 0.25
 AREA_MIN_M2 = 2.0
 INSET_M = 0.25
-"""The way keeps this far from where a body cannot be, where there is room."""
+"""Distance of the path from ground where a body does not fit, if there is room [m]."""
 DOOR_M = 1.3
-"""Narrower gaps are doors: a circle around a place holds its room only."""
+"""Gaps narrower than this are doors: a circle around a place holds its room only [m]."""
 LOOP_MIN_M = 3.0
 _STEP_M = 0.02
 _SMOOTHING_M = (0.35, 0.2, 0.1)
 MARKER_DISTANCE_M = 1.3
-"""The marker lies about this far from where the walk begins [m]."""
+"""Approximate distance of the marker from the start of the walk [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ground:
-    """Connected cells of a scene that somebody can stand on."""
+    """Connected cells of a scene that a person can stand on."""
 
     cells: Cells
-    """Shape (H, W)."""
+    """True for walkable cells, shape (H, W)."""
     frame: GridFrame
 
     @property
     def area_m2(self) -> float:
-        """How much there is."""
+        """Area of the ground [m2]."""
         return float(self.cells.sum()) * self.frame.resolution_m**2
 
     def holds(self, xy_m: Floats) -> Cells:
-        """Which points lie on it, shape (N, 2) -> (N,)."""
+        """True for points [m] on the ground, shape (N, 2) -> (N,)."""
         corner = (self.frame.origin_x_m, self.frame.origin_y_m)
         column, row = np.floor((xy_m - corner) / self.frame.resolution_m).astype(np.int64).T
         inside = (row >= 0) & (column >= 0) & (row < self.cells.shape[0]) & (column < self.cells.shape[1])
@@ -50,7 +50,7 @@ class Ground:
 
     @property
     def centres_m(self) -> Floats:
-        """Centres of its cells, shape (N, 2)."""
+        """Centres of the cells [m], shape (N, 2)."""
         corner = np.array([self.frame.origin_x_m, self.frame.origin_y_m])
         centres: Floats = corner + (np.argwhere(self.cells)[:, ::-1] + 0.5) * self.frame.resolution_m
         return centres
@@ -63,16 +63,16 @@ def walking_ground(
     start: tuple[float, float] | None = None,
     radius_m: float = 3.0,
 ) -> Ground:
-    """The ground that is filmed: what hangs together in a rectangle or a circle.
+    """The ground that is filmed: the largest connected part of a rectangle, or the room at a circle's centre.
 
     Args:
         scene: Scene bundle.
-        crop: x0 y0 x1 y1 [m]; in place of start and radius.
-        start: Middle of the circle [m]; the roomiest place of the scene by default.
-        radius_m: Of the circle; doors are not passed, unless there is no room without.
+        crop: x0 y0 x1 y1 of the rectangle [m], instead of start and radius.
+        start: Centre of the circle [m]; the most open place of the scene by default.
+        radius_m: Radius of the circle [m]; it ends at doors, unless the room is too small.
 
     Raises:
-        SceneError: If nobody can walk there.
+        SceneError: If the area has no walkable ground.
     """
     human = scene.maps.human
     clearance = clearance_m(human).astype(np.float64)
@@ -107,13 +107,13 @@ def _centres(frame: GridFrame, shape: tuple[int, int]) -> tuple[Floats, Floats]:
 
 
 def _room(standing: Cells, wide: Cells, squared_m2: Floats, cell_m: float) -> Cells:
-    """The ground around a place, without what lies behind doors; with that, where it is too little.
+    """The ground around a place, without the ground behind doors unless the rest is too small.
 
     Args:
-        standing: Where somebody can stand.
-        wide: Where it is wider than a door.
-        squared_m2: Squared distances from the place.
-        cell_m: Edge of a cell.
+        standing: Cells where a person can stand.
+        wide: Cells where the ground is wider than a door.
+        squared_m2: Squared distances from the place [m2].
+        cell_m: Edge of a cell [m].
     """
     from scipy import ndimage
 
@@ -128,7 +128,7 @@ def _room(standing: Cells, wide: Cells, squared_m2: Floats, cell_m: float) -> Ce
 
 
 def _part_near(cells: Cells, squared_m2: Floats) -> Cells:
-    """The connected cells that come nearest to a place."""
+    """The connected part of the cells that is nearest to a place."""
     labels, _ = free_components(cells)
     if not labels.any():
         return cells
@@ -138,7 +138,7 @@ def _part_near(cells: Cells, squared_m2: Floats) -> Cells:
 
 
 def closed_way(ground: Ground) -> Floats:
-    """A closed, smooth way around the ground near its border, counterclockwise, a point each 2 cm, shape (N, 2) [m].
+    """A closed, smooth path along the ground's border, counterclockwise, a point each 2 cm [m], shape (N, 2).
 
     Raises:
         SceneError: If the ground is too narrow to walk around.
@@ -170,7 +170,7 @@ def _length_m(points: Floats) -> float:
 
 
 def _smoothed(outline: Floats, ground: Ground) -> Floats:
-    """As smooth as the ground allows."""
+    """The outline, smoothed as far as it stays on the ground."""
     from scipy.ndimage import gaussian_filter1d
 
     even = _evenly(outline)
@@ -189,10 +189,10 @@ def _evenly(points: Floats) -> Floats:
 
 
 def marker_place(ground: Ground, way: Floats) -> tuple[int, tuple[float, float]]:
-    """Where on the way the walk begins, as a place in it, and where beside it the marker lies [m].
+    """Index of the path's point where the walk begins, and position of the marker [m].
 
-    The marker lies on the roomiest ground, where it is seen from most of the way; the walk begins where the way is as
-    far from it as one stands to film it.
+    The marker lies on the most open ground, where most of the path sees it; the walk begins where the path is at the
+    usual filming distance from it.
     """
     from scipy import ndimage
 
@@ -213,6 +213,6 @@ def _squared_to_way(spots: Floats, way: Floats) -> Floats:
 
 
 def wrapped_rad(angle: Floats) -> Floats:
-    """Angles in -pi..pi."""
+    """Angles wrapped to -pi..pi [rad]."""
     turned: Floats = (angle + math.pi) % math.tau - math.pi
     return turned

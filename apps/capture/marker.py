@@ -1,8 +1,8 @@
-"""A printed marker that lies on a scene's floor, drawn into what a rasterizer draws of the scene.
+"""A printed marker on a scene's floor, drawn into a rasterizer's image of the scene.
 
-Every pixel of the pinhole image is the mean over a grid of rays through it, in linear light: edges are where they are,
-to a few hundredths of a pixel. The scene hides the sheet where its surface, by the median depth, rises above it. That
-is the depth of a Gaussian's centre, which lies before where a ray meets the floor by as much as it is large.
+Every pixel of the pinhole image is the mean over a grid of rays through it, in linear light: edges are accurate to a
+few hundredths of a pixel. The scene hides the sheet where its surface, by the median depth, rises above it. The median
+depth is that of a Gaussian's centre, which lies in front of the floor along the ray by about the Gaussian's size.
 
 Legend: S = the sheet's frame, origin at the marker's centre, x right and y up as printed, z out of the paper.
 """
@@ -23,16 +23,16 @@ from readygo.services.renderer.sensor.light import LIGHT_ONE, byte_of_light, lig
 Floats = npt.NDArray[np.float64]
 
 PAPER, INK = 0.72, 0.03
-"""Linear light of white paper and of black ink, in parts of white."""
+"""Linear reflectance of white paper and of black ink, 0..1."""
 THICKNESS_M = 0.003
 """The marker lies this far above the floor [m]."""
 _HIDES_FROM_M, _HIDES_OVER_M = 0.05, 0.04
-"""A scene that rises so far above the sheet begins to hide it, and so much farther hides it: filmed floors are
-centimetres thick."""
+"""Height above the sheet at which the scene begins to hide it, and the additional height to full occlusion [m]:
+reconstructed floors are centimetres thick."""
 _AROUND_M = 1.5
 _BESIDE_M, _REACH_SIGMAS, _REACH_SHARE = 0.5, 2.0, 0.95
-"""Gaussians of the floor have their centres so near to the marker's, and this share of them reaches no farther than the
-one does that is as large."""
+"""The reach of the floor's Gaussians: largest distance of their centres from the marker's [m], their extent [standard
+deviations], and the quantile of their sizes that counts."""
 _SAMPLES = 4
 """Rays through a pixel along each axis."""
 _NEAR_M = 0.05
@@ -40,13 +40,13 @@ _NEAR_M = 0.05
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FloorMarker:
-    """A sheet with a marker, lying somewhere."""
+    """A sheet with a marker, at a pose in the world."""
 
     sheet: Sheet
     T_world_sheet: Floats
     """Pose of the marker's centre, shape (4, 4)."""
     reach_m: float = 0.0
-    """How far the floor's Gaussians reach along it [m]."""
+    """Extent of the floor's Gaussians along the floor [m]."""
 
     @property
     def corners_m(self) -> Floats:
@@ -68,7 +68,7 @@ class FloorMarker:
         return centre
 
     def light_at(self, xy_m: Floats) -> tuple[Floats, npt.NDArray[np.bool_]]:
-        """Light of the sheet at points of its frame, and which of them lie on it, shape (..., 2) -> (...), (...)."""
+        """Reflectance of the sheet at points of its frame, and True for those on it, shape (..., 2) -> (...), (...)."""
         x, y = np.moveaxis(xy_m + self._centre, -1, 0)
         inside = (x >= 0.0) & (x < self.sheet.width_m) & (y >= 0.0) & (y < self.sheet.height_m)
         columns, rows, black = _table(self.sheet)
@@ -78,7 +78,7 @@ class FloorMarker:
 
 
 def _table(sheet: Sheet) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
-    """Where what is black on a sheet begins and ends along x and y, and which fields between that are black."""
+    """Edges of a sheet's black fields along x and y, and True for the fields between them that are black."""
     left, bottom, width, height = sheet.black_m.T
     columns, rows = np.unique([left, left + width]), np.unique([bottom, bottom + height])
     black = np.zeros((len(rows) + 1, len(columns) + 1), dtype=np.bool_)
@@ -95,11 +95,11 @@ def lay_down(
 
     Args:
         sheet: The printed page.
-        cloud: The scene.
-        floor: The local floor.
-        ground_m: Places to walk on, shape (N, 2): the slope of a filmed floor below the sheet alone is too noisy.
-        xy_m: Where the marker's centre lies [m].
-        yaw_rad: Where its right is, from the world's x axis to the left.
+        cloud: Gaussians of the scene.
+        floor: Map of the local floor height.
+        ground_m: Walkable places around [m], shape (N, 2): the floor's slope below the sheet alone is too noisy.
+        xy_m: Position of the marker's centre [m].
+        yaw_rad: Direction of the marker's x axis, from the world's x axis counterclockwise [rad].
     """
     near_m = ground_m[np.hypot(*(ground_m - xy_m).T) <= _AROUND_M]
     plane = np.column_stack([near_m - xy_m, np.ones(len(near_m))])
@@ -127,8 +127,8 @@ class MarkedRasterizer:
     """Draws a scene with a marker on its floor.
 
     Args:
-        scene: Draws the scene; makes median depths.
-        camera: What it draws with.
+        scene: Rasterizer of the scene, with median depths.
+        camera: Camera of the images.
         marker: The marker; only its colours are drawn, depths stay those of the scene.
     """
 
@@ -137,11 +137,11 @@ class MarkedRasterizer:
 
     @property
     def views_at_once(self) -> int:
-        """As the scene's."""
+        """Number of views that the scene's rasterizer draws at once."""
         return self._scene.views_at_once
 
     def render(self, views: Sequence[View], outputs: Sequence[str] = ("rgb",)) -> Images:
-        """See `Rasterizer.render`."""
+        """Draw views of the scene with the marker; arguments as in `Rasterizer.render`."""
         drawn = self._scene.render(views, tuple(dict.fromkeys([*outputs, "rgb", "median_depth"])))
         rgb, depth_m = drawn.rgb.copy(), drawn.median_depth_m
         assert depth_m is not None
@@ -193,7 +193,7 @@ def draw_marker(
 def _window(
     marker: FloorMarker, T_world_camera: Floats, K_px: Floats, shape: tuple[int, ...]
 ) -> tuple[int, int, int, int] | None:
-    """Rows and columns of the image that the sheet may lie in: top, bottom, left, right; None if it is not in it."""
+    """Rows and columns of the image that may show the sheet: top, bottom, left, right; None if it is out of view."""
     points = (marker.outline_m - T_world_camera[:3, 3]) @ T_world_camera[:3, :3]
     if (points[:, 2] < _NEAR_M).all():
         return None

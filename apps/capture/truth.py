@@ -1,4 +1,4 @@
-"""What is true of a simulated capture: NAME.truth.json beside the video or the folder of photos.
+"""Ground truth of a simulated capture: NAME.truth.json beside the video or the folder of photos.
 
 format             "readygo capture truth 1"
 scene              name, path and content_hash of the scene that was filmed
@@ -29,10 +29,10 @@ FORMAT = "readygo capture truth 1"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Truth:
-    """A truth file."""
+    """Content of a truth file."""
 
     content: dict[str, Any]
-    """All of it, as above."""
+    """All keys of the file, as listed in the module's docstring."""
 
     @property
     def poses(self) -> dict[str, npt.NDArray[np.float64]]:
@@ -41,7 +41,7 @@ class Truth:
 
     @property
     def marker_corners_m(self) -> npt.NDArray[np.float64] | None:
-        """Shape (4, 3)."""
+        """Corners of the marker in the world [m], shape (4, 3); None without a marker."""
         marker = self.content["marker"]
         return None if marker is None else np.array(marker["corners_m"])
 
@@ -51,7 +51,7 @@ def _image_name(image: int | str) -> str:
 
 
 def truth_path(capture: Path) -> Path:
-    """Where the truth of a video or a folder of photos is."""
+    """Path of the truth file of a video or a folder of photos."""
     return capture.with_name(f"{capture.stem}.truth.json")
 
 
@@ -64,7 +64,7 @@ def read_truth(path: Path) -> Truth:
     """Read a truth file.
 
     Raises:
-        SceneError: If it is none.
+        SceneError: If the file is not a truth file.
     """
     try:
         content = read_json(path)

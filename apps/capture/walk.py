@@ -1,7 +1,7 @@
-"""How somebody walks who films a place with a telephone: along a way, bobbing, looking around.
+"""The motion of a hand-held phone: along a path, with the bobbing of steps and changing view directions.
 
-A walk is a function of time. It begins and ends with a look at the marker, and passes every place as often as time
-allows; where it comes again it looks elsewhere, so that what a lap leaves out another one shows.
+A walk is a function of time. It begins and ends with a view of the marker, and passes every place as often as time
+allows. Each lap has a different view direction, so that one lap shows the parts that another one misses.
 """
 
 import math
@@ -19,14 +19,14 @@ Floats = npt.NDArray[np.float64]
 HEIGHTS_M = (1.4, 1.6)
 SPEED_MPS, SPEED_MAX_MPS = 0.5, 1.0
 OVERLAP_M = 1.5
-"""The last lap goes on beyond where the first one began."""
+"""Length by which the last lap continues beyond the start of the first one [m]."""
 STEPS_HZ = 1.8
 LOOK_S = 4.0
-"""The walk begins with so long a look at the marker."""
+"""Duration of the view of the marker at the start of the walk [s]."""
 _TABLE_HZ = 20.0
 _PITCH_RAD = math.radians(-14.0)
 _LAP_YAWS_RAD = (math.radians(55.0), math.radians(-5.0), math.radians(100.0), math.radians(-35.0))
-"""Where each lap looks, from its way to the left, where the middle of the place is."""
+"""View direction of each lap, from its heading to the left, where the middle of the place is [rad]."""
 _LOOK_AROUND_RAD = math.radians(30.0)
 _SIGHT_MIN_M = 1.8
 _BEARINGS_RAD = np.radians(np.arange(-180.0, 180.0, 10.0))
@@ -38,9 +38,9 @@ class Walk:
 
     seconds: float
     way_m: float
-    """How far it goes."""
+    """Length of the walk [m]."""
     loop_m: float
-    """Length of the closed way; one that is longer than the walk is not closed."""
+    """Length of the closed path [m]; a walk shorter than this does not close it."""
     marker_xy_m: tuple[float, float]
     knots: Floats
     """x, y, z [m], yaw, pitch (up), roll [rad] at `_TABLE_HZ`, shape (T, 6); angles are unwrapped."""
@@ -56,10 +56,10 @@ def camera_pose(place_m: Floats, yaw_rad: float, pitch_rad: float, roll_rad: flo
     """Pose of a camera, OpenCV axes, shape (4, 4).
 
     Args:
-        place_m: Its centre, shape (3,).
-        yaw_rad: Where it looks, from the world's x axis to the left.
-        pitch_rad: Positive looks up.
-        roll_rad: Positive turns it clockwise about where it looks.
+        place_m: Centre of the camera [m], shape (3,).
+        yaw_rad: View direction, from the world's x axis to the left [rad].
+        pitch_rad: Positive looks up [rad].
+        roll_rad: Positive turns the camera clockwise about its view direction [rad].
     """
     c, s, cp, sp = math.cos(yaw_rad), math.sin(yaw_rad), math.cos(pitch_rad), math.sin(pitch_rad)
     forward, level_right = np.array([c * cp, s * cp, sp]), np.array([s, -c, 0.0])
@@ -75,10 +75,10 @@ def plan_walk(scene: Scene, ground: Ground, seconds: float, rng: np.random.Gener
     """A walk over a ground.
 
     Args:
-        scene: Gives the floor, and what hides what.
-        ground: Where to walk.
-        seconds: How long.
-        rng: Draws how hand and body move.
+        scene: Scene, for floor heights and occlusion.
+        ground: Walkable ground.
+        seconds: Duration [s].
+        rng: Random generator of the hand's and body's movements.
 
     Raises:
         SceneError: If the ground is too narrow.
@@ -106,7 +106,7 @@ def plan_walk(scene: Scene, ground: Ground, seconds: float, rng: np.random.Gener
 
 
 class Sway:
-    """Smooth random movements: sums of waves of random phases."""
+    """Smooth random movements: sums of waves with random phases."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
@@ -121,7 +121,7 @@ class Sway:
 
 
 def _gone(time_s: Floats, way_m: float, rng: np.random.Generator) -> Floats:
-    """How far the walk has come at times [m]: slow at the beginning, where the marker is filmed, and never even."""
+    """Distance walked at times [m]: slow at the start, where the marker is filmed, and never at a constant speed."""
     pace = 1.0 + Sway(rng).slow(time_s, 0.35, 6.0)
     pace *= 1.0 - 0.7 * _window(time_s, 0.0, LOOK_S)
     gone = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]))])
@@ -137,7 +137,7 @@ def _window(time_s: Floats, begin_s: float, end_s: float, edge_s: float = 1.0) -
 
 
 def _along(way: Floats, gone_m: Floats) -> tuple[Floats, Floats]:
-    """Places after ways [m], shape (T, 2), and where the closed way leads there [rad], unwrapped."""
+    """Positions at distances along the closed path [m], shape (T, 2), and its headings there [rad], unwrapped."""
     step_m = float(np.hypot(*(np.roll(way, -1, axis=0) - way).T).mean())
     at = gone_m / step_m
     index = np.arange(len(way) + 1)
@@ -151,11 +151,11 @@ def _along(way: Floats, gone_m: Floats) -> tuple[Floats, Floats]:
 def _gaze(
     scene: Scene, xy_m: Floats, heading_rad: Floats, laps: Floats, time_s: Floats, sway: Sway
 ) -> tuple[Floats, Floats]:
-    """Where the camera looks: to a side that changes from lap to lap, a little around, and not at a wall close by."""
+    """Yaw and pitch of the camera [rad]: a side that changes from lap to lap, with sway, and away from close walls."""
     lap_yaw = np.array(_LAP_YAWS_RAD)[np.floor(laps).astype(np.int64) % len(_LAP_YAWS_RAD)]
     wanted = heading_rad + _smooth(lap_yaw, 1.0) + sway.slow(time_s, _LOOK_AROUND_RAD, 8.0)
     seen_m = sight_m(scene.maps.sight.opaque_between(1.1, HEIGHTS_M[1]), scene.maps.human.frame, xy_m, _BEARINGS_RAD)
-    # What an image shows lies up to 30 deg beside its middle.
+    # An image shows directions up to 30 deg beside its centre.
     open_m = np.minimum.reduce([np.roll(seen_m, shift, axis=1) for shift in (-2, -1, 0, 1, 2)]) * 0.5 + seen_m * 0.5
     off = wrapped_rad(_BEARINGS_RAD[None, :] - wanted[:, None])
     cost = (off / math.radians(50.0)) ** 2 + (np.maximum(0.0, _SIGHT_MIN_M - open_m) / 0.4) ** 2
@@ -172,7 +172,7 @@ def _towards_marker(
     laps: Floats,
     marker_xy_m: tuple[float, float],
 ) -> tuple[Floats, Floats]:
-    """The gaze, drawn to the marker at the beginning, and whenever a lap passes it."""
+    """Yaw and pitch [rad], turned to the marker at the start and each time a lap passes it."""
     (xy_m, z_m), (yaw, pitch) = place, gaze
     off_m = np.array(marker_xy_m) - xy_m
     away_m = np.hypot(*off_m.T)
@@ -181,13 +181,13 @@ def _towards_marker(
     bearing = np.arctan2(off_m[:, 1], off_m[:, 0])
     fall = np.arctan2(scene.maps.floor.at(*marker_xy_m) - z_m, np.maximum(away_m, 0.3))
     yaw = yaw + weight * wrapped_rad(bearing - yaw)
-    # A little above the marker, so that it is not all that there is to see.
+    # A little above the marker, so that images show more than the marker.
     pitch = pitch + weight * (fall + math.radians(8.0) - pitch)
     return _smooth(np.unwrap(yaw), 0.3), _smooth(pitch, 0.3)
 
 
 def _bobbing(time_s: Floats, heading_rad: Floats, sway: Sway) -> Floats:
-    """What steps and hands add to x, y, z [m], yaw, pitch and roll [rad], shape (T, 6)."""
+    """Offsets by steps and hands in x, y, z [m], yaw, pitch and roll [rad], shape (T, 6)."""
     step = math.tau * STEPS_HZ * time_s
     side_m = 0.015 * np.sin(0.5 * step) + sway.slow(time_s, 0.02, 2.5)
     return np.column_stack(
@@ -209,7 +209,7 @@ def _smooth(values: Floats, sigma_s: float) -> Floats:
 
 
 def _cubic(knots: Floats, at: float) -> Floats:
-    """Catmull-Rom between knots."""
+    """Catmull-Rom interpolation between knots at a fractional index."""
     k = min(int(at), len(knots) - 2)
     t = at - k
     a, b, c, d = (knots[min(max(k + shift, 0), len(knots) - 1)] for shift in (-1, 0, 1, 2))

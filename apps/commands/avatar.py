@@ -1,4 +1,4 @@
-"""`readygo avatar`: who can walk through scenes, and what they look like."""
+"""`readygo avatar list` and `readygo avatar preview`: the avatars of pedestrians, as a table and as pictures."""
 
 import json as json_module
 import sys
@@ -14,10 +14,10 @@ from readygo.common.errors import AvatarError
 
 
 def avatar_list(*, avatars: Path | None = None, json: bool = False) -> None:
-    """List avatars with their heights, sizes and licenses (--json tells the licenses in full).
+    """List avatars with their heights, sizes and licenses; --json prints the full licenses.
 
     Args:
-        avatars: Avatar file or folder of them; the embedded ones by default.
+        avatars: Avatar file or folder of avatars; the embedded ones by default.
         json: Print a JSON array.
     """
     rows = [_described(path) for path in avatar_paths(avatars)]
@@ -40,14 +40,14 @@ def avatar_preview(
     video: Path | None = None,
     seed: int = 0,
 ) -> None:
-    """Draw a person from all sides, standing and in mid-stride; in four phases of the gait; or film them on a walk.
+    """Draw an avatar from all sides, draw four phases of its gait, or write a video of it walking.
 
     Args:
         avatar: Avatar file, or the name of an embedded avatar.
         out: PNG to write: eight sides, standing and in mid-stride.
         sheet: PNG to write: a contact sheet of four phases of the gait, each from three sides.
-        video: .webm (quick to write) or .mp4: the person walks an S-curve over a floor with lines every 0.5 m.
-        seed: Habits of the person on the walk.
+        video: .webm (quick to write) or .mp4: the avatar walks an S-curve over a floor with lines every 0.5 m.
+        seed: Seed of the gait's individual style.
     """
     if out is None and sheet is None and video is None:
         raise AvatarError("Say what to make: --out person.png, --sheet gait.png, --video person.webm, or several.")

@@ -1,4 +1,4 @@
-"""`readygo avatar import`: people from elsewhere become avatar files."""
+"""`readygo avatar import`: converts human models of other programs to avatar files."""
 
 import json as json_module
 import sys
@@ -15,7 +15,7 @@ from readygo.common.errors import AvatarError
 from readygo.services.animator import skeleton_of
 
 _WIDE_SCALES = 10.0
-"""Largest scale relative to the median above which 8 bits would coarsen the small ones."""
+"""Ratio of the largest to the median scale above which 8 bits would coarsen small scales."""
 
 
 def avatar_import(
@@ -33,18 +33,18 @@ def avatar_import(
     preview: bool = False,
     json: bool = False,
 ) -> None:
-    """Make an avatar file of a person from elsewhere; the file's content says what it is.
+    """Convert a human model of another program to an avatar file; the format is detected from the file's content.
 
     Args:
         file: HUGS checkpoint (.pth), SMPL model (.pkl, .npz), skinned glTF figure (.glb, .gltf, .vrm), or 3DGS .ply.
         out: Avatar file (.npz) to write.
-        license: Terms under which the person may be used, recorded in the avatar.
+        license: License of the model, recorded in the avatar.
         name: Name of the avatar; the file's by default.
         height_m: True height of the person [m]; by default the file's unit is the metre.
         smpl: SMPL model file (.pkl, .npz) of a HUGS checkpoint.
         betas: .npz with `betas`, the body's shape, for HUGS and SMPL; the mean shape by default.
         weights: .npz with lbs_weight (and lbs_index), joints_canonical, optionally joints_tpose, for a .ply.
-        gaussians: Wanted number of Gaussians for people who are meshes.
+        gaussians: Target number of Gaussians for a mesh.
         preview: Write a sheet of views beside it, as PNG.
         json: Print the report as JSON.
     """

@@ -1,4 +1,4 @@
-"""`readygo scene capture`: a video of a scene as somebody would film it, with the truth beside it."""
+"""`readygo scene capture`: a simulated hand-held video of a scene, with its ground truth."""
 
 from pathlib import Path
 
@@ -31,27 +31,27 @@ def scene_capture(
     sub_frames: int = 0,
     seed: int = 0,
 ) -> None:
-    """Film a scene as somebody with a telephone would, with a printed marker on its floor; poses are known.
+    """Record a simulated hand-held video or photos of a scene, with ground-truth camera poses.
 
-    NAME.truth.json beside the video has the pose of every frame, the lens and the marker's corners, so that what is
-    reconstructed of the video can be compared with what was filmed.
+    A printed marker lies on the floor of the scene. NAME.truth.json beside the video holds the pose of every frame, the
+    intrinsics and the marker's corners, so that a reconstruction of the video can be compared with the scene.
 
     Args:
         scene: Scene bundle, or "embedded".
         out: Video to write, .mp4 or .webm; with --photos a new folder.
-        walk: A video of a hand-held walk.
-        photos: Sharp JPEGs taken along the same walk, with one exposure.
-        marker_size_m: Side of the printed marker's black square [m], as of `readygo marker`; 0 lays down none.
+        walk: Write a video of a hand-held walk.
+        photos: Write sharp JPEGs with one exposure, taken along the same walk.
+        marker_size_m: Side of the printed marker's black square [m], as of `readygo marker`; 0: no marker.
         marker_dictionary: Dictionary of the marker, as OpenCV names it.
-        marker_id: Which marker of the dictionary.
-        start: Middle of the part that is filmed [m]; the roomiest place by default.
-        radius: How far that part reaches [m].
-        crop: x0 y0 x1 y1 of the part that is filmed [m], in place of start and radius.
-        seconds: How long the walk takes.
-        fps: Frames a second.
-        size: Width and height of the images [px]; taller than wide is a telephone held upright.
-        sub_frames: Images that each frame is made of, for motion blur and rolling shutter; 0: none of either.
-        seed: Other seeds walk otherwise.
+        marker_id: Id of the marker in the dictionary.
+        start: Centre of the recorded area [m]; the most open place by default.
+        radius: Radius of the recorded area [m].
+        crop: x0 y0 x1 y1 of the recorded area [m], instead of start and radius.
+        seconds: Duration of the walk [s].
+        fps: Frames per second.
+        size: Width and height of the images [px]; taller than wide: portrait format.
+        sub_frames: Images averaged into each frame, for motion blur and rolling shutter; 0: neither.
+        seed: Seed of the walk.
     """
     if walk == photos:
         raise ConfigError("Give either --walk for a video or --photos for sharp pictures.")

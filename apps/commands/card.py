@@ -1,4 +1,4 @@
-"""`readygo card`: a data folder describes itself."""
+"""`readygo card`: writes a dataset card."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from readygo.common.files import write_whole
 
 
 def card(data: Path, /, *, out: Path | None = None) -> None:
-    """Write a README.md of a data folder: counts, balance, pictures, licenses, how it was made.
+    """Write a dataset card, the README.md of a data folder: counts, balance, pictures, licenses, provenance.
 
     Args:
         data: Data folder.

@@ -1,4 +1,4 @@
-"""`readygo certs issue`: the certificates of a fleet that spans networks."""
+"""`readygo certs init` and `readygo certs issue`: certificates for a fleet that spans networks."""
 
 import sys
 from pathlib import Path
@@ -9,12 +9,12 @@ from readygo.common.extras import install_command
 
 
 def certs_init(folder: Path, /) -> None:
-    """Make an authority, which signs the certificates of one fleet.
+    """Create a certificate authority, which signs the certificates of one fleet.
 
-    Keep the folder, ca.key above all, where only the fleet's owner reads it: whoever has the key can be anybody.
+    Only the fleet's owner may read the folder, ca.key above all: the key can issue a certificate for any role.
 
     Args:
-        folder: Gets ca.key and ca.pem.
+        folder: Folder for ca.key and ca.pem.
     """
     _certificates().make_authority(folder)
     sys.stderr.write(f"Authority in {folder}. Next: readygo certs issue coordinator --authority {folder} --host HOST\n")
@@ -29,17 +29,17 @@ def certs_issue(
     host: tuple[str, ...] = (),
     days: float = 90.0,
 ) -> None:
-    """Issue certificates; what each allows is its role's.
+    """Issue certificates; the role named in a certificate determines its rights.
 
-    A process shows the one of its role: workers of one role, on however many hosts, may share one.
+    Each process presents the certificate of its role. Workers of one role may share one, also on several hosts.
 
     Args:
         names: Roles: coordinator, recorder.NAME, those of the run's stages (human-planner, animator, robot-planner,
-            renderer, driver, evaluator), all, trainer, operator (may pause and cancel), monitor (only looks).
+            renderer, driver, evaluator), all, trainer, operator (may pause and cancel), monitor (read-only).
         authority: Folder of the authority.
-        out: Folder that gets NAME.pem, NAME.key and ca.pem, for a host to have; the authority's own by default.
-        host: Names and addresses under which a coordinator is reached, besides localhost.
-        days: How long they are valid.
+        out: Folder for NAME.pem, NAME.key and ca.pem, to copy to a host; the authority's folder by default.
+        host: Host names and addresses of the coordinator, in addition to localhost.
+        days: Validity [days].
     """
     if not names:
         raise CertificateError("Name the roles: `readygo certs issue coordinator recorder.rec0 all operator ...`.")

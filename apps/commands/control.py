@@ -1,4 +1,4 @@
-"""`readygo pause`, `resume` and `cancel`: a run that a fleet is at work on."""
+"""`readygo pause`, `resume` and `cancel`: control of a run that a fleet is working on."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,37 +15,37 @@ from readygo.common.messages import Command, ControlRequest, topics
 
 
 def pause(data: Path | None = None, /, *, connect: str = "", run: str = "", certs: Path | None = None) -> None:
-    """Give out no more work until `readygo resume`; what is under way is finished.
+    """Pause a run: workers finish their current work and get no more until `readygo resume`.
 
     Args:
-        data: Data folder that a fleet of this machine is recording into.
-        connect: Endpoint of the fleet's router, in place of the folder.
-        run: Name of the run there, as `readygo generate --listen` prints it.
-        certs: Folder with a certificate of an operator, for a tls/ endpoint.
+        data: Data folder that a fleet on this machine is recording into.
+        connect: Endpoint of the fleet's router, instead of the folder.
+        run: Name of the run, as `readygo generate --listen` prints it.
+        certs: Folder with an operator's certificate, for a tls/ endpoint.
     """
     _send(Command.PAUSE, data, connect, run, certs)
 
 
 def resume(data: Path | None = None, /, *, connect: str = "", run: str = "", certs: Path | None = None) -> None:
-    """Give out work again after `readygo pause`.
+    """Resume a run after `readygo pause`: workers get work again.
 
     Args:
-        data: Data folder that a fleet of this machine is recording into.
-        connect: Endpoint of the fleet's router, in place of the folder.
-        run: Name of the run there, as `readygo generate --listen` prints it.
-        certs: Folder with a certificate of an operator, for a tls/ endpoint.
+        data: Data folder that a fleet on this machine is recording into.
+        connect: Endpoint of the fleet's router, instead of the folder.
+        run: Name of the run, as `readygo generate --listen` prints it.
+        certs: Folder with an operator's certificate, for a tls/ endpoint.
     """
     _send(Command.RESUME, data, connect, run, certs)
 
 
 def cancel(data: Path | None = None, /, *, connect: str = "", run: str = "", certs: Path | None = None) -> None:
-    """End a run; what is recorded stays, and `readygo generate` goes on with it.
+    """End a run; recorded episodes stay, and `readygo generate` can resume it.
 
     Args:
-        data: Data folder that a fleet of this machine is recording into.
-        connect: Endpoint of the fleet's router, in place of the folder.
-        run: Name of the run there, as `readygo generate --listen` prints it.
-        certs: Folder with a certificate of an operator, for a tls/ endpoint.
+        data: Data folder that a fleet on this machine is recording into.
+        connect: Endpoint of the fleet's router, instead of the folder.
+        run: Name of the run, as `readygo generate --listen` prints it.
+        certs: Folder with an operator's certificate, for a tls/ endpoint.
     """
     _send(Command.CANCEL, data, connect, run, certs)
 
@@ -57,11 +57,11 @@ def _send(command: Command, data: Path | None, connect: str, run: str, certs: Pa
 
 @contextmanager
 def joined(data: Path | None, connect: str, run: str, certs: Path | None) -> Iterator[Bus]:
-    """The bus of a run that is named by its data folder, or by endpoint and name.
+    """Join the bus of a run, named by its data folder or by endpoint and run name.
 
     Raises:
-        RunError: If it is not named, or no fleet is at work on it.
-        BusError: If nobody answers there.
+        RunError: If the run is not named, or no fleet is working on it.
+        BusError: If no coordinator answers at the endpoint.
     """
     token = given_token()
     if data is not None:
@@ -82,6 +82,6 @@ def joined(data: Path | None, connect: str, run: str, certs: Path | None) -> Ite
 
 
 def shown_role(certs: Path | None) -> str:
-    """The certificate of a folder that somebody who looks at a run shows: an operator's, or else a monitor's."""
+    """The role whose certificate a client presents: operator, or monitor if the folder holds only a monitor's."""
     monitors = certs is not None and not (certs / f"{OPERATOR}.pem").exists() and (certs / f"{MONITOR}.pem").exists()
     return MONITOR if monitors else OPERATOR

@@ -1,4 +1,4 @@
-"""`readygo coordinator`: lead a run whose workers are on other machines."""
+"""`readygo coordinator`: coordinate a run whose workers are on other machines."""
 
 import sys
 from pathlib import Path
@@ -29,21 +29,23 @@ def coordinator(
     log_format: Annotated[LogFormat, OBSERVING] = "text",
     traces: Annotated[str, OBSERVING] = "",
 ) -> None:
-    """Lead the run in a data folder: router, ledger and blobs, until it is over; started again, it goes on.
+    """Coordinate the run in a data folder (router, ledger, blobs) until it is finished; a restart resumes it.
 
-    Workers and recorders join it from any machine with `readygo worker`; a recorder writes its shards where it runs.
-    `readygo generate ... --on hosts` begins such a run. Several runs share a router, and the fleet there, by `connect`.
+    Workers and recorders join from any machine with `readygo worker`; each recorder writes its shards on its own
+    machine. `readygo generate ... --on hosts` begins such a run. With `connect`, several runs share a router and a
+    fleet.
 
     Args:
         data: Data folder of the run.
         listen: Endpoint of the run's own router, tls/HOST:PORT with certificates; 0.0.0.0 stands for all addresses.
-        connect: In place of `listen`: a router that is there already (`readygo router`), for several runs of one fleet.
-        priority: Workers of several runs do those with a higher one first, -1000..1000; as before, or 0.
+        connect: Endpoint of a running router (`readygo router`) that several runs share, instead of `listen`.
+        priority: Priority of this run, -1000..1000: workers of several runs serve higher ones first; unchanged by
+            default, 0 in a new run.
         certs: Folder with the coordinator's certificate, for a tls/ endpoint.
-        strict: Exit with 2 if an episode was set aside: it failed again and again, and the next index took its place.
-        metrics: HOST:PORT where Prometheus finds this process; port 0 takes a free one, which the log names.
-        log_format: "json" writes one JSON object a line.
-        traces: Where OpenTelemetry's spans go: an OTLP endpoint such as http://collector:4318, or a folder.
+        strict: Exit with 2 if an episode was set aside: it failed repeatedly, and the next index replaced it.
+        metrics: HOST:PORT of this process's Prometheus endpoint; port 0 takes a free one, which the log names.
+        log_format: "json" writes one JSON object per line.
+        traces: Destination of OpenTelemetry spans: an OTLP endpoint such as http://collector:4318, or a folder.
     """
     check_endpoints(listen, connect)
     folder = RunFolder(data)
@@ -56,7 +58,7 @@ def coordinator(
 
 
 def check_endpoints(listen: str, connect: str) -> None:
-    """Raise RunError unless exactly one of the two is given, ConfigError if it is no endpoint."""
+    """Raise RunError unless exactly one of the two is given, ConfigError if it is not a valid endpoint."""
     if bool(listen) == bool(connect):
         raise RunError(
             "Name one of --listen, for a router of the run's own, such as tls/10.0.0.5:7447, and --connect, for one "
@@ -81,7 +83,7 @@ def report_set_aside(data: Path, *, strict: bool) -> None:
 def lead_run(
     folder: RunFolder, endpoint: str, *, joins: bool, certs: Path | None, observing: Observing, strict: bool = False
 ) -> None:
-    """Lead a run, and say what came of it; see `lead` and `report_set_aside`."""
+    """Coordinate a run until it is finished, then print its episode and sample counts and warnings."""
     run = folder.load()[0].run
     begin_logging(observing.log_format, run=run, role=COORDINATOR, worker=COORDINATOR)
     with Observer(observing, run=run, role=COORDINATOR, name=COORDINATOR, state=folder.state) as observer:

@@ -1,4 +1,4 @@
-"""`readygo coverage`: what a dataset shows, and what it does not."""
+"""`readygo coverage`: which places, encounters and motions a dataset covers."""
 
 import json as json_module
 import sys
@@ -18,12 +18,13 @@ MAP_FILE, SHARPNESS_FILE = "visits.png", "sharpness.png"
 
 
 def coverage(data: Path, /, *, out: Path, scene: str = "", json: bool = False) -> None:
-    """Count where robots went, whom they met and how they drove, and draw it on one page.
+    """Count where robots drove, which pedestrians they met and how they moved, and show it on one page.
 
     Args:
         data: Data folder.
         out: Folder for coverage.html, coverage.json, visits.png and sharpness.png.
-        scene: Scene bundle, "embedded", or a ROS map (.yaml) to draw on; by default the run's scene, if it is at hand.
+        scene: Scene bundle, "embedded", or a ROS map (.yaml) to draw on; by default the run's scene, if it is
+            available.
         json: Print the numbers as JSON.
     """
     dataset = Dataset([data])

@@ -1,4 +1,4 @@
-"""`readygo validate` and `readygo inspect`: what a dataset holds, and whether it holds together."""
+"""`readygo validate` and `readygo inspect`: check a dataset, and summarise its content."""
 
 import dataclasses
 import json as json_module
@@ -24,9 +24,9 @@ DEFECTS_SHOWN = 20
 
 
 def validate(data: Path, /, *, json: bool = False) -> None:
-    """Read a dataset again, byte by byte, and report every defect.
+    """Read every byte of a dataset, and report every defect.
 
-    Beside its run's ledger, the data folder is also compared with what was recorded: a shard that is gone is a defect.
+    If the run's ledger is there, the folder is also compared with what was recorded: a missing shard is a defect.
 
     Args:
         data: Data folder.
@@ -55,13 +55,13 @@ def validate(data: Path, /, *, json: bool = False) -> None:
 
 
 def inspect(data: Path, /, *, sheet: Path | None = None, overlay: Path | None = None, json: bool = False) -> None:
-    """Say what a dataset holds, show it, or show how its labels lie on its people.
+    """Summarise a dataset, and draw sample images, or its labels over its images.
 
     Args:
         data: Data folder.
         sheet: PNG to write: recorded images, spread over the episodes, with place and sharpness.
-        overlay: PNG to write: images with people, their joints, boxes and ground points drawn over them.
-        json: Print everything that is known as JSON.
+        overlay: PNG to write: images with pedestrians, overlaid with their joints, boxes and ground points.
+        json: Print the complete summary as JSON.
 
     Raises:
         DatasetError: If there is no readable dataset, or no labels for an overlay.
@@ -96,7 +96,7 @@ def _validate_with_progress(data: Path, *, quiet: bool) -> Report:
 
 
 def _with_completeness(report: Report) -> Report:
-    """The report, and what the folder lacks of what its run recorded."""
+    """The report, extended by episodes and shards that the run recorded and the folder lacks."""
     defects, notes = check_completeness(report.folder)
     return dataclasses.replace(report, defects=(*report.defects, *defects), notes=(*report.notes, *notes))
 

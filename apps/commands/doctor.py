@@ -1,4 +1,4 @@
-"""`readygo doctor`: what this machine has, lacks and can do."""
+"""`readygo doctor`: checks whether this machine can run readygo."""
 
 import json as json_module
 import sys
@@ -12,14 +12,14 @@ MARKS = {True: "ok  ", False: "FAIL", None: "    "}
 
 
 def doctor(*, data: Path = Path(), json: bool = False) -> None:
-    """Say what this machine has, lacks and can do; changes nothing.
+    """Check this machine's software, hardware and disk for readygo; changes nothing.
 
     Args:
-        data: Folder that data shall be recorded into, to look at its disk; this folder by default.
+        data: Folder for future recordings, whose disk is checked; this folder by default.
         json: Print everything as JSON.
 
     Raises:
-        ReadygoError: If something is missing without which nothing works.
+        ReadygoError: If something essential is missing.
     """
     findings = examine(data)
     if json:

@@ -36,9 +36,9 @@ from readygo.common.robot import RobotConfig, load_robot
 Value = TypeVar("Value")
 TaskLabel = Literal["static", "dynamic", "reactive"]
 _LATE_S = 0.05
-"""Images that are older or younger than the policy's by more are told [s]."""
+"""Largest difference between the image latency of this robot and of the training without a message [s]."""
 SENT_HZ = 20
-"""Commands go out so often at least, and hold a watchdog of the robot off [Hz]."""
+"""Lowest rate of commands [Hz]; it keeps the robot's watchdog from stopping it."""
 
 
 def drive(
@@ -71,41 +71,42 @@ def drive(
     task: Annotated[TaskLabel, Group("trial")] = "static",
     outcome_topic: Annotated[str, Group("trial")] = "",
 ) -> None:
-    """Drive a robot to a goal by what its camera shows; no ROS is needed on this machine.
+    """Drive a robot to a goal with a policy that sees its camera images; this machine needs no ROS.
 
-    The robot stands while images or odometry are older than 0.3 s, and when the trial ends: at the goal, out of time,
-    at Ctrl-C, or when a clock, the odometry or the policy cannot be trusted. Keep its own emergency stop at hand.
+    The robot is stopped while images or odometry are older than 0.3 s, and when the trial ends: at the goal, at the
+    time limit, at Ctrl-C, or if a clock, the odometry or the policy is invalid. Keep its emergency stop at hand.
 
     Args:
         policy: Folder of a trained policy.
-        goal: Where to go: ahead and left of the robot as it stands at the start [m], see `goal_frame`.
-        goal_frame: "odom" takes `goal` in the frame of the odometry.
-        goal_topic: Topic of a PoseStamped in the frame of the odometry, such as /goal_pose, in place of `goal`.
-        goal_image: Image file of what the robot's camera shows at the goal, for a policy that wants it; the goal itself
-            still says when the robot has arrived.
-        goal_radius: So near the goal the robot has arrived [m]; as in the policy's training by default.
-        time_limit: Longest trial [s]; as in the policy's training by default.
+        goal: Goal position, ahead and left of the robot's start pose [m]; see `goal_frame`.
+        goal_frame: Frame of `goal`: the robot's start pose, or "odom", the frame of the odometry.
+        goal_topic: Topic of a PoseStamped goal in the odometry's frame, such as /goal_pose, instead of `goal`.
+        goal_image: Image file of the camera's view at the goal, for a policy with image goals; the goal position still
+            determines arrival.
+        goal_radius: Distance from the goal at which the robot has arrived [m]; by default as in the policy's training.
+        time_limit: Longest trial [s]; by default as in the policy's training.
         v_max: Largest speed [m/s], at most the policy's.
         w_max: Largest yaw rate [rad/s], at most the policy's.
-        rate_hz: How often commands are sent at least [Hz], by default as often as the policy's robot is commanded, at
-            least 20; each image leads to one at once besides.
-        robot: robot.toml of this robot, for a policy that knows several (docs/learn.md).
-        dry_run: Command nothing; say what would be commanded.
-        image: Topic of the images, Image or CompressedImage, /camera/image_raw by default; of further cameras that the
-            policy sees with --image NAME=/topic, once for each.
-        depth: Topic of the depths that a policy sees, Image of millimetres (16UC1) or metres (32FC1), or
-            CompressedImage of compressedDepth, aligned to the images; of further cameras NAME=/topic.
+        rate_hz: Lowest rate of commands [Hz]; by default the control rate of the policy's robot, at least 20. Each
+            image triggers a command immediately as well.
+        robot: robot.toml of this robot, for a policy trained for several robots (docs/learn.md).
+        dry_run: Print the commands instead of sending them.
+        image: Topic of the images, Image or CompressedImage, /camera/image_raw by default; --image NAME=/topic for each
+            further camera that the policy uses.
+        depth: Topic of the depth images that the policy uses: Image in millimetres (16UC1) or metres (32FC1), or
+            CompressedImage (compressedDepth), aligned to the images; NAME=/topic for further cameras.
         odom: Topic of the Odometry.
-        cmd_vel: Topic of the commands, Twist, or TwistStamped where the robot listens to that.
-        camera_info: Topic of the CameraInfo of the first camera; beside the images by default, as of all others.
-        calibration: File of the camera in place of a CameraInfo: robot.toml, or .yaml of ROS's camera_calibration.
-        wire: "ros2" is rmw_zenoh, "bridge" zenoh-bridge-ros2dds, "plain" MessagePack without ROS (docs/robots.md).
-        connect: Where the robot's Zenoh router listens.
+        cmd_vel: Topic of the commands, Twist, or TwistStamped if the robot subscribes to that.
+        camera_info: Topic of the first camera's CameraInfo; by default next to its image topic, as for further cameras.
+        calibration: Calibration file instead of a CameraInfo: robot.toml, or .yaml of ROS's camera_calibration.
+        wire: Transport: "ros2" is rmw_zenoh, "bridge" zenoh-bridge-ros2dds, "plain" MessagePack without ROS
+            (docs/robots.md).
+        connect: Endpoint of the robot's Zenoh router.
         domain: ROS_DOMAIN_ID of the robot.
-        prefix: What keys begin with, behind a bridge with a namespace.
+        prefix: Key prefix, behind a bridge with a namespace.
         stamped: Send TwistStamped behind a bridge.
         log: MCAP file to record the trial in.
-        task: What the trial counts as in `readygo evaluate --from-logs`.
+        task: Task under which `readygo evaluate --from-logs` counts the trial.
         outcome_topic: Topic of a String that ends the trial: success, timeout, static_collision or human_collision.
 
     Raises:
@@ -159,11 +160,11 @@ def drive(
 
 
 def _loaded(folder: Path, robot: Path | None) -> Policy:
-    """The policy for the robot that is driven.
+    """Load the policy for the robot that it drives.
 
     Raises:
-        ConfigError: If it knows several robots and none is named.
-        PolicyError: If it cannot be used, or does not know this robot.
+        ConfigError: If the policy was trained for several robots and none is named.
+        PolicyError: If the policy cannot be used, or was not trained for this robot.
     """
     policy = load_policy(folder)
     if robot is not None:
@@ -233,10 +234,10 @@ def _config(
 
 
 def _goal_image(policy: Policy, path: Path | None) -> npt.NDArray[np.uint8] | None:
-    """The pixels of the goal's image, blue, green, red; None where the policy wants none.
+    """The pixels of the goal image (BGR), shape (H, W, 3); None if the policy does not use one.
 
     Raises:
-        ConfigError: If it is missing, not wanted, or no image.
+        ConfigError: If the image is missing, not used by the policy, or unreadable.
     """
     if policy.spec.wants_goal_image != (path is not None):
         raise ConfigError(
@@ -299,7 +300,7 @@ def _awaited(robot: Robot, ask: Callable[[], Value | None], name: str) -> Value:
 
 
 def _tell(console: PlainConsole, end: Mapping[str, Any], learned: RobotConfig) -> None:
-    """Say how a trial went."""
+    """Print the outcome, the rates and the latencies of a trial."""
     console.print(f"{end['reason']} after {end['duration_s']:.1f} s and {end['driven_m']:.1f} m", markup=False)
     measures = end["measures"]
     if not measures:
@@ -318,13 +319,13 @@ def _tell(console: PlainConsole, end: Mapping[str, Any], learned: RobotConfig) -
 
 
 def _hang_up(number: int, frame: object) -> None:
-    """End as at Ctrl-C where the terminal goes away."""
+    """Stop as at Ctrl-C when the terminal closes."""
     raise KeyboardInterrupt
 
 
 @contextmanager
 def _undisturbed() -> Iterator[None]:
-    """Let no second Ctrl-C come between a robot and its last command."""
+    """Ignore Ctrl-C while the robot gets its last command."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield

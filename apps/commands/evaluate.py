@@ -87,50 +87,49 @@ def evaluate(
     certs: Path | None = None,
     json: bool = False,
 ) -> None:
-    """Drive a policy, the expert and a straight line through the same episodes, and count successes.
+    """Drive a policy, the expert and a straight-line baseline through the same episodes, and report success rates.
 
-    With `out` every episode is written when it ends: stopped or killed, the same command goes on, also with more
+    With `out`, every episode is saved when it ends. After an interruption the same command resumes, also with more
     episodes, tasks or methods.
 
     Args:
         scene: Scene bundle, "embedded", or "embedded:SEED".
-        policy: Folder of a trained policy; without one only the other methods drive.
-        from_logs: In place of a scene: folder with the logs of `readygo drive --log`, for the table of a real robot's
-            trials; `labels.toml` there says what no log knows.
-        episodes: Episodes per task; 100, or as many as the scenario file has entries.
-        tasks: "static" leaves the humans out, "dynamic" lets them walk, "reactive" lets the same ones make way for
-            whoever drives.
-        methods: Who drives: policy, expert, expert-paper, straight-line, social-force, gaussnav, splat-nav, vid2sim,
-            gnm, vint, nomad, further policies by the names of their folders in `checkpoints`, or your own class as
+        policy: Folder of a trained policy; without one, only the other methods drive.
+        from_logs: Folder with logs of `readygo drive --log`, instead of a scene: prints the results of a real robot's
+            trials; `labels.toml` in it adds what the logs do not record.
+        episodes: Episodes per task; by default 100, or the number of entries in the scenario file.
+        tasks: "static" has no pedestrians, "dynamic" has pedestrians that ignore the robot, "reactive" has the same
+            pedestrians, who avoid the robot.
+        methods: Drivers: policy, expert, expert-paper, straight-line, social-force, gaussnav, splat-nav, vid2sim, gnm,
+            vint, nomad, further policies by the names of their folders in `checkpoints`, or your class as
             my_package:MyDriver or folder/file.py:MyDriver.
-        split: Random streams to draw the episodes from.
+        split: Split that the episodes are drawn from.
         seed: Seed of the episodes.
-        out: Folder for episodes.jsonl, trajectories.jsonl, summary.json, films, and pages with the failures.
-        video: Films to write into `out`, of the policy: "worst", "failures" or indices of episodes, such as worst 17;
-            they can be asked for later, episodes are not driven again for them.
-        avatars: Avatar file or folder of them; those of the policy's data by default, else the embedded ones. With
-            ":train" or ":test" behind it, also behind "embedded", the part that is for that.
-        unseen: What must be new to the policy, and is refused if it is not: "avatars" has those of the part for tests
-            where its data have the part for training, six or more there and two or more here; "scenes".
-        robot: robot.toml; by default the one in `config`, else the policy's robot.
-        config: TOML file with sections of settings, as given to `readygo generate`; what it does not name is as in the
-            policy's data.
-        sensor: Recipe of the camera's lens, light and shutter and of what varies of them, in place of what robot and
-            `config` say of that.
-        camera: "policy" looks through the camera that the policy was trained with, and refuses another one of `robot`,
-            `config` or `sensor`; "robot" takes that one.
-        people: Recipe of how many people come and how they meet the robot, in place of what `config` says of it; as in
-            the policy's data by default, else "paper".
-        scenarios: TOML file with starts, goals and people to play instead of drawing them, one entry after the other.
-        control_hz: How often the policy decides [Hz], by default as often as the robot is commanded; its command is
-            held in between, its memory sees every image.
-        lockstep: Episodes that run side by side.
+        out: Folder for episodes.jsonl, trajectories.jsonl, summary.json, videos, and pages with the failures.
+        video: Episodes of the policy to write as videos into `out`: "worst", "failures" or indices, such as worst 17; a
+            later call writes them without driving the episodes again.
+        avatars: Avatar file or folder of avatars; by default those of the policy's data, else the embedded ones. The
+            suffix ":train" or ":test", also after "embedded", selects one part.
+        unseen: What must be new to the policy, else the command fails: "avatars" uses the test part if the policy's
+            data use the training part (at least six avatars there, two here); "scenes".
+        robot: robot.toml; by default the robot in `config`, else the policy's.
+        config: TOML file with sections of settings, as for `readygo generate`; other settings are those of the policy's
+            data.
+        sensor: Recipe of the camera's lens, light and shutter and of their variation; overrides robot and `config`.
+        camera: "policy" uses the camera that the policy was trained with, and rejects a different one in `robot`,
+            `config` or `sensor`; "robot" uses the given one.
+        people: Scenario mix: how many pedestrians there are and how they meet the robot; overrides `config`. By default
+            as in the policy's data, else "paper".
+        scenarios: TOML file with starts, goals and pedestrians to play in order, instead of drawn ones.
+        control_hz: Rate of the policy's decisions [Hz], by default the robot's control rate; the command is held
+            between decisions, and the policy's memory still sees every image.
+        lockstep: Episodes simulated in parallel.
         checkpoints: Folder with gnm_large.pth, vint.pth, nomad.pth, the policy vid2sim and others, or runs of
-            `readygo learn`, where these drive.
-        workers: Processes that drive, one per core; 0 drives in this process. Records are the same.
-        listen: Endpoint of the workers' router, such as tcp/127.0.0.1:7447, for workers that are started by hand
-            or on other machines (`readygo worker evaluator`); a free loopback port by default.
-        certs: Folder of certificates of coordinator and evaluator (`readygo certs issue`), for a tls/ endpoint.
+            `readygo learn`, for the methods that need them.
+        workers: Processes that drive, one per core; 0 drives in this process. The results are the same.
+        listen: Endpoint of the workers' router, such as tcp/127.0.0.1:7447, for workers that you start by hand or on
+            other machines (`readygo worker evaluator`); a free loopback port by default.
+        certs: Folder with certificates of coordinator and evaluator (`readygo certs issue`), for a tls/ endpoint.
         json: Print the summary as JSON.
     """
     if from_logs is not None:
@@ -207,14 +206,14 @@ def evaluate(
 
 
 def _bodies(avatars: Path | None, policy: Policy | None, unseen: Sequence[str]) -> Path | None:
-    """The avatars that were named, else those that go with a policy's data."""
+    """The avatars that the user named, else those of the policy's data."""
     if avatars is not None or policy is None:
         return avatars
     return unseen_avatars(policy.spec) if "avatars" in unseen else avatars_of_policy(policy.spec)
 
 
 def _check_folder(out: Path | None, workers: int, listen: str, video: Sequence[str]) -> None:
-    """Refuse what needs a folder without one, and a router that nobody was asked to reach."""
+    """Raise RunError for options that need --out without it, and for --listen without workers."""
     if (workers or listen) and out is None:
         raise RunError("--workers keep their records in a folder: say which with --out.")
     if listen and not workers:
@@ -226,7 +225,7 @@ def _check_folder(out: Path | None, workers: int, listen: str, video: Sequence[s
 
 
 def _settings_said(config: RunConfig, identity: Mapping[str, Any]) -> dict[str, Any]:
-    """What the summary says of the settings, beside what the evaluator says."""
+    """Settings of pedestrians, sensor, detail and scenarios, for the summary."""
     return {
         "human_planner": section_to_mapping(config.human_planner),
         "sensor": section_to_mapping(config.renderer.sensor),
@@ -268,14 +267,14 @@ def _without_policy(methods: tuple[str, ...]) -> tuple[str, ...]:
 
 @contextmanager
 def _kept(results: Results | None, request: EvaluateRequest, total: int) -> Iterator[None]:
-    """Say at Ctrl-C what is kept."""
+    """At Ctrl-C, report how many episodes are saved."""
     try:
         yield
     except KeyboardInterrupt:
         if results is None:
             raise KeyboardInterrupt("nothing is kept: with --out every episode is, as it ends.") from None
         kept = sum(task in request.tasks and method in request.methods for task, method, _ in results.records)
-        said = f"{min(kept, total)} of {total} episodes are kept in {results.folder}; the same command goes on."
+        said = f"{min(kept, total)} of {total} episodes are kept in {results.folder}; the same command resumes."
         raise KeyboardInterrupt(said) from None
 
 

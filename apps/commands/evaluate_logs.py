@@ -15,10 +15,10 @@ TABLE_FILE, SUMMARY_FILE = "table.tex", "summary.json"
 
 
 def evaluate_logs(folder: Path, out: Path | None, *, json: bool) -> None:
-    """Print success rates, reaching times and kinds of failure of trials, and write them.
+    """Print success rates, times to the goal and kinds of failure of trials, and write them.
 
     Args:
-        folder: With the logs.
+        folder: Folder with the logs.
         out: Folder for summary.json and table.tex.
         json: Print the summary as JSON.
 
@@ -62,7 +62,7 @@ def evaluate_logs(folder: Path, out: Path | None, *, json: bool) -> None:
 
 
 def _reasons(trials: list[Trial]) -> list[str]:
-    """A line for each trial that ended in no way of its own."""
+    """A line with the reason for each trial that ended abnormally."""
     records: list[tuple[str, EpisodeRecord]] = [(trial.path.name, trial.record) for trial in trials]
     return [f"{name}: {record.reason}" for name, record in records if record.reason]
 

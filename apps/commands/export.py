@@ -1,4 +1,4 @@
-"""`readygo export`: a dataset in the format of another program."""
+"""`readygo export`: a dataset in the format of another framework."""
 
 from pathlib import Path
 from typing import Literal
@@ -23,20 +23,21 @@ def export(
     rate_hz: int | None = None,
     workers: int = 1,
 ) -> None:
-    """Write a dataset in the format of another program; docs/export.md says what is in each.
+    """Export a dataset to the format of another framework; docs/export.md describes each format.
 
-    Stopped, the same command goes on where it was. Shards that are still being written are left out.
+    After an interruption the same command resumes. Shards that are still being written are skipped.
 
     Args:
         data: Data folders.
-        to: lerobot (v3.0), gnm (GNM, ViNT, NoMaD), rlds (TFRecord), huggingface-parquet, webdataset (tar) or npz.
-        out: Folder to write, new or of the same export.
-        rate_hz: Rows per second, a divisor of the data's; gnm has 4 by default, the others a row for every image.
-        workers: Processes that write side by side.
+        to: Format: lerobot (v3.0), gnm (GNM, ViNT, NoMaD), rlds (TFRecord), huggingface-parquet, webdataset (tar) or
+            npz.
+        out: Folder to write: new, or of the same export.
+        rate_hz: Rows per second [Hz], a divisor of the data's rate; by default 4 for gnm, else one row per image.
+        workers: Processes that write in parallel.
 
     Raises:
         ConfigError: If there is no data folder, a package is missing, or the rate does not fit the images.
-        DatasetError: If the data cannot be read, or the folder is of something else.
+        DatasetError: If the data cannot be read, or the folder holds something else.
     """
     if not data:
         raise ConfigError("Name a data folder: readygo export DATA --to FORMAT --out FOLDER.")

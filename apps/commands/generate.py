@@ -1,4 +1,4 @@
-"""`readygo generate`: from a scene to a recorded dataset."""
+"""`readygo generate`: record a dataset in a scene."""
 
 import json as json_module
 import sys
@@ -83,56 +83,57 @@ def generate(
     log_format: Annotated[LogFormat, OBSERVING] = "text",
     traces: Annotated[str, OBSERVING] = "",
 ) -> None:
-    """Record episodes of an expert among walking people; run again to resume.
+    """Record episodes of a robot among pedestrians in a scene; run the same command again to resume.
 
     Args:
         scene: Scene bundle, "embedded", or "embedded:SEED".
-        out: Data folder; shards appear in it.
-        episodes: Episodes to record; 100, or as many as the scenario file has entries.
-        workers: Renderer processes, or driver processes with a policy, besides one process for each other role; 0 does
-            everything in this process.
-        split: Random streams to draw the episodes from; train, val and test never share an episode.
+        out: Data folder for the shards.
+        episodes: Episodes to record; by default 100, or the number of entries in the scenario file.
+        workers: Renderer processes, or driver processes with a policy, in addition to one process for each other role;
+            0 does everything in this process.
+        split: Split of the episodes; train, val and test never share an episode.
         seed: Seed of the run.
-        avatars: Avatar file or folder of them; those of the policy's data by default, else the embedded ones. With
-            ":train" or ":test" behind it, also behind "embedded", the part that is for that.
-        static: Leave the humans out.
-        people: Recipe of how many people come and how they meet the robot, in place of what `config` says of it;
-            "paper" by default.
-        scenarios: TOML file with starts, goals and people to play instead of drawing them, one entry after the other.
-        policy: Folder of a trained policy: it or the expert drives, episodes are kept however they end, and the expert
-            says at every sample what it would do. The robot is the policy's unless `robot` or `config` names one.
-        mix: Share of the episodes that the policy drives, 0..1; 0.5 by default.
-        disturb: Share of the expert's episodes in which it is pushed and obeyed late, 0..1, 0.5 if no number follows:
-            it is shown to find back, and says at every sample what it would do. Episodes are kept however they end.
-        again: Data folder whose episodes are made again, each with the policy that drove it; `scene` and all that
-            belongs to a run is taken from there.
-        outputs: Images to record, separated by commas, of rgb, depth, median_depth, alpha, mask and normal, such as
-            rgb,depth,mask; rgb alone by default.
-        detail: "lod" draws far things and people with fewer Gaussians, about twice as fast; as in `config`, or
-            "exact", by default.
-        robot: robot.toml of another robot.
+        avatars: Avatar file or folder of avatars; by default those of the policy's data, else the embedded ones. The
+            suffix ":train" or ":test", also after "embedded", selects one part.
+        static: Record without pedestrians.
+        people: Scenario mix: how many pedestrians there are and how they meet the robot; overrides `config`. "paper" by
+            default.
+        scenarios: TOML file with starts, goals and pedestrians to play in order, instead of drawn ones.
+        policy: Folder of a trained policy for DAgger: the policy or the expert drives, every sample has expert labels,
+            and failed episodes are kept. The robot is the policy's unless `robot` or `config` names one.
+        mix: Policy fraction: share of the episodes that the policy drives, 0..1; 0.5 by default.
+        disturb: Noise injection (DART): share of the expert's episodes with perturbed motion and actuation delay, 0..1;
+            0.5 without a number. The data then show how to recover, every sample has expert labels, and failed
+            episodes are kept.
+        again: Data folder whose episodes are recorded again, each driven by the same policy as before; `scene` and the
+            settings of the run come from there.
+        outputs: Images to record, separated by commas: rgb, depth, median_depth, alpha, mask, normal, such as
+            rgb,depth,mask; only rgb by default.
+        detail: Level of detail: "lod" draws distant objects and pedestrians with fewer Gaussians, about twice as fast;
+            by default as in `config`, else "exact".
+        robot: robot.toml of a different robot.
         config: TOML file with sections of settings.
-        sensor: Recipe of the camera's lens, light and shutter and of what varies of them, in place of what robot and
-            `config` say of that.
-        listen: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447, for workers that are started by hand; a
-            free loopback port by default.
-        connect: With `on` "hosts" and in place of `listen`: a router that is there already (`readygo router`), where
-            several runs share one fleet.
-        priority: Workers of several runs do those with a higher one first, -1000..1000; as in `config`, or 0.
+        sensor: Recipe of the camera's lens, light and shutter and of their variation; overrides robot and `config`.
+        listen: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447, for workers that you start by hand; a free
+            loopback port by default.
+        connect: Endpoint of a running router (`readygo router`) that several runs share, instead of `listen`; only with
+            `on` "hosts".
+        priority: Priority of this run, -1000..1000: workers of several runs serve higher ones first; as in `config`, or
+            0.
         certs: Folder of certificates (`readygo certs issue`), for a tls/ endpoint.
-        on: Where workers run: "slurm" submits `workers` jobs that do all stages, as one array, and requeues them when
-            they are preempted; `listen` must be an address that its nodes reach, tls/ or on a network that you trust.
-            "hosts" starts none, and no recorder: they are started on other machines with `readygo worker`, and
-            `readygo coordinator` goes on if this command ends.
+        on: Where workers run. "local": on this machine. "slurm": submits one array of `workers` jobs, which do all
+            stages and are requeued after preemption; `listen` must be an address that the nodes reach, with tls/ or on
+            a trusted network. "hosts": starts no workers and no recorder; you start them on other machines with
+            `readygo worker`, and `readygo coordinator` resumes the run if this command ends.
         slurm: Options of sbatch, such as "--partition=short --time=2:00:00".
-        watch: Show the run on a page while it goes on, as `readygo monitor` does.
-        strict: Exit with 2 if an episode was set aside: it failed again and again, and the next index took its place.
+        watch: Show the run live on a web page, as `readygo monitor` does.
+        strict: Exit with 2 if an episode was set aside: it failed repeatedly, and the next index replaced it.
         json: Print the summary as JSON.
-        metrics: HOST:PORT where Prometheus finds this process, and HOST where it finds the others, each at a port of
-            its own; .readygo/targets in the data folder has all of them.
-        log_format: "json" has the processes log one JSON object a line, with run, worker, stage, episode and attempt.
-        traces: Where OpenTelemetry's spans of every episode go: an OTLP endpoint such as http://collector:4318, or a
-            folder.
+        metrics: HOST:PORT of this process's Prometheus endpoint; the other processes use the same HOST, each with its
+            own port; .readygo/targets in the data folder lists all of them.
+        log_format: "json" writes one JSON object per line, with run, worker, stage, episode and attempt.
+        traces: Destination of OpenTelemetry spans of every episode: an OTLP endpoint such as http://collector:4318, or
+            a folder.
     """
     check_counts(1 if episodes is None else episodes, workers)
     _check_where(on, workers, listen=listen, connect=connect, slurm=slurm, watch=watch)
@@ -178,18 +179,18 @@ def generate(
 
 @dataclass(frozen=True, kw_only=True)
 class Where:
-    """Which workers a run has, and where."""
+    """Number and location of a run's workers, and how they connect."""
 
     workers: int
     endpoint: str
-    """Of the router; empty for a free loopback port."""
+    """Endpoint of the router; empty for a free loopback port."""
     joins: bool
-    """True where the router is there already."""
+    """True if the run joins a router that runs already."""
     priority: int | None
     slurm: str | None
     certs: Path | None
     hosts: bool
-    """True for workers and recorders on other machines alone."""
+    """True if all workers and recorders are on other machines."""
     watch: bool = False
     strict: bool = False
     """True if an episode that was set aside is a failure."""
@@ -197,11 +198,11 @@ class Where:
 
 
 def _check_where(on: Place, workers: int, *, listen: str, connect: str, slurm: str, watch: bool) -> None:
-    """Refuse options that do not go together.
+    """Check that the options of workers and endpoints fit together.
 
     Raises:
-        RunError: If some do not.
-        ConfigError: If an endpoint is none.
+        RunError: If some contradict each other.
+        ConfigError: If an endpoint is malformed.
     """
     for option, endpoint in (("--listen", listen), ("--connect", connect)):
         if endpoint:
@@ -219,7 +220,7 @@ def _check_where(on: Place, workers: int, *, listen: str, connect: str, slurm: s
 
 
 def _as_told(config: RunConfig, outputs: str, detail: Detail | None, disturb: float | None) -> RunConfig:
-    """Settings of a run with those of the options that were given."""
+    """The run's settings, overridden by the options that were given."""
     if outputs:
         config = with_outputs(config, outputs)
     if detail:
@@ -228,7 +229,7 @@ def _as_told(config: RunConfig, outputs: str, detail: Detail | None, disturb: fl
 
 
 def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool) -> None:
-    """Do a run, and say on the terminal how it goes and what it gave."""
+    """Record a run, and print its progress and its summary."""
     if where.priority is not None:
         spec = with_priority(spec, where.priority)
     join = _how_to_join(spec, out, where) if where.endpoint else ""
@@ -284,7 +285,7 @@ def _how_to_join(spec: RunSpec, out: Path, where: Where) -> str:
 
 @contextmanager
 def progress_bar(*, first_words: str = "", quiet: bool = False) -> Iterator[Show]:
-    """Show a run's progress on the terminal, and before it `first_words`; `quiet` shows nothing."""
+    """Print `first_words`, then show a run's progress on the terminal; `quiet` shows nothing."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),

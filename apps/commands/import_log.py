@@ -1,4 +1,4 @@
-"""`readygo import rosbag2` and `readygo import mcap`: a robot that somebody drove becomes a data folder."""
+"""`readygo import rosbag2` and `readygo import mcap`: convert a real robot's log to a data folder."""
 
 from pathlib import Path
 
@@ -22,25 +22,25 @@ def import_log(
     episode_s: float = 30.0,
     license: str = "",
 ) -> None:
-    """Make a data folder of a ROS 2 log of a robot that somebody drove; no ROS is needed.
+    """Convert a ROS 2 log of a manually driven robot to a data folder; needs no ROS.
 
-    Times are those of the recording. An episode ends where images or odometry are missing for 0.5 s, where the robot
-    stands for 2 s, and after `episode_s`; its goal is where it ends. The recorded commands are those with which this
-    robot follows the odometry. Nobody is marked in the images: humans in them are not known.
+    Times are those of the recording. An episode ends after a gap of 0.5 s in images or odometry, after the robot has
+    stood still for 2 s, or after `episode_s`; its goal is its last position. The recorded commands are those with which
+    this robot follows the odometry. Pedestrians in the images are not labelled.
 
     Args:
         log: Folder of a rosbag2, or an MCAP file with ROS 2 messages.
         out: Data folder to make.
         image: Topic of the images, Image or CompressedImage.
         odom: Topic of the Odometry.
-        camera_info: Topic of the CameraInfo; by default the camera is that of the robot.
-        robot: robot.toml of the robot: its limits, and how its camera is mounted.
+        camera_info: Topic of the CameraInfo; by default the camera of `robot` is used.
+        robot: robot.toml of the robot: its limits, and the mounting of its camera.
         episode_s: Longest episode [s].
-        license: Terms of the log; recorded with everything made from it.
+        license: License of the log; recorded in everything made from it.
 
     Raises:
         ConfigError: If a topic is missing, or rosbags is not installed.
-        DatasetError: If the log cannot be read, or holds nothing that can be used.
+        DatasetError: If the log cannot be read, or holds no usable data.
     """
     topics = LogTopics(image=image, odometry=odom, camera_info=camera_info)
     with SteadyProgress(TextColumn("importing"), BarColumn(), MofNCompleteColumn(), transient=True) as progress:

@@ -1,4 +1,4 @@
-"""`readygo learn`: from a scene to a policy that drives there."""
+"""`readygo learn`: record data in a scene and train a policy on them at the same time."""
 
 import json as json_module
 import sys
@@ -49,35 +49,35 @@ def learn(
     watch: bool = False,
     json: bool = False,
 ) -> None:
-    """Record and learn side by side until a policy drives well; run again to go on.
+    """Record episodes and train a policy at the same time; run the same command again to resume.
 
-    The expert drives at first, disturbed; then the newest policy does in most episodes, and the expert says at every
-    sample what it would do. The policy that does best on the split val is kept and tried on the split test.
+    First the expert drives, with noise injection. Then DAgger: the current policy drives most episodes, and the expert
+    labels every sample. The policy with the best success rate on the split val is kept and evaluated on the split test.
 
     Args:
         scenes: Scene bundles, "embedded" or "embedded:SEED"; one policy learns in all of them.
-        out: Folder of the run, new or one to go on with: data, policy, curve.json, evaluation and report.html.
-        minutes: Wall time of recording and learning, that of earlier commands included [min]; it ends sooner if the
-            policy does not get better any more. The test comes after it.
-        samples: Samples to learn from, repeats counted, instead of minutes: the result depends less on the machine's
-            load.
-        episodes: Test episodes per task and scene, each driven by the policy, the expert and a straight line; 0 leaves
-            the test out.
+        out: Folder of the run, new or to resume: data, policy, curve.json, evaluation and report.html.
+        minutes: Wall time of recording and training, including earlier calls [min]; training ends earlier if the policy
+            stops improving. The test is not included.
+        samples: Training budget in samples, repeats counted, instead of minutes: the result depends less on the
+            machine's load.
+        episodes: Test episodes per task and scene, each driven by the policy, the expert and a straight-line baseline;
+            0: no test.
         seed: Seed of the episodes and of the training.
-        avatars: Avatar file or folder of them; the embedded ones by default.
-        robot: robot.toml; without one, or without a camera in it, the camera has 72x128 pixels.
-        config: TOML file with sections of settings, as given to `readygo generate`, and [learn]: `mix`, the share of
-            the episodes that policies drive, `reuse`, how often each sample is learned from, and others.
-        inputs: Images that the policy sees and that are recorded, separated by commas: rgb, and depth; rgb by default.
-        cameras: Cameras of the robot that it sees with, by their names in robot.toml, the first one among them; that
-            one alone by default.
-        goal: What the policy is told of its goal: where it is, "point", the default, what the robot would see there,
-            "image", or both.
-        on: Where episodes are driven: "local" shares this machine's cores between driving and learning, "hosts" leaves
-            them to learning, and all drivers are `readygo worker all` on other machines.
-        listen: Endpoint of the fleet's router, for workers of other machines, such as tls/10.0.0.5:7447.
-        certs: Folder of certificates of coordinator, recorder.rec0, trainer and all, for a tls/ endpoint.
-        watch: Show the run on a page while it goes on, as `readygo monitor` does.
+        avatars: Avatar file or folder of avatars; the embedded ones by default.
+        robot: robot.toml; without a camera in it, or without the file, the camera has 72x128 pixels.
+        config: TOML file with sections of settings, as for `readygo generate`, and [learn]: `mix`, the policy fraction
+            of the episodes, `reuse`, how often each sample is used for training, and others.
+        inputs: Images that the policy uses and that are recorded, separated by commas: rgb, depth; rgb by default.
+        cameras: Cameras of the robot that the policy uses, by their names in robot.toml, including the first one; only
+            the first one by default.
+        goal: Goal input of the policy: "point" (the default) is its position, "image" the robot's view at the goal, or
+            "both".
+        on: Where episodes are driven: "local" shares this machine's cores between driving and training; "hosts" uses
+            them for training only, and `readygo worker all` drives on other machines.
+        listen: Endpoint of the fleet's router, for workers on other machines, such as tls/10.0.0.5:7447.
+        certs: Folder with certificates of coordinator, recorder.rec0, trainer and all, for a tls/ endpoint.
+        watch: Show the run live on a web page, as `readygo monitor` does.
         json: Print the result as JSON.
     """
     if episodes < 0:
@@ -85,7 +85,7 @@ def learn(
     if on == "hosts" and not listen:
         raise RunError("--on hosts needs --listen with an address that they reach, such as tls/10.0.0.5:7447.")
     if listen or certs:
-        # Before anything is prepared.
+        # Check certificates before any work is done.
         identity_for(listen, COORDINATOR, certs=certs)
     plan = make_plan(
         scenes,
@@ -125,7 +125,7 @@ def _has_begun(plan: Plan) -> bool:
 
 @contextmanager
 def live_line(tested_total: int, *, quiet: bool = False) -> Iterator[tuple[Show, Tested]]:
-    """Show on the terminal how learning, and then the test, goes; `quiet` shows nothing."""
+    """Show the progress of training and then of the test on the terminal; `quiet` shows nothing."""
     columns = (TextColumn("{task.description}"), BarColumn(20), TaskProgressColumn(), TextColumn("{task.fields[said]}"))
     with SteadyProgress(*columns, quiet=quiet) as progress:
         task = progress.add_task("learning", total=1.0, said="starting")
@@ -142,7 +142,7 @@ def live_line(tested_total: int, *, quiet: bool = False) -> Iterator[tuple[Show,
 
 
 def line_of(now: Now) -> str:
-    """What a run that learns is doing, in a line."""
+    """Progress of a training run in one line: times, sample counts and success rates."""
     times = f" ({now.learned / now.images:.1f} times each)" if now.images and now.learned else ""
     parts = [
         f"{now.minutes:.1f} min",

@@ -1,4 +1,4 @@
-"""`readygo monitor`: a run to look at, while it goes on or afterwards."""
+"""`readygo monitor`: shows a run, live or recorded."""
 
 import contextlib
 import ipaddress
@@ -23,7 +23,7 @@ from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.errors import RunError
 
 PAGE_TOKEN_VARIABLE = "READYGO_MONITOR_TOKEN"
-"""The token that the page asks for on other addresses than the loopback one; a new one without it."""
+"""Environment variable with the token that the page requires on non-loopback addresses; random if unset."""
 
 
 def monitor(
@@ -40,23 +40,24 @@ def monitor(
     foxglove: Annotated[int | None, Bare("8765")] = None,
     rerun: Annotated[str | None, Bare("spawn")] = None,
 ) -> None:
-    """Show a run on a page: scene, robots and humans as they move, images, numbers, workers; it only looks.
+    """Show a run on a web page: scene, robots and pedestrians in motion, images, metrics, workers; read-only.
 
-    Nothing of the run changes, and the page may come and go. A finished data folder is shown as well.
+    The page can be opened and closed at any time without an effect on the run. It also shows finished data folders.
 
     Args:
         data: Data folder, live or recorded, or the folder of `readygo learn`.
-        connect: Endpoint of a fleet's router, in place of the folder; its token comes in READYGO_TOKEN.
-        run: Name of the run there, as `readygo generate --listen` prints it.
-        certs: Folder with a certificate of a monitor, for a tls/ endpoint.
-        scene: Scene bundle or "embedded", where it is not where the run says.
-        host: Address to show the page on; others than this machine's own one ask for the token in the link.
-        port: Its port; 0 takes a free one.
+        connect: Endpoint of a fleet's router, instead of the folder; its token is read from READYGO_TOKEN.
+        run: Name of the run, as `readygo generate --listen` prints it.
+        certs: Folder with a monitor's certificate, for a tls/ endpoint.
+        scene: Scene bundle or "embedded", if the scene is not where the run found it.
+        host: Address of the page; on any address but this machine's loopback one the page requires the token in the
+            link.
+        port: Port of the page; 0 takes a free one.
         open: Open the page in this machine's browser.
-        foxglove: Port of this machine on which Foxglove finds the run, 8765 if no number follows, in place of the
-            page: the channels of a shard, live.
-        rerun: Show it in Rerun, in place of the page: a viewer that is started if nothing follows, the address of one
-            such as rerun+http://127.0.0.1:9876/proxy, or a file, .rrd.
+        foxglove: Serve the run to Foxglove on this port, 8765 without a number, instead of the page: the channels of a
+            shard, live.
+        rerun: Show the run in Rerun instead of the page: without a value a viewer is started; else the address of a
+            viewer, such as rerun+http://127.0.0.1:9876/proxy, or an .rrd file.
     """
     if (data is None) == (not connect):
         raise RunError("Name what to watch: a folder, or --connect ENDPOINT --run RUN.")
@@ -65,7 +66,7 @@ def monitor(
             "--connect needs the name of the run as well: --run RUN, as `readygo generate --listen` prints it."
         )
     if connect:
-        # The page would go on trying.
+        # Otherwise the page would retry a malformed endpoint forever.
         check_endpoint(connect, "--connect")
     if data is not None:
         subjects = subjects_of(data, scene, certs)
@@ -86,7 +87,7 @@ def monitor(
 
 
 def _feed(opened: contextlib.ExitStack, subject: Subject, foxglove: int | None, rerun: str | None) -> None:
-    """Show a run in other viewers."""
+    """Show a run in Foxglove or Rerun."""
     subject.read_scene()
     if foxglove is not None:
         server = FoxgloveSink(subject.robot, subject.maps, foxglove, subject.sensor)
@@ -98,7 +99,7 @@ def _feed(opened: contextlib.ExitStack, subject: Subject, foxglove: int | None, 
 
 
 def _serve(opened: contextlib.ExitStack, subjects: list[Subject], host: str, port: int, *, browser: bool) -> None:
-    """Serve the page."""
+    """Serve the web page, and open it in the browser on request."""
     token = "" if _is_loopback(host) else os.environ.get(PAGE_TOKEN_VARIABLE) or secrets.token_urlsafe(16)
     screen = Screen(subjects, host=host, port=port, token=token)
     opened.callback(screen.close)
@@ -124,10 +125,10 @@ def _is_loopback(host: str) -> bool:
 
 
 def _has_desktop() -> bool:
-    """False where a browser would open in the terminal, if at all."""
+    """True on a machine with a graphical desktop; elsewhere a browser could only open in the terminal."""
     return sys.platform == "darwin" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def _named(host: str) -> str:
-    """The address as a link has it."""
+    """The host as a URL spells it: IPv6 addresses in brackets."""
     return f"[{host}]" if ":" in host else host

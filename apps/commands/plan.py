@@ -1,4 +1,4 @@
-"""`readygo plan`: one episode of the expert or of a policy, driven again and explained."""
+"""`readygo plan`: replays one episode of the expert or of a policy, and explains it."""
 
 import dataclasses
 import json as json_module
@@ -63,38 +63,38 @@ def plan(
     export: Path | None = None,
     json: bool = False,
 ) -> None:
-    """Take one episode again, and say and show what the expert, or a policy, did and why.
+    """Replay one episode, and show what the expert or a policy did, and why.
 
-    Seed, split, index and settings are those of `readygo generate`: the same episode. One that generate leaves out,
-    because the expert fails, is shown as well; an index without a scenario is an error. With a policy they are those
-    of `readygo evaluate`, whose split is test; what the expert would have done is shown beside.
+    With the seed, split, index and settings of `readygo generate` it is the same episode. Episodes that generate
+    rejects because the expert fails are shown as well; an index without a scenario is an error. With a policy, the
+    episodes are those of `readygo evaluate`, whose split is test, and the expert's labels are shown too.
 
-    `readygo plan --from RESULTS test-0-000003` takes an episode of an evaluation again, whoever drove it, by the
-    commands that were executed; all settings are those of the evaluation.
+    `readygo plan --from RESULTS test-0-000003` replays an episode of an evaluation by its executed commands, with any
+    driver; all settings are those of the evaluation.
 
     Args:
-        scene: Scene bundle, "embedded", or a ROS map (.yaml) with a flat floor; the name of an episode with `from`.
+        scene: Scene bundle, "embedded", or a ROS map (.yaml) with a flat floor; with `from`, the name of an episode.
         from_: Folder of an evaluation (`readygo evaluate --out`).
-        task: Which of the evaluation's tasks, with `from`.
-        method: Who drove, with `from`; the policy by default, else the expert.
-        index: Number of the episode.
+        task: Task of the evaluation, with `from`.
+        method: Driver, with `from`; the policy by default, else the expert.
+        index: Index of the episode.
         seed: Seed of the run.
-        split: Random streams to draw the episode from.
-        mode: How the expert plans, "paper" or "spacetime"; as in `config` by default.
-        static: Leave the humans out.
-        people: Recipe of how many people come and how they meet the robot, as given to `readygo generate`.
-        scenarios: TOML file whose scenarios are played instead of drawing them: entry `index` modulo their number.
-        policy: Folder of a trained policy that drives instead of the expert, by what it sees; robot, camera, avatars
-            and settings are those of its data unless others are named.
-        config: TOML file with sections of settings, as given to `readygo generate`.
-        robot: robot.toml of another robot.
-        sensor: Recipe of the camera's lens, light and shutter and of what varies of them.
-        avatars: Avatar file or folder of them; those of the policy's data by default, else the embedded ones.
-        picture: PNG to write: the map, the ways, plans given up, what the robot saw and expected, the outcome.
+        split: Split that the episode is drawn from.
+        mode: Planning mode of the expert, "paper" or "spacetime"; as in `config` by default.
+        static: Leave the pedestrians out.
+        people: Scenario mix: how many pedestrians there are and how they meet the robot, as for `readygo generate`.
+        scenarios: TOML file with scenarios to play instead of drawn ones: entry `index` modulo their number.
+        policy: Folder of a trained policy that drives instead of the expert; robot, camera, avatars and settings are
+            those of its data unless other options name them.
+        config: TOML file with sections of settings, as for `readygo generate`.
+        robot: robot.toml of a different robot.
+        sensor: Recipe of the camera's lens, light and shutter and of their variation.
+        avatars: Avatar file or folder of avatars; by default those of the policy's data, else the embedded ones.
+        picture: PNG to write: the map, the paths, rejected plans, what the robot saw and expected, the outcome.
         video: .webm (quick to write) or .mp4: the same over time, in real time.
-        camera: Show what the robot's camera sees in picture and video, as `generate` records it; with a policy it is
-            always shown.
-        export: TOML file to write with the scenario, to be changed by hand or given to others.
+        camera: Show the robot's camera images in picture and video, as `generate` records them; always shown with a
+            policy.
+        export: TOML file for the scenario, to edit or share.
         json: Print the numbers as JSON.
     """
     if from_ is not None:
@@ -150,7 +150,7 @@ def _show(
     *,
     json: bool,
 ) -> None:
-    """Write what is wanted, and say the numbers."""
+    """Write the requested files, and print the numbers."""
     if picture is not None:
         write_png(picture, _picture(take, planner, look))
     if video is not None:
@@ -165,7 +165,7 @@ def _show(
 
 
 def _check(scene: str, index: int, seed: int, *, camera: bool) -> None:
-    """Raise RunError if the arguments make no sense."""
+    """Raise RunError if index or seed is out of range, or a camera is asked for in a ROS map."""
     if index < 0 or not 0 <= seed < 2**63:
         raise RunError(f"--index must be at least 0 and --seed 0..2^63-1, got {index} and {seed}.")
     if camera and scene.endswith((".yaml", ".yml")):
@@ -173,7 +173,7 @@ def _check(scene: str, index: int, seed: int, *, camera: bool) -> None:
 
 
 def _check_endings(picture: Path | None, video: Path | None, export: Path | None) -> None:
-    """Raise RunError if a file's name does not say what it will be."""
+    """Raise RunError if a file's name has the wrong extension."""
     files = (("--picture", picture, (".png",)), ("--video", video, tuple(CODECS)), ("--export", export, (".toml",)))
     for option, path, endings in files:
         if path is not None and path.suffix.lower() not in endings:
@@ -185,7 +185,7 @@ def _with_mode(expert: ExpertConfig, mode: str) -> ExpertConfig:
 
 
 def _renderer(scene: Scene, avatars: dict[str, Avatar], config: RunConfig) -> Renderer:
-    """Draws what the robot sees.
+    """The renderer of the robot's camera images.
 
     Raises:
         ConfigError: If the robot's camera cannot have the sensor's lens.
@@ -196,7 +196,7 @@ def _renderer(scene: Scene, avatars: dict[str, Avatar], config: RunConfig) -> Re
 
 
 def _look(take: Take, renderer: Renderer | None, sees: Sequence[str]) -> "RobotView | None":
-    """What the robot's cameras see; None without a renderer or a run."""
+    """The view of the robot's cameras; None without a renderer or a run."""
     from readygo.apps.pictures.plan_film import RobotView
 
     run = take.run
@@ -212,10 +212,10 @@ def _picture(take: Take, planner: RobotPlanner, look: Look | None) -> Picture:
 
 
 def _write_video(path: Path, take: Take, planner: RobotPlanner, look: "RobotView | None") -> None:
-    """Film the run.
+    """Write a video of the run.
 
     Raises:
-        RunError: If there is no run.
+        RunError: If the episode has no run.
     """
     from readygo.apps.pictures.plan_film import run_film
     from readygo.common.drawing.film import write_film

@@ -1,4 +1,4 @@
-"""`readygo play`: a recorded episode as a film."""
+"""`readygo play`: writes a recorded episode as a video."""
 
 from pathlib import Path
 
@@ -11,18 +11,18 @@ from readygo.common.errors import DatasetError
 
 
 def play(data: Path, /, *, out: Path, episode: int = 0, every: int = 2, camera: str = "") -> None:
-    """Write a recorded episode as a film: what the robot's cameras saw, beside its way and everybody's from above.
+    """Write a recorded episode as a video: the robot's camera images, beside a top view with all trajectories.
 
     Args:
         data: Data folder.
-        out: Film to write, .mp4 or .webm.
-        episode: Number of the episode in the folder, from 0; -1 is the last one.
-        every: Samples from picture to picture, at the pace of the episode; 1 shows all of them.
-        camera: Name of the camera to show; all of them by default, side by side, with depths where they are recorded.
+        out: Video to write, .mp4 or .webm.
+        episode: Index of the episode in the folder, from 0; -1 is the last one.
+        every: Samples from frame to frame; the video keeps the pace of the episode, and 1 shows every sample.
+        camera: Name of the camera to show; by default all of them side by side, with depths if they are recorded.
 
     Raises:
         DatasetError: If there is no such episode or camera.
-        ReadygoError: If the film cannot be written.
+        ReadygoError: If the video cannot be written.
     """
     dataset = Dataset([data])
     count = len(dataset.episodes)

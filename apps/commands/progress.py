@@ -1,4 +1,4 @@
-"""Progress of long commands: a bar on a terminal, and a line now and then where the output goes to a file."""
+"""Progress of long commands: a bar on a terminal, and a line every 30 s in a redirected output."""
 
 import time
 from collections.abc import Callable
@@ -14,7 +14,7 @@ EVERY_S = 30.0
 
 
 class SteadyProgress(Progress):
-    """Rich's bars, or lines of the same words on anything but a terminal; at the end the last state is said."""
+    """Rich's progress bars on a terminal, elsewhere lines with the same text; the last state is printed at the end."""
 
     def __init__(
         self,
@@ -27,15 +27,15 @@ class SteadyProgress(Progress):
         """Make the bars or lines.
 
         Args:
-            columns: What they say; bars are left out of lines.
-            console: Where to; stderr by default.
-            quiet: True says nothing.
-            transient: True leaves nothing on a terminal at the end.
-            clock: Time [s].
+            columns: Parts of a bar or line; lines have no bars.
+            console: Where to print; stderr by default.
+            quiet: True prints nothing.
+            transient: True removes the bars from the terminal at the end.
+            clock: Returns the current time [s].
         """
         console = console or PlainConsole(stderr=True)
         for column in columns:
-            # Rich takes what a task says as markup; the percentage is its own words.
+            # Rich reads a task's text as markup; only the percentage column needs markup.
             if isinstance(column, TextColumn) and not isinstance(column, TaskProgressColumn):
                 column.markup = False
         self._lines = not quiet and not console.is_terminal
@@ -44,13 +44,13 @@ class SteadyProgress(Progress):
         self._clock, self._said_s, self._said = clock, clock(), ""
 
     def update(self, task_id: TaskID, **changes: Any) -> None:
-        """As rich's."""
+        """Change a task's fields, as in rich; print a line if the last one is old enough."""
         super().update(task_id, **changes)
         if self._lines and self._clock() - self._said_s >= EVERY_S:
             self._say()
 
     def stop(self) -> None:
-        """As rich's."""
+        """End the display, as in rich; print the last state as a line if it is new."""
         super().stop()
         if self._lines:
             self._say()

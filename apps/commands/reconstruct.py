@@ -1,4 +1,4 @@
-"""`readygo reconstruct`, `readygo scene poses` and `readygo marker`: from a video or photos to a scene."""
+"""`readygo reconstruct`, `readygo scene poses` and `readygo marker`: make a scene from a video or photos."""
 
 import json as json_module
 import sys
@@ -46,24 +46,24 @@ def scene_poses(
     threads: int = 0,
     json: bool = False,
 ) -> None:
-    """Find the poses of a video's or of photos' cameras in metres, z up, z = 0 on the floor; it makes no Gaussians.
+    """Find camera poses of a video or photos in metres, z up and z = 0 on the floor, without training Gaussians.
 
-    What is left in the folder `posed` is a COLMAP model with undistorted pinhole images, for any Gaussian trainer.
-    Stages that are finished are not done again: run the same command to go on, or with another marker or length.
+    The folder `posed` then holds a COLMAP model with undistorted pinhole images, for any Gaussian trainer. Finished
+    stages are kept: run the same command to resume, or with a different marker or length.
 
     Args:
         source: A video, a folder of photos, or a folder with a COLMAP model and images/.
-        out: State folder, new or one to go on with.
+        out: State folder, new or to resume.
         marker_size_m: Side of the black square of the printed markers [m]; see `readygo marker`.
         marker_dictionary: Dictionary of the markers, as OpenCV names it.
-        marker_id: Markers of that size; all that are found by default.
-        marker_on: What markers lie on; auto goes by how the camera was held.
+        marker_id: Ids of the markers of that size; all detected ones by default.
+        marker_on: Surface on which the markers lie; auto infers it from the camera's orientation.
         length: Length between two points picked in two images, "a.jpg:u,v a.jpg:u,v b.jpg:u,v b.jpg:u,v = 2.35", both
-            ends in each image [px, m]; beside a marker it checks the marker.
-        scale: Metres per unit of the map, where nothing else tells it.
-        frames: At most this many frames of a video are used.
+            ends in each image [px, m]; with a marker, it checks the marker.
+        scale: Metres per unit of the map, without marker or length.
+        frames: Largest number of video frames to use.
         mapper: auto is incremental up to 200 images, global beyond.
-        threads: 0 takes all cores; 1 gives the same map each time.
+        threads: 0 uses all cores; 1 gives the same map each time.
         json: Print the report as JSON.
     """
     metric = _metric(
@@ -112,32 +112,32 @@ def reconstruct_command(
     listen: str = "",
     json: bool = False,
 ) -> None:
-    """Make a scene bundle of a video or of photos: metric poses, Gaussians, maps.
+    """Make a scene bundle from a video or photos: metric poses, Gaussians, maps.
 
-    Stages that are finished are not done again, and a training that was interrupted goes on: run the same command.
+    Finished stages are kept, and an interrupted training resumes: run the same command.
 
     Args:
         source: A video, a folder of photos, or a folder with a COLMAP model and images/.
         out: Scene bundle to make; must not exist.
         marker_size_m: Side of the black square of the printed markers [m]; see `readygo marker`.
         marker_dictionary: Dictionary of the markers, as OpenCV names it.
-        marker_id: Markers of that size; all that are found by default.
-        marker_on: What markers lie on; auto goes by how the camera was held.
+        marker_id: Ids of the markers of that size; all detected ones by default.
+        marker_on: Surface on which the markers lie; auto infers it from the camera's orientation.
         length: Length between two points picked in two images, "a.jpg:u,v a.jpg:u,v b.jpg:u,v b.jpg:u,v = 2.35", both
-            ends in each image [px, m]; beside a marker it checks the marker.
-        scale: Metres per unit of the map, where nothing else tells it.
-        preset: draft takes minutes on two cores, standard and high are for longer.
-        steps: Steps of the training; those of the preset by default.
-        side_px: Larger images are made smaller for the training: longer side [px]; that of the preset by default.
-        plain: Leave out what makes Gaussians lie on surfaces: faster, better images, worse depths and maps.
+            ends in each image [px, m]; with a marker, it checks the marker.
+        scale: Metres per unit of the map, without marker or length.
+        preset: draft takes minutes on two cores; standard and high take longer.
+        steps: Training steps; those of the preset by default.
+        side_px: Longer side of the training images [px]: larger ones are scaled down; that of the preset by default.
+        plain: Train without the surface losses: faster, better images, worse depths and maps.
         device: cuda trains with gsplat's kernels on a GPU; experimental, no GPU has run it yet.
-        frames: At most this many frames of a video are used.
+        frames: Largest number of video frames to use.
         mapper: auto is incremental up to 200 images, global beyond.
-        threads: Of the mapper; 0 takes all cores, 1 gives the same map each time.
-        license: Terms of the scene; recorded with everything made from it.
+        threads: Threads of the mapper; 0 uses all cores, 1 gives the same map each time.
+        license: License of the scene; recorded in everything made from it.
         work: State folder; OUT.work by default.
-        listen: Let a `readygo worker reconstructor` do it that joins at this endpoint, such as tcp/0.0.0.0:7447, on a
-            machine that sees the same paths.
+        listen: Let a `readygo worker reconstructor` do the job that joins at this endpoint, such as tcp/0.0.0.0:7447,
+            on a machine with the same paths.
         json: Print the report as JSON.
     """
     metric = _metric(
@@ -156,9 +156,9 @@ def reconstruct_command(
     try:
         report = ask_worker(job, config, listen, lines) if listen else reconstruct(job, config, lines.say)
     except KeyboardInterrupt:
-        # A job's folder goes where nothing in it is finished.
+        # The job removes its folder if no stage in it is finished.
         kept = f"finished stages stay in {job.work}" if job.work.exists() else "no stage is finished yet"
-        words = f"{kept}, run the same command again to go on."
+        words = f"{kept}, run the same command again to resume."
         raise KeyboardInterrupt(words) from None
     if json:
         sys.stdout.write(json_module.dumps(report) + "\n")
@@ -175,7 +175,7 @@ def _metric(**settings: Any) -> MetricConfig:
 
 
 def _gaussians(preset: Preset, steps: int | None, side_px: int | None, plain: bool, device: Device) -> GaussiansConfig:
-    """A preset with what was asked for instead."""
+    """A preset, overridden by the options that were given."""
     settings = settings_of(preset)
     changes: dict[str, Any] = {"steps": steps, "side_max_px": side_px, "device": device}
     try:
@@ -204,19 +204,19 @@ def _config(
 
 
 class Lines:
-    """A line when a stage begins, and one now and then while it goes on."""
+    """Progress lines: one when a stage begins, and one every 30 s while it runs."""
 
     def __init__(self, stages: tuple[str, ...]) -> None:
-        """Nothing is said yet.
+        """Begin before the first stage.
 
         Args:
-            stages: All that there are, in order.
+            stages: Names of all stages, in order.
         """
         self._stages, self._stage, self._said_s = stages, "", 0.0
         self._notes = PlainConsole(stderr=True, soft_wrap=True)
 
     def say(self, progress: StageProgress) -> None:
-        """Hear of progress."""
+        """Print a line if the stage is new or the last line is 30 s old."""
         now_s = time.monotonic()
         if progress.stage == self._stage and now_s - self._said_s < EVERY_S:
             return
@@ -275,14 +275,14 @@ def marker(
     id: int = 0,
     page: Literal["A4", "A3", "A2", "letter"] = "A3",
 ) -> None:
-    """Write a PDF with one marker at true size: print it at 100 %, measure it, and lay it on the floor.
+    """Write a PDF with one marker at true size: print it at 100 %, measure it, and put it on the floor.
 
     Args:
         size_m: Side of the black square [m].
-        out: The PDF.
+        out: PDF to write.
         dictionary: ArUco or AprilTag dictionary, as OpenCV names it.
-        id: Which marker of the dictionary.
-        page: Paper; the marker needs a white border of one cell.
+        id: Id of the marker in the dictionary.
+        page: Paper size; the marker needs a white border of one cell.
     """
     write_whole(out, marker_pdf(dictionary, id, size_m, page))
     PlainConsole(soft_wrap=True).print(f"{out}: marker {id} of {dictionary}, {size_m:g} m wide.", markup=False)

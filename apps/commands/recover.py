@@ -1,4 +1,4 @@
-"""`readygo recover`: a data folder that has lost something, whole again."""
+"""`readygo recover`: repairs a data folder with lost or damaged files."""
 
 from pathlib import Path
 
@@ -10,10 +10,10 @@ from readygo.apps.terminal import PlainConsole
 
 
 def recover(data: Path, /, *, workers: int = 1) -> None:
-    """Make a data folder whole again: read all of it, save what is whole, and record again what is not.
+    """Repair a data folder: read all of it, keep the intact episodes, and record the others again.
 
-    A lost or damaged ledger is made anew of the shards. `readygo generate` does the same when it goes on with a run,
-    but does not read shards again that have not changed since.
+    A lost or damaged ledger is rebuilt from the shards. `readygo generate` does the same when it resumes a run, but
+    does not read unchanged shards again.
 
     Args:
         data: Data folder of a run.

@@ -1,4 +1,4 @@
-"""`readygo requeue`: a recorder whose disk is gone."""
+"""`readygo requeue`: replaces the episodes of a recorder whose disk is lost."""
 
 import sys
 from pathlib import Path
@@ -8,12 +8,12 @@ from readygo.apps.run.recorders import requeue as requeue_recorder
 
 
 def requeue(data: Path, /, *, recorder: str) -> None:
-    """Give up a recorder whose disk is gone: its episodes are recorded again when the run goes on.
+    """Remove a recorder whose disk is lost from a run: its episodes are recorded again when the run resumes.
 
-    The recorder is not used any more, and its shards are none of the dataset's, should the disk come back.
+    The recorder is not used again, and its shards do not return to the dataset if the disk does.
 
     Args:
-        data: Data folder of a run that no fleet is at work on.
+        data: Data folder of a run that no fleet is working on.
         recorder: Name of the recorder.
     """
     folder = RunFolder(data)

@@ -1,4 +1,4 @@
-"""`readygo router`: where a fleet meets that outlives its runs."""
+"""`readygo router`: the router of a fleet that works on several runs."""
 
 import sys
 import threading
@@ -10,15 +10,15 @@ from readygo.common.errors import RunError
 
 
 def router(*, listen: str, certs: Path | None = None, recorders: tuple[str, ...] = ("rec0",)) -> None:
-    """Let coordinators, recorders and workers of several runs meet, until Ctrl-C or SIGTERM.
+    """Run a router for the coordinators, recorders and workers of several runs, until Ctrl-C or SIGTERM.
 
-    Runs come and go: `readygo generate ... --on hosts --connect` begins one, `readygo worker ROLE --connect` without
-    --run works for all of them, `readygo status --connect` lists them.
+    Runs can start and end at any time: `readygo generate ... --on hosts --connect` begins one, `readygo worker ROLE
+    --connect` without --run works for all of them, `readygo status --connect` lists them.
 
     Args:
         listen: Endpoint, tls/HOST:PORT with certificates; 0.0.0.0 stands for all addresses.
         certs: Folder with a certificate of the role coordinator, for a tls/ endpoint.
-        recorders: Names of the recorders that take part in any of the runs: each has rights of its own.
+        recorders: Names of all recorders of the runs; each has separate rights.
     """
     token = given_token()
     if not token and not listen.startswith(TLS):

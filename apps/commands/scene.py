@@ -1,4 +1,4 @@
-"""`readygo scene`: making scene bundles, measuring them and drawing them from above."""
+"""`readygo scene import` and `readygo scene inspect`: make, measure and draw scene bundles."""
 
 import json as json_module
 import sys
@@ -51,33 +51,33 @@ def scene_import(
     drop_bad: bool = False,
     json: bool = False,
 ) -> None:
-    """Make a scene bundle (Gaussians, maps, report) of a Gaussian file, or of what a training left.
+    """Make a scene bundle (Gaussians, maps, report) from a Gaussian file or from the output of a training.
 
-    What looks wrong in the scene is said, and marked on its map in inspect/findings.png. Where the import fails because
-    of the scene, a picture beside OUT and a table show what the file holds, which ways may be up and how long its unit
-    may be, and the error says what to try.
+    The command reports likely defects of the scene, and marks them on its map in inspect/findings.png. If the import
+    fails because of the scene, a picture beside OUT and a table show the file's contents, possible up directions and
+    possible lengths of its unit, and the error says what to try.
 
     Args:
         source: A .ply of 3DGS, 2DGS or PGSR, a .compressed.ply, .splat or .spz, a checkpoint of gsplat or nerfstudio,
-            or the output folder of one of these trainings, of which the newest iteration is taken, with its cameras.
+            or the output folder of one of these trainings: its newest iteration and its cameras are read.
         out: Folder to make; must not exist.
         name: Name of the scene; the folder's by default.
-        sky: Gaussians of the far surroundings, in the same frame as the source.
+        sky: Gaussians of the distant surroundings, in the same frame as the source.
         up: Axis of the file that points up: +x, +y, +z, -x, -y or -z, written with the equals sign, as in --up=-y; a
-            direction such as --up=0.1,-0.99,0.05; "cameras", as those were held that it was filmed with; or "auto",
-            which finds it where that is clear, near the up of the cameras if there are any.
+            direction such as --up=0.1,-0.99,0.05; "cameras", the mean up direction of the cameras; or "auto", which
+            estimates it if it is unambiguous, near the cameras' up direction if there are cameras.
         scale: Metres per unit of the file.
-        translate: Added after turning and scaling [m].
-        license: Terms of the scene; recorded with everything made from it.
-        robot: robot.toml, for the height and radius that the maps are made for.
+        translate: Translation after rotation and scaling [m].
+        license: License of the scene; recorded in everything made from it.
+        robot: robot.toml with the height and radius that the maps are made for.
         resolution: Edge of map cells [m].
-        crop: x0 y0 x1 y1 of what is kept [m], after turning, scaling and moving.
-        crop_z: z0 z1 of what is kept [m].
-        close_coarse: Keep everybody off ground that nobody filmed: where huge Gaussians stand for it.
-        keep_unfilmed: Let the robot go where it would see what nobody filmed; only where the source has cameras.
-        mirror: The file is mirrored (writing in it reads backwards); mirror it back.
-        drop_bad: Leave out Gaussians that cannot be drawn (numbers that are not finite; beyond 10 km) and huge ones,
-            larger than a fifth of the scene, and say how many.
+        crop: x0 y0 x1 y1 of the part to keep [m], after rotation, scaling and translation.
+        crop_z: z0 z1 of the part to keep [m].
+        close_coarse: Block unobserved ground for robots and pedestrians: ground that only huge Gaussians represent.
+        keep_unfilmed: Keep positions from which the robot would see unobserved parts; only if the source has cameras.
+        mirror: Mirror the scene: for a mirrored file, in which text reads backwards.
+        drop_bad: Drop, and count, Gaussians that cannot be drawn (non-finite numbers, beyond 10 km) or are larger than
+            a fifth of the scene.
         json: Print one JSON object instead of a table.
     """
     chosen = None if robot is None else load_robot(robot)
@@ -120,18 +120,18 @@ def scene_inspect(
     robot: Path | None = None,
     json: bool = False,
 ) -> None:
-    """Measure a scene bundle, draw it, and its maps, from above, and look around in it with the robot's camera.
+    """Measure a scene bundle, and draw the scene, its maps and sample views of the robot's camera.
 
-    Pictures of the maps: dark is occupied, grey has no floor in sight, white is too narrow for the agent, green is the
-    largest area that it can move in, orange are areas cut off from that. views.png shows what the robot sees from
-    places all over that area, map_views.png the same area in the colours of their sharpness: orange and brown is fog.
-    findings.png marks what looks wrong, with words: rough ground, ground that nobody filmed, places without a view.
+    Map colours: dark is occupied, grey has no visible floor, white is too narrow for the agent, green is the largest
+    connected free area, orange areas are disconnected from it. views.png shows the robot's views from positions all
+    over the green area, map_views.png the sharpness of these views as colours: orange and brown are blurred.
+    findings.png marks likely defects, with labels: rough ground, unobserved ground, positions without a usable view.
 
     Args:
         scene: Scene bundle, "embedded", or "embedded:SEED".
         out: Folder for the pictures; the bundle's inspect/ by default.
         radius: Radius of the robot's disc [m]; by default the one that the scene was imported for.
-        robot: robot.toml, for the camera that looks around.
+        robot: robot.toml with the camera of the sample views.
         json: Print one JSON object instead of a table.
     """
     bundle = open_scene(scene)
@@ -162,7 +162,7 @@ def _findings(scene: Scene, plan: ScenePlan, seen: SceneViews, report: dict[str,
 
 
 def _shown(source: Path, out: Path, up: str, scale: float, *, json: bool) -> str:
-    """Show what a file holds that cannot be imported; returns where, and what to try."""
+    """Write a picture and print a table of a file that cannot be imported; returns their place and what to try."""
     stored = read_gaussians(source)
     usable, _ = without(stored, unusable(stored))
     cloud = with_unit_rotations(usable)
@@ -187,7 +187,7 @@ def _shown(source: Path, out: Path, up: str, scale: float, *, json: bool) -> str
 
 
 def _remedy(found: Survey, up: str, scale: float, masks: Masks, source: Path) -> str:
-    """What to try after an import failed."""
+    """Advice in words on what to try after an import failed."""
     words = advice(found, up, scale)
     if masks[HUGE].any():
         words += f" {int(masks[HUGE].sum())} of its Gaussians are huge and cover all: --drop-bad leaves them out."

@@ -1,4 +1,4 @@
-"""`readygo scene crop`, `align`, `scale` and `clean`: a scene, changed, under another name."""
+"""`readygo scene crop`, `align`, `scale` and `clean`: write a changed copy of a scene."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from readygo.common.scenes.edit import KINDS, cleaned, crop_box, cropped, levell
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Original:
-    """What is edited: a bundle, or a Gaussian file, which is taken to be in metres with z up."""
+    """The scene to edit: a bundle, or a Gaussian file, which must be in metres with z up."""
 
     cloud: GaussianCloud
     sky: GaussianCloud | None = None
@@ -42,13 +42,13 @@ def scene_crop(
     box: tuple[float, float, float, float] | None = None,
     z: tuple[float, float] | None = None,
 ) -> None:
-    """Keep a part of a scene, and make its maps anew.
+    """Crop a scene, and rebuild its maps.
 
     Args:
         scene: Scene bundle, "embedded", or a Gaussian file in metres, z up.
         out: Folder of the bundle to make, or a .ply file; must not exist. A picture shows before and after.
-        box: x0 y0 x1 y1 of what is kept [m].
-        z: z0 z1 of what is kept [m].
+        box: x0 y0 x1 y1 of the part to keep [m].
+        z: z0 z1 of the part to keep [m].
     """
     part = crop_box(box, z)
     if part is None:
@@ -58,12 +58,12 @@ def scene_crop(
 
 
 def scene_align(scene: str, /, *, out: Path, up: str = "auto") -> None:
-    """Turn a scene so that its floor is level and at height 0, and make its maps anew.
+    """Rotate and shift a scene so that its floor is level and at height 0, and rebuild its maps.
 
     Args:
         scene: Scene bundle, "embedded", or a Gaussian file in metres, z up.
         out: Folder of the bundle to make, or a .ply file; must not exist. A picture shows before and after.
-        up: Direction that points up: an axis, three numbers with commas, or "auto" for that of the floor.
+        up: Direction that points up: an axis, three numbers with commas, or "auto" for the normal of the floor.
     """
     original = _opened(scene, out)
     R, translate_m, name = levelling(original.cloud, up)
@@ -72,13 +72,13 @@ def scene_align(scene: str, /, *, out: Path, up: str = "auto") -> None:
 
 
 def scene_scale(scene: str, /, *, out: Path, factor: float | None = None, room_height: float | None = None) -> None:
-    """Make a scene larger or smaller, and make its maps anew.
+    """Scale a scene, and rebuild its maps.
 
     Args:
         scene: Scene bundle, "embedded", or a Gaussian file, z up.
         out: Folder of the bundle to make, or a .ply file; must not exist. A picture shows before and after.
-        factor: What lengths are multiplied by.
-        room_height: Height that its ceiling shall have above its floor [m], in place of `factor`.
+        factor: Factor for all lengths.
+        room_height: Height of the ceiling above the floor after scaling [m], instead of `factor`.
     """
     if (factor is None) == (room_height is None):
         raise SceneError("Give either --factor or --room-height.")
@@ -90,15 +90,15 @@ def scene_scale(scene: str, /, *, out: Path, factor: float | None = None, room_h
 
 
 def scene_clean(scene: str, /, *, out: Path, kinds: str = "huge,floaters") -> None:
-    """Remove Gaussians that nobody wants to see, count them, and make the maps anew.
+    """Remove and count unwanted Gaussians, and rebuild the scene's maps.
 
-    Huge ones are larger than a fifth of the scene; floaters are groups of a few that touch nothing, and clouds of them
-    around a scene; haze is faint and several times as large as usual, which some glass is, too.
+    Huge ones are larger than a fifth of the scene; floaters are small isolated groups, and clouds of them around a
+    scene; haze is faint and several times larger than usual, as some glass is, too.
 
     Args:
         scene: Scene bundle, "embedded", or a Gaussian file in metres, z up.
         out: Folder of the bundle to make, or a .ply file; must not exist. A picture shows before and after.
-        kinds: What is removed, separated by commas, of huge, floaters and haze.
+        kinds: Kinds to remove, separated by commas, of huge, floaters and haze; "all" removes all three.
     """
     original = _opened(scene, out)
     wanted = tuple(KINDS) if kinds == "all" else tuple(word.strip() for word in kinds.split(",") if word.strip())
@@ -140,7 +140,7 @@ def _write_moved(
     translate_m: npt.ArrayLike = (0.0, 0.0, 0.0),
     scale: float = 1.0,
 ) -> None:
-    """Write all of a scene after x' = scale R x + translate."""
+    """Write the scene, its sky and its views after x' = scale R x + translate."""
     cloud = transform_cloud(original.cloud, R, translate_m, scale)
     sky = None if original.sky is None else transform_cloud(original.sky, R, translate_m, scale)
     views = None if original.views is None else original.views.moved(R, translate_m, scale)
@@ -148,7 +148,7 @@ def _write_moved(
 
 
 def _write(original: _Original, cloud: GaussianCloud, sky: GaussianCloud | None, out: Path, words: str) -> None:
-    """Write the changed scene, and a picture of before and after; say what was done."""
+    """Write the changed scene and a picture of before and after, and print the change."""
     if out.suffix == ".ply":
         with unfinished(out, raises=SceneError) as part:
             save_ply(cloud, part)

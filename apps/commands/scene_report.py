@@ -1,4 +1,4 @@
-"""`readygo scene report`: the health of a scene on one page."""
+"""`readygo scene report`: the quality of a scene on one page."""
 
 import json as json_module
 import sys
@@ -28,13 +28,13 @@ def scene_report(
     robot: Path | None = None,
     json: bool = False,
 ) -> None:
-    """Write a scene's health report: scale, registration, held-out images, floaters, holes, coverage, from above.
+    """Write a scene's quality report: scale, registration, held-out images, floaters, holes, coverage, top views.
 
     Args:
         scene: Scene bundle, or "embedded".
         out: Folder for report.html and report.json; the bundle's inspect/ by default.
         radius: Radius of the robot's disc [m]; by default the one that the scene was imported for.
-        robot: robot.toml, for the camera that looks around.
+        robot: robot.toml with the camera of the sample views.
         json: Print the numbers as JSON.
     """
     bundle = open_scene(scene)

@@ -1,4 +1,4 @@
-"""`readygo simulate-robot`: a robot to try policies with."""
+"""`readygo simulate-robot`: a simulated robot to test policies with."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -68,35 +68,38 @@ def simulate_robot(
     listen: Annotated[str, Group("topics")] = "tcp/127.0.0.1:7447",
     domain: Annotated[int, Group("topics")] = 0,
 ) -> None:
-    """Be a robot in a scene: send its images and odometry, and do as it is told, in real time.
+    """Simulate a robot in a scene in real time: publish images and odometry, and follow cmd_vel.
 
-    The episodes are those of `readygo evaluate SCENE POLICY`. One begins with the first command of `readygo drive
-    POLICY --goal-topic /goal_pose --outcome-topic /outcome`, and the next one when nobody commands any more.
+    The episodes are those of `readygo evaluate SCENE POLICY`. An episode begins with the first command of `readygo
+    drive POLICY --goal-topic /goal_pose --outcome-topic /outcome`, and the next one begins after the commands have
+    stopped.
 
     Args:
         scene: Scene bundle, "embedded", or "embedded:SEED".
-        policy: Folder of a trained policy: the robot, people and settings of its data.
+        policy: Folder of a trained policy: robot, avatars and settings are those of its data.
         episodes: Episodes per task.
-        tasks: What they ask for, as in `readygo evaluate`.
-        split: Random streams to draw the episodes from.
+        tasks: Tasks, as in `readygo evaluate`.
+        split: Split that the episodes are drawn from.
         seed: Seed of the episodes.
-        robot: robot.toml; its camera may be another one than the policy's.
+        robot: robot.toml; its camera may differ from the policy's.
         config: TOML file with sections of settings.
-        avatars: Avatar file or folder of them; those of the policy's data by default, else the embedded ones.
-        latency_s: From when an image is taken until it is sent [s].
-        jitter_s: Standard deviation of that [s].
-        drop_share: Share of images that are lost.
-        camera_hz: Images per second: those of the robot's camera, divided by a whole number; all of them by default.
+        avatars: Avatar file or folder of avatars; by default those of the policy's data, else the embedded ones.
+        latency_s: Mean delay between capture and transmission of an image [s].
+        jitter_s: Standard deviation of that delay [s].
+        drop_share: Share of images that are lost, 0..1.
+        camera_hz: Images per second [Hz]: the rate of the robot's camera divided by an integer; by default its full
+            rate.
         compressed: Send CompressedImage: JPEG, and depths as compressedDepth.
-        rehearse: Let the policy drive here, as `readygo drive` would, in simulated time and without a network.
-        image: Topic of the images, /camera/image_raw by default; of further cameras --image NAME=/topic, once for each,
-            /NAME/image_raw by default.
-        depth: Topic of depths beside the images (16UC1), such as /camera/depth, of further cameras NAME=/topic; a robot
-            without a depth camera by default.
+        rehearse: Offline simulation: the policy drives in this process, as in `readygo drive`, in simulated time and
+            without a network.
+        image: Topic of the images, /camera/image_raw by default; --image NAME=/topic for each further camera, by
+            default /NAME/image_raw.
+        depth: Topic of depth images (16UC1), such as /camera/depth, NAME=/topic for further cameras; by default the
+            robot has no depth camera.
         odom: Topic of the Odometry.
         cmd_vel: Topic of the commands.
-        wire: As in `readygo drive`.
-        listen: Where to open a Zenoh router.
+        wire: Transport, as in `readygo drive`.
+        listen: Endpoint of the Zenoh router that this command opens.
         domain: ROS_DOMAIN_ID.
     """
     check_endpoint(listen, "--listen")
@@ -151,7 +154,7 @@ def _drive_all(
     episodes: Sequence[MatchedEpisode],
     console: PlainConsole,
 ) -> Counter[Outcome]:
-    """Outcomes of a task's episodes, each said as it ends."""
+    """Run a task's episodes, print each outcome, and count them."""
     outcomes: Counter[Outcome] = Counter()
     for episode in episodes:
         simulation = evaluator.simulation(episode)
@@ -165,7 +168,7 @@ def _drive_all(
 def _rehearsal(
     folder: Path | None, settings: RunConfig, look: Look, manners: Manners, rng: np.random.Generator, eyes: Eyes
 ) -> Callable[[EpisodeSimulation], Outcome]:
-    """Drives episodes by a policy in simulated time.
+    """A function that lets a policy drive an episode in simulated time.
 
     Raises:
         ConfigError: If there is no policy.
@@ -213,7 +216,7 @@ def _topics(named: Mapping[str, str], odom: str, cmd_vel: str) -> Topics:
 
 
 def _check_suffixes(topics: Iterable[str]) -> None:
-    """Raise ConfigError unless topics say that their images are compressed, as behind a bridge nobody else does."""
+    """Raise ConfigError unless each topic ends in a suffix of compressed images; a bridge conveys no other hint."""
     for topic in topics:
         if not topic.endswith((COMPRESSED_SUFFIX, COMPRESSED_DEPTH_SUFFIX)):
             raise ConfigError(
@@ -234,7 +237,7 @@ def _manners(
 
 
 def _without_latency(settings: RunConfig) -> RunConfig:
-    """The way to the policy makes images late here, not the camera."""
+    """Settings without camera latency: the simulated transport adds the latency instead."""
     robot = settings.robot
     further = {name: replace(camera, latency_s=0.0) for name, camera in robot.cameras.items()}
     return replace(settings, robot=replace(robot, camera=replace(robot.camera, latency_s=0.0), cameras=further))

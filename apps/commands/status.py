@@ -1,4 +1,4 @@
-"""`readygo status`: how far a run is, and who works on it."""
+"""`readygo status`: the progress of a run, and its workers."""
 
 import json as json_module
 import sys
@@ -16,7 +16,7 @@ from readygo.common.config import section_to_mapping
 
 REFRESH_S = 1.0
 LISTEN_S = 1.5
-"""Time in which every process says once what it takes of its machine [s]."""
+"""Time in which every process reports its use of the machine once [s]."""
 
 
 def status(
@@ -29,16 +29,16 @@ def status(
     watch: bool = False,
     json: bool = False,
 ) -> None:
-    """Say how far a run is: the queue of every stage, rates, time left, workers with what they hold, disks.
+    """Show the progress of a run: the queue of every stage, rates, remaining time, workers with their leases, disks.
 
-    With `connect` alone it lists the runs of a router, the most urgent first.
+    With only `connect` it lists the runs of a router, highest priority first.
 
     Args:
-        data: Data folder that a fleet of this machine is recording into.
-        connect: Endpoint of the fleet's router, in place of the folder.
-        run: Name of the run there, as `readygo generate --listen` prints it; without it all are listed.
+        data: Data folder that a fleet on this machine is recording into.
+        connect: Endpoint of the fleet's router, instead of the folder.
+        run: Name of the run, as `readygo generate --listen` prints it; without it all runs are listed.
         certs: Folder with a certificate of a monitor or an operator, for a tls/ endpoint.
-        watch: Go on until the run is over, or Ctrl-C.
+        watch: Refresh until the run is finished, or Ctrl-C.
         json: Print all numbers as JSON.
     """
     if data is None and connect and not run:
@@ -72,7 +72,7 @@ def _watch(look: Look, console: PlainConsole) -> None:
 
 
 def _list(connect: str, certs: Path | None, *, watch: bool, json: bool) -> None:
-    """List the runs of a router."""
+    """Print the runs of a router, once or until Ctrl-C."""
     bus = join(connect, ANY_RUN, shown_role(certs), certs=certs)
     try:
         runs = Runs(bus)

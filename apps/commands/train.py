@@ -1,4 +1,4 @@
-"""`readygo train`: from recorded episodes to a policy."""
+"""`readygo train`: trains a policy on recorded episodes."""
 
 import json as json_module
 import math
@@ -65,38 +65,38 @@ def train(
     certs: Path | None = None,
     json: bool = False,
 ) -> None:
-    """Learn a policy from recorded episodes; run again to continue, with more minutes or samples to go further.
+    """Train a policy on recorded episodes; run again to resume, or with more minutes or samples to train longer.
 
     Args:
         data: Data folders.
         out: Folder of the policy: encoder.onnx, head.onnx, policy.toml, metrics.json, loss.png and the checkpoint.
-        minutes: Processor time of each thread [min], 10 by default; counts that of earlier runs into the same folder.
-        samples: Samples to learn from, repeats counted, instead of minutes; the result is then reproducible.
-        val: Data folders to validate on; by default a tenth of the episodes is held out.
-        val_scene: Scene ("embedded" or a bundle) whose closed-loop success rate chooses the checkpoint; its time is
-            not counted. By default the last weights are taken.
+        minutes: Processor time per thread [min], 10 by default; includes earlier calls with the same folder.
+        samples: Training budget in samples, repeats counted, instead of minutes; the result is then reproducible.
+        val: Data folders for validation; by default a tenth of the episodes is held out.
+        val_scene: Scene ("embedded" or a bundle) whose closed-loop success rate selects the checkpoint; its time is not
+            counted. By default the last weights are used.
         val_episodes: Episodes per such measurement, from the split val.
-        recipe: "best" learns most from data in which the expert was asked at every state, and is the default for
-            them; "fast" is the paper's network made for minutes on a CPU, the default for others; "paper" trains that
-            network as the paper does, with Adam at a constant 1e-4. "gnm", "vint" and "nomad" train these published
-            networks with their own losses, on what the expert drove: `out` is then a folder for `readygo evaluate
-            --checkpoints`, and weights of theirs that lie there are what training begins with.
-        config: TOML file with fields of the recipe's `TrainConfig` that shall be others.
-        inputs: Images that the policy sees, separated by commas: rgb, and depth where the data have it; rgb by default.
-        cameras: Cameras of the robot that it sees with, by their names in robot.toml, separated by commas, the first
-            one among them; that one alone by default.
-        goal: What the policy is told of its goal: where it is, "point", the default, what the robot would see there,
-            "image", which the data must have (goal_image under [renderer]), or both.
-        learning_rate: Learning rate instead of the recipe's.
+        recipe: "best" learns most from data with expert labels at every state, and is the default for such data; "fast"
+            is the paper's network adapted to minutes on a CPU, the default for other data; "paper" trains that network
+            as in the paper, with Adam at a constant 1e-4. "gnm", "vint" and "nomad" train these published networks with
+            their own losses on the expert's trajectories: `out` is then a folder for `readygo evaluate --checkpoints`,
+            and training starts from published weights if they lie there.
+        config: TOML file with fields of `TrainConfig` that override the recipe's.
+        inputs: Images that the policy uses, separated by commas: rgb, and depth if the data have it; rgb by default.
+        cameras: Cameras of the robot that the policy uses, by their names in robot.toml, separated by commas, including
+            the first one; only the first one by default.
+        goal: Goal input of the policy: "point" (the default) is its position, "image" the robot's view at the goal,
+            which the data must have (goal_image under [renderer]), or "both".
+        learning_rate: Learning rate; the recipe's by default.
         batch_size: Samples per step; the recipe's by default.
         seed: Seed of weights, order and augmentation; 0 by default.
-        threads: CPU threads; 0, the default, takes all cores.
-        device: Where to train; "auto", the default, takes a CUDA device if there is one.
-        memory_mb: Most memory for episodes as they were recorded; beyond it they are thinned out [MB], 2048 by default.
-        cache_mb: Most memory for decoded frames [MB], 1024 by default.
-        live: Endpoint of a fleet's router, such as tcp/127.0.0.1:7447: episodes are learned from while the fleet makes
-            them, and what is learned is offered to it. The data folders are those to catch up from, also while they are
-            recorded; the fleet's own is the first.
+        threads: CPU threads; 0, the default, uses all cores.
+        device: Device to train on; "auto", the default, uses a CUDA device if there is one.
+        memory_mb: Memory limit for recorded episodes [MB], 2048 by default; beyond it they are subsampled.
+        cache_mb: Memory limit for decoded frames [MB], 1024 by default.
+        live: Endpoint of a fleet's router, such as tcp/127.0.0.1:7447: train while the fleet records, and offer the
+            trained policies to it. `data` then are the folders to catch up from, also while they grow; the first is the
+            fleet's own.
         run: Name of the fleet's run, as `readygo generate --listen` prints it.
         certs: Folder with a trainer's certificate, for a tls/ endpoint.
         json: Print the metrics as JSON.
@@ -162,7 +162,7 @@ def _default_recipe(dataset: Dataset, console: PlainConsole, *, quiet: bool) -> 
 def _train_live(
     config: TrainConfig, out: Path, live: str, run: str, data: tuple[Path, ...], certs: Path | None
 ) -> dict[str, Any]:
-    """Train beside a fleet until the budget is spent, Ctrl-C or SIGTERM."""
+    """Train while a fleet records, until the budget is spent, Ctrl-C or SIGTERM."""
     if not run:
         raise ConfigError("--live needs the name of the fleet's run: pass --run.")
     from readygo.apps.fleet.access import join
@@ -179,7 +179,7 @@ def _train_live(
 
 
 def _train_network(name: str, data: tuple[Path, ...], out: Path, settings: dict[str, Any], *, as_json: bool) -> None:
-    """Train a published network, and say how well it names where the expert went."""
+    """Train a published network, and print its waypoint error against the expert."""
     dataset, config = _open(data), make_network_config(name, settings)
     with _progress(PlainConsole(stderr=True), quiet=as_json) as show:
         metrics = run_network_training(dataset, config, out, show)
@@ -218,7 +218,7 @@ def _progress(console: PlainConsole, *, quiet: bool) -> "Iterator[Callable[[Trai
 
 
 def _reached(state: "TrainProgress") -> str:
-    """How far training is; losses are left out until they are known."""
+    """Step and losses of the training in words; losses are left out until they are known."""
     losses = {"loss": state.train_loss, "held out": state.validation_loss}
     known = [f"{name} {loss:.4f}" for name, loss in losses.items() if math.isfinite(loss)]
     return ", ".join([f"step {state.step}", *known])

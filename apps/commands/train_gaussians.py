@@ -1,4 +1,4 @@
-"""`readygo scene train`: from posed images to Gaussians."""
+"""`readygo scene train`: trains Gaussians on posed images."""
 
 import json as json_module
 import sys
@@ -34,26 +34,26 @@ def scene_train(
     seed: int = 0,
     json: bool = False,
 ) -> None:
-    """Train Gaussians on posed images: OUT/gaussians.ply, and how well it shows images that it was not trained on.
+    """Train Gaussians on posed images; writes OUT/gaussians.ply and the quality on held-out images.
 
-    The same command goes on where it was interrupted, to the same result. OUT/previews has held-out photos, what the
-    Gaussians show in their place, and the difference.
+    After an interruption the same command resumes, with the same result. OUT/previews shows held-out photos, the
+    rendered Gaussians from the same poses, and the difference.
 
     Args:
-        posed: Folder with images/ and a COLMAP model in sparse/0, as `readygo scene poses` leaves it in OUT/posed.
-        out: Folder of the training, new or one to go on with.
-        preset: draft takes minutes on two cores; standard and high are for longer.
-        steps: Steps of the optimiser.
-        batch: Views a step, drawn side by side on as many cores.
-        gaussians: At most so many.
-        side_px: Larger images are made smaller: longer side [px].
-        hold_out: Every so-manieth image is measured on, not trained on; 0: none.
-        method: gradients adds Gaussians where the image changes with them, mcmc keeps to the budget and moves them.
-        plain: Leave out what makes Gaussians lie on surfaces (PGSR): faster, better images, worse depths and maps.
-        neighbour_distance_m: Unless plain, views are compared with others that are at most so far away [m].
-        bare_walls: Settings for rooms with hardly any texture.
+        posed: Folder with images/ and a COLMAP model in sparse/0, as `readygo scene poses` writes to OUT/posed.
+        out: Folder of the training, new or to resume.
+        preset: draft takes minutes on two cores; standard and high take longer.
+        steps: Optimiser steps.
+        batch: Views per step, rendered in parallel on as many cores.
+        gaussians: Largest number of Gaussians.
+        side_px: Longer side of the training images [px]: larger ones are scaled down.
+        hold_out: Every n-th image is held out: it measures the quality and is not trained on; 0: none.
+        method: gradients adds Gaussians where image gradients are large; mcmc moves Gaussians within a fixed budget.
+        plain: Train without the surface losses (PGSR): faster, better images, worse depths and maps.
+        neighbour_distance_m: Largest distance between views that the surface losses compare [m]; not with plain.
+        bare_walls: Settings for rooms with little texture.
         device: cuda trains with gsplat's kernels on a GPU; experimental, no GPU has run it yet.
-        seed: Of all that is random.
+        seed: Seed of everything random.
         json: Print the report as JSON.
     """
     config = _config(
@@ -79,7 +79,7 @@ def scene_train(
 
 
 def _config(name: Preset, **changes: Any) -> GaussiansConfig:
-    """A preset with what was asked for instead."""
+    """A preset, overridden by the options that were given."""
     config = configs.preset(name)
     try:
         for key in ("density", "geometry"):
@@ -106,7 +106,7 @@ def _train(posed: Path, out: Path, config: GaussiansConfig, notes: PlainConsole)
         try:
             return train_gaussians(posed, out, config, tell)
         except KeyboardInterrupt:
-            raise RunError(f"Interrupted; the same command goes on from the state in {out}.") from None
+            raise RunError(f"Interrupted; the same command resumes from the state in {out}.") from None
 
 
 def _rows(report: dict[str, Any]) -> list[tuple[str, str]]:

@@ -1,4 +1,4 @@
-"""`readygo warm`: compile the kernels once per machine, before workers need them."""
+"""`readygo warm`: compiles the kernels once per machine, before workers need them."""
 
 import time
 

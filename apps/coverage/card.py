@@ -13,17 +13,17 @@ from readygo.common.images.names import RGB
 CARD_FILE = "README.md"
 FRAMES_FILE, CAMERAS_FILE, VISITS_FILE = "card/frames.jpg", "card/cameras.jpg", "card/visits.png"
 _NOT_SHOWN = ("folder", "licenses", "content hash", "made by")
-"""Lines of the summary that are told elsewhere on the card."""
+"""Lines of the summary that the card shows elsewhere."""
 
 
 def card_text(name: str, dataset: Dataset, summary: Mapping[str, Any], measured: Coverage) -> str:
     """The card in Markdown.
 
     Args:
-        name: Of the data.
+        name: Name of the dataset.
         dataset: The dataset.
-        summary: Of `dataset_summary`.
-        measured: What the dataset covers.
+        summary: Result of `dataset_summary`.
+        measured: Coverage of the dataset.
     """
     facts = [(key, value) for key, value in summary_lines(summary).items() if key not in _NOT_SHOWN]
     parts = [
@@ -56,7 +56,7 @@ def _reading(dataset: Dataset) -> list[str]:
 
 
 def _cameras(dataset: Dataset) -> list[str]:
-    """The picture of all images of some moments, where there are several."""
+    """The section with all images of sample moments; empty for a dataset with one image per moment."""
     return ["", f"![All cameras at some moments]({CAMERAS_FILE})"] if has_several(dataset) else []
 
 
@@ -68,7 +68,7 @@ def _first_sentence(dataset: Dataset, measured: Coverage) -> str:
 
 
 def _balance(dataset: Dataset, measured: Coverage) -> list[str]:
-    """Shares of episodes by how they ended, who drove, and whom they met."""
+    """Shares of episodes by outcome, driver and kind of encounter."""
     counts = {
         "outcome": Counter(entry.outcome.value for entry in dataset.episodes),
         "driver": Counter(entry.driver.value for entry in dataset.episodes),

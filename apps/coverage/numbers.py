@@ -1,4 +1,4 @@
-"""What a dataset covers: places, headings, encounters, distances, commands, as counts."""
+"""Coverage of a dataset as counts: places, headings, encounters, distances, commands."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ AREA_CELL_M = 0.25
 """Cells in which the visited share of the reachable ground is counted [m]."""
 HEADING_BINS = 24
 W_BINS = 13
-"""Odd: driving straight has a bin of its own."""
+"""Number of turn-rate bins: odd, so that driving straight has a separate bin."""
 V_STEP_MPS = 0.1
 
 
@@ -32,11 +32,11 @@ class Histogram:
     edges: Array
     counts: Counts
     beyond: int
-    """Values at or above the last edge."""
+    """Number of finite values at or above the last edge."""
     none: int
-    """Values that are infinite: there is nothing to measure."""
+    """Number of infinite values: samples without a measurable value."""
     median: float | None
-    """Of the finite values."""
+    """Median of the finite values; None without any."""
 
     @classmethod
     def of(cls, values: Array, edges: Array) -> "Histogram":
@@ -65,11 +65,11 @@ class Histogram:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Visits:
-    """How many episodes came by, cell by cell."""
+    """Number of episodes that visited each cell of a grid."""
 
     frame: GridFrame
     episodes: Counts
-    """Shape (H, W); row 0 is the smallest y."""
+    """Episodes per cell, shape (H, W); row 0 is the smallest y."""
 
     def coarser(self, factor: int) -> "Visits":
         """Cells `factor` times as wide, each with the count of its busiest one."""
@@ -82,14 +82,14 @@ class Visits:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Coverage:
-    """What a dataset covers."""
+    """Coverage of a dataset."""
 
     episodes: int
     samples: int
     distance_m: float
     visits: Visits
     headings: Histogram
-    """Of the robot at each sample, world [rad]."""
+    """Headings of the robot at each sample in the world [rad]."""
     actions: Counts
     """Samples by v (rows) and w (columns)."""
     v_edges_mps: Array
@@ -102,13 +102,13 @@ class Coverage:
     visible_share: Histogram
     """Share of each episode in which a human is in view."""
     visible_total: float
-    """The same over all samples."""
+    """Share of all samples in which a human is in view."""
     encounters: Mapping[str, tuple[int, int]]
     """Kind of encounter -> episodes with it, humans in it."""
     avatars: Mapping[str, int]
     """Avatar -> episodes."""
     clock: Clock
-    """Of the samples."""
+    """Clock of the samples."""
 
     @property
     def hours(self) -> float:
@@ -131,7 +131,7 @@ def measure(dataset: Dataset, casts: Sequence[Cast]) -> Coverage:
 
     Args:
         dataset: Recorded episodes.
-        casts: The humans of each of them, see `casts_of`.
+        casts: The humans of each episode, from `casts_of`.
     """
     robot = dataset.robot or RobotConfig()
     starts = np.array([entry.first_sample for entry in dataset.episodes])
@@ -160,19 +160,19 @@ def measure(dataset: Dataset, casts: Sequence[Cast]) -> Coverage:
 
 
 def count_encounters(casts: Sequence[Cast]) -> dict[str, tuple[int, int]]:
-    """Kind of encounter -> episodes with it, humans in it; episodes without humans are "nobody"."""
+    """Kind of encounter -> episodes with it, humans in it; episodes without humans have a separate kind."""
     episodes = _sorted_counts([kind for cast in casts for kind in dict.fromkeys(cast.encounters or ("nobody",))])
     humans = _sorted_counts([kind for cast in casts for kind in cast.encounters])
     return {kind: (count, humans.get(kind, 0)) for kind, count in episodes.items()}
 
 
 def visited_share(visits: Visits, occupancy: OccupancyMap, radius_m: float) -> float:
-    """Share of the ground that a disc can reach where robots have been, in cells of 0.25 m.
+    """Share of the reachable ground that robots have visited, in cells of 0.25 m.
 
     Args:
-        visits: Where robots went.
-        occupancy: What blocks the robot.
-        radius_m: Of the disc; the largest connected area counts as reachable.
+        visits: Cells that robots visited.
+        occupancy: Map of the cells that block the robot.
+        radius_m: Radius of the robot's disc [m]; its largest connected free area counts as reachable.
     """
     labels, _ = free_components(clearance_m(occupancy) > radius_m)
     reachable = _coarse(np.argwhere(labels == 1), occupancy.frame)
@@ -198,7 +198,7 @@ def _visits(xy_m: Array, episode: npt.NDArray[np.int32]) -> Visits:
 
 
 def _headings(yaw_rad: Array) -> Histogram:
-    """Bins are centred on the axes: driving along +x does not fall on an edge."""
+    """Histogram of headings, with bins centred on the axes: driving along +x does not fall on an edge."""
     width = math.tau / HEADING_BINS
     turned = np.mod(yaw_rad + width / 2, math.tau)
     counted = Histogram.of(np.minimum(turned, math.tau * (1 - 1e-12)), np.linspace(0.0, math.tau, HEADING_BINS + 1))

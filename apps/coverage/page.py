@@ -1,4 +1,4 @@
-"""The page of a dataset's coverage, to be looked at in a minute."""
+"""The web page of a dataset's coverage, readable in a minute."""
 
 import math
 from collections.abc import Mapping
@@ -19,22 +19,22 @@ from readygo.common.maps import OccupancyMap
 MARGIN_M, ASPECT_MIN = 0.5, 0.5
 MAP_SIDE_MIN_PX, MAP_SIDE_MAX_PX = 500, 1400
 CELL_MIN_PX = 4
-"""Narrowest cell in the picture: a way through a large map stays visible."""
+"""Smallest width of a cell in the picture [px]: a path through a large map stays visible."""
 # Pale yellow to dark red: told apart from the grey of walls in print and with every common colour vision.
 _HEAT = np.array([(255, 237, 160), (254, 178, 76), (240, 59, 32), (128, 0, 38)], dtype=np.float64)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunFacts:
-    """What is known of the run besides its samples."""
+    """Facts about the run that its samples do not contain."""
 
     name: str
-    """Of the data."""
+    """Name of the dataset."""
     scene: str
     occupancy: OccupancyMap | None
     """The map that the robots drove on."""
     visited_share: float | None
-    """Share of the reachable ground where robots have been."""
+    """Share of the reachable ground that robots have visited; None without a map."""
     rejected: Mapping[str, int] | None
     """Episodes that were not recorded, by reason; None if that is not known."""
     failed: Mapping[str, Mapping[str, int]] | None
@@ -43,9 +43,9 @@ class RunFacts:
 
 
 def heat_map(visits: Visits, occupancy: OccupancyMap | None) -> Picture:
-    """Where robots went: the number of episodes that came by, on the map if there is one, with a scale.
+    """Heat map of the number of episodes that visited each cell, on the map if there is one, with a scale.
 
-    Cells that would be too small to be seen are put together.
+    Cells that would be too small to see are merged.
     """
     frame, (rows, columns) = visits.frame, visits.episodes.shape
     low_m = np.array([frame.origin_x_m, frame.origin_y_m])
@@ -89,7 +89,7 @@ def _paint(picture: Picture, visits: Visits, low_m: npt.NDArray[np.float64], pix
 
 
 def _heat_colours(shares: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
-    """Colours of shares in 0..1, shape (N, 3); the square root shows the seldom visited."""
+    """Colours of shares in 0..1, shape (N, 3); a square-root scale emphasises rarely visited cells."""
     place = np.sqrt(shares) * (len(_HEAT) - 1)
     channels = [np.interp(place, np.arange(len(_HEAT)), _HEAT[:, channel]) for channel in range(3)]
     return np.asarray(np.rint(np.stack(channels, axis=-1)), dtype=np.uint8)
@@ -112,10 +112,10 @@ def coverage_page(coverage: Coverage, facts: RunFacts, heat: Picture, sharp: Pic
     """The page as HTML text.
 
     Args:
-        coverage: What the dataset covers.
-        facts: Of its run.
-        heat: Picture of where robots went.
-        sharp: Picture of how sharp the pictures are.
+        coverage: Coverage of the dataset.
+        facts: Facts about its run.
+        heat: Heat map of the visited cells.
+        sharp: Map of the images' sharpness.
     """
     return page(
         f"Coverage of {facts.name}",

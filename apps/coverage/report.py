@@ -1,4 +1,4 @@
-"""Everything that a coverage page tells, from a data folder: what its run says, and all numbers as plain values."""
+"""The content of a coverage page, from a data folder: facts about its run, and all numbers as plain values."""
 
 from collections import Counter
 from pathlib import Path
@@ -13,7 +13,7 @@ from readygo.common.robot import RobotConfig
 
 
 def gather(data: Path, dataset: Dataset, casts: list[Cast], measured: Coverage, scene: str) -> RunFacts:
-    """What the data folder's run says besides its shards."""
+    """Collect the facts about a data folder's run that its shards do not contain."""
     recorded = dataset.provenance
     occupancy = robot_map(data, scene, recorded.scene.hash)
     radius_m = (dataset.robot or RobotConfig()).planning_radius_m
@@ -35,7 +35,7 @@ def gather(data: Path, dataset: Dataset, casts: list[Cast], measured: Coverage, 
 
 
 def page_numbers(coverage: Coverage, facts: RunFacts, dataset: Dataset) -> dict[str, Any]:
-    """Everything on the page, as plain values; what is not known is None."""
+    """All numbers of the page as plain values; unknown ones are None."""
     visits = coverage.visits
     return {
         "data": facts.name,

@@ -1,4 +1,4 @@
-"""What a data folder's run says besides its shards: its scene, its rejected episodes, and whom these would have met."""
+"""Facts about a data folder's run besides its shards: its scene, its rejected episodes and their encounters."""
 
 import os
 from collections import Counter
@@ -17,7 +17,7 @@ from readygo.services import coordinator as coordination
 from readygo.services.planner import HumanPlanner, handle_human_plan
 
 CHECKED = 3
-"""Recorded episodes that are drawn again to see whether the run's scenarios can be."""
+"""Number of recorded episodes that are drawn again, to check that the run's scenarios are reproducible here."""
 
 
 def load_spec(data: Path) -> RunSpec | None:
@@ -29,16 +29,16 @@ def load_spec(data: Path) -> RunSpec | None:
 
 
 def robot_map(data: Path, scene: str, scene_hash: str) -> OccupancyMap | None:
-    """The map that the robots drove on, None if it is not at hand.
+    """The map that the robots drove on; None if it is not available.
 
     Args:
         data: Data folder.
-        scene: Scene that the user names; empty takes the run's.
+        scene: Scene that the user names; empty for the run's.
         scene_hash: Hash in the shards' metadata; empty if they name none.
 
     Raises:
         SceneError: If the named scene cannot be read.
-        RunError: If it is another one.
+        RunError: If the named scene is not the one that was recorded.
     """
     if scene:
         maps, bundle = open_maps(scene)
@@ -56,7 +56,7 @@ def robot_map(data: Path, scene: str, scene_hash: str) -> OccupancyMap | None:
 
 
 def rejected(data: Path) -> Mapping[int, str] | None:
-    """Reason of every index that the run left out; None if its ledger is not there, or another user's."""
+    """Reason of every index that the run rejected; None if its ledger is missing or not accessible."""
     folder = RunFolder(data)
     if not os.access(folder.ledger, os.R_OK | os.W_OK):
         return None
@@ -78,7 +78,7 @@ def failed_encounters(
         recorded: Humans of recorded episodes.
 
     Returns:
-        None if scene, humans or program are not those of the run any more.
+        The counts; None if scene, humans or program differ from those of the run.
     """
     spec = load_spec(data)
     failed = {index: reason for index, reason in reasons.items() if reason in {outcome.value for outcome in Outcome}}

@@ -1,4 +1,4 @@
-"""What a dataset holds, in a few numbers."""
+"""Summary of a dataset in a few numbers."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -13,11 +13,11 @@ from readygo.common.robot import RobotConfig
 
 
 def dataset_summary(dataset: Dataset, data: Path) -> dict[str, Any]:
-    """What a dataset holds: sizes, how robots drove, and what it was made of.
+    """Summarise a dataset: sizes, outcomes and drivers, and provenance.
 
     Args:
         dataset: The dataset.
-        data: Its folder.
+        data: Data folder of the dataset.
     """
     truth = dataset.truth
     with_human = truth["human_distance_m"][truth["human_distance_m"] < float("inf")]
@@ -53,10 +53,10 @@ def dataset_summary(dataset: Dataset, data: Path) -> dict[str, Any]:
 
 
 def summary_lines(summary: Mapping[str, Any]) -> dict[str, str]:
-    """A summary in a screenful: what it tells by name, in words.
+    """A summary as lines for one screen: text by name.
 
     Args:
-        summary: Of `dataset_summary`.
+        summary: Result of `dataset_summary`.
     """
     clarity, scene, avatars = summary["clarity"], summary["scene"], summary.get("avatars", {})
     blurred, nearest = clarity["episodes_blurred"], summary["human_distance_min_m"]
@@ -88,7 +88,7 @@ def summary_lines(summary: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _licenses(parts: Iterable[Mapping[str, Any]]) -> str:
-    """Every license once."""
+    """All licenses without duplicates, as text."""
     return "; ".join(dict.fromkeys(str(part["license"]) or "not given" for part in parts))
 
 
@@ -117,7 +117,7 @@ def _robot_line(robot: Mapping[str, Any]) -> str:
 
 def _camera_words(camera: Mapping[str, Any], name: str) -> str:
     span_deg, yaw_deg = camera.get("horizontal_fov_deg"), camera.get("mount_yaw_deg", 0.0)
-    lens = f"{span_deg:g} deg" if span_deg else "intrinsics of its own"
+    lens = f"{span_deg:g} deg" if span_deg else "custom intrinsics"
     turned = f" that looks {abs(yaw_deg):g} deg to the {'left' if yaw_deg > 0 else 'right'}" if yaw_deg else ""
     return f"{name} at {camera['mount_height_m']:g} m with {lens}{turned}"
 
@@ -130,7 +130,7 @@ def _made_by(summary: Mapping[str, Any]) -> str:
 
 
 def _others(summary: Mapping[str, Any]) -> dict[str, str]:
-    """What few datasets have."""
+    """Lines for content that only few datasets have."""
     named = {"scenarios": "sha256", "policy": "sha256"}
     found = {name: summary[name] for name in named if summary.get(name)}
     return {name: f"{value.get('name', '')} {str(value[named[name]])[:16]}".strip() for name, value in found.items()}

@@ -1,4 +1,4 @@
-"""`readygo demo`: the whole job on the embedded scene, small enough for a coffee break."""
+"""`readygo demo`: the whole pipeline on the embedded scene, in a few minutes."""
 
 import dataclasses
 import shutil
@@ -34,14 +34,14 @@ from readygo.services.evaluator import summary_table
 from readygo.services.reconstructor.reconstruct import STAGES
 
 MARKER = ".readygo-demo"
-"""File that says that a folder is a demo's, and may be replaced."""
+"""File that marks a folder as a demo's, which may be replaced."""
 SCENE = "embedded"
 ABSENT_FIRST = 400
-"""Episodes without humans at the beginning: fewer than some minutes record, so that people are seen too."""
+"""Episodes without humans at the beginning: fewer than a few minutes record, so that the data show humans too."""
 LEARN = LearnConfig(val_every=0.2, val_share=0.08)
-"""Few measurements on the split val: in so few minutes they take time from learning and tell policies hardly apart."""
+"""Few measurements on the split val: in so few minutes they cost training time and hardly distinguish policies."""
 SEARCHED = 20
-"""Last episodes, among which the one that shows a human best is looked for: nobody walks in the first ones."""
+"""Number of last episodes to search for the one that shows a human best; the first episodes have no humans."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,14 +54,14 @@ class _Timer:
 
 
 def demo(*, out: Path = Path("demo"), minutes: float = 3.3, episodes: int = 10, reconstruct: bool = False) -> None:
-    """Learn a policy in the embedded scene, try it, and write a report and a film.
+    """Train a policy in the embedded scene, evaluate it, and write a report and a video.
 
     Args:
-        out: Folder for report.html, episode.webm and what they are made from; an earlier demo in it is replaced.
-        minutes: Time of recording and learning [min].
-        episodes: Matched test episodes per task.
-        reconstruct: Show the other half instead: film a room of the scene, reconstruct it from the film alone, record
-            in what comes of it, and compare it with the truth, in reconstruction.html.
+        out: Folder for report.html, episode.webm and intermediate files; an earlier demo in it is replaced.
+        minutes: Time of recording and training [min].
+        episodes: Test episodes per task, the same for every driver.
+        reconstruct: Demonstrate reconstruction instead: film a room of the scene, reconstruct it from the video, record
+            episodes in the result, and compare it with the ground truth, in reconstruction.html.
 
     Raises:
         ReadygoError: If `out` holds files of something else, or something cannot be made.
@@ -103,14 +103,14 @@ def demo(*, out: Path = Path("demo"), minutes: float = 3.3, episodes: int = 10, 
 
 
 def _settings() -> RunConfig:
-    """Those of `readygo learn`, with people sooner."""
+    """Settings of `readygo learn`, but with humans from an earlier episode on."""
     usual = learn_settings(None, None)
     humans = dataclasses.replace(usual.human_planner, absent_first=ABSENT_FIRST)
     return dataclasses.replace(usual, human_planner=humans)
 
 
 def _clear(out: Path) -> None:
-    """Remove an earlier demo; folders that no demo has made stay untouched."""
+    """Remove an earlier demo; any other non-empty folder is an error."""
     marker = out / MARKER
     if out.exists() and any(out.iterdir()) and not marker.exists():
         raise RunError(f"{out} holds files of something else; choose an empty or new folder with --out.")

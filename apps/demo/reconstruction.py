@@ -1,4 +1,4 @@
-"""`readygo demo --reconstruct`: a room of the embedded flat is filmed, reconstructed, and driven in."""
+"""`readygo demo --reconstruct`: films a room of the embedded flat, reconstructs it, and records episodes in it."""
 
 import time
 from collections.abc import Callable
@@ -50,10 +50,10 @@ _PICTURE_PX = 720
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reconstructed:
-    """A room that was filmed and reconstructed, and what was recorded there."""
+    """A room that was filmed and reconstructed, and the data that was recorded there."""
 
     report: dict[str, Any]
-    """As of `reconstruct`."""
+    """Report of the reconstruction, as returned by `reconstruct`."""
     errors: PoseErrors
     work: Path
     source: Scene
@@ -67,22 +67,22 @@ def demo_reconstruction(scene: Scene, out: Path, say: Callable[[str], None], sta
 
     Args:
         scene: The embedded scene.
-        out: A folder of the demo.
-        say: Hears what begins.
-        stages: Hears of the stages of the reconstruction.
+        out: Folder of the demo.
+        say: Called with a line of text when a step begins.
+        stages: Called with the progress of the reconstruction's stages.
 
     Returns:
-        The page.
+        Path of the page.
 
     Raises:
-        ReadygoError: If something of it cannot be made.
+        ReadygoError: If the reconstruction, the data or the page cannot be made.
     """
     check_installed()
     begin_s = time.monotonic()
     run = out / "run"
     run.mkdir(parents=True, exist_ok=True)
     say(f"filming a walk of {_WALK.seconds:g} s through the living room, past a marker of {MARKER_M:g} m")
-    # VP8 is written many times as fast as what an .mp4 holds.
+    # VP8 encodes many times faster than the codec of an .mp4.
     video = run / "walk.webm"
     truth = read_truth(film(plan_filming(scene, ground_of(scene, ROOM_M, None, 1.0), _WALK), video, lambda _: None))
     say("finding where it was filmed from, and training Gaussians")
@@ -112,7 +112,7 @@ def demo_reconstruction(scene: Scene, out: Path, say: Callable[[str], None], sta
 
 
 def narrow(settings: RunConfig) -> RunConfig:
-    """The settings for a furnished room: short ways, one human, who passes close by furniture."""
+    """The settings for a furnished room: short paths, and one human, who passes close by furniture."""
     return replace(
         settings,
         episode=replace(settings.episode, goal_distance_min_m=1.5, goal_distance_max_m=4.0, human_count_max=1),
@@ -159,7 +159,7 @@ def _write_page(out: Path, made: Reconstructed) -> Path:
 
 
 def tiles(made: Reconstructed) -> list[tuple[str, str]]:
-    """What the page says first."""
+    """The key figures at the top of the page: label and text."""
     training, errors = made.report["training"], made.errors
     return [
         (f"{errors.scale_percent:+.2f} %", "error of lengths, against the truth"),
@@ -193,7 +193,7 @@ def photo_and_image(path: Path) -> Picture:
     """The first two of a held-out preview's three pictures, enlarged.
 
     Raises:
-        RunError: If it cannot be read.
+        RunError: If the preview cannot be read.
     """
     bgr = read_pixels(path, cv2.IMREAD_COLOR)
     if bgr is None:

@@ -1,1 +1,1 @@
-"""Policies on robots: what a robot sends, what it is told, and a robot to try it with."""
+"""Policies on robots: messages from and to a robot, and a simulated robot for tests."""

@@ -1,4 +1,4 @@
-"""The robot's camera brought to the policy's: another lens, size, field of view or pitch."""
+"""Rectification of the robot's images to the policy's camera: lens, size, field of view and pitch."""
 
 import math
 from pathlib import Path
@@ -15,25 +15,25 @@ from readygo.common.errors import ConfigError
 from readygo.common.robot import RobotConfig, load_robot
 
 UNSEEN_MAX = 0.1
-"""A policy whose images would lack a larger share has another camera."""
+"""Largest share of the policy's image that the robot's camera may fail to show."""
 MOUNT_MAX_M = 0.05
-"""Cameras that are mounted further apart see other images, whatever is done to them."""
+"""Largest difference of the mounts that rectification can ignore [m]."""
 _SAMPLES_MAX = 6
-"""Samples of the robot's image along each side of a pixel of the policy's, at most."""
+"""Largest number of samples of the robot's image along each side of a pixel of the policy's."""
 
 
 class Rectifier:
-    """Makes of the robot's images what the policy's camera would have shown from the same place."""
+    """Converts the robot's images to those of the policy's camera at the same place."""
 
     def __init__(self, robot: CameraConfig, policy: CameraConfig) -> None:
-        """Find which pixels of the robot's image each pixel of the policy's sees.
+        """Compute the pixels of the robot's image that each pixel of the policy's image shows.
 
         Args:
             robot: The robot's camera.
             policy: The camera that the policy was trained with.
 
         Raises:
-            ConfigError: If the robot's image does not hold enough of what the policy's shows.
+            ConfigError: If the robot's image covers too little of the policy's image.
         """
         self._size = (robot.height_px, robot.width_px)
         self._policy_size = (policy.width_px, policy.height_px)
@@ -53,7 +53,7 @@ class Rectifier:
         self.identity = (
             self._size == self._policy_size[::-1] and count == 1 and bool(np.abs(uv - _centres(policy, 1)).max() < 0.01)
         )
-        """True if images pass as they are."""
+        """True if the cameras are equal: images pass unchanged."""
         nearest, ahead = _places(robot, policy, 1)
         u, v = np.where(inside_of(nearest, robot), np.floor(nearest.transpose(2, 0, 1)), -9.0).astype(np.float32)
         self._nearest, self._ahead = (u, v), ahead.astype(np.float32)
@@ -68,7 +68,7 @@ class Rectifier:
             sRGB, shape (H, W, 3) of the policy's camera.
 
         Raises:
-            ValueError: If the image has another size than the robot's camera, or is of depths.
+            ValueError: If the image's size differs from the robot's camera, or it holds depths.
         """
         if bgr.ndim != 3:
             raise ValueError("depths where colours are due: name the topic of the camera's colours with --image")
@@ -93,7 +93,7 @@ class Rectifier:
             Depths along the optical axis of the policy's camera [m], inf where nothing is measured, shape (H, W).
 
         Raises:
-            ValueError: If they have another size than the robot's images, or are colours.
+            ValueError: If their size differs from the robot's images, or they are colours.
         """
         if depth_m.ndim != 2:
             raise ValueError("colours where depths are due: name the topic of the depths with --depth")
@@ -112,13 +112,13 @@ class Rectifier:
 
 
 def inside_of(uv: npt.NDArray[np.float64], camera: CameraConfig) -> npt.NDArray[np.bool_]:
-    """True for places of a camera's image [px], shape (..., 2)."""
+    """True for pixel positions inside a camera's image, shape (..., 2) [px] -> (...)."""
     inside = (uv >= 0.0).all(axis=-1) & (uv[..., 0] <= camera.width_px) & (uv[..., 1] <= camera.height_px)
     return np.asarray(inside, np.bool_)
 
 
 def mount_differences(robot: CameraConfig, policy: CameraConfig) -> list[str]:
-    """What no picture can be mended for: how far the two cameras are mounted apart, in words."""
+    """Differences of the cameras' mounts that rectification cannot correct, in words."""
     names = ("mount_x_m", "mount_y_m", "mount_height_m")
     return [
         f"{name} {getattr(policy, name):g} (the robot's: {getattr(robot, name):g})"
@@ -128,10 +128,10 @@ def mount_differences(robot: CameraConfig, policy: CameraConfig) -> list[str]:
 
 
 def camera_from_info(mount: CameraConfig, info: LogCamera) -> CameraConfig:
-    """The camera of a CameraInfo, mounted as another one is.
+    """The camera of a CameraInfo, with the mount of a different camera.
 
     Raises:
-        ConfigError: If the lens is not known, or it is not calibrated.
+        ConfigError: If the lens model is unknown, or the camera is not calibrated.
     """
     if not (len(info.K_px) == 9 and info.K_px[0] > 0 and info.K_px[4] > 0):
         raise ConfigError(
@@ -142,7 +142,7 @@ def camera_from_info(mount: CameraConfig, info: LogCamera) -> CameraConfig:
 
 
 def info_of(camera: CameraConfig) -> LogCamera:
-    """A camera as a CameraInfo has it."""
+    """The CameraInfo of a camera."""
     K = camera.K_px
     K[:2, 2] -= 0.5
     return LogCamera(
@@ -155,12 +155,12 @@ def info_of(camera: CameraConfig) -> LogCamera:
 
 
 def camera_from_file(mount: CameraConfig, path: Path, name: str = "") -> CameraConfig:
-    """The camera of a file: `robot.toml`, or what ROS's camera_calibration writes (.yaml).
+    """Read a camera from a file: `robot.toml`, or the .yaml of ROS's camera_calibration.
 
     Args:
-        mount: Where the camera is if the file does not say.
+        mount: Camera whose mount is used if the file has none.
         path: The file.
-        name: Of the camera; the first one is called "".
+        name: Name of the camera; the first one is called "".
 
     Raises:
         ConfigError: If the file cannot be read, or holds no such camera.
@@ -198,7 +198,7 @@ def _opened(path: Path) -> cv2.FileStorage:
         text = path.read_text()
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"Calibration {path} cannot be read: {getattr(error, 'strerror', None) or error}.") from error
-    # OpenCV's reader wants a heading, and knows what ROS writes below it.
+    # OpenCV's reader requires this header, and can read what ROS writes below it.
     head = "" if text.startswith("%YAML") else "%YAML:1.0\n---\n"
     try:
         return cv2.FileStorage(head + text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
@@ -221,9 +221,9 @@ def _centres(camera: CameraConfig, count: int) -> npt.NDArray[np.float64]:
 def _places(
     robot: CameraConfig, policy: CameraConfig, count: int
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Where the robot's image shows what the pixels of a finer image of the policy's see [px]; NaN where nowhere.
+    """Pixel positions in the robot's image of the pixels of a finer policy image [px]; NaN outside of the image.
 
-    Beside it how deep the robot's camera sees what is 1 m deep in the policy's [m].
+    Also returns the depth in the robot's camera of a point at depth 1 m in the policy's camera [m].
     """
     centres = _centres(policy, count)
     xy = make_lens(policy).rays(centres.reshape(-1, 2))

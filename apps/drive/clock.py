@@ -1,32 +1,32 @@
-"""The robot's clock beside ours: how old is what it says?"""
+"""Ages of a robot's messages, without a shared clock."""
 
 from dataclasses import dataclass, field
 
 JUMP_NS = 500_000_000
-"""A stamp that is this far from where it should be has been set, not delayed [ns]."""
+"""A stamp with a larger error means that the clock was set, not that the message was delayed [ns]."""
 
 
 @dataclass
 class RobotClock:
-    """What is known of a robot's clock: nothing but the stamps of its messages, and when they came.
+    """Offset of a robot's clock, estimated from the stamps of its messages and their times of arrival.
 
-    The message that came fastest says how the two clocks stand to each other; how much later than that another one came
-    is its age. So clocks that differ do no harm, as long as both run.
+    The fastest message determines the offset of the two clocks; the additional delay of any other message is its age.
+    So a constant offset does no harm, as long as both clocks run.
     """
 
     _offset_ns: int | None = None
     _newest_ns: dict[str, int] = field(default_factory=dict)
 
     def hear(self, topic: str, stamp_ns: int, arrived_ns: int) -> str:
-        """Note when a message was made and came.
+        """Record the stamp and the arrival of a message.
 
         Args:
-            topic: Whose stamps only rise.
-            stamp_ns: By the robot's clock [ns].
-            arrived_ns: By ours [ns].
+            topic: Topic of the message; the stamps of one topic only rise.
+            stamp_ns: Stamp, by the robot's clock [ns].
+            arrived_ns: Arrival, by this machine's clock [ns].
 
         Returns:
-            Empty, or how the robot's clock has jumped.
+            Empty, or a description of a jump of the robot's clock.
         """
         newest_ns, late_ns = self._newest_ns.get(topic, stamp_ns), arrived_ns - stamp_ns
         offset_ns = late_ns if self._offset_ns is None else self._offset_ns
@@ -39,5 +39,5 @@ class RobotClock:
         return ""
 
     def age_s(self, stamp_ns: int, now_ns: int) -> float:
-        """How long ago a message was made [s]."""
+        """Age of a message with this stamp [s]."""
         return (now_ns - stamp_ns - (self._offset_ns or 0)) / 1e9

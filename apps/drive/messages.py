@@ -1,4 +1,4 @@
-"""What passes between a policy and a robot, whatever the robot's messages are."""
+"""Messages between a policy and a robot, independent of the robot's transport."""
 
 import math
 from collections.abc import Callable
@@ -12,12 +12,12 @@ from readygo.apps.robot_logs.reader import NUMBER_MAX, LogCamera
 
 
 class Encoded(NamedTuple):
-    """An image as a compressed one comes."""
+    """A compressed image as received."""
 
     data: npt.NDArray[np.uint8]
-    """JPEG, PNG, or what ROS's compressedDepth is, shape (N,)."""
+    """Bytes of JPEG, PNG or ROS's compressedDepth, shape (N,)."""
     format: str
-    """What CompressedImage says of it: "jpeg", "16UC1; compressedDepth png"."""
+    """Format field of CompressedImage: "jpeg", "16UC1; compressedDepth png"."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,20 +25,20 @@ class Picture:
     """An image of the robot's camera."""
 
     stamp_ns: int
-    """When it was taken, by the robot's clock [ns]; 0 if the robot does not say."""
+    """Capture time, by the robot's clock [ns]; 0 if the robot sends none."""
     decode: Callable[[], npt.NDArray[Any]] = field(repr=False)
-    """Its pixels, blue, green, red, uint8, shape (H, W, 3); of a depth camera depths [m], inf where nothing was
-    measured, float32, shape (H, W); ValueError if they cannot be read."""
+    """Returns the pixels: BGR, uint8, shape (H, W, 3); for a depth camera depths [m], inf where nothing was measured,
+    float32, shape (H, W). Raises ValueError if they cannot be decoded."""
     encoded: Encoded | None = field(default=None, repr=False)
-    """As it came, where it came compressed."""
+    """Compressed bytes as received; None for a raw image."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Odometry:
-    """Where the robot is."""
+    """Pose and velocity of the robot."""
 
     stamp_ns: int
-    """By the robot's clock [ns]; 0 if the robot does not say."""
+    """Time of the message, by the robot's clock [ns]; 0 if the robot sends none."""
     x_m: float
     y_m: float
     yaw_rad: float
@@ -48,7 +48,7 @@ class Odometry:
 
 @dataclass(frozen=True, kw_only=True)
 class Command:
-    """What the robot shall do."""
+    """Velocity command for the robot."""
 
     v_mps: float = 0.0
     w_radps: float = 0.0
@@ -56,23 +56,23 @@ class Command:
 
 @dataclass(frozen=True, kw_only=True)
 class Goal:
-    """Where the robot shall go, in the frame of its odometry [m]."""
+    """Goal position in the frame of the odometry [m]."""
 
     x_m: float
     y_m: float
 
 
 STAMP_MAX_NS = 2**31 * 10**9
-"""Times in ROS have seconds of 31 bits."""
+"""Upper bound of stamps [ns]: ROS has 31 bits for seconds."""
 Value = Picture | Odometry | Command | Goal | LogCamera | str
 """A message; a string is an outcome."""
 
 
 def check_numbers(value: Value) -> Value:
-    """The message, if a robot can mean its numbers.
+    """Check the numbers of a message, and return it.
 
     Raises:
-        ValueError: If one is not finite, or beyond `NUMBER_MAX`, or a time is none.
+        ValueError: If a number is not finite or beyond `NUMBER_MAX`, or a time is invalid.
     """
     if isinstance(value, Picture | Odometry) and not 0 <= value.stamp_ns < STAMP_MAX_NS:
         raise ValueError(f"its time is {value.stamp_ns} ns; it must be within 0..{STAMP_MAX_NS}")
@@ -92,22 +92,22 @@ def check_numbers(value: Value) -> Value:
 
 
 class Codec(Protocol):
-    """A robot's messages, to and from bytes; types are named as in ROS."""
+    """Encoder and decoder of a robot's messages; types are named as in ROS."""
 
     def read(self, type_name: str, payload: bytes) -> Value:
-        """The message in some bytes.
+        """Decode a message.
 
         Raises:
-            ValueError: If they hold none of that type, or numbers that `check_numbers` refuses.
+            ValueError: If the bytes are not of that type, or hold numbers that `check_numbers` rejects.
         """
         ...
 
     def write(self, type_name: str, value: Any, stamp_ns: int) -> bytes:
-        """The bytes of a message.
+        """Encode a message.
 
         Args:
             type_name: One of `ros_codec`'s types.
-            value: A `Value`; in place of a picture its pixels, see `Picture.decode`, or what it was `Encoded` as.
+            value: A `Value`; for a picture its pixels, as returned by `Picture.decode`, or its `Encoded` bytes.
             stamp_ns: Time of the message [ns].
         """
         ...

@@ -1,4 +1,4 @@
-"""Topics of a robot's images as arguments name them: /topic of its first camera, NAME=/topic of another one."""
+"""Topics of a robot's images from arguments: /topic for its first camera, NAME=/topic for another one."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -16,13 +16,13 @@ def image_topics(
     """Topics by the names of the images on them (`readygo.common.images.names`), the first camera's rgb first.
 
     Args:
-        image: What is said of colours; the first camera's topic is `DEFAULT_IMAGE` where nothing is.
-        depth: What is said of depths.
-        robot: Whose cameras they are.
-        every_camera: True has colours of each further camera on /NAME/image_raw where nothing is said of them.
+        image: Arguments for colour images; the first camera's topic is `DEFAULT_IMAGE` without one.
+        depth: Arguments for depth images.
+        robot: Robot with the cameras.
+        every_camera: True also adds each camera without an argument, with the topic /NAME/image_raw.
 
     Raises:
-        ConfigError: If there is no such camera, or two are given for one image or one for two.
+        ConfigError: If there is no such camera, an image has two topics, or a topic has two images.
     """
     topics = {RGB: DEFAULT_IMAGE}
     if every_camera:
@@ -45,12 +45,12 @@ def image_topics(
             given.add(name)
             topics[name] = topic
     if len(set(topics.values())) < len(topics):
-        raise ConfigError(f"Each image has a topic of its own, got {', '.join(topics.values())}.")
+        raise ConfigError(f"Each image needs a different topic, got {', '.join(topics.values())}.")
     return topics
 
 
 def check_topics(topics: Mapping[str, str], wanted: Iterable[str], robot: RobotConfig) -> None:
-    """Raise ConfigError unless topics are given of the images that a policy sees, and of no others."""
+    """Raise ConfigError unless there are topics for exactly the images that the policy uses."""
     wanted = tuple(wanted)
     for name in wanted:
         if name not in topics:
@@ -65,7 +65,7 @@ def check_topics(topics: Mapping[str, str], wanted: Iterable[str], robot: RobotC
 
 
 def info_topics(topics: Mapping[str, str]) -> dict[str, str]:
-    """Topics of the CameraInfo of each camera by name, beside its images."""
+    """CameraInfo topic of each camera by name, in the namespace of its image topic."""
     return {camera: _beside(topics[image_name(camera, RGB)]) for camera in cameras_of(topics)}
 
 

@@ -1,4 +1,4 @@
-"""A policy at a robot's wheel: what comes in, what goes out, when it must stand. No network, no clock of its own."""
+"""The decision core of `readygo drive`: messages in, commands and stops out. It has no network and no clock."""
 
 import enum
 import math
@@ -21,24 +21,23 @@ from readygo.common.policy.sight import camera_on, in_bytes, side_by_side
 from readygo.common.robot import RobotConfig, limit_command
 
 STALE_S = 0.3
-"""A robot whose newest image or odometry is older stands [s]."""
+"""The robot stops if its newest image or odometry is older than this [s]."""
 TOGETHER_S = 0.03
-"""Images that are further apart do not show the same moment, unless the cameras are so slow that half of the time
-between two images is longer [s]."""
+"""Largest time difference between images of one moment [s]; half of the images' period if that is longer."""
 WAITING_MAX = 8
-"""Images of each camera that wait for the others' of their time at most."""
+"""Largest number of images per camera that wait for the other cameras' images of the same time."""
 GIVE_UP_S = 10.0
-"""A trial whose images or odometry are missing for so long is over [s]."""
+"""A trial ends after this time without images or odometry [s]."""
 LEAP_M = 0.5
-"""Odometry that leaps further between two messages, beyond what the robot can drive, has been set [m]."""
+"""A larger jump of the odometry between two messages, beyond the robot's motion, means that it was reset [m]."""
 
 
 _PERIOD_SLACK = 0.8
-"""Share of the time between two commands after which the next one may come."""
+"""Share of the control period after which the next decision may be made."""
 
 
 class Ending(enum.Enum):
-    """Why a trial is over."""
+    """Reason for the end of a trial."""
 
     GOAL = "at the goal"
     LATE = "out of time"
@@ -54,7 +53,7 @@ class Ending(enum.Enum):
 
     @property
     def outcome(self) -> Outcome:
-        """What it counts as."""
+        """Outcome under which the trial counts."""
         return {
             Ending.GOAL: Outcome.SUCCESS,
             Ending.STATIC_COLLISION: Outcome.STATIC_COLLISION,
@@ -64,22 +63,22 @@ class Ending(enum.Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class DriveConfig:
-    """How a trial is driven."""
+    """Settings of a trial."""
 
     v_max_mps: float
     """Largest speed [m/s]."""
     w_max_radps: float
     """Largest yaw rate, either way [rad/s]."""
     goal_radius_m: float = 1.0
-    """So near the goal the robot has arrived [m]."""
+    """Distance from the goal at which the robot has arrived [m]."""
     time_limit_s: float = 50.0
-    """A trial that takes longer has failed [s]."""
+    """Longest successful trial [s]."""
     goal_in_start_frame: bool = True
-    """The goal is given as the robot stands at the start (x forward, y left), not in the odometry's frame."""
+    """True if the goal is relative to the robot's start pose (x forward, y left), not in the odometry's frame."""
 
 
 class Pilot:
-    """Drives one trial. Its methods are called from one thread; "now" and "arrived" are of one clock that rises."""
+    """Drives one trial. One thread calls its methods; "now" and "arrived" are times of one monotonic clock [ns]."""
 
     def __init__(
         self,
@@ -92,15 +91,14 @@ class Pilot:
         """Begin a trial.
 
         Args:
-            policy: Who drives.
-            rectify: Brings the robot's images to the policy's cameras, by their names; the first one is called "".
-            config: How it is driven.
-            goal: Where to.
-            goal_image: What the robot's camera shows there, where the policy wants to know: blue, green, red, shape
-                (H, W, 3).
+            policy: Policy that drives.
+            rectify: Rectifiers to the policy's cameras, by their names; the first camera is called "".
+            config: Settings of the trial.
+            goal: Goal of the trial.
+            goal_image: The robot's camera image at the goal, for a policy with image goals: BGR, shape (H, W, 3).
 
         Raises:
-            ValueError: If that image has another size than the robot's camera.
+            ValueError: If the goal image's size differs from the robot's camera.
         """
         spec = policy.spec
         self._policy, self._rectify, self._config = policy, rectify, config
@@ -109,53 +107,53 @@ class Pilot:
         if goal_image is not None:
             self._memory.kept.goal_image = rectify[""](goal_image)
         self._given_goal, self.goal = goal, None if config.goal_in_start_frame else goal
-        """`goal` is in the odometry's frame, once that is known."""
+        """Goal in the odometry's frame; None before the first odometry if it is given in the start frame."""
         self._pose: Odometry | None = None
         self._yaw_rad = 0.0
         self._together_ns = round(max(TOGETHER_S, 0.5 / spec.robot.camera_hz) * 1e9)
         self._waiting = {name: deque[Picture](maxlen=WAITING_MAX) for name in spec.inputs.images}
-        """What has come of each image since the policy saw last."""
+        """Images received since the policy's last input, by name."""
         self._picture_ns: int | None = None
-        """Stamp of the first camera's image that the policy has seen last."""
+        """Stamp of the first camera's image in the policy's last input [ns]."""
         self._newest_ns: dict[str, int] = {}
-        """Newest stamp of each image."""
+        """Newest stamp of each image by name [ns]."""
         self._arrived_ns: dict[str, int] = {}
         self._wanted, self._sent = Command(), Command()
         self._sent_ns = self._decided_ns = 0
         self._stale_since_ns: int | None = None
         self.started_ns: int | None = None
-        """When it first had all that it needs."""
+        """Time at which all inputs were first available [ns]; None before."""
         self.ending: Ending | None = None
-        """Why the trial is over; None while it runs."""
+        """Reason for the end of the trial; None while it runs."""
         self.reason = ""
-        """The same in words."""
+        """Reason for the end of the trial in words; empty while it runs."""
         self.waiting_for = "images and odometry"
-        """What keeps the robot from driving; empty while it drives."""
+        """Missing inputs that keep the robot from driving, in words; empty while it drives."""
         self.straight_m = 0.0
-        """Straight way from the start to the circle around the goal [m]."""
+        """Straight distance from the start to the circle around the goal [m]."""
         self.driven_m = 0.0
-        """Length of the way, by the odometry [m]."""
+        """Length of the driven path, by the odometry [m]."""
         self.moving_mps = 0.0
         """Speed by the newest odometry [m/s]."""
         self.frame_age_s = 0.0
-        """Age of the newest image when it came [s]."""
+        """Age of the newest image on arrival [s]."""
         self.seen = 0
-        """Images that it has seen; where the policy sees others beside them, those that came with theirs."""
+        """Number of the policy's inputs: images of the first camera that had all other images of their time."""
         self.seen_arrived_ns = 0
-        """When the newest of them came [ns]."""
+        """Arrival of the newest input [ns]."""
 
     @property
     def images(self) -> tuple[str, ...]:
-        """Names of the images that it sees."""
+        """Names of the images that the policy uses."""
         return self._policy.spec.inputs.images
 
     def end(self, ending: Ending, reason: str = "") -> None:
-        """End the trial; the first reason counts."""
+        """End the trial; later calls have no effect."""
         if self.ending is None:
             self.ending, self.reason = ending, reason or ending.value
 
     def hear(self, odometry: Odometry, arrived_ns: int) -> None:
-        """Note where the robot is."""
+        """Process an odometry message: update pose, distance and clock."""
         values = (odometry.x_m, odometry.y_m, odometry.yaw_rad, odometry.v_mps, odometry.w_radps)
         if not all(map(math.isfinite, values)):
             self.end(Ending.NOT_FINITE, "the odometry has numbers that are not finite")
@@ -175,12 +173,12 @@ class Pilot:
         self._memory.move(stamp_ns, (odometry.x_m, odometry.y_m, self._yaw_rad))
 
     def look(self, picture: Picture, arrived_ns: int, name: str = RGB) -> None:
-        """See an image; once there is one of every kind of that time, decide anew if all is well.
+        """Process an image; once all images of one time are there, the policy decides again.
 
         Args:
             picture: The image.
-            arrived_ns: When it came [ns].
-            name: Which one it is of those that the policy sees.
+            arrived_ns: Its arrival [ns].
+            name: Name of the image among the policy's inputs.
         """
         words = words_of(name, self._robot)
         stamp_ns, self._arrived_ns[words] = picture.stamp_ns or arrived_ns, arrived_ns
@@ -194,7 +192,7 @@ class Pilot:
             self._see(together, arrived_ns)
 
     def _together(self) -> dict[str, Picture]:
-        """The newest images of one time; empty if those that wait are of different times."""
+        """The newest waiting images of one time, by name; empty if there is no complete set."""
         for first in reversed(self._waiting[RGB]):
             found = {name: self._nearest(waiting, first.stamp_ns) for name, waiting in self._waiting.items()}
             together = {name: picture for name, picture in found.items() if picture is not None}
@@ -203,12 +201,12 @@ class Pilot:
         return {}
 
     def _nearest(self, waiting: Iterable[Picture], stamp_ns: int) -> Picture | None:
-        """The image that was taken at a time; None while it is not there."""
+        """The waiting image of a time; None if it has not arrived."""
         nearest = min(waiting, key=lambda picture: abs(picture.stamp_ns - stamp_ns), default=None)
         return None if nearest is None or abs(nearest.stamp_ns - stamp_ns) > self._together_ns else nearest
 
     def _see(self, together: Mapping[str, Picture], arrived_ns: int) -> None:
-        """See images of one time, the last of which has come just now, and decide."""
+        """Give a complete set of images to the policy, and let it decide."""
         for name, waiting in self._waiting.items():
             while waiting and waiting[0].stamp_ns <= together[name].stamp_ns:
                 waiting.popleft()
@@ -225,16 +223,16 @@ class Pilot:
         if self._pose is None:
             return
         self._policy.see([self._memory], sight[None], [picture.stamp_ns])
-        # A robot that is commanded less often than it sees holds its command.
+        # A robot whose control rate is below its image rate holds its command.
         faster = self._robot.control_hz < self._robot.camera_hz
         if not faster or arrived_ns - self._decided_ns > (_PERIOD_SLACK / self._robot.control_hz) * 1e9:
             self._decide(arrived_ns)
 
     def _brought(self, name: str, picture: Picture) -> npt.NDArray[np.uint8]:
-        """An image as the policy takes it: what its camera would have shown, or measured.
+        """An image or depths, rectified to the policy's camera.
 
         Raises:
-            ValueError: If it cannot be read, or is of another size or kind.
+            ValueError: If the image cannot be decoded, or has a wrong size or kind.
         """
         rectify, pixels = self._rectify[camera_of(name)], picture.decode()
         if kind_of(name) == RGB:
@@ -243,7 +241,7 @@ class Pilot:
         return in_bytes(in_range(rectify.depth(pixels), camera_on(robot, camera_of(name))), name, robot)
 
     def command(self, now_ns: int) -> Command:
-        """What the robot shall do now: the latest decision within its limits, or standing still."""
+        """The command for the robot now: the latest decision within its limits, or a stop."""
         self._watch(now_ns)
         if self.ending is not None or self.waiting_for:
             wanted = self._wanted = Command()
@@ -262,7 +260,7 @@ class Pilot:
 
     @property
     def words(self) -> str:
-        """What it does, in a line."""
+        """State of the trial in one line."""
         if self.waiting_for:
             return f"standing: {self.waiting_for}"
         sent = self._sent
@@ -276,7 +274,7 @@ class Pilot:
         return math.hypot(self.goal.x_m - self._pose.x_m, self.goal.y_m - self._pose.y_m)
 
     def _decide_between(self, now_ns: int) -> None:
-        """Decide anew by the newest odometry where the robot is commanded more often than it sees."""
+        """Decide again from the newest odometry if the control rate is above the image rate."""
         if self._robot.control_hz <= self._robot.camera_hz or self._decided_ns == 0:
             return
         if now_ns - self._decided_ns > (_PERIOD_SLACK / self._robot.control_hz) * 1e9:
@@ -302,7 +300,7 @@ class Pilot:
         return self.goal
 
     def _watch(self, now_ns: int) -> None:
-        """End the trial, or have the robot wait, if it must not drive now."""
+        """End the trial or stop the robot if it must not drive now."""
         if self.started_ns is not None and now_ns - self.started_ns >= self._config.time_limit_s * 1e9:
             self.end(Ending.LATE)
         self.waiting_for = self._missing(now_ns)
@@ -316,7 +314,7 @@ class Pilot:
             self.end(Ending.GOAL)
 
     def _missing(self, now_ns: int) -> str:
-        """What is not there, or too old; empty if all is."""
+        """Inputs that are missing or too old, in words; empty if all are there."""
         absent = [words_of(name, self._robot) for name in self._waiting if name not in self._newest_ns]
         if self._pose is None:
             absent.append("odometry")
@@ -330,7 +328,7 @@ class Pilot:
         return ""
 
     def _too_old(self, stamps_ns: Mapping[str, int], now_ns: int) -> str:
-        """What is too old of messages with these newest stamps, and how; empty if nothing is."""
+        """Messages that are too old by their newest stamps, with their ages, in words; empty if there are none."""
         ages = {words: self._clock.age_s(stamp_ns, now_ns) for words, stamp_ns in stamps_ns.items()}
         old = {words: age_s for words, age_s in ages.items() if age_s > STALE_S}
         if not old:
@@ -344,7 +342,7 @@ class Pilot:
         return f"{named} are too old when they come, or the clocks of images and odometry differ"
 
     def _apart(self) -> str:
-        """Which image is furthest in time from the first camera's, in words."""
+        """The image with the largest time difference to the first camera's, in words."""
         first_ns = self._newest_ns[RGB]
         apart_s = {
             name: min((abs(one.stamp_ns - first_ns) for one in waiting), default=abs(self._newest_ns[name] - first_ns))
@@ -368,16 +366,16 @@ class Pilot:
 
 
 def words_of(name: str, robot: RobotConfig) -> str:
-    """What an image is called; those of a robot with several cameras carry the camera's name."""
+    """Name of an image in messages; for a robot with several cameras it includes the camera's name."""
     what = "images" if kind_of(name) == RGB else "depths"
     return f"{what} of {camera_of(name) or robot.camera_name}" if robot.cameras else what
 
 
 def limited(robot: RobotConfig, config: DriveConfig) -> RobotConfig:
-    """A robot with the limits of a trial.
+    """The robot with the speed limits of a trial.
 
     Raises:
-        ValueError: If they are not positive, or above the robot's.
+        ValueError: If the limits are not positive, or above the robot's.
     """
     for name in ("v_max_mps", "w_max_radps"):
         asked, most = getattr(config, name), getattr(robot, name)

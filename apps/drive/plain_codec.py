@@ -30,15 +30,15 @@ from readygo.common.images.encoded import decode_pixels
 from readygo.common.messages.codec import unpack
 
 ITEMS_MAX = 100
-"""Lists and maps in a message of a robot."""
+"""Largest number of items of a list or map in a robot's message."""
 _ENCODED = ("jpeg", "png")
 
 
 class PlainCodec:
-    """See `Codec`."""
+    """Codec of MessagePack maps."""
 
     def read(self, type_name: str, payload: bytes) -> Value:
-        """See `Codec.read`."""
+        """Decode a message; raises ValueError if it is invalid."""
         try:
             fields = unpack(payload, ITEMS_MAX)
             if not isinstance(fields, dict):
@@ -48,7 +48,7 @@ class PlainCodec:
             raise ValueError(f"{len(payload)} bytes are no message of {type_name}: {error!r}") from error
 
     def write(self, type_name: str, value: Any, stamp_ns: int) -> bytes:
-        """See `Codec.write`."""
+        """Encode a message; arguments as in `Codec.write`."""
         fields = {"stamp_ns": stamp_ns, **_fields(type_name, value)}
         packed: bytes = msgpack.packb(fields)
         return packed

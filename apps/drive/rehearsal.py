@@ -25,11 +25,11 @@ def rehearsed(
     """Drive through an episode.
 
     Args:
-        pilot: Who drives.
+        pilot: Pilot that drives.
         simulation: The episode at its start; it begins when the pilot can drive, at the latest after `PATIENCE_S`.
-        look: What the robot sees.
-        manners: How late and how unreliably its images come.
-        rng: Of that.
+        look: Returns the robot's camera images.
+        manners: Latency and losses of the images.
+        rng: Random generator of latency and losses.
     """
     run_episode(simulation, PilotDriver(pilot, look, manners, rng))
     assert simulation.outcome is not None
@@ -37,12 +37,12 @@ def rehearsed(
 
 
 class PilotDriver:
-    """A pilot behind a simulated network, which delays and loses images; of one episode."""
+    """A pilot behind a simulated network that delays and loses images; drives one episode."""
 
     looks = True
 
     def __init__(self, pilot: Pilot, look: Look, manners: Manners, rng: np.random.Generator) -> None:
-        """Prepare an episode, see `rehearsed`."""
+        """Prepare an episode; arguments as in `rehearsed`."""
         self._pilot, self._look, self._manners, self._rng = pilot, look, manners, rng
         self._on_their_way: list[tuple[int, int, str, Picture]] = []
         self._newest_ns: dict[str, int] = {}
@@ -58,15 +58,15 @@ class PilotDriver:
                 self._ready = command
 
     def act(self, running: Sequence[tuple[EpisodeSimulation, None]]) -> list[Command | DriverFailure]:
-        """See `Driver.act`; of the one episode."""
+        """The command of the one episode, after one step of simulated time."""
         ((simulation, _),) = running
         command, self._ready = self._ready or self._live(simulation), None
         return [(command.v_mps, command.w_radps)]
 
     def _live(self, simulation: EpisodeSimulation) -> RobotCommand:
-        """One step of time: what the robot sends, what arrives at the pilot, and the command in force at its end.
+        """Simulate one step: the robot sends, messages arrive at the pilot; returns the command at the step's end.
 
-        A command within a step counts for all of it, as a decision does in an evaluation.
+        A command within a step holds for the whole step, as a decision does in an evaluation.
         """
         pilot, clock = self._pilot, simulation.clock
         pilot.hear(odometry_of(simulation, self._now_ns), self._now_ns)

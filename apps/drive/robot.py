@@ -1,4 +1,4 @@
-"""A robot on the network: its newest image and odometry, and the commands that it is sent."""
+"""A robot on the network: its newest images and odometry, and the commands to it."""
 
 import threading
 import time
@@ -23,22 +23,22 @@ from readygo.common.bus.foreign import ForeignPublisher, ForeignSession
 from readygo.common.errors import BusError
 
 BESIDE_MAX = 8
-"""Images besides those of the first camera that wait for the pilot at most, of each kind."""
+"""Largest number of waiting images for the pilot, of each image besides the first camera's."""
 ODOMETRY_MAX = 256
-"""Odometry messages that wait for the pilot at most."""
+"""Largest number of waiting odometry messages for the pilot."""
 DEADMAN_S = 0.3
-"""A robot that nobody has commanded for so long is told to stand [s]."""
+"""Time without a command after which the watchdog thread stops the robot [s]."""
 FOUND_S = 2.0
-"""A base that does not listen within this time is not there [s]."""
+"""Time within which the robot's base must subscribe to commands [s]."""
 LAST_ZEROS, ZERO_EVERY_S = 3, 0.03
-"""How often a robot that is left is told to stand: any one may get lost."""
+"""Number of stop commands on leaving a robot, and their period [s]: a single one may be lost."""
 Listen = Callable[[str, str, Any, int], None]
-"""Hears every message: topic, type, what it says, when it came or went [ns since 1970]."""
+"""Called with every message: topic, type, value, time of arrival or sending [ns since 1970]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Topics:
-    """Where a robot's messages are; empty names are not used."""
+    """Topics of a robot's messages; empty ones are not used."""
 
     image: str
     odometry: str
@@ -47,12 +47,12 @@ class Topics:
     goal: str = ""
     outcome: str = ""
     beside: Mapping[str, str] = field(default_factory=dict)
-    """Of the images besides the first camera's, by their names (`readygo.common.images.names`)."""
+    """Topics of the images besides the first camera's, by their names (`readygo.common.images.names`)."""
     infos: Mapping[str, str] = field(default_factory=dict)
-    """Of the CameraInfo of the cameras besides the first one, by name."""
+    """CameraInfo topics of the cameras besides the first one, by name."""
 
     def heard(self) -> list[tuple[str, tuple[str, ...]]]:
-        """Topics that are heard, each with the types that it may have."""
+        """Topics to subscribe to, each with its possible types."""
         wanted = [
             (self.image, (IMAGE_TYPE, COMPRESSED_TYPE)),
             (self.odometry, (ODOMETRY_TYPE,)),
@@ -66,16 +66,16 @@ class Topics:
 
 
 class Robot:
-    """What a robot has said last; close it when done: it is told to stand then."""
+    """Connection to a robot: its newest messages, and its commands; `close` stops the robot."""
 
     def __init__(self, session: ForeignSession, wire: Wire, topics: Topics, *, dry: bool = False) -> None:
-        """Listen, and prepare to command.
+        """Subscribe to the robot's topics, and announce the commands.
 
         Args:
-            session: On the robot's network.
-            wire: How it speaks.
-            topics: Where.
-            dry: True to command nothing.
+            session: Session on the robot's network.
+            wire: Transport of the robot.
+            topics: Topics of its messages.
+            dry: True sends no commands.
         """
         self._session, self._wire, self._topics, self._dry = session, wire, topics, dry
         self._changed = threading.Condition()
@@ -87,11 +87,11 @@ class Robot:
         self.cameras: dict[str, LogCamera] = {}
         """The newest CameraInfo of each camera by name; the first one is called ""."""
         self.goal: Goal | None = None
-        """The newest goal."""
+        """The newest goal; None before one arrives."""
         self.outcome = ""
-        """The newest outcome that somebody has told."""
+        """The newest outcome on the outcome topic; empty before one arrives."""
         self.broken = ""
-        """Why the newest message of a wrong kind could not be used."""
+        """Reason why the newest invalid message could not be used; empty if there was none."""
         self.listen: Listen = lambda topic, type_name, value, time_ns: None
         for number, (topic, types) in enumerate(topics.heard(), start=1):
             self._hear(topic, types, number)
@@ -102,16 +102,19 @@ class Robot:
             self._commands = _Commands(TopicPublisher(session, wire, topics.command, types, number))
 
     def found(self) -> str:
-        """Empty if somebody waits for commands; else what is there, in words."""
+        """Empty if the robot's base subscribes to commands; else an error text with the topics that exist."""
         if self._commands is None or self._commands.heard(FOUND_S):
             return ""
-        return f"Nobody listens to {self._topics.command}{self._listeners()}."
+        return f"No subscriber listens to {self._topics.command}{self._listeners()}."
 
     def next_picture(self, until_s: float) -> tuple[Picture, int] | None:
-        """The newest image that was not taken yet, and when it came [ns]; waits for it, or for others, until a time.
+        """Wait for a new image of the first camera or of another one, and take the first camera's newest.
 
         Args:
-            until_s: By `time.monotonic`.
+            until_s: End of the wait, by `time.monotonic` [s].
+
+        Returns:
+            The image and its arrival [ns]; None if it was taken before or has not arrived.
         """
         with self._changed:
             while self._picture is None and not self._beside and (left_s := until_s - time.monotonic()) > 0:
@@ -120,40 +123,40 @@ class Robot:
             return picture
 
     def beside(self) -> list[tuple[str, Picture, int]]:
-        """Images besides those of the first camera that have come since the last call: name, image, and when [ns]."""
+        """Images of further cameras since the last call: name, image, and arrival [ns]."""
         with self._changed:
             found = list(self._beside)
             self._beside.clear()
             return found
 
     def odometry(self) -> list[tuple[Odometry, int]]:
-        """What has come since the last call, and when [ns]."""
+        """Odometry messages since the last call, with their arrivals [ns]."""
         with self._changed:
             found = list(self._odometry)
             self._odometry.clear()
             return found
 
     def send(self, command: Command) -> None:
-        """Command the robot."""
+        """Send a command to the robot and to `listen`; in a dry run to `listen` only."""
         if self._commands is not None:
             self._commands.send(command)
         self.listen(self._topics.command, TWIST_TYPE, command, time.time_ns())
 
     def close(self) -> None:
-        """Tell the robot to stand, and leave."""
+        """Stop the robot, and close the session."""
         if self._commands is not None:
             self._commands.close()
         self._session.close()
 
     def absent(self) -> str:
-        """What the robot does not send, and what is there in its place."""
+        """Topics that the robot does not publish, with those that exist instead, in words."""
         there = self._wire.topics(self._session, PUBLISHER)
         named = {each.topic for each in there}
         words = []
         for topic, types in self._topics.heard():
             fitting = sorted({each.topic for each in there if each.type_name in types})
             if "/" + topic.strip("/") not in named and there:
-                words.append(f"nobody publishes {topic} (topics of that kind: {', '.join(fitting) or 'none'})")
+                words.append(f"no node publishes {topic} (topics of that kind: {', '.join(fitting) or 'none'})")
         if not there and isinstance(self._wire, RosWire):
             return "no ROS 2 node is there: start it with RMW_IMPLEMENTATION=rmw_zenoh_cpp, or choose another --domain"
         return "; ".join(words)
@@ -202,7 +205,7 @@ class Robot:
 
 
 class TopicPublisher:
-    """Publishes on one of a robot's topics."""
+    """Publisher of one of a robot's topics."""
 
     def __init__(
         self,
@@ -214,15 +217,15 @@ class TopicPublisher:
         *,
         block: bool = False,
     ) -> None:
-        """Announce it.
+        """Announce the publisher.
 
         Args:
-            session: On the robot's network.
-            wire: How the robot speaks.
+            session: Session on the robot's network.
+            wire: Transport of the robot.
             topic: Name of the topic.
-            types: See `Wire.address`.
-            number: Of the topic within this program, from 1 on.
-            block: See `ForeignSession.publisher`.
+            types: Possible message types, the default first.
+            number: Number of the topic within this program, from 1 on.
+            block: True waits instead of dropping messages when the network is congested.
         """
         self._wire = wire
         address: Address = wire.address(session, topic, types, PUBLISHER)
@@ -232,21 +235,21 @@ class TopicPublisher:
         self._number = 0
 
     def heard(self, timeout_s: float) -> bool:
-        """True if somebody listens, or comes within a time."""
+        """Wait up to `timeout_s` [s] for a subscriber; True if there is one."""
         return self._publisher.heard(timeout_s)
 
     def write(self, value: Any, stamp_ns: int) -> bytes:
-        """The bytes of a message; see `Codec.write`."""
+        """Encode a message; `value` and `stamp_ns` as in `Codec.write`."""
         return self._wire.codec.write(self._type_name, value, stamp_ns)
 
     def put(self, payload: bytes) -> None:
-        """Publish what `write` made."""
+        """Publish an encoded message from `write`."""
         self._number += 1
         self._publisher.put(payload, self._wire.attachment(self._number, time.time_ns(), self._token))
 
 
 class _Commands:
-    """Publishes commands, and zeros where the program that should command hangs."""
+    """Publisher of commands, with a watchdog thread that sends zero velocity if the program hangs."""
 
     def __init__(self, publisher: TopicPublisher) -> None:
         self._publisher = publisher
@@ -256,7 +259,7 @@ class _Commands:
         threading.Thread(target=self._stand_by, name="deadman", daemon=True).start()
 
     def heard(self, timeout_s: float) -> bool:
-        """True if somebody listens, or comes within a time."""
+        """Wait up to `timeout_s` [s] for a subscriber; True if there is one."""
         return self._publisher.heard(timeout_s)
 
     def send(self, command: Command) -> None:
@@ -267,7 +270,7 @@ class _Commands:
                 self._publisher.put(self._publisher.write(command, time.time_ns()))
 
     def close(self) -> None:
-        """Have the robot stand, whatever was sent before."""
+        """Stop the robot with several zero commands."""
         for _ in range(LAST_ZEROS):
             self.send(Command())
             time.sleep(ZERO_EVERY_S)
@@ -280,10 +283,10 @@ class _Commands:
 
 
 def connected(connect: str, wire: Wire, topics: Topics, *, dry: bool) -> Robot:
-    """A robot behind a router.
+    """Connect to a robot behind a router.
 
     Raises:
-        BusError: If there is no router, or nobody waits for commands.
+        BusError: If there is no router, or no subscriber for the commands.
     """
     robot = Robot(ForeignSession(connect), wire, topics, dry=dry)
     nobody = robot.found()

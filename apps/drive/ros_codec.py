@@ -27,10 +27,10 @@ GOAL_TYPE, OUTCOME_TYPE = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/String"
 
 
 class RosCodec:
-    """See `Codec`."""
+    """Codec of ROS 2 messages in CDR."""
 
     def __init__(self) -> None:
-        """Load the types.
+        """Load the message types.
 
         Raises:
             ConfigError: If rosbags is not installed.
@@ -53,7 +53,7 @@ class RosCodec:
         }
 
     def type_hash(self, type_name: str) -> str:
-        """The RIHS01 hash of a type."""
+        """The RIHS01 hash of a message type."""
         return str(self._store.hash_rihs01(type_name))
 
     def definition(self, type_name: str) -> str:
@@ -61,17 +61,17 @@ class RosCodec:
         return str(self._store.generate_msgdef(type_name, ros_version=2)[0])
 
     def read(self, type_name: str, payload: bytes) -> Value:
-        """See `Codec.read`."""
+        """Decode a message; raises ValueError if it is invalid."""
         if type_name not in self._writers:
             raise ValueError(f"messages of type {type_name} are not known")
         try:
             message = self._store.deserialize_cdr(payload, type_name)
-        except Exception as error:  # rosbags raises whatever its generated code trips over
+        except Exception as error:  # rosbags' generated code raises many types of exceptions
             raise ValueError(f"{len(payload)} bytes are no {type_name}") from error
         return check_numbers(_value(type_name, message))
 
     def write(self, type_name: str, value: Any, stamp_ns: int) -> bytes:
-        """See `Codec.write`."""
+        """Encode a message; arguments as in `Codec.write`."""
         message = self._writers[type_name](value, stamp_ns)
         return bytes(self._store.serialize_cdr(message, type_name))
 

@@ -1,4 +1,4 @@
-"""How ROS 2 names things on Zenoh: keys of topics, attachments of messages, tokens of nodes and topics.
+"""Names of ROS 2 on Zenoh: keys of topics, attachments of messages, liveliness tokens of nodes and topics.
 
 Source: rmw_zenoh, docs/design.md (topics, publishers, graph cache).
 """
@@ -11,9 +11,9 @@ from dataclasses import dataclass
 _ATTACHMENT = struct.Struct("<qqB16s")
 """Sequence number, time [ns since 1970], length of the publisher's id, the id."""
 NO_HASH = "TypeHashNotSupported"
-"""In place of a type's hash where ROS knows none yet (Humble)."""
+"""Replaces a type's hash in ROS versions without type hashes (Humble)."""
 _QOS = "::,10:,:,:,,"
-"""Reliable, volatile, the last 10 kept: ROS's defaults for a topic."""
+"""ROS's default quality of service: reliable, volatile, history of 10."""
 PUBLISHER, SUBSCRIBER = "MP", "MS"
 
 
@@ -24,9 +24,9 @@ class Endpoint:
     kind: str
     """`PUBLISHER` or `SUBSCRIBER`."""
     topic: str
-    """With its leading slash."""
+    """Name of the topic with its leading slash."""
     type_name: str
-    """Such as geometry_msgs/msg/Twist."""
+    """Message type, such as geometry_msgs/msg/Twist."""
     type_hash: str
 
 
@@ -36,8 +36,8 @@ def topic_key(domain: int, topic: str, type_name: str, type_hash: str) -> str:
     Args:
         domain: `ROS_DOMAIN_ID`.
         topic: Name, with or without a leading slash.
-        type_name: Such as geometry_msgs/msg/Twist, or "*" for any.
-        type_hash: RIHS01_..., or "*" for any.
+        type_name: Message type, such as geometry_msgs/msg/Twist, or "*" for any.
+        type_hash: Hash of the type, RIHS01_..., or "*" for any.
     """
     return f"{domain}/{topic.strip('/')}/{_dds_name(type_name)}/{type_hash}"
 
@@ -48,12 +48,12 @@ def type_of_key(key: str) -> str:
 
 
 def attachment(sequence: int, time_ns: int, publisher_id: bytes) -> bytes:
-    """What ROS sends beside a message.
+    """The attachment that ROS sends with a message.
 
     Args:
         sequence: Number of the publisher's message, from 1 on.
-        time_ns: When it was sent [ns since 1970].
-        publisher_id: 16 bytes.
+        time_ns: Time of sending [ns since 1970].
+        publisher_id: Id of the publisher, 16 bytes.
     """
     return _ATTACHMENT.pack(sequence, time_ns, 16, publisher_id)
 
@@ -69,9 +69,9 @@ def endpoint_token(domain: int, session: str, number: int, node: str, endpoint: 
     Args:
         domain: `ROS_DOMAIN_ID`.
         session: Id of the Zenoh session.
-        number: Of the endpoint within the node.
+        number: Number of the endpoint within the node.
         node: Name of the node.
-        endpoint: What it is.
+        endpoint: The publisher or subscriber.
     """
     topic = "%" + endpoint.topic.strip("/").replace("/", "%")
     place = f"@ros2_lv/{domain}/{session}/0/{number}/{endpoint.kind}/%/%/{node}"
@@ -79,12 +79,12 @@ def endpoint_token(domain: int, session: str, number: int, node: str, endpoint: 
 
 
 def all_tokens(domain: int) -> str:
-    """The expression for all tokens of a domain."""
+    """The key expression for all tokens of a domain."""
     return f"@ros2_lv/{domain}/**"
 
 
 def endpoints(tokens: Iterable[str]) -> list[Endpoint]:
-    """Publishers and subscribers among tokens; the others are left out."""
+    """Publishers and subscribers among tokens; other tokens are ignored."""
     found = []
     for token in tokens:
         parts = token.split("/")
@@ -95,9 +95,9 @@ def endpoints(tokens: Iterable[str]) -> list[Endpoint]:
 
 
 def publisher_id(token: str) -> bytes:
-    """16 bytes that nobody else has.
+    """A unique id of a publisher, 16 bytes.
 
-    ROS takes another hash of the token; all that is asked of the id is that it differs from those of others.
+    ROS uses a different hash of the token; the id only has to differ from those of other publishers.
     """
     return hashlib.blake2b(token.encode(), digest_size=16).digest()
 

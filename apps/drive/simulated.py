@@ -1,4 +1,4 @@
-"""A robot that is none: it drives in an episode of a scene, and speaks as robots do, as late and as unreliably."""
+"""A simulated robot on the network: drives in an episode of a scene, with the latency and losses of real robots."""
 
 import heapq
 import threading
@@ -33,51 +33,51 @@ from readygo.common.robot import Clock
 from readygo.services.driver import DriverConfig
 
 COMMAND_STALE_S = 0.5
-"""A robot that hears nothing for so long stands, as bases of real robots do [s]."""
+"""Time without a command after which the robot stops, as bases of real robots do [s]."""
 BEHIND_S = 0.5
-"""A robot that is so late with its steps begins to count them anew [s]."""
+"""Delay of the real-time steps after which their schedule is reset [s]."""
 CONSTANT_EVERY_S = 0.5
-"""How often goal and camera are sent [s]."""
+"""Period of the messages with goal and CameraInfo [s]."""
 LEFT_S = 1.0
-"""Who has sent no command for so long has gone [s]."""
+"""Time without a command after which the client counts as gone [s]."""
 Look = Callable[[EpisodeSimulation], dict[str, npt.NDArray[Any]]]
-"""What the robot sees now, by the names of the images (`readygo.common.images.names`): sRGB, shape (H, W, 3), and
-depths [m], inf where nothing is measured, shape (H, W)."""
+"""Returns the robot's current images by name (`readygo.common.images.names`): sRGB, shape (H, W, 3), and depths [m],
+inf where nothing is measured, shape (H, W)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Manners:
-    """How late, and how unreliably, a robot speaks."""
+    """Latency, losses and format of a simulated robot's images."""
 
     latency_s: float = 0.05
-    """From when an image is taken until it is sent [s]."""
+    """Mean time between capture and sending of an image [s]."""
     jitter_s: float = 0.01
-    """Standard deviation of that [s]."""
+    """Standard deviation of the latency [s]."""
     drop_share: float = 0.02
-    """Share of images that are lost."""
+    """Share of images that are lost, 0..1."""
     camera_hz: float | None = None
-    """Images per second: those of the robot's camera, divided by a whole number; None takes all of them."""
+    """Image rate, the robot's camera rate divided by an integer [Hz]; None for the full rate."""
     compressed: bool = False
-    """Send JPEG in place of raw images."""
+    """True sends JPEG instead of raw images."""
 
     def __post_init__(self) -> None:
         if self.latency_s < 0 or self.jitter_s < 0 or not 0 <= self.drop_share < 1:
             raise ValueError("latency and jitter must not be negative, and the share of lost images 0..1.")
 
     def image_every(self, clock: Clock) -> int:
-        """Steps from image to image.
+        """Number of simulation steps from image to image.
 
         Raises:
-            ConfigError: If the rate is none of the camera's divided by a whole number.
+            ConfigError: If the rate is not the camera's divided by an integer.
         """
         return DriverConfig(camera_hz=self.camera_hz).image_every(clock)
 
     def sent(self, names: Iterable[str], rng: np.random.Generator) -> dict[str, float]:
-        """The images of one time that are not lost, and how long each is on its way [s].
+        """The images of one time that are not lost, with the latency of each [s].
 
         Args:
-            names: Of the images.
-            rng: Of the manners.
+            names: Names of the images.
+            rng: Random generator of latency and losses.
         """
         return {name: self._late_s(rng) for name in names if rng.random() >= self.drop_share}
 
@@ -86,7 +86,7 @@ class Manners:
 
 
 def odometry_of(simulation: EpisodeSimulation, stamp_ns: int) -> Odometry:
-    """Where the robot of an episode is now."""
+    """Odometry message of an episode's robot at the current step."""
     return Odometry(
         stamp_ns=stamp_ns,
         x_m=simulation.x_m,
@@ -98,12 +98,12 @@ def odometry_of(simulation: EpisodeSimulation, stamp_ns: int) -> Odometry:
 
 
 def sent(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """An image as messages have it: blue, green, red; depths as they are."""
+    """An image in the channel order of messages (BGR); depths are unchanged."""
     return np.ascontiguousarray(image[..., ::-1]) if image.ndim == 3 else image
 
 
 class SimulatedRobot:
-    """Drives through one episode after the other as its client commands: the driver of `run_episode`."""
+    """Driver of `run_episode` that follows a client's commands over the network, one episode after the other."""
 
     looks = True
 
@@ -117,16 +117,16 @@ class SimulatedRobot:
         manners: Manners,
         rng: np.random.Generator,
     ) -> None:
-        """Be on a network.
+        """Announce the robot on a network.
 
         Args:
-            session: Of the network.
-            wire: How it speaks.
-            topics: Where.
-            cameras: What it says of its cameras, by their names; the first one is called "".
-            look: What they show; it has what `topics` names.
-            manners: How it speaks.
-            rng: Of that.
+            session: Session on the network.
+            wire: Transport.
+            topics: Topics of its messages.
+            cameras: CameraInfo of each camera by name; the first one is called "".
+            look: Returns the images that `topics` names.
+            manners: Latency, losses and format of its images.
+            rng: Random generator of latency and losses.
         """
         self._look, self._manners, self._rng, self._cameras = look, manners, rng, cameras
         image_type = COMPRESSED_TYPE if manners.compressed else IMAGE_TYPE
@@ -141,7 +141,7 @@ class SimulatedRobot:
             kind: TopicPublisher(session, wire, topic, (kind,), number, block=True)
             for number, (topic, kind) in enumerate(kinds, start=1)
         }
-        # What it hears has a number of its own behind these.
+        # The subscription to commands takes the number after these.
         further = enumerate(topics.beside.items(), start=len(kinds) + 2)
         self._images = {RGB: self._publishers[image_type]} | {
             name: TopicPublisher(session, wire, topic, (image_type,), number, block=True)
@@ -159,11 +159,11 @@ class SimulatedRobot:
         self._last_due_s = dict.fromkeys(self._images, 0.0)
         self._step, self._next_s = 0, 0.0
         self.behind = 0
-        """How often the steps were so late that they were counted anew."""
+        """Number of resets of the real-time schedule because the steps were too late."""
         self._listen(session, wire, topics.command, len(kinds) + 1)
 
     def drive(self, simulation: EpisodeSimulation) -> Outcome:
-        """Wait for somebody who drives, do as told until the episode ends, say how, and wait until they have gone."""
+        """Wait for a client, follow its commands until the episode ends, publish the outcome, wait for its end."""
         run_episode(simulation, self)
         outcome = simulation.outcome
         assert outcome is not None
@@ -171,14 +171,14 @@ class SimulatedRobot:
         return outcome
 
     def start(self, simulation: EpisodeSimulation) -> None:
-        """Stand until a client commands the robot."""
+        """Stand still until a client sends a command."""
         self._stand(simulation, lambda: self._commanded() != RobotCommand())
         self._step, self._next_s = 0, time.monotonic()
 
     def act(self, running: Sequence[tuple[EpisodeSimulation, None]]) -> list[Command | DriverFailure]:
         """The client's command after one step of real time.
 
-        A command within a step counts for all of it, as a decision does in an evaluation.
+        A command within a step holds for the whole step, as a decision does in an evaluation.
         """
         ((simulation, _),) = running
         self._live(simulation)
@@ -186,13 +186,13 @@ class SimulatedRobot:
         return [(command.v_mps, command.w_radps)]
 
     def _stand(self, simulation: EpisodeSimulation, over: Callable[[], bool]) -> None:
-        """Send what the robot sees without moving."""
+        """Publish images and odometry without moving, until `over`."""
         self._step, self._next_s = 0, time.monotonic()
         while not over():
             self._live(simulation)
 
     def _live(self, simulation: EpisodeSimulation) -> None:
-        """One step of real time."""
+        """Publish for one step of real time."""
         self._show(simulation, self._step)
         self._step, self._next_s = self._step + 1, self._next_s + simulation.clock.dt_s
         if time.monotonic() - self._next_s > BEHIND_S:
@@ -200,7 +200,7 @@ class SimulatedRobot:
         self._send_until(self._next_s)
 
     def _show(self, simulation: EpisodeSimulation, step: int) -> None:
-        """Say where the robot is, and take an image if it is time for one."""
+        """Publish the odometry, and capture an image if one is due."""
         stamp_ns, now_s = time.time_ns(), time.monotonic()
         self._put(ODOMETRY_TYPE, odometry_of(simulation, stamp_ns), stamp_ns)
         if now_s - self._constant_s > CONSTANT_EVERY_S:
@@ -217,7 +217,7 @@ class SimulatedRobot:
         images = self._look(simulation)
         for name, late in late_s.items():
             payload = self._images[name].write(sent(images[name]), stamp_ns)
-            # Nothing overtakes on its way.
+            # Images keep their order.
             self._last_due_s[name] = max(now_s + late, self._last_due_s[name])
             self._taken += 1
             heapq.heappush(self._due, (self._last_due_s[name], self._taken, name, payload))
@@ -241,7 +241,7 @@ class SimulatedRobot:
             return self._command if time.monotonic() - self._heard_s < COMMAND_STALE_S else RobotCommand()
 
     def _quiet(self, outcome: Outcome) -> bool:
-        """Say how the episode ended, until nobody drives any more."""
+        """Publish the outcome; True once no client has sent a command for `LEFT_S`."""
         self._put(OUTCOME_TYPE, outcome.value, time.time_ns())
         with self._lock:
             return time.monotonic() - self._heard_s > LEFT_S

@@ -1,4 +1,4 @@
-"""One trial: the loop between robot and pilot, and what it measures."""
+"""One trial: the loop between robot and pilot, and its measurements."""
 
 import time
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from readygo.apps.drive.robot import Robot
 from readygo.common.errors import BusError
 
 PATIENCE_S = 10.0
-"""A robot that does not send all that is needed within this time is not there [s]."""
+"""Time within which the robot must send all required messages [s]."""
 SAY_EVERY_S = 2.0
 OUTCOMES = {
     "success": Ending.GOAL,
@@ -21,27 +21,27 @@ OUTCOMES = {
     "static_collision": Ending.STATIC_COLLISION,
     "human_collision": Ending.HUMAN_COLLISION,
 }
-"""What somebody may say of a trial, by a topic or in labels.toml."""
+"""Endings by outcome, as a user reports them on a topic or in labels.toml."""
 Say = Callable[[str], None]
 
 
 @dataclass
 class Measures:
-    """What a trial's loop took."""
+    """Measurements of a trial's loop."""
 
     latencies_ms: list[float] = field(default_factory=list)
-    """From when an image came until the command that it led to was sent [ms]."""
+    """Times from the arrival of an image until its command was sent [ms]."""
     thinking_ms: list[float] = field(default_factory=list)
-    """Of that, what bringing the image to the policy's camera and the policy took [ms]."""
+    """Part of these times for rectification and inference [ms]."""
     frame_ages_s: list[float] = field(default_factory=list)
-    """Ages of images when they came [s]."""
+    """Ages of images on arrival [s]."""
     sent: int = 0
-    """Commands that were sent."""
+    """Number of commands that were sent."""
     duration_s: float = 0.0
-    """Of the drive [s]."""
+    """Duration of the drive [s]."""
 
     def summary(self) -> dict[str, float]:
-        """Plain values: rates [Hz], latencies [ms], the age of images when they came [s]; empty without a drive."""
+        """Rates [Hz], latencies [ms] and the age of images on arrival [s] as plain values; empty without a drive."""
         if not self.latencies_ms or self.duration_s <= 0:
             return {}
         return {
@@ -56,18 +56,18 @@ class Measures:
 
 
 def run_trial(robot: Robot, pilot: Pilot, *, rate_hz: float, say: Say) -> Measures:
-    """Drive until the trial is over; whatever ends it, the robot is told to stand.
+    """Drive until the trial ends, then stop the robot, also after an error.
 
-    A command goes out as soon as an image has led to it, and `rate_hz` times a second besides.
+    Each decision of the policy is sent immediately, and the current command at least `rate_hz` times a second.
 
     Args:
-        robot: Whom to drive.
-        pilot: Who drives.
-        rate_hz: How often commands are sent at least [Hz].
-        say: Hears why the robot waits, and that it goes on.
+        robot: Robot to drive.
+        pilot: Pilot that drives.
+        rate_hz: Lowest rate of commands [Hz].
+        say: Called with a line of text when the robot waits, and when it drives again.
 
     Raises:
-        BusError: If the robot does not send what is needed.
+        BusError: If the robot does not send the required messages.
     """
     measures, period_s = Measures(), 1.0 / rate_hz
     began_s = next_s = told_s = time.monotonic()
@@ -96,7 +96,7 @@ def run_trial(robot: Robot, pilot: Pilot, *, rate_hz: float, say: Say) -> Measur
 
 
 def _step(robot: Robot, pilot: Pilot, measures: Measures, until_s: float) -> None:
-    """Wait for an image or until a time, then command."""
+    """Wait for an image or until a time, then send a command."""
     newest = robot.next_picture(until_s)
     begin_ns = time.monotonic_ns()
     for odometry, arrived_ns in robot.odometry():
@@ -128,7 +128,7 @@ def _not_there(robot: Robot, pilot: Pilot) -> str:
 
 
 def ended(pilot: Pilot, measures: Measures) -> dict[str, Any]:
-    """What is recorded of a trial's end, as plain values."""
+    """The end of a trial as plain values, for its log."""
     ending = pilot.ending or Ending.FAILED
     return {
         "ending": ending.name.lower(),

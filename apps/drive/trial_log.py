@@ -1,4 +1,4 @@
-"""The log of a trial, written beside the drive: what the robot sent and what it was told."""
+"""The log of a trial, written by a separate thread: the robot's messages and its commands."""
 
 import logging
 import queue
@@ -15,21 +15,21 @@ from readygo.apps.robot_logs.pixels import is_compressed_depth
 from readygo.common.dataset.ros_log import RosLogWriter
 
 RECORD = "readygo-trial"
-"""Name of what a log says of its trial."""
+"""Name of the MCAP metadata record with the trial's result."""
 WAITING_MAX = 400
-"""Messages that wait for the disk at most; more are left out, and counted."""
+"""Largest number of messages that wait for the disk; further ones are dropped and counted."""
 
 log = logging.getLogger(__name__)
 
 
 class TrialLog:
-    """Keeps messages as ROS has them, whatever the robot speaks. Nobody waits for it.
+    """MCAP log with ROS messages, for robots of any transport. Writing never blocks the drive.
 
-    Raw images of colours are compressed; what came compressed stays as it came.
+    Raw colour images are compressed; compressed images are stored as received.
     """
 
     def __init__(self, path: Path) -> None:
-        """Begin it.
+        """Open the log.
 
         Raises:
             ConfigError: If rosbags is not installed.
@@ -40,16 +40,16 @@ class TrialLog:
         self._thread = threading.Thread(target=self._work, name="trial-log", daemon=True)
         self._thread.start()
         self.left_out = 0
-        """Messages that the disk was too slow for, or that it did not take."""
+        """Number of messages that were not written, because the disk was too slow or failed."""
 
     def put(self, topic: str, type_name: str, value: Any, time_ns: int) -> None:
-        """Keep a message.
+        """Queue a message for the log.
 
         Args:
-            topic: Where it came from.
+            topic: Topic of the message.
             type_name: Its type in ROS.
-            value: What it says.
-            time_ns: When it came [ns since 1970].
+            value: Its content.
+            time_ns: Time of its arrival or sending [ns since 1970].
         """
         try:
             self._waiting.put_nowait((topic, type_name, value, time_ns))
@@ -57,10 +57,10 @@ class TrialLog:
             self.left_out += 1
 
     def close(self, record: dict[str, Any]) -> None:
-        """Write what waits and what the trial was, and finish.
+        """Write the waiting messages and the trial's result, and close the file.
 
         Raises:
-            OSError: If the disk does not take it.
+            OSError: If the disk cannot be written.
         """
         self._waiting.put(None)
         self._thread.join()
@@ -68,7 +68,7 @@ class TrialLog:
         self._writer.close()
 
     def abandon(self) -> None:
-        """Leave no log of a trial that never began."""
+        """Remove the log of a trial that never began."""
         self._waiting.put(None)
         self._thread.join()
         self._writer.abandon()
@@ -84,7 +84,7 @@ class TrialLog:
     def _write(self, topic: str, type_name: str, value: Any, time_ns: int) -> None:
         stamp_ns = getattr(value, "stamp_ns", 0) or time_ns
         if isinstance(value, Picture):
-            # To decode and encode again what came compressed would take a robot's processor more than the policy does.
+            # Decoding and encoding compressed images again would cost a robot's processor more than the policy does.
             value = value.decode() if value.encoded is None else value.encoded
         if type_name == IMAGE_TYPE and (suffix := _suffix(value)):
             topic, type_name = topic.removesuffix(suffix) + suffix, COMPRESSED_TYPE
@@ -94,7 +94,7 @@ class TrialLog:
 
 
 def _suffix(image: npt.NDArray[Any] | Encoded) -> str:
-    """What the topic of an image ends in that is kept compressed; empty for raw depths, which stay as they are."""
+    """Suffix of the topic of an image that is stored compressed; empty for raw depths, which stay raw."""
     if isinstance(image, Encoded):
         return COMPRESSED_DEPTH_SUFFIX if is_compressed_depth(image.format) else COMPRESSED_SUFFIX
     return COMPRESSED_SUFFIX if image.ndim == 3 else ""

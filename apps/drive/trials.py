@@ -1,4 +1,4 @@
-"""Trials of real robots, as their logs have them: the records that an evaluation makes of episodes."""
+"""Trials of real robots, read from their logs as records of an evaluation."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,26 +16,26 @@ from readygo.common.messages import EpisodeKey, Split
 from readygo.services.evaluator import Category, EpisodeRecord, Task
 
 LABELS_FILE = "labels.toml"
-"""Beside the logs: what somebody saw, such as `"trial-03.mcap" = "human_collision"`."""
+"""File beside the logs with outcomes that a person observed, such as `"trial-03.mcap" = "human_collision"`."""
 _STOOD_MPS = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """One log."""
+    """One trial, from its log."""
 
     path: Path
     record: EpisodeRecord
     time_limit_s: float
     measures: Mapping[str, float]
-    """See `Measures.summary`."""
+    """Rates [Hz], latencies [ms] and image ages [s] by name, as `Measures.summary` returns them."""
 
 
 def read_trials(folder: Path) -> list[Trial]:
     """All trials of a folder, or the one of a file, by name.
 
     Raises:
-        DatasetError: If there are none, one cannot be read, or a label is none.
+        DatasetError: If there are no logs, one cannot be read, or a label is unknown.
     """
     paths = [folder] if folder.is_file() else sorted(folder.glob("*.mcap"))
     if not paths:
@@ -48,7 +48,7 @@ def read_trials(folder: Path) -> list[Trial]:
 
 
 def mean_measures(trials: Sequence[Trial]) -> dict[str, float]:
-    """The means of what the trials' loops took; empty if none drove."""
+    """Means of the measurements of the trials' loops by name; empty if no trial drove."""
     known = [trial.measures for trial in trials if trial.measures]
     return {name: round(sum(each[name] for each in known) / len(known), 2) for name in known[0]} if known else {}
 
@@ -80,7 +80,7 @@ def _of_record(path: Path, found: Mapping[str, Any], index: int, ending: Ending)
 
 
 def _category(ending: Ending, speed_mps: float) -> Category | None:
-    """The kind of failure, as far as a log can tell."""
+    """The kind of failure, as far as a log shows it; None for a success."""
     if ending is Ending.GOAL:
         return None
     if ending is Ending.STATIC_COLLISION:

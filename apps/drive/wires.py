@@ -1,4 +1,4 @@
-"""Three ways that robots speak on Zenoh: ROS 2 by rmw_zenoh, ROS 2 behind zenoh-bridge-ros2dds, and none of ROS."""
+"""Three transports of robots on Zenoh: ROS 2 by rmw_zenoh, ROS 2 behind zenoh-bridge-ros2dds, and without ROS."""
 
 from dataclasses import dataclass
 from typing import Literal, Protocol
@@ -11,69 +11,69 @@ from readygo.apps.drive.ros_keys import Endpoint
 from readygo.common.bus.foreign import ForeignSession
 
 WireName = Literal["ros2", "bridge", "plain"]
-"""rmw_zenoh, zenoh-bridge-ros2dds, or MessagePack on keys that are the topics' names."""
+"""Names of the transports: rmw_zenoh, zenoh-bridge-ros2dds, MessagePack with topic names as keys."""
 COMPRESSED_SUFFIX, COMPRESSED_DEPTH_SUFFIX = "/compressed", "/compressedDepth"
-"""Topics of compressed images end like this, where keys do not say what they carry."""
+"""Suffixes of topics with compressed images, for transports whose keys do not name the message type."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Address:
-    """What is published where."""
+    """Key and type of a topic's messages."""
 
     key: str
     type_name: str
 
 
 class Wire(Protocol):
-    """Names of topics and bytes of messages."""
+    """Transport of a robot: keys of topics, encoding of messages."""
 
     @property
     def codec(self) -> Codec:
-        """Of the messages."""
+        """Codec of the messages."""
         ...
 
     def heard_key(self, topic: str) -> str:
-        """The expression to subscribe to."""
+        """The key expression to subscribe to for a topic."""
         ...
 
     def type_of(self, key: str, default: str) -> str:
-        """The type of the messages of a key that was heard.
+        """The type of a received message.
 
         Args:
-            key: Of a message.
-            default: What is meant to be there.
+            key: Key of the message.
+            default: Expected type, for transports whose keys do not name one.
         """
         ...
 
     def address(self, session: ForeignSession, topic: str, type_names: tuple[str, ...], kind: str) -> Address:
-        """Where this program publishes or hears a topic.
+        """Key and type with which this program publishes or subscribes to a topic.
 
         Args:
-            session: On the robot's network.
+            session: Session on the robot's network.
             topic: Name of the topic.
-            type_names: Types that will do; the first one where the other side does not say which it has.
-            kind: What this program is: publisher or subscriber.
+            type_names: Possible types; the first one if the other side announces none.
+            kind: Role of this program: publisher or subscriber.
         """
         ...
 
     def announce(self, session: ForeignSession, topic: str, address: Address, kind: str, number: int) -> str:
-        """Say that this program publishes or hears a topic, and return the token that says so.
+        """Announce that this program publishes or subscribes to a topic; returns the announcement's token.
 
         Args:
-            session: On the robot's network.
+            session: Session on the robot's network.
             topic: Name of the topic.
-            address: Of it.
-            kind: What this program is.
-            number: Of the topic within this program, from 1 on.
+            address: Key and type of the topic.
+            kind: Role of this program: publisher or subscriber.
+            number: Number of the topic within this program, from 1 on.
         """
         ...
 
     def attachment(self, number: int, time_ns: int, token: str) -> bytes:
-        """What goes beside a message."""
+        """Attachment of a message; empty for transports without attachments."""
         ...
 
     def topics(self, session: ForeignSession, kind: str) -> list[Endpoint]:
-        """Publishers or subscribers that are there; empty where the wire does not say."""
+        """Publishers or subscribers on the network; empty if the transport does not announce them."""
         ...
 
 
@@ -81,11 +81,11 @@ class RosWire:
     """Keys and tokens of rmw_zenoh, messages in CDR."""
 
     def __init__(self, domain: int, node: str) -> None:
-        """Take part as a node.
+        """Prepare a ROS node.
 
         Args:
             domain: `ROS_DOMAIN_ID`.
-            node: Its name.
+            node: Name of the node.
 
         Raises:
             ConfigError: If rosbags is not installed.
@@ -94,15 +94,15 @@ class RosWire:
         self.codec: RosCodec = RosCodec()
 
     def heard_key(self, topic: str) -> str:
-        """See `Wire.heard_key`; whatever the type, so that another one can be told."""
+        """The key expression of a topic with any type, so that a message of a wrong type can be reported."""
         return ros_keys.topic_key(self._domain, topic, "*", "*")
 
     def type_of(self, key: str, default: str) -> str:
-        """See `Wire.type_of`."""
+        """The type that the key names."""
         return ros_keys.type_of_key(key)
 
     def address(self, session: ForeignSession, topic: str, type_names: tuple[str, ...], kind: str) -> Address:
-        """See `Wire.address`: in the type and under the hash of the other side."""
+        """Key with the type and the type hash of the other side; arguments as in `Wire.address`."""
         name = "/" + topic.strip("/")
         other = ros_keys.PUBLISHER if kind == ros_keys.SUBSCRIBER else ros_keys.SUBSCRIBER
         type_name, type_hash = type_names[0], self.codec.type_hash(type_names[0])
@@ -112,7 +112,7 @@ class RosWire:
         return Address(key=ros_keys.topic_key(self._domain, name, type_name, type_hash), type_name=type_name)
 
     def announce(self, session: ForeignSession, topic: str, address: Address, kind: str, number: int) -> str:
-        """See `Wire.announce`."""
+        """Declare liveliness tokens of node and topic, and return the topic's; arguments as in `Wire.announce`."""
         if number == 1:
             session.announce(ros_keys.node_token(self._domain, session.name, self._node))
         type_hash = address.key.rsplit("/", 1)[-1]
@@ -122,61 +122,61 @@ class RosWire:
         return token
 
     def attachment(self, number: int, time_ns: int, token: str) -> bytes:
-        """See `Wire.attachment`."""
+        """ROS's attachment: message number, time [ns since 1970], and the publisher's id from its token."""
         return ros_keys.attachment(number, time_ns, ros_keys.publisher_id(token))
 
     def topics(self, session: ForeignSession, kind: str) -> list[Endpoint]:
-        """See `Wire.topics`."""
+        """Publishers or subscribers of the domain, from their liveliness tokens."""
         tokens = session.present(ros_keys.all_tokens(self._domain))
         return [each for each in ros_keys.endpoints(tokens) if each.kind == kind]
 
 
 class TopicWire:
-    """Keys are the topics' names, below a prefix if there is one; nobody says what they carry."""
+    """Transport whose keys are the topics' names, below an optional prefix; keys do not name the message type."""
 
     def __init__(self, codec: Codec, prefix: str = "", *, stamped: bool = False) -> None:
-        """Agree on the messages.
+        """Prepare the transport.
 
         Args:
-            codec: Of the messages.
-            prefix: Before every key: the bridge's namespace, or the robot's name.
+            codec: Codec of the messages.
+            prefix: Prefix of every key: the bridge's namespace, or the robot's name.
             stamped: True to send TwistStamped.
         """
         self.codec, self._prefix, self._stamped = codec, prefix.strip("/"), stamped
 
     def heard_key(self, topic: str) -> str:
-        """See `Wire.heard_key`."""
+        """The key of a topic, with the prefix."""
         return "/".join(filter(None, (self._prefix, topic.strip("/"))))
 
     def type_of(self, key: str, default: str) -> str:
-        """See `Wire.type_of`."""
+        """The type of a received message: the expected one, or its compressed or stamped variant."""
         if default == IMAGE_TYPE and key.endswith((COMPRESSED_SUFFIX, COMPRESSED_DEPTH_SUFFIX)):
             return COMPRESSED_TYPE
         return STAMPED_TWIST_TYPE if self._stamped and default == TWIST_TYPE else default
 
     def address(self, session: ForeignSession, topic: str, type_names: tuple[str, ...], kind: str) -> Address:
-        """See `Wire.address`."""
+        """The topic's key, with the first type or TwistStamped; arguments as in `Wire.address`."""
         stamped = self._stamped and STAMPED_TWIST_TYPE in type_names
         return Address(key=self.heard_key(topic), type_name=STAMPED_TWIST_TYPE if stamped else type_names[0])
 
     def announce(self, session: ForeignSession, topic: str, address: Address, kind: str, number: int) -> str:
-        """Nobody asks."""
+        """Return an empty token: this transport has no announcements."""
         return ""
 
     def attachment(self, number: int, time_ns: int, token: str) -> bytes:
-        """None."""
+        """Empty bytes: messages of this transport have no attachment."""
         return b""
 
     def topics(self, session: ForeignSession, kind: str) -> list[Endpoint]:
-        """Nobody says."""
+        """Empty list: nodes of this transport are not announced."""
         return []
 
 
 def make_wire(name: WireName, *, domain: int, prefix: str, stamped: bool, node: str) -> Wire:
-    """The wire of a name.
+    """Make a transport by name.
 
     Raises:
-        ConfigError: If it needs rosbags, and that is not installed.
+        ConfigError: If the transport needs rosbags, which is not installed.
     """
     if name == "ros2":
         return RosWire(domain, node)

@@ -1,1 +1,1 @@
-"""What an evaluation leaves behind to be looked at: films, a report, a gallery of failures."""
+"""Visual output of an evaluation: videos, a report, a gallery of failures."""

@@ -1,4 +1,4 @@
-"""One episode of an evaluation, driven again from what its folder keeps."""
+"""Replay of one episode of an evaluation from the files in its folder."""
 
 import shlex
 from collections.abc import Iterator
@@ -16,20 +16,20 @@ from readygo.services.evaluator import EXPERT, POLICY, EpisodeRecord, Results, r
 from readygo.services.evaluator.episodes import as_task
 
 SPEC_FILE = "spec.msgpack"
-"""Where the scene and the avatars are, and all settings."""
+"""File with the places of scene and avatars, and all settings."""
 
 
 def keep_spec(folder: Path, spec: RunSpec) -> None:
-    """Write what an evaluation was driven in.
+    """Write the spec of an evaluation: scene, avatars and settings.
 
     Raises:
-        ReadygoError: If it cannot be written.
+        ReadygoError: If the file cannot be written.
     """
     write_whole(folder / SPEC_FILE, encode(spec))
 
 
 def plan_command(folder: Path, record: EpisodeRecord) -> str:
-    """The command line that shows more of an episode."""
+    """The `readygo plan` command line that replays an episode."""
     chosen = ["--task", record.task.value, "--method", record.method]
     words = ["readygo", "plan", "--from", str(folder), record.episode.episode_id, *chosen, "--picture", "episode.png"]
     return shlex.join(words)
@@ -39,16 +39,16 @@ def plan_command(folder: Path, record: EpisodeRecord) -> str:
 def kept_episode(
     folder: Path, episode: str, task: str = "", method: str = ""
 ) -> Iterator[tuple[Replays, EpisodeRecord]]:
-    """An episode of a finished evaluation, and what drives it again.
+    """Open an episode of a finished evaluation, for a replay.
 
     Args:
-        folder: Of the evaluation.
+        folder: Folder of the evaluation.
         episode: Name of the episode, such as test-0-000003.
-        task: Which of its tasks; may be empty where it has one.
-        method: Who drove; the policy if it is empty, else the expert, else the only one.
+        task: Task of the episode; may be empty if the evaluation has only one.
+        method: Driver of the episode; if empty, the policy, else the expert, else the only one.
 
     Raises:
-        RunError: If the folder has no such episode, or scene or avatars are not those of the evaluation any more.
+        RunError: If the folder has no such episode, or scene or avatars have changed since the evaluation.
     """
     with read_results(folder) as results:
         record = _find_record(results, episode, task, method)
@@ -91,7 +91,7 @@ def _read_spec(folder: Path) -> RunSpec:
 
 
 def _check_world(world: World, results: Results) -> None:
-    """Refuse a spec of another evaluation than the folder's."""
+    """Raise RunError unless the spec belongs to the folder's evaluation."""
     settings = results.settings()
     own = {name: settings.get(name) for name in ("scene", "avatars", "scenarios", "config")}
     ours = {name: value for name, value in identity(world.spec).items() if name in own}

@@ -1,4 +1,4 @@
-"""Which episodes of an evaluation are filmed."""
+"""Selection of the episodes of an evaluation for videos."""
 
 from collections.abc import Sequence
 
@@ -13,30 +13,30 @@ FAILURES = {
     Outcome.STATIC_COLLISION: "hit a thing",
     Outcome.TIMEOUT: "too late",
 }
-"""How episodes fail, in words, the worst first."""
+"""Failed outcomes in words, the worst first."""
 
 
 def watched_method(methods: Sequence[str]) -> str:
-    """Whose episodes are filmed and shown: the policy's where one drives, else those of the first method."""
+    """Method whose episodes are filmed and shown: the policy if it drives, else the first method."""
     return POLICY if POLICY in methods else methods[0]
 
 
 def check_wanted(wanted: Sequence[str]) -> None:
-    """Raise RunError unless `--video` names episodes in a way that `filmed` understands."""
+    """Raise RunError unless each value of `--video` is "worst", "failures" or an index."""
     for name in wanted:
         if name not in (FAILED, WORST) and not name.isdecimal():
             raise RunError(f'--video takes "{FAILED}", "{WORST}" or indices of episodes, got {name!r}.')
 
 
 def filmed(records: Sequence[EpisodeRecord], wanted: Sequence[str]) -> list[EpisodeRecord]:
-    """The episodes that are wanted, the worst first.
+    """The requested episodes, the worst first.
 
     Args:
-        records: Of one method.
-        wanted: "failures" for all of them, "worst" for the few that went worst, and indices, of every task.
+        records: Episodes of one method.
+        wanted: "failures" for all failures, "worst" for the few worst episodes, and indices, of every task.
 
     Raises:
-        RunError: If no episode has an index that is wanted.
+        RunError: If no episode has a requested index.
     """
     ranked = sorted(records, key=badness)
     failed = [record for record in ranked if record.result.outcome in FAILURES]
@@ -49,7 +49,7 @@ def filmed(records: Sequence[EpisodeRecord], wanted: Sequence[str]) -> list[Epis
 
 
 def badness(record: EpisodeRecord) -> tuple[int, float, int]:
-    """Sorts the worst first: by kind of failure, then by how near a human came."""
+    """Sort key, the worst first: kind of failure, then smallest distance to a human."""
     kinds = list(FAILURES)
     kind = kinds.index(record.result.outcome) if record.result.outcome in kinds else len(kinds)
     return kind, record.human_distance_min_m, record.episode.index

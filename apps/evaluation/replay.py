@@ -1,4 +1,4 @@
-"""Episodes of an evaluation, driven once more by the commands that were kept: on the map, in images, as films."""
+"""Replays of an evaluation's episodes by their saved commands: on the map, in images, as videos."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -26,14 +26,14 @@ from readygo.services.renderer import Renderer
 MAP_PX = (460, 330)
 """Largest width and height of an episode's map on a page."""
 STRIP_PX = 480
-"""Width of several cameras' images together in a strip, about."""
+"""Approximate width of several cameras' images together in a strip [px]."""
 BEFORE_END_S = (4.0, 3.0, 2.0, 1.0, 0.5, 0.0)
-"""The strip of a collision shows what the robot saw this long before [s]."""
+"""Times of the images in the strip of a collision, before its end [s]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StripImage:
-    """What the robot saw at one time."""
+    """The robot's camera image at one time."""
 
     time_s: float
     """Simulated time since the episode began [s]."""
@@ -41,7 +41,7 @@ class StripImage:
 
 
 class _ReplayDriver:
-    """Executes what a robot executed."""
+    """Driver that repeats the recorded commands of an episode."""
 
     looks = False
 
@@ -49,23 +49,23 @@ class _ReplayDriver:
         self._record, self._actions = record, actions
 
     def start(self, simulation: EpisodeSimulation) -> None:
-        """Nothing to remember."""
+        """Begin an episode; a replay has no memory."""
 
     def act(self, running: Sequence[tuple[EpisodeSimulation, None]]) -> list[Command | DriverFailure]:
-        """See `Driver.act`."""
+        """The recorded command of each running episode at its current step."""
         return [self._command(simulation) for simulation, _ in running]
 
     def _command(self, simulation: EpisodeSimulation) -> Command:
         if simulation.step >= len(self._actions):
             raise _another_way(self._record)
         v_mps, w_radps = self._actions[simulation.step].tolist()
-        # Kept is what it executed at every step, not what it was commanded at some.
+        # The record holds the executed motion of every step, not the command of each decision.
         simulation.hold(v_mps, w_radps)
         return v_mps, w_radps
 
 
 class Replays:
-    """Drives the episodes of an evaluation once more."""
+    """Replays the episodes of an evaluation."""
 
     def __init__(
         self,
@@ -77,15 +77,15 @@ class Replays:
         *,
         sees: Sequence[str] = (),
     ) -> None:
-        """Prepare the place.
+        """Prepare replays.
 
         Args:
-            world: Of the evaluation.
-            results: What was kept of it.
-            episodes: Those that were driven.
-            renderer: Of the world; made when it is needed if there is none yet.
+            world: World of the evaluation.
+            results: Saved results of the evaluation.
+            episodes: Episodes that were driven.
+            renderer: Renderer of the world; if None, one is made when it is needed.
             simulate: Starts an episode, as in the evaluation.
-            sees: Images by which the policy drives; they are shown beside those that are recorded.
+            sees: Images that the policy uses; they are shown beside the recorded ones.
         """
         self.world, self.folder, self._results = world, results.folder, results
         self._episodes: Mapping[tuple[Task, EpisodeKey], MatchedEpisode] = {
@@ -93,25 +93,25 @@ class Replays:
         }
         self._made_renderer, self._simulate, self._sees = renderer, simulate, sees
         self._walked: dict[RecordKey, EpisodeMotions] = {}
-        """What humans did who decided as they went."""
+        """Motions of reactive humans in replayed episodes."""
         self._actions: dict[RecordKey, npt.NDArray[np.float64]] = {}
 
     def load(self, records: Sequence[EpisodeRecord]) -> list[EpisodeRecord]:
-        """Read what some episodes were driven with, and return those of which it was kept."""
+        """Read the saved commands of some episodes, and return the episodes that have them."""
         self._actions |= self._results.actions([record.key for record in records if record.key not in self._actions])
         return [record for record in records if record.key in self._actions]
 
     def episode(self, record: EpisodeRecord) -> MatchedEpisode:
-        """Start, goal and humans of an episode; as they walked, once `trajectory` was asked for."""
+        """Start, goal and humans of an episode; after a call of `trajectory`, with the humans' replayed motions."""
         episode = self._episodes[record.task, record.episode]
         walked = self._walked.get(record.key)
         return episode if walked is None else dataclasses.replace(episode, motions=walked)
 
     def trajectory(self, record: EpisodeRecord) -> RobotTrajectory:
-        """What the robot did.
+        """The robot's trajectory in an episode.
 
         Raises:
-            RunError: If the episode goes another way now.
+            RunError: If the replay differs from the record.
         """
         simulation = self._simulate(self._episodes[record.task, record.episode])
         run_episode(simulation, self._driver(record))
@@ -121,7 +121,7 @@ class Replays:
         return self._checked(record, simulation.trajectory())
 
     def draw(self, record: EpisodeRecord, trajectory: RobotTrajectory) -> Picture:
-        """Who went where, on the map."""
+        """The map with the trajectories of robot and humans."""
         episode = self.episode(record)
         scenario, motions = episode.scenario, episode.motions
         planner = self.world.robot_planner.of(scenario.episode)
@@ -132,7 +132,7 @@ class Replays:
         return picture
 
     def strip(self, record: EpisodeRecord, trajectory: RobotTrajectory) -> list[StripImage]:
-        """What the robot saw: before the collision, or all the time."""
+        """Camera images of an episode: the last seconds before a collision, else the whole episode."""
         episode = self.episode(record)
         look = RobotView(
             self._renderer, episode.scenario, episode.motions, trajectory, sees=self._sees, width_px=STRIP_PX
@@ -140,21 +140,21 @@ class Replays:
         return [StripImage(time_s=step * trajectory.dt_s, rgb=look(step)) for step in strip_steps(trajectory)]
 
     def film(self, path: Path, record: EpisodeRecord) -> None:
-        """Write a film of an episode: what the robot saw beside the map.
+        """Write a video of an episode: the robot's camera images beside the map.
 
         Raises:
-            RunError: If the episode goes another way now.
-            ReadygoError: If the film cannot be written.
+            RunError: If the replay differs from the record.
+            ReadygoError: If the video cannot be written.
         """
         run = self.run(record)
         planner = self.world.robot_planner.of(run.scenario.episode)
         write_film(path, run_film(planner, run, self.view(run)))
 
     def run(self, record: EpisodeRecord) -> DrivenRun:
-        """An episode, with what the expert knew and would have done.
+        """Replay an episode, with the expert's knowledge and labels.
 
         Raises:
-            RunError: If the episode goes another way now.
+            RunError: If the replay differs from the record.
         """
         self.trajectory(record)
         episode = self.episode(record)
@@ -168,7 +168,7 @@ class Replays:
         return run
 
     def view(self, run: DrivenRun) -> RobotView:
-        """What the robot sees in an episode."""
+        """The view of the robot's cameras in an episode."""
         return RobotView(self._renderer, run.scenario, run.motions, run.trajectory, sees=self._sees)
 
     @cached_property
@@ -186,7 +186,7 @@ class Replays:
 
 
 def strip_steps(trajectory: RobotTrajectory) -> list[int]:
-    """The steps that a strip shows: the last seconds of a collision, all of another episode."""
+    """The steps that a strip shows: the last seconds before a collision, else steps of the whole episode."""
     step_count = len(trajectory.xyyaw)
     if trajectory.outcome in (Outcome.HUMAN_COLLISION, Outcome.STATIC_COLLISION):
         steps = [step_count - 1 - round(before_s * trajectory.rate_hz) for before_s in BEFORE_END_S]

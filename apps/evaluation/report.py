@@ -1,4 +1,4 @@
-"""The pages of an evaluation: how everybody did, and what the failures look like."""
+"""The web pages of an evaluation: scores of all methods, and a gallery of failures."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -32,37 +32,37 @@ _END_COLOURS: Mapping[Outcome, Rgb] = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Failure:
-    """One episode that failed, to be looked at."""
+    """One failed episode of the gallery."""
 
     record: EpisodeRecord
     goal_distance_m: float
-    """How far the goal was at the end [m]."""
+    """Distance to the goal at the end [m]."""
     picture: Picture
-    """Who went where, on the map."""
+    """The map with the trajectories of robot and humans."""
     strip: Sequence[StripImage]
     film: Path | None = None
-    """Beside the page."""
+    """Path of its video, in the page's folder; None without one."""
     command: str = ""
-    """Shows more of it."""
+    """Command line that replays the episode."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EvaluationContent:
-    """What the pages show."""
+    """Content of the pages."""
 
     title: str
     watched: str
-    """Whose runs are shown."""
+    """Method whose runs are shown."""
     summaries: Mapping[tuple[Task, str], TaskSummary]
     occupancy: OccupancyMap
     runs: Sequence[tuple[EpisodeRecord, RobotTrajectory]]
-    """Those that are drawn on the map."""
+    """Episodes and trajectories that are drawn on the map."""
     failure_count: int
-    """All failures of who is watched, shown or not."""
+    """Number of all failures of the watched method, shown or not."""
     failures: Sequence[Failure]
     films: Sequence[tuple[EpisodeRecord, Path]]
     tables: Mapping[str, str] = field(default_factory=dict)
-    """HTML by heading, see `tables`."""
+    """HTML of the tables of module `tables`, by heading."""
     facts: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -87,7 +87,7 @@ def report_html(content: EvaluationContent) -> str:
 
 
 def gallery_html(content: EvaluationContent) -> str:
-    """The page of the failures, kind by kind."""
+    """The page of the failures, grouped by kind."""
     groups: dict[tuple[Task, Outcome], list[Failure]] = {}
     for failure in content.failures:
         groups.setdefault((failure.record.task, failure.record.result.outcome), []).append(failure)
@@ -107,7 +107,7 @@ def gallery_html(content: EvaluationContent) -> str:
 
 
 def draw_runs(occupancy: OccupancyMap, runs: Sequence[tuple[EpisodeRecord, RobotTrajectory]]) -> Picture:
-    """Ways of many episodes on the whole map; a dot says how each ended."""
+    """Paths of many episodes on the whole map; the colour of a dot shows how each ended."""
     view = plan_view.resized(plan_view.map_view(occupancy), _MAP_HEIGHT_PX)
     picture = view.rgb.copy()
     for _, trajectory in runs:
@@ -179,7 +179,7 @@ def _headline(record: EpisodeRecord) -> str:
 
 
 def _why(record: EpisodeRecord) -> list[str]:
-    """What is known of how it failed."""
+    """Lines that explain the failure of an episode."""
     said = [record.category.value] if record.category else []
     contact = record.result.conduct.contact if record.result.conduct else None
     if contact is not None:

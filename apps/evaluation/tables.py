@@ -1,4 +1,4 @@
-"""The tables of an evaluation: all measures, methods beside each other, kinds of failure; on a page and for a paper."""
+"""The tables of an evaluation, in HTML and LaTeX: all measures, comparisons of methods, kinds of failure."""
 
 import math
 from collections import Counter
@@ -15,13 +15,13 @@ _LATEX_SPECIAL = str.maketrans({"_": r"\_", "%": r"\%", "&": r"\&", "#": r"\#"})
 _NOTE = (
     "In brackets: 95 % intervals, Wilson's of rates, else of 2,000 resamples of the episodes. Robot's fault: it drove "
     "into a human that its camera had shown for 1 s or longer. Personal space: share of the time within 0.5 m of "
-    "somebody's side. Near misses: encounters within 0.2 m, per episode. Jerk: root mean square of the speed's "
+    "a human's side. Near misses: encounters within 0.2 m, per episode. Jerk: root mean square of the speed's "
     "second derivative; turn acceleration: mean change of the turn rate."
 )
 
 
 def measures_html(scores: Mapping[Group, Mapping[str, Score]]) -> str:
-    """Every measure of every method, a table per task."""
+    """HTML tables with every measure of every method, one per task."""
     tables = "".join(
         f"<h3>{escape(TASK_NAMES[task].capitalize())}</h3>{_of_task(task, scores)}" for task in _tasks(scores)
     )
@@ -29,7 +29,7 @@ def measures_html(scores: Mapping[Group, Mapping[str, Score]]) -> str:
 
 
 def comparisons_html(comparisons: Sequence[Comparison]) -> str:
-    """Methods beside each other on the same episodes."""
+    """HTML table of paired comparisons of methods on the same episodes."""
     if not comparisons:
         return ""
     columns = (
@@ -48,7 +48,7 @@ def comparisons_html(comparisons: Sequence[Comparison]) -> str:
 
 
 def failures_html(counts: Mapping[Group, Counter[Category]]) -> str:
-    """How often each method fails in which way."""
+    """HTML table of failure counts by method and kind."""
     kinds = [kind for kind in Category if any(kind in of_group for of_group in counts.values())]
     if not kinds:
         return ""
@@ -61,7 +61,7 @@ def failures_html(counts: Mapping[Group, Counter[Category]]) -> str:
 
 
 def latex(scores: Mapping[Group, Mapping[str, Score]]) -> str:
-    """A table for a paper, with the package booktabs: a row per task and method."""
+    """LaTeX table for a paper, with the package booktabs: a row per task and method."""
     measures = [measure for measure in MEASURES if measure.name in LATEX_MEASURES]
     heads = [_title(measure) for measure in measures]
     lines = [
@@ -83,7 +83,7 @@ def _tasks(scores: Mapping[Group, Mapping[str, Score]]) -> list[Task]:
 
 
 def _of_task(task: Task, scores: Mapping[Group, Mapping[str, Score]]) -> str:
-    """Measures as rows, methods as columns."""
+    """HTML table of one task: measures as rows, methods as columns."""
     methods = [method for of_task, method in scores if of_task is task]
     measures = [measure for measure in MEASURES if any(measure.name in scores[task, method] for method in methods)]
     columns = (Column("Measure"), *(Column(short_name(method), "n") for method in methods))

@@ -1,4 +1,4 @@
-"""From what an evaluation kept to films and pages."""
+"""Writes the videos and pages of an evaluation from its saved results."""
 
 import math
 from collections.abc import Sequence
@@ -25,21 +25,21 @@ from readygo.services.evaluator.scores import compare_all, failure_counts, score
 LATEX_FILE = "table.tex"
 FILMS_FOLDER, FILM_ENDING = "films", ".webm"
 SHOWN_MAX = 24
-"""Failures on a page."""
+"""Largest number of failures on a page."""
 
 
 def write_films(replays: Replays, request: EvaluateRequest, reply: EvaluateReply, wanted: Sequence[str]) -> None:
-    """Write the films that are wanted and not there yet.
+    """Write the requested videos that do not exist yet.
 
     Args:
-        replays: Of the evaluation.
-        request: What was asked for.
-        reply: How it went.
-        wanted: See `filmed`.
+        replays: Replays of the evaluation.
+        request: Request of the evaluation.
+        reply: Result of the evaluation.
+        wanted: Episodes to film: "failures", "worst" or indices.
 
     Raises:
-        RunError: If an episode that is wanted was not driven.
-        ReadygoError: If a film cannot be written.
+        RunError: If a requested episode was not driven.
+        ReadygoError: If a video cannot be written.
     """
     for record in replays.load(filmed(_watched(request, reply), wanted)):
         path = film_path(replays.folder, record)
@@ -54,18 +54,18 @@ def write_pages(
     *,
     title: str,
 ) -> None:
-    """Write the report and, if anything failed, the gallery of failures, with the films that are there.
+    """Write the report and, if an episode failed, the gallery of failures, with the existing videos.
 
-    What `readygo plan --from` needs is written as well.
+    The files that `readygo plan --from` needs are written as well.
 
     Args:
-        replays: Of the evaluation.
-        request: What was asked for.
-        reply: How it went.
-        title: Who drove, and where.
+        replays: Replays of the evaluation.
+        request: Request of the evaluation.
+        reply: Result of the evaluation.
+        title: Driver and scene, for the heading.
 
     Raises:
-        ReadygoError: If they cannot be written.
+        ReadygoError: If a file cannot be written.
     """
     records, folder, scene = _watched(request, reply), replays.folder, replays.world.scene
     runs = {record.key: (record, replays.trajectory(record)) for record in replays.load(records)}
@@ -109,7 +109,7 @@ def _tables(reply: EvaluateReply, request: EvaluateRequest, time_limit_s: float)
 
 
 def shown(failed: Sequence[EpisodeRecord]) -> list[EpisodeRecord]:
-    """The failures that find room on a page, of every task and kind in turn, and in the order in which they came."""
+    """The failures to show, at most `SHOWN_MAX`: taken from every task and kind in turn, in their original order."""
     groups: dict[object, list[EpisodeRecord]] = {}
     for record in failed:
         groups.setdefault((record.task, record.result.outcome), []).append(record)
@@ -118,7 +118,7 @@ def shown(failed: Sequence[EpisodeRecord]) -> list[EpisodeRecord]:
 
 
 def film_path(folder: Path, record: EpisodeRecord) -> Path:
-    """Where an episode's film lies."""
+    """Path of an episode's video."""
     name = f"{record.task.value}-{short_name(record.method)}-{record.episode.index:06d}{FILM_ENDING}"
     return folder / FILMS_FOLDER / name
 

@@ -1,1 +1,1 @@
-"""Recorded data in the formats of other programs: how they are written, and how an export goes on after a stop."""
+"""Export of recorded data to the formats of other frameworks; an interrupted export resumes."""

@@ -1,6 +1,6 @@
-"""Rows as Arrow tables, with the metadata from which Hugging Face's `datasets` knows images from bytes.
+"""Rows as Arrow tables, with the metadata by which Hugging Face's `datasets` distinguishes images from bytes.
 
-pyarrow is of the extra `export`, and imported where it is used.
+pyarrow belongs to the extra `export`, and is imported where it is used.
 """
 
 import json
@@ -15,12 +15,12 @@ from readygo.common.errors import DatasetError
 from readygo.common.files import unfinished
 
 ROW_GROUP = 256
-"""Rows that are written, and read, together: readers keep one group of images in memory."""
+"""Rows per Parquet row group: readers hold the images of one group in memory."""
 Column = npt.NDArray[np.generic] | list[bytes] | list[str]
 
 
 def feature_of(column: Column) -> dict[str, Any]:
-    """What `datasets` calls a column: an array by its dtype and width, bytes as images, text as strings."""
+    """The feature of a column in `datasets`: arrays by dtype and width, bytes as images, text as strings."""
     if isinstance(column, list):
         return {"_type": "Image"} if isinstance(column[0], bytes) else {"dtype": "string", "_type": "Value"}
     value = {"dtype": str(column.dtype), "_type": "Value"}
@@ -28,7 +28,7 @@ def feature_of(column: Column) -> dict[str, Any]:
 
 
 def table_of(columns: Mapping[str, Column]) -> Any:
-    """An Arrow table of columns of one length."""
+    """An Arrow table from columns of equal length."""
     import pyarrow as pa
 
     features = {name: feature_of(column) for name, column in columns.items()}
@@ -37,10 +37,10 @@ def table_of(columns: Mapping[str, Column]) -> Any:
 
 
 def write_tables(path: Path, tables: Iterable[Any]) -> int:
-    """Write tables of one schema, one after the other, as one Parquet file; says how large it became.
+    """Write tables of one schema, one after the other, to one Parquet file; returns its size [bytes].
 
     Raises:
-        DatasetError: If it cannot be written.
+        DatasetError: If the file cannot be written.
     """
     import pyarrow.parquet as pq
 

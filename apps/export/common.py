@@ -1,4 +1,4 @@
-"""What several formats have in common: the task in words, JSON files, names of images."""
+"""Shared parts of several formats: the task in words, JSON files, names of images."""
 
 import json
 from collections.abc import Iterable, Mapping
@@ -33,10 +33,10 @@ def write_json_lines(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
 
 
 def suffix(image: bytes) -> str:
-    """Ending of the name of an encoded image."""
+    """File extension of an encoded image."""
     return "jpg" if image.startswith(_JPEG) else "png"
 
 
 def described(episode: ExportedEpisode, **more: Any) -> dict[str, Any]:
-    """What is said of an episode in a list of all."""
+    """The entry of an episode in a list of all episodes."""
     return {"episode": episode.number, "name": episode.name, "rows": len(episode), **episode.facts, **more}

@@ -16,21 +16,21 @@ MB = 1_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class Format:
-    """One format: how a part of an export is written, and what is written when all parts are there."""
+    """One format: functions that write a part of an export, and the files that describe all parts."""
 
     write: Callable[[Source, Part, Path], Mapping[str, Any]]
     """Writes a part's files below the folder; what it returns, plain values, goes to `finish`."""
     finish: Callable[[Source, Path, Sequence[Any]], None]
-    """Writes what describes all parts."""
+    """Writes the files that describe all parts."""
     part_bytes: int
-    """Images of a part, about."""
+    """Approximate size of a part's images [bytes]."""
     rate_hz: int | None = None
-    """Rows per second unless asked otherwise; None is one row for every image."""
+    """Default number of rows per second [Hz]; None for one row per image."""
     package: str = ""
-    """What must be installed for it, of the extra `export`."""
+    """Required package, from the extra `export`; empty if none."""
 
     def check(self) -> None:
-        """See whether it can be written here.
+        """Check that the format's package is installed.
 
         Raises:
             ConfigError: If a package is missing.

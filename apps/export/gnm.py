@@ -31,7 +31,7 @@ def write(source: Source, part: Part, out: Path) -> Mapping[str, Any]:
 
 
 def finish(source: Source, out: Path, facts: Sequence[Any]) -> None:
-    """Write the splits, and what the trainer's configuration needs to know."""
+    """Write the splits, and the entry for the trainer's configuration."""
     theirs = {"train": (Split.TRAIN,), "test": (Split.VAL, Split.TEST)}
     for name, splits in theirs.items():
         names = [source.episode(number).name for split in splits for number in source.of_split(split)]
@@ -43,16 +43,16 @@ def finish(source: Source, out: Path, facts: Sequence[Any]) -> None:
 
 
 def _write_trajectory(episode: ExportedEpisode, out: Path) -> float:
-    """Write one trajectory; says how long its way is [m]."""
+    """Write one trajectory; returns the length of its path [m]."""
     poses = episode.dataset.poses[episode.samples]
     with unfinished_folder(out / episode.name, good=lambda: False, raises=DatasetError) as folder:
         for number, image in enumerate(episode.images()):
-            # Their loader asks for this ending, and looks into the file for what it is.
+            # Their loader requires this extension, and detects the format from the content.
             (folder / f"{number}.jpg").write_bytes(image)
         (folder / "traj_data.pkl").write_bytes(_pickled({"position": poses[:, :2].copy(), "yaw": poses[:, 3].copy()}))
     return float(np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1).sum())
 
 
 def _pickled(value: Any) -> bytes:
-    """A pickle that every NumPy reads: since 2.0 its arrays name a module that older ones lack."""
+    """A pickle for all versions of NumPy: since 2.0 pickled arrays name a module that older versions lack."""
     return pickle.dumps(value, protocol=3).replace(_NEW_NUMPY, _ANY_NUMPY)

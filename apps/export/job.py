@@ -1,4 +1,4 @@
-"""An export as a job of parts: each is written whole or not at all, side by side, and none twice."""
+"""An export as a job of parts: each part is written atomically and once, several in parallel."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,48 +17,48 @@ from readygo.common.files import write_whole
 
 STATE_FOLDER = ".readygo-export"
 WAITING_MAX = 2
-"""Parts that wait for each process: many parts cost no memory."""
+"""Largest number of waiting parts per process, which bounds memory."""
 
 Progress = Callable[[int, int], None]
-"""Hears the episodes that are done, and all."""
+"""Called with the numbers of finished and of all episodes."""
 Facts = Mapping[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExportJob:
-    """What is exported to where."""
+    """Data, format and folder of an export."""
 
     data: tuple[Path, ...]
     to: str
     out: Path
     rate_hz: int | None = None
-    """Rows per second; the format's own rate by default."""
+    """Rows per second [Hz]; the format's rate by default."""
 
     @property
     def format(self) -> Format:
-        """The format."""
+        """The format that `to` names."""
         return FORMATS[self.to]
 
     def source(self) -> Source:
-        """What it reads."""
+        """The episodes to export."""
         return Source(self.data, self.rate_hz or self.format.rate_hz)
 
 
 def export(job: ExportJob, *, workers: int = 1, progress: Progress = lambda done, total: None) -> dict[str, Any]:
-    """Do a job, or what is left of it.
+    """Run an export, or the rest of it.
 
     Args:
-        job: What to do.
-        workers: Processes that write parts side by side; 1 is this process.
-        progress: Hears how far it is.
+        job: The export.
+        workers: Processes that write parts in parallel; 1 is this process.
+        progress: Called with the numbers of finished and of all episodes.
 
     Returns:
-        What was written, as plain values.
+        Summary of the written files, as plain values.
 
     Raises:
         DatasetError: If the data or the folder cannot be used.
-        ConfigError: If the rate does not fit.
-        ReadygoError: If something cannot be written, or a package is missing.
+        ConfigError: If the rate does not fit the images.
+        ReadygoError: If a file cannot be written, or a package is missing.
     """
     job.format.check()
     if workers < 1:
@@ -87,13 +87,13 @@ def export(job: ExportJob, *, workers: int = 1, progress: Progress = lambda done
 
 
 class _State:
-    """The folder in which a job notes what is done."""
+    """The folder with the state of a job: its identity and its finished parts."""
 
     def __init__(self, out: Path) -> None:
         self._out, self._folder = out, out / STATE_FOLDER
 
     def begin(self, identity: Facts) -> None:
-        """Take the folder for a job, or find that it is this job's."""
+        """Claim the folder for a job, or check that it belongs to this job."""
         file = self._folder / "job.json"
         if file.exists():
             theirs = read_json(file)
@@ -129,7 +129,7 @@ def _identity(job: ExportJob, source: Source) -> dict[str, Any]:
 
 
 def _written(job: ExportJob, source: Source, parts: Sequence[Part], workers: int) -> Iterator[tuple[Part, Facts]]:
-    """Write parts, and say what they hold as they are done."""
+    """Write parts, and yield each with its facts when it is done."""
     if workers == 1 or len(parts) < 2:
         for part in parts:
             yield part, job.format.write(source, part, job.out)
@@ -150,7 +150,7 @@ def _written(job: ExportJob, source: Source, parts: Sequence[Part], workers: int
 
 
 _opened: list[tuple[ExportJob, Source]] = []
-"""What a process of the pool writes from."""
+"""Job and source of a process of the pool."""
 
 
 def _open(job: ExportJob) -> None:

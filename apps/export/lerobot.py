@@ -2,10 +2,10 @@
 
     data/chunk-000/file-000.parquet             rows of several episodes
     meta/episodes/chunk-000/file-000.parquet    for each of them: its rows, files and statistics
-    meta/info.json, stats.json, tasks.parquet   features, rates, splits; statistics of everything; the one task
+    meta/info.json, stats.json, tasks.parquet   features, rates, splits; overall statistics; the one task
 
-An episode's state is what the robot's policy knows besides the image: the goal in the robot's frame and the command
-that it executes. Layout: https://huggingface.co/docs/lerobot/lerobot-dataset-v3 and `lerobot/datasets/utils.py`.
+An episode's state holds the policy's inputs besides the image: the goal in the robot's frame and the command that the
+robot executes. Layout: https://huggingface.co/docs/lerobot/lerobot-dataset-v3 and `lerobot/datasets/utils.py`.
 """
 
 import json
@@ -40,11 +40,11 @@ NAMES: Mapping[str, list[str] | None] = {
     "index": None,
     "task_index": None,
 }
-"""The features besides the image, and what their numbers are."""
+"""Features besides the image, with the names of their components."""
 
 
 def write(source: Source, part: Part, out: Path) -> Mapping[str, Any]:
-    """Write the rows of a part, and what is known of its episodes."""
+    """Write the rows of a part, and return the facts about its episodes."""
     chunk, number = divmod(part.number, CHUNK_FILES)
     place = FILE.format(chunk_index=chunk, file_index=number)
     about: list[dict[str, Any]] = []
@@ -61,11 +61,11 @@ def write(source: Source, part: Part, out: Path) -> Mapping[str, Any]:
 
 
 def finish(source: Source, out: Path, facts: Sequence[Any]) -> None:
-    """Write what describes all files."""
+    """Write the files in meta/, which describe the whole export."""
     import pyarrow as pa
 
     write_json(out / "meta" / "stats.json", merged([part["statistics"] for part in facts]))
-    # pandas reads the task as the row's name.
+    # pandas reads the task as the row's index.
     types = {"task_index": ("int64", "int64"), "task": ("unicode", "object")}
     described = [
         {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": dtype, "metadata": None}
@@ -90,7 +90,7 @@ def numbers_of(episode: ExportedEpisode) -> dict[str, npt.NDArray[np.generic]]:
         "action": columns["action"],
         "next.done": done,
         "next.success": done & np.bool_(episode.entry.outcome.value == "success"),
-        # Rows of LeRobot are at multiples of 1 / fps.
+        # LeRobot requires timestamps at multiples of 1 / fps.
         "timestamp": columns["time_s"],
         "frame_index": numbers,
         "episode_index": np.full(count, episode.number),
@@ -100,7 +100,7 @@ def numbers_of(episode: ExportedEpisode) -> dict[str, npt.NDArray[np.generic]]:
 
 
 def _about(episode: ExportedEpisode, columns: Mapping[str, Any], chunk: int, number: int) -> dict[str, Any]:
-    """A row of meta/episodes."""
+    """An episode's row of meta/episodes."""
     statistics: Statistics = {IMAGE: of_images(list(episode.images()))}
     statistics |= {name: of_rows(column) for name, column in columns.items()}
     places = {

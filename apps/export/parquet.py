@@ -19,7 +19,7 @@ from readygo.common.files import write_whole
 from readygo.common.messages import Split
 
 NAMES = {Split.TRAIN: "train", Split.VAL: "validation", Split.TEST: "test"}
-"""What Hugging Face calls the splits."""
+"""Names of the splits at Hugging Face."""
 
 
 def write(source: Source, part: Part, out: Path) -> Mapping[str, Any]:

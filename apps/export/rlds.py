@@ -45,7 +45,7 @@ def write(source: Source, part: Part, out: Path) -> Mapping[str, Any]:
 
 
 def finish(source: Source, out: Path, facts: Sequence[Any]) -> None:
-    """Give the files names that say how many there are, and write what is in them."""
+    """Rename the files to include their total number, and write the files that describe them."""
     splits = []
     for split in (split.value for split in SPLITS):
         of_split = [part for part in facts if part["split"] == split]

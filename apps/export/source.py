@@ -1,4 +1,4 @@
-"""What is exported: the episodes of a dataset, their rows at a rate, and how they are spread over files."""
+"""The source of an export: the episodes of a dataset, their rows at a rate, and their division into parts."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from readygo.common.errors import ConfigError
 from readygo.common.messages import Split
 
 SPLITS = tuple(Split)
-"""In the order in which episodes are exported."""
+"""Splits in the order of the export."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -23,9 +23,9 @@ class ExportedEpisode:
     """One episode as rows; each has an image."""
 
     number: int
-    """Number of the episode in what is exported."""
+    """Number of the episode in the export."""
     first_row: int
-    """Number of its first row in what is exported."""
+    """Number of its first row in the export."""
     entry: EpisodeEntry
     dataset: Dataset
     samples: npt.NDArray[np.int64]
@@ -36,12 +36,12 @@ class ExportedEpisode:
 
     @property
     def name(self) -> str:
-        """Name of the episode, its own even where several runs use the same keys."""
+        """Name of the episode, unique even if several runs use the same keys."""
         return f"{self.number:06d}-{self.entry.episode.episode_id}"
 
     @property
     def facts(self) -> dict[str, str | int]:
-        """What is the same at all rows."""
+        """Values that are constant over the episode's rows."""
         entry = self.entry
         return {
             "episode_id": entry.episode.episode_id,
@@ -59,7 +59,7 @@ class ExportedEpisode:
 
     @cached_property
     def columns(self) -> dict[str, npt.NDArray[Any]]:
-        """The numbers of all rows by name, shape (T,) or (T, n); docs/export.md says what they are."""
+        """The numbers of all rows by name, shape (T,) or (T, n); docs/export.md describes them."""
         dataset, truth = self.dataset, self.dataset.truth[self.samples]
         actions = self._mean_actions()
         before = np.vstack([np.zeros((1, 2), np.float32), actions[:-1]])
@@ -87,10 +87,10 @@ class ExportedEpisode:
 
 @dataclass(frozen=True)
 class Part:
-    """Episodes that are written together: the unit in which an export stops and goes on."""
+    """Episodes that are written together: the unit in which an export stops and resumes."""
 
     number: int
-    """Among all parts."""
+    """Number of the part among all parts."""
     split: Split
     number_in_split: int
     episodes: range
@@ -105,11 +105,11 @@ class Source:
 
         Args:
             folders: Data folders.
-            rate_hz: Rows per second; as many as there are images by default.
+            rate_hz: Rows per second [Hz]; by default one row per image.
 
         Raises:
             DatasetError: If there is no readable dataset.
-            ConfigError: If not every row would have an image.
+            ConfigError: If a row would have no image.
         """
         self.folders = tuple(folders)
         self.dataset = Dataset(self.folders)
@@ -121,7 +121,7 @@ class Source:
 
     @property
     def rate_hz(self) -> int:
-        """Rows per second."""
+        """Rows per second [Hz]."""
         return self.dataset.clock.rate_hz // self.stride
 
     @property
@@ -131,7 +131,7 @@ class Source:
 
     @property
     def row_count(self) -> int:
-        """Rows of all episodes."""
+        """Number of rows of all episodes."""
         return int(self._first_rows[-1])
 
     @property
@@ -156,7 +156,7 @@ class Source:
         return range(numbers[0], numbers[-1] + 1) if numbers else range(0)
 
     def parts(self, size_bytes: int) -> list[Part]:
-        """Consecutive episodes of one split, together of about `size_bytes` of images or one episode at least."""
+        """Parts of consecutive episodes of one split, each with about `size_bytes` of images or one larger episode."""
         parts: list[Part] = []
         for split in SPLITS:
             begins = self._begins(self.of_split(split), size_bytes)
@@ -184,7 +184,7 @@ def _samples(entry: EpisodeEntry, stride: int) -> npt.NDArray[np.int64]:
 
 
 def _stride(dataset: Dataset, rate_hz: int | None) -> int:
-    """Samples from row to row, so that every row has an image."""
+    """Number of samples from row to row, such that every row has an image."""
     all_hz = dataset.clock.rate_hz
     fitting = [stride for stride in range(1, all_hz + 1) if all_hz % stride == 0 and _all_pictured(dataset, stride)]
     rates = [all_hz // stride for stride in fitting]

@@ -1,4 +1,4 @@
-"""Statistics of features as LeRobot keeps them: of every episode, and of all together."""
+"""Statistics of features in LeRobot's format: per episode, and overall."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,12 +11,12 @@ from readygo.common.images.encoded import decode_image
 
 QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)
 IMAGES_MAX = 8
-"""Images of an episode that are looked at, spread over it."""
+"""Largest number of images per episode for the statistics, spread over it."""
 _PIXEL_STEP = 2
-"""Every second pixel of them, in both directions."""
+"""Step between the pixels that count, in both directions."""
 
 Statistics = dict[str, dict[str, Any]]
-"""For each feature min, max, mean, std, count, q01, ...: nested lists, as JSON and Parquet have them."""
+"""For each feature min, max, mean, std, count, q01, ... as nested lists, for JSON and Parquet."""
 
 
 def of_rows(column: npt.NDArray[np.generic]) -> dict[str, Any]:
@@ -40,7 +40,7 @@ def of_images(images: Sequence[bytes]) -> dict[str, Any]:
 
 
 def merged(parts: Sequence[Statistics]) -> Statistics:
-    """Statistics of everything; quantiles are the means of the parts' own, as LeRobot merges them."""
+    """Overall statistics; quantiles are the means of the parts' quantiles, as in LeRobot."""
     return {name: _merged_feature([part[name] for part in parts]) for name in parts[0]}
 
 

@@ -17,7 +17,7 @@ from readygo.common.kernels import compiled
 _POLYNOMIAL = 0x82F63B78
 _MASK = 0xA282EAD8
 _BYTES, _FLOATS, _INTEGERS = 1, 2, 3
-"""Numbers of a Feature's kinds."""
+"""Field numbers of a Feature's kinds in protobuf."""
 
 Value = npt.NDArray[np.generic] | Sequence[bytes]
 
@@ -43,7 +43,7 @@ def _feature(value: Value) -> bytes:
 
 
 def _field(number: int, data: bytes) -> bytes:
-    """A field of a protobuf message with a length in front."""
+    """A length-delimited field of a protobuf message."""
     return _varint(number << 3 | 2) + _varint(len(data)) + data
 
 
@@ -57,7 +57,7 @@ def _varint(value: int) -> bytes:
 
 
 def _masked(data: bytes) -> int:
-    # Compiled code computes in 64 bits.
+    # The compiled code returns 64 bits.
     crc32c = int(_crc32c(np.frombuffer(data, np.uint8), _table())) & 0xFFFFFFFF
     return ((crc32c >> 15 | crc32c << 17) + _MASK) & 0xFFFFFFFF
 

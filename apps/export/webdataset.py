@@ -1,4 +1,4 @@
-"""WebDataset: tar files with a few members per row, whose names begin alike.
+"""WebDataset: tar files with a few members per row, whose names share a prefix.
 
     train-000000.tar    000003-train-0-000003-000017.jpg, .json, and .depth.png, .mask.png ... where they are recorded
     index.json          the tar files of every split, and how many rows each has

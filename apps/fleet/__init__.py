@@ -1,1 +1,1 @@
-"""The fleet on this machine and the process of one worker."""
+"""Fleets of worker processes: local, on Slurm or on several hosts, and the process of one worker."""

@@ -1,4 +1,4 @@
-"""How a process gets to a run's router: with the run's token on this machine, with a certificate across networks."""
+"""Access of processes to a run's router: by the run's token on this machine, by certificates across networks."""
 
 import contextlib
 import logging
@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 TLS = "tls/"
 ROUTER_ABSENT_S = 30.0
-"""Time that a worker waits for a router that is not up yet, or for a token that it does not refuse any more [s]."""
+"""Time that a worker waits for a router that is not up yet or still refuses its token [s]."""
 _RETRY_S = 0.2
 
 
@@ -32,15 +32,15 @@ def join(
     """Join a run.
 
     Args:
-        connect: Endpoint of its router, tls/HOST:PORT with certificates, tcp/HOST:PORT without.
-        run: Its name.
-        role: As what: with certificates, whose right it is.
-        name: A recorder's; its certificate names it.
+        connect: Endpoint of the run's router, tls/HOST:PORT with certificates, tcp/HOST:PORT without.
+        run: Name of the run.
+        role: Role of the process; with certificates, the role's one is presented.
+        name: Name of a recorder, which its certificate contains.
         certs: Folder of certificates.
-        token: The run's token where there are none; the one of this process's environment by default.
+        token: Token of the run, without certificates; the one of this process's environment by default.
 
     Raises:
-        CertificateError: If endpoint and certificates do not go together, or the certificate cannot be used.
+        CertificateError: If endpoint and certificates do not fit together, or the certificate cannot be used.
         BusError: If no router answers, or it refuses.
     """
     identity = identity_for(connect, role, name=name, certs=certs)
@@ -68,16 +68,16 @@ def join_in_time(
 
 
 def open_router(recorders: Iterable[str], listen: str, *, certs: Path | None, token: str) -> Router:
-    """A router for runs; with certificates it gives everybody the rights of their role, else to who has the token.
+    """Open a router for runs: with certificates each process has the rights of its role, else it needs the token.
 
     Args:
         recorders: Names of the runs' recorders.
-        listen: Where.
+        listen: Endpoint of the router.
         certs: Folder with the coordinator's certificate.
-        token: What all who join must know where there are none.
+        token: Secret that all processes must know, without certificates.
 
     Raises:
-        CertificateError: As `join`.
+        CertificateError: If endpoint and certificates do not fit together, or the certificate cannot be used.
         BusError: If the endpoint cannot be opened.
     """
     identity = identity_for(listen, COORDINATOR, certs=certs)
@@ -87,11 +87,11 @@ def open_router(recorders: Iterable[str], listen: str, *, certs: Path | None, to
 
 
 def identity_for(endpoint: str, role: str, *, name: str = "", certs: Path | None = None) -> Identity | None:
-    """The certificate to show at an endpoint; None where none is used.
+    """The certificate to present at an endpoint; None for an endpoint without certificates.
 
     Raises:
-        ConfigError: If the endpoint is none.
-        CertificateError: As `join`.
+        ConfigError: If the endpoint is malformed.
+        CertificateError: If endpoint and certificates do not fit together, or the certificate cannot be used.
     """
     check_endpoint(endpoint)
     if endpoint.startswith(TLS) != (certs is not None):
@@ -108,7 +108,7 @@ def identity_for(endpoint: str, role: str, *, name: str = "", certs: Path | None
 
 @contextlib.contextmanager
 def refusals_on_stderr() -> Iterator[None]:
-    """Have Zenoh say on standard error whom a router refused: what a command prints goes to standard output."""
+    """Make Zenoh log refused connections to standard error, not to standard output, which has the command's results."""
     sys.stdout.flush()
     output = os.dup(1)
     os.dup2(2, 1)
@@ -120,5 +120,5 @@ def refusals_on_stderr() -> Iterator[None]:
 
 
 def reached_here(listen: str) -> str:
-    """The endpoint under which this machine itself reaches a router that listens on all of its addresses."""
+    """The endpoint under which this machine reaches its own router that listens on all addresses."""
     return listen.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")

@@ -1,4 +1,4 @@
-"""An evaluation that a fleet drives: workers lease episodes, this process keeps their records."""
+"""An evaluation by a fleet: workers lease episodes, this process saves their records."""
 
 import contextlib
 import dataclasses
@@ -31,31 +31,31 @@ from readygo.services.evaluator.service import attach as attach_keeper
 
 WORKERS_MAX = 256
 KEEPER = "keeper"
-"""Name of this process to the coordinator."""
+"""Name of this process in messages to the coordinator."""
 TICK_S = 0.1
-"""How often commits are passed on and workers are looked at [s]."""
+"""Period of passing commits on and checking workers [s]."""
 GRANT_TIMEOUT_S = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluationFleet:
-    """What a fleet drives, and with how many workers."""
+    """Settings of an evaluation by a fleet."""
 
     spec: RunSpec
-    """Of the place; see `fleet_spec`."""
+    """Spec of the world, from `fleet_spec`."""
     plan: EvaluationPlan
     request: EvaluateRequest
     results: Results
-    """Where records go."""
+    """Folder that records are saved in."""
     workers: int
-    """Processes on this machine."""
+    """Number of worker processes on this machine."""
     listen: str = ""
     """Endpoint of the router, for further workers; empty takes a free loopback port."""
     certs: Path | None = None
     """Folder of certificates, for an endpoint tls/..."""
     report: Report = lambda _: None
     say: Callable[[str], None] = lambda _: None
-    """Hears how others join, where an endpoint is given."""
+    """Called with the command by which further workers join, if `listen` is given."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.workers <= WORKERS_MAX:
@@ -63,11 +63,11 @@ class EvaluationFleet:
 
 
 def fleet_spec(world: World, policy: Path | None) -> RunSpec:
-    """The run that an evaluation is to its workers.
+    """The run spec of an evaluation, for its workers.
 
     Args:
-        world: The place.
-        policy: Folder of the policy, if one drives.
+        world: World of the evaluation.
+        policy: Folder of the policy; None if none drives.
     """
     ref = None
     if policy is not None:
@@ -81,7 +81,7 @@ def fleet_spec(world: World, policy: Path | None) -> RunSpec:
 def make_plan(
     request: EvaluateRequest, *, camera: str, lockstep: int, checkpoints: Path, method_hashes: dict[str, str]
 ) -> EvaluationPlan:
-    """What workers are told of an evaluation; see `EvaluationPlan`."""
+    """The evaluation's settings for its workers; arguments as the fields of `EvaluationPlan`."""
     return EvaluationPlan(
         tasks=tuple(task.value for task in request.tasks),
         methods=request.methods,
@@ -94,9 +94,9 @@ def make_plan(
 
 
 def by_fleet(fleet: EvaluationFleet) -> Elsewhere:
-    """Has the episodes of some indices driven by a fleet over Zenoh.
+    """A function that lets a fleet drive the episodes of given indices over Zenoh.
 
-    The returned function raises RunError if they cannot be driven; what was kept stays.
+    It raises RunError if they cannot be driven; saved records stay.
     """
     return partial(_drive_by_fleet, fleet)
 
@@ -113,7 +113,7 @@ def _drive_by_fleet(fleet: EvaluationFleet, indices: Sequence[int]) -> None:
             open_things.enter_context(refusals_on_stderr())
         router = open_router((KEEPER,), endpoint, certs=certs, token=token)
         open_things.callback(router.close)
-        # A handler that asks must not be on the thread that answers: keeper and coordinator have a bus each.
+        # A handler must not send requests on the thread that answers them: keeper and coordinator have separate buses.
         buses = [join(here, run, COORDINATOR, certs=certs, token=token) for _ in range(2)]
         for bus in buses:
             open_things.callback(bus.close)
@@ -134,23 +134,23 @@ def _drive_by_fleet(fleet: EvaluationFleet, indices: Sequence[int]) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Serving:
-    """The two that answer workers."""
+    """Coordinator and keeper, which answer the workers."""
 
     coordinator: coordination.Coordinator
     keeper: Keeper
     bus: Bus
 
     def tick(self) -> bool:
-        """Pass commits on and free leases that ran out, a few times a second; True when all is driven.
+        """Pass commits on and free expired leases; call it a few times a second. True when all episodes are driven.
 
         Raises:
-            RunError: If it cannot be, or was cancelled; what is kept stays.
+            RunError: If the evaluation failed or was cancelled; saved records stay.
         """
         self.keeper.grants.flush()
         coordination.tick(self.bus, self.coordinator)
         if self.coordinator.over and not self.coordinator.finished:
             raise RunError(
-                f"{self.coordinator.failed or 'Cancelled.'} What was driven is kept: the same command goes on."
+                f"{self.coordinator.failed or 'Cancelled.'} Finished episodes are kept: the same command resumes."
             )
         return self.coordinator.finished
 
@@ -162,11 +162,11 @@ def serving(
     """Answer the workers of an evaluation.
 
     Args:
-        fleet: What is driven.
-        indices: Episodes of which something is missing.
-        scratch: Empty folder: what is done is said by the records, the ledger is for those who are at work.
-        coordinator_bus: Where leases are given.
-        keeper_bus: Where records are taken; within one process it may be the same.
+        fleet: Settings of the evaluation.
+        indices: Episodes with missing records.
+        scratch: Empty folder for a temporary ledger of leases; the records alone say which episodes are done.
+        coordinator_bus: Bus on which leases are given.
+        keeper_bus: Bus on which records are received; within one process it may be the same.
     """
     spec = fleet.spec
     ledger = coordination.Ledger(scratch / "ledger.sqlite", spec.stages)
@@ -198,7 +198,7 @@ def serving(
 
 
 def _give_up(coordinator: coordination.Coordinator, index: int, reason: str) -> str:
-    """End the evaluation: another episode in this one's place would be another evaluation."""
+    """End the evaluation with an error: a replacement of this episode would change the evaluation."""
     coordinator.failed = f"Episode {index} cannot be driven: {reason}."
     return ""
 

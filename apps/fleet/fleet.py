@@ -20,31 +20,31 @@ from readygo.common.errors import CANNOT_WORK, RunError
 log = logging.getLogger(__name__)
 
 RESTARTS_MAX = 10
-"""A worker that dies more often than this within `RESTARTS_S` ends the run."""
+"""Largest number of restarts of a worker within `RESTARTS_S`; a further one ends the run."""
 RESTARTS_S = 3600.0
 FROZEN_S = 20.0
-"""A process that somebody has stopped (SIGSTOP) for so long is started anew [s]."""
+"""Time after which a stopped process (SIGSTOP) is replaced by a new one [s]."""
 STOP_S = 15.0
-"""Time that recorders and coordinator have to finish what they hold [s]."""
+"""Time for recorders and coordinator to finish their work at the end [s]."""
 DROP_S = 5.0
-"""Time that workers have to end; what they hold is made again [s]."""
+"""Time for workers to end [s]; unfinished work is done again."""
 
 
 @dataclass
 class Member:
-    """One place in the fleet, and the process that fills it now."""
+    """One position in the fleet, and its current process."""
 
     role: str
     name: str
     log: Path
     arguments: tuple[str, ...] = ()
-    """Further ones of its command line."""
+    """Further arguments of its command line."""
     process: Forked | None = None
     restarts: int = 0
     restarted_s: deque[float] = field(default_factory=deque)
-    """When it was started anew within the last `RESTARTS_S`."""
+    """Times of its restarts within the last `RESTARTS_S` [s]."""
     stopped_s: float | None = None
-    """Since when its process is stopped."""
+    """Time since which its process is stopped [s]; None while it runs."""
 
 
 class Fleet:
@@ -62,17 +62,17 @@ class Fleet:
         certs: Path | None = None,
         forks: ForkServer | None = None,
     ) -> None:
-        """Start nothing yet.
+        """Prepare a fleet without workers.
 
         Args:
             connect: Endpoint of the run's router.
-            run: Name of the run, or several with commas between.
-            data: Its data folder, or one for each run.
-            logs: Folder that its processes write their logs to.
-            token: The run's token.
-            observing: What its processes show of themselves.
+            run: Name of the run, or several separated by commas.
+            data: Data folder of the run, or one for each run.
+            logs: Folder for the logs of the processes.
+            token: Token of the run.
+            observing: Metrics, logs and traces of the processes.
             certs: Folder of certificates, for an endpoint tls/...
-            forks: Where its processes come from; a server of its own by default, which ends with the fleet.
+            forks: Server that forks the processes; by default a separate one, which ends with the fleet.
         """
         self._data = [data] if isinstance(data, Path) else list(data)
         self._arguments = ["--connect", connect, "--run", run, "--data", *map(str, self._data), "--exit-with-parent"]
@@ -84,29 +84,29 @@ class Fleet:
         self.members: list[Member] = []
 
     def add(self, role: str, name: str, *arguments: str) -> None:
-        """Start a worker; `arguments` are further ones of its command line."""
+        """Start a worker; `arguments` are appended to its command line."""
         member = Member(role=role, name=name, log=self._logs / f"{name}.log", arguments=arguments)
         self.members.append(member)
         self._start(member)
 
     def remove(self, name: str) -> None:
-        """End a worker; what it holds is done by others."""
+        """End a worker; other workers do its unfinished work."""
         (member,) = (member for member in self.members if member.name == name)
         self.members.remove(member)
         self._stop([member])
 
     def kill(self, role: str) -> None:
-        """End the workers of a role by force; `check` starts them anew."""
+        """Kill the workers of a role; `check` restarts them."""
         for member in self.members:
             if member.role == role and member.process:
                 member.process.kill()
                 member.process.wait()
 
     def check(self) -> None:
-        """Start workers anew that ended, however they ended; call it only while the run is not over.
+        """Restart workers that ended for any reason; call it only while the run is not over.
 
         Raises:
-            RunError: If a worker ends again and again; the message carries its last words.
+            RunError: If a worker ends repeatedly; the message contains the last line of its log.
         """
         for member in self.members:
             code = member.process.poll() if member.process else 0
@@ -115,7 +115,7 @@ class Fleet:
             if code == CANNOT_WORK or _restarts(member) >= RESTARTS_MAX:
                 raise RunError(f"Worker {member.name} ended with exit code {code}: {last_words(member.log)}")
             if code is None and member.process:
-                log.warning("%s is stopped and does not go on: it is started anew", member.name)
+                log.warning("%s is stopped and does not continue: it is restarted", member.name)
                 member.process.kill()
                 member.process.wait()
             member.restarts += 1
@@ -132,11 +132,11 @@ class Fleet:
             self._forks.close()
 
     def _stop(self, members: list[Member], patience_s: float = STOP_S) -> None:
-        """End workers side by side, by force if they take too long."""
+        """End workers at the same time; kill those that take too long."""
         processes = [member.process for member in members if member.process]
         for process in processes:
             process.terminate()
-            # One that is stopped hears nothing.
+            # A stopped process cannot handle SIGTERM.
             process.send_signal(signal.SIGCONT)
         deadline_s = time.monotonic() + patience_s
         for process in processes:
@@ -148,9 +148,9 @@ class Fleet:
             process.stdin.close()
 
     def check_recorders(self) -> None:
-        """Look at how the recorders ended, after `stop`.
+        """Check the exit codes of the recorders, after `stop`.
 
-        One that the signal met before it listened, while it was being started, has begun no shard.
+        A recorder that the signal ended while it was starting has begun no shard.
 
         Raises:
             RunError: If one of them could not finish its shard.
@@ -168,7 +168,7 @@ class Fleet:
                 )
 
     def command(self, member: Member) -> list[str]:
-        """The command line that fills a place, after `readygo`."""
+        """The command line of a member, after `readygo`."""
         return ["worker", member.role, "--name", member.name, *member.arguments, *self._arguments]
 
     def _start(self, member: Member) -> None:
@@ -179,7 +179,7 @@ class Fleet:
 
 
 def _restarts(member: Member) -> int:
-    """How often a worker was started anew within the last `RESTARTS_S`."""
+    """Number of restarts of a worker within the last `RESTARTS_S`."""
     while member.restarted_s and time.monotonic() - member.restarted_s[0] > RESTARTS_S:
         member.restarted_s.popleft()
     return len(member.restarted_s)
@@ -195,15 +195,15 @@ def _is_frozen(member: Member) -> bool:
 
 
 def _is_stopped(pid: int) -> bool:
-    """True if a process is stopped, by SIGSTOP for example; nobody can tell where there is no /proc."""
+    """True if a process is stopped, by SIGSTOP for example; always False on systems without /proc."""
     try:
-        # The state follows the name in brackets, in which anything may be.
+        # The state follows the name in brackets, which may contain any character.
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] in ("T", "t")
     except OSError:
         return False
 
 
 def last_words(log: Path) -> str:
-    """What the last line of a worker's log says."""
+    """The last line of a worker's log."""
     lines = log.read_text(errors="replace").strip().splitlines() if log.exists() else []
     return message_of(lines[-1]) if lines else "it left no log."

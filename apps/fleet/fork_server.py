@@ -1,7 +1,7 @@
-"""A process that has loaded what a fleet's workers need, and becomes one of them by fork whenever it is asked to.
+"""A process that has loaded the modules of a fleet's workers, and forks a worker on each request.
 
-Loading it takes a second of processor time and 70 MB, which each worker would otherwise spend anew and hold alone.
-A fork copies no thread but the one that asks for it: here nothing starts a thread or opens a session before it.
+Loading takes a second of processor time and 70 MB, which each worker would otherwise need separately. A fork copies
+only the thread that calls it: the server starts no thread and opens no session before.
 """
 
 import contextlib
@@ -24,24 +24,24 @@ from readygo.common.left_open import close_all
 
 WORKER = Command("readygo.apps.fleet.worker:worker", "join a fleet as one worker")
 PATIENCE_S = 120.0
-"""Time that the server has to load all and to answer, on a machine that has much else to do [s]."""
+"""Time for the server to load all modules and to answer, also on a busy machine [s]."""
 REPORT_S = 30.0
-"""Time that the server has to tell with which code a process ended [s]."""
+"""Time for the server to report the exit code of a process [s]."""
 REQUEST_BYTES_MAX = 1 << 16
 _ROOM = 2000
-"""Characters that a worker's command line may have in lists of processes."""
+"""Longest command line of a worker in lists of processes [characters]."""
 _ARG_START = 45
-"""Where /proc/PID/stat says where a command line begins in memory, counted from the state on."""
+"""Field of /proc/PID/stat with the address of the command line, counted from the state on."""
 
 
 class Forked:
-    """A process that a fork server became; in what it offers, like `subprocess.Popen`."""
+    """A process that a fork server forked, with an interface like `subprocess.Popen`."""
 
     def __init__(self, pid: int, pidfd: int, report: socket.socket, parent_end: int) -> None:
         self.pid = pid
         self.returncode: int | None = None
         self.stdin = open(parent_end, "wb", buffering=0)  # noqa: SIM115
-        """The only end of its standard input that can be written to: closed, the process knows that nobody is left."""
+        """The only writable end of its standard input: when it closes, the process knows that its parent is gone."""
         self._pidfd = pidfd
         self._report = report
 
@@ -50,14 +50,14 @@ class Forked:
         self._report.close()
 
     def poll(self) -> int | None:
-        """Its exit code, None while it runs."""
+        """Exit code of the process; None while it runs."""
         return self._ended(0.0)
 
     def wait(self, timeout: float | None = None) -> int:
-        """Wait for its end; returns its exit code.
+        """Wait for the end of the process; returns its exit code.
 
         Raises:
-            subprocess.TimeoutExpired: If it runs on.
+            subprocess.TimeoutExpired: If the process still runs after `timeout` [s].
         """
         code = self._ended(timeout)
         if code is None:
@@ -65,16 +65,16 @@ class Forked:
         return code
 
     def send_signal(self, number: int) -> None:
-        """Send it a signal; nothing once it has ended."""
+        """Send a signal to the process, unless it has ended."""
         with contextlib.suppress(ProcessLookupError):
             signal.pidfd_send_signal(self._pidfd, number)
 
     def terminate(self) -> None:
-        """Tell it to end."""
+        """Send SIGTERM to the process."""
         self.send_signal(signal.SIGTERM)
 
     def kill(self) -> None:
-        """End it by force."""
+        """Send SIGKILL to the process."""
         self.send_signal(signal.SIGKILL)
 
     def _ended(self, timeout_s: float | None) -> int | None:
@@ -84,20 +84,20 @@ class Forked:
                 said = self._report.recv(64)
             except OSError:
                 said = b""
-            # A server that has died itself, or is stopped, does not tell what its processes ended with.
+            # A server that has died or is stopped does not report exit codes.
             self.returncode = int(said or -signal.SIGKILL)
         return self.returncode
 
 
 class ForkServer:
-    """The process that all workers of a fleet are forked from; it is started when it is needed, and anew if it dies."""
+    """Client of the process that forks a fleet's workers; starts it when needed, and again if it dies."""
 
     def __init__(self, environment: Mapping[str, str], log: Path) -> None:
-        """Start nothing yet.
+        """Prepare a server that is not started yet.
 
         Args:
-            environment: Of its processes.
-            log: Where it says what went wrong with itself.
+            environment: Environment variables of its processes.
+            log: File for the server's errors.
         """
         self._environment = dict(environment)
         self._log = log
@@ -108,11 +108,11 @@ class ForkServer:
         """Start a worker.
 
         Args:
-            words: Its command line after `readygo`.
-            output: Descriptor of the file that it writes to.
+            words: Command line of the worker after `readygo`.
+            output: Descriptor of the file for its output.
 
         Raises:
-            RunError: If that cannot be done.
+            RunError: If the worker cannot be started.
         """
         for _ in range(2):
             if forked := self._ask(words, output):
@@ -121,7 +121,7 @@ class ForkServer:
         raise RunError(f"No worker can be started; {self._log} says why.")
 
     def close(self) -> None:
-        """End the server; what it was forked to goes on."""
+        """End the server; the forked processes continue."""
         if self._control is not None:
             self._control.close()
             self._control = None
@@ -131,7 +131,7 @@ class ForkServer:
             self._process = None
 
     def load(self) -> None:
-        """Start the server if it is not there: it loads what it needs meanwhile."""
+        """Start the server if it does not run; it loads its modules in the background."""
         if self._control is not None:
             return
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -148,7 +148,7 @@ class ForkServer:
             )
 
     def _ask(self, words: Sequence[str], output: int) -> Forked | None:
-        """A new process; None if the server is dead or deaf."""
+        """Request a new process; None if the server is dead or does not answer."""
         self.load()
         assert self._control is not None
         report, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -178,7 +178,7 @@ def _readable(descriptor: int, timeout_s: float | None) -> bool:
 
 
 def main() -> None:
-    """Load what workers need, then become whatever is asked for; ends when the launcher is gone."""
+    """Load the workers' modules, then fork a worker per request; ends when the launcher is gone."""
     _load()
     words = _serve(socket.socket(fileno=os.dup(0)))
     if words is not None:
@@ -190,7 +190,7 @@ def main() -> None:
 
 
 def _load() -> None:
-    """What workers import, the embedded avatars, and what numba prepares before it loads any function."""
+    """Load the workers' modules, the embedded avatars, and numba's initial state."""
     import cv2  # noqa: F401
     import tyro  # noqa: F401
     from numba.core.registry import cpu_target
@@ -203,15 +203,15 @@ def _load() -> None:
     share_embedded_avatars()
     cpu_target.target_context.refresh()
     gc.collect()
-    # What is there now is never looked at again, by which its pages would be copied.
+    # The collector ignores all existing objects from here on: visiting them would copy their memory pages.
     gc.freeze()
 
 
 def _serve(control: socket.socket) -> list[str] | None:
-    """Fork whenever it is asked for, and report how processes end.
+    """Fork a process per request, and report exit codes.
 
     Returns:
-        In a process that was forked its command line; None in the server, when nobody can ask any more.
+        In a forked process its command line; in the server None, once the launcher has closed the connection.
     """
     children: dict[int, tuple[int, socket.socket]] = {}
     waiting = select.poll()
@@ -249,7 +249,7 @@ def _report_end(pidfd: int, pid: int, report: socket.socket) -> None:
 
 
 def _leave(sockets: Sequence[socket.socket], descriptors: Sequence[int]) -> None:
-    """Let go of what is the server's."""
+    """Close the server's sockets and descriptors in a forked process."""
     for each in sockets:
         each.close()
     for descriptor in descriptors:
@@ -257,7 +257,7 @@ def _leave(sockets: Sequence[socket.socket], descriptors: Sequence[int]) -> None
 
 
 def _become(words: Sequence[str], standard_input: int, output: int) -> None:
-    """A session and streams of its own, and its own command line in lists of processes."""
+    """Give a forked process a new session, its streams, and its command line in lists of processes."""
     os.setsid()
     for descriptor, number in ((standard_input, 0), (output, 1), (output, 2)):
         os.dup2(descriptor, number)
@@ -267,7 +267,7 @@ def _become(words: Sequence[str], standard_input: int, output: int) -> None:
 
 
 def _show_command(words: Sequence[str]) -> None:
-    """Have lists of processes show a command line, cut off where there is no room for it."""
+    """Set the command line that lists of processes show, cut off at the available length."""
     fields = Path("/proc/self/stat").read_text().rpartition(")")[2].split()
     begin, end = (int(field) for field in fields[_ARG_START : _ARG_START + 2])
     line = "\0".join(words).encode()[: end - begin - 1]

@@ -27,7 +27,7 @@ from readygo.services import coordinator as coordination
 log = logging.getLogger(__name__)
 
 FAREWELL_S = 30.0
-"""Time that workers and recorders have to hear that the run is over, and to finish their shards [s]."""
+"""Time for workers and recorders to learn that the run is over, and to finish their shards [s]."""
 
 
 def lead(
@@ -38,20 +38,20 @@ def lead(
     certs: Path | None = None,
     observer: Observer | None = None,
 ) -> StatusReply:
-    """Coordinate the run in a data folder until it is over and everybody has left.
+    """Coordinate the run in a data folder until it is over and all workers have left.
 
     Args:
-        folder: Of the run; of its shards only those lie in it whose recorders are told to write there.
-        endpoint: Of the run's router.
-        joins: True where the router is there already, for this run among others; False opens it.
+        folder: Folder of the run; it holds only the shards of recorders that write there.
+        endpoint: Endpoint of the run's router.
+        joins: True joins a running router, which several runs may share; False opens one.
         certs: Folder of certificates, for a tls/ endpoint.
-        observer: What this process shows of itself.
+        observer: Metrics, logs and traces of this process.
 
     Raises:
         RunError: If another process works on the folder, the run is of another version, its ledger is lost, it cannot
             be finished, or another coordinator has taken the lead while this one was cut off.
         CertificateError: If the certificates cannot be used.
-        BusError: If the endpoint cannot be opened, no router answers there, or somebody leads the run there already.
+        BusError: If the endpoint cannot be opened, no router answers there, or another coordinator leads the run there.
     """
     spec, _ = folder.load()
     check_version(spec)
@@ -63,7 +63,7 @@ def lead(
             raise RunError(f"Another run was begun in {folder.path} at the same time; choose another --out.")
         recover(folder, recorded_here=False)
         with contextlib.ExitStack() as opened:
-            # The router first: an endpoint that cannot be used leaves nothing that binds the folder.
+            # The router first: if the endpoint cannot be used, the folder stays unlocked.
             if not joins:
                 recorders = recorders_of(folder, spec)
                 opened.callback(open_router(recorders, endpoint, certs=certs, token=token).close)

@@ -1,4 +1,4 @@
-"""The process of a worker: how it is told to end, and what it sees to beside its work."""
+"""The process of a worker: signals to end, a watchdog thread, and memory settings."""
 
 import contextlib
 import ctypes
@@ -10,15 +10,15 @@ import time
 from collections.abc import Callable
 
 SILENT_S = 300.0
-"""A worker whose main thread takes no processor time for so long hangs, and is ended [s]."""
+"""Time without processor time in its main thread after which a worker counts as hung and is ended [s]."""
 LATE_S = 5.0
-"""Time that a worker has to end when its parent is gone, and with it the router [s]."""
+"""Time for a worker to end when its parent, and with it the router, is gone [s]."""
 
 
 def keep_the_heap_small() -> None:
-    """Have arrays above 256 kB return to the system when they are freed: 30 MB of every renderer.
+    """Return arrays above 256 kB to the system when they are freed; saves 30 MB per renderer.
 
-    By default glibc keeps them for later from the first freed array of such a size on.
+    By default glibc retains them once the first array of such a size was freed.
     """
     with contextlib.suppress(OSError, AttributeError):
         # -3 is M_MMAP_THRESHOLD.
@@ -26,11 +26,11 @@ def keep_the_heap_small() -> None:
 
 
 def stop_signal(exit_with_parent: bool) -> threading.Event:
-    """What SIGTERM sets, and with `exit_with_parent` the end of standard input: `LATE_S` later the process is ended."""
+    """An event set by SIGTERM and, with `exit_with_parent`, by the end of standard input; that exits `LATE_S` later."""
     stop = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: stop.set())
     if exit_with_parent:
-        # Ctrl-C reaches the whole process group; the parent alone decides what its fleet does then.
+        # Ctrl-C reaches the whole process group; only the parent decides what its fleet does.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
 
         def watch_parent() -> None:
@@ -38,7 +38,7 @@ def stop_signal(exit_with_parent: bool) -> threading.Event:
             while os.read(0, 1):
                 pass
             stop.set()
-            # The parent is gone, and with it the router: nobody is left to finish work for.
+            # The parent, and with it the router, is gone: unfinished work has no receiver.
             late = threading.Timer(LATE_S, lambda: os._exit(1))
             late.daemon = True
             late.start()
@@ -56,9 +56,9 @@ def _end_hung() -> None:
 def watch_thread(
     watched: threading.Thread, *, silent_s: float = SILENT_S, end: Callable[[], object] = _end_hung
 ) -> None:
-    """End the process when a thread has taken no processor time for long: it hangs, however alive the others are.
+    """End the process if a thread has used no processor time for `silent_s` [s]: it hangs, even if other threads run.
 
-    Threads that wait for work ask for it now and then, which takes time enough.
+    Threads that wait for work poll for it, which uses enough processor time.
     """
     clock = time.pthread_getcpuclockid(watched.ident or 0)
 

@@ -1,4 +1,4 @@
-"""A reconstruction that a worker does, on this machine or another one that sees the same paths."""
+"""A reconstruction by a worker, on this machine or another one with the same paths."""
 
 import sys
 from typing import Any, Protocol
@@ -13,32 +13,32 @@ from readygo.services.reconstructor.service import ASK_S, attach
 from readygo.services.reconstructor.stages import StageProgress
 
 _LEAVE_S = 2.0 * ASK_S
-"""Time that the worker has to hear that nothing more will come [s]."""
+"""Time for the worker to learn that there are no further jobs [s]."""
 
 
 class Listener(Protocol):
-    """Who hears of progress."""
+    """Receiver of progress."""
 
     def say(self, progress: StageProgress) -> None:
-        """Hear of it."""
+        """Show the progress of a stage."""
         ...
 
 
 def ask_worker(job: Job, config: ReconstructorConfig, listen: str, listener: Listener) -> dict[str, Any]:
-    """Wait until a worker has done a job; another one goes on where one was lost.
+    """Wait until a worker has done a job; if a worker is lost, another one resumes the job.
 
     Args:
-        job: What of what.
-        config: How.
+        job: Source and folders of the reconstruction.
+        config: Settings of the reconstruction.
         listen: Endpoint of the router that workers join.
-        listener: Hears how far it is.
+        listener: Receiver of the progress.
 
     Returns:
-        The report, as of `reconstruct`.
+        The report of the reconstruction, as from `reconstruct`.
 
     Raises:
-        BusError: If nothing can listen there.
-        RunError: If the job cannot be done.
+        BusError: If the endpoint cannot be opened.
+        RunError: If the job fails.
     """
     router = Router(listen)
     try:
@@ -57,7 +57,7 @@ def ask_worker(job: Job, config: ReconstructorConfig, listen: str, listener: Lis
 
 
 def _waited(desk: Desk) -> dict[str, Any]:
-    # Short waits: Ctrl-C is heard between them.
+    # Short waits, so that Ctrl-C takes effect between them.
     try:
         while (report := desk.wait(ASK_S)) is None:
             pass

@@ -1,4 +1,4 @@
-"""Who makes up a fleet: the roles of a run's stages or one for all of them, and the two that every run has."""
+"""Roles in a fleet: those of a run's stages or one for all stages, and recorder and coordinator."""
 
 from readygo.common.bus.identity import ALL, COORDINATOR, RECORDER
 from readygo.common.messages import RunSpec

@@ -1,4 +1,4 @@
-"""Doing a run, in one process or with a fleet: on this machine, or with workers on Slurm's."""
+"""Recording of a run, in one process or by a fleet on this machine or on Slurm's nodes."""
 
 import contextlib
 import queue
@@ -34,14 +34,14 @@ from readygo.services.recorder import attach as attach_recorder
 LAUNCHER = "launcher"
 Show = Callable[[StatusReply], None]
 CHECK_S = 0.25
-"""How often a fleet's processes are looked at, at least [s]."""
+"""Longest time between checks of a fleet's processes [s]."""
 COORDINATOR_ABSENT_S = 60.0
 EPISODES_MAX = 10_000_000
 WORKERS_MAX = 256
 
 
 def check_counts(episodes: int, workers: int) -> None:
-    """Raise RunError unless a run can have so many episodes and workers."""
+    """Raise RunError if the number of episodes or workers is out of range."""
     if not 1 <= episodes <= EPISODES_MAX or not 0 <= workers <= WORKERS_MAX:
         raise RunError(
             f"--episodes must be 1..{EPISODES_MAX} and --workers 0..{WORKERS_MAX}, got {episodes} and {workers}."
@@ -61,32 +61,32 @@ def record(
     observing: Observing = NOTHING,
     certs: Path | None = None,
 ) -> dict[str, Any]:
-    """Do a run, or the rest of it.
+    """Record a run, or the rest of it.
 
     Args:
-        spec: What the run is.
-        out: Its data folder.
-        episodes: Episodes that the folder shall hold.
+        spec: Spec of the run.
+        out: Data folder of the run.
+        episodes: Number of episodes that the folder shall hold.
         workers: Renderer or driver processes of the fleet; 0 does everything in this process.
         listen: Endpoint of the fleet's router; empty takes a free loopback port.
-        show: Hears how far the run is, now and then.
-        together: True for workers that do all stages, see `places`.
+        show: Called with the run's status periodically.
+        together: True for workers that do all stages each.
         slurm: Options of sbatch, for workers that are Slurm jobs and do all stages; None starts them here.
-        observing: What its processes show of themselves; this one is the launcher.
+        observing: Metrics, logs and traces of the processes; this one is the launcher.
         certs: Folder of certificates, for an endpoint tls/...
 
     Returns:
-        What was done and what it cost, as plain values.
+        Summary with counts and times, as plain values.
 
     Raises:
-        RunError: If the run cannot be done; what is recorded stays.
+        RunError: If the run fails; recorded episodes stay.
     """
     check_counts(episodes, workers)
     folder = RunFolder(out)
     folder.check(spec)
     begin_s = time.monotonic()
     with folder.locked():
-        # Another run may have been begun in it since.
+        # A different run may have begun in the folder since.
         folder.check(spec)
         recover(folder)
         prepare_folders(folder, spec)
@@ -133,9 +133,9 @@ def run_in_process(
 
     Args:
         folder: Data folder that holds the run's spec.
-        show: Hears how far the run is.
-        line: What builds the works of the run's stages.
-        observing: What this process shows of itself.
+        show: Called with the run's status.
+        line: Builders of the stages' work functions.
+        observing: Metrics, logs and traces of this process.
     """
     with _observer(folder, observing) as observer:
         return _run_in_process(folder, show, line, observer)
@@ -189,7 +189,7 @@ def run_fleet(
     observing: Observing = NOTHING,
     certs: Path | None = None,
 ) -> StatusReply:
-    """Do the run with a fleet over Zenoh; see `places` for `workers` and `together`, and `record` for the others."""
+    """Record the run with a fleet over Zenoh; arguments as in `record`."""
     spec, _ = folder.load()
     token = "" if certs else given_token() or new_token()
     recorders = recorders_of(folder, spec)
@@ -231,7 +231,7 @@ def run_fleet(
 
 
 def _supervise(checks: Sequence[Callable[[], None]], bus: Bus, show: Show) -> StatusReply:
-    """Keep a fleet alive by `checks` until the coordinator says that the run is over."""
+    """Call `checks`, which restart processes, until the coordinator reports the end of the run."""
     heard: queue.SimpleQueue[StatusReply] = queue.SimpleQueue()
     bus.subscribe(topics.PROGRESS, heard.put)
     heard_s = time.monotonic()
@@ -251,7 +251,7 @@ def _supervise(checks: Sequence[Callable[[], None]], bus: Bus, show: Show) -> St
 
 
 def _save(folder: RunFolder, spec: RunSpec, episodes: int) -> None:
-    """Have the run go on as it is wanted now: whoever asks for it does not want it paused."""
+    """Save spec and number of episodes, and clear a pause: a user who starts the run wants it to continue."""
     folder.save(spec, episodes)
     if folder.ledger.exists():
         ledger = coordination.Ledger(folder.ledger)
@@ -260,7 +260,7 @@ def _save(folder: RunFolder, spec: RunSpec, episodes: int) -> None:
 
 
 def _recorded(folder: RunFolder, wanted: int) -> tuple[int, int]:
-    """Durable episodes of the folder's run, and the samples in them; refuses to make the run shorter than they are."""
+    """Numbers of the run's durable episodes and their samples; raises RunError if `wanted` is below the episodes."""
     if not folder.ledger.exists():
         return 0, 0
     ledger = coordination.Ledger(folder.ledger)

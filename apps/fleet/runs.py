@@ -1,4 +1,4 @@
-"""The runs of a router, as their coordinators tell of them, and which one a worker does next."""
+"""The runs of a router, from their coordinators' status messages, and a worker's choice among them."""
 
 import hashlib
 import re
@@ -15,31 +15,31 @@ from readygo.common.messages import StatusReply, topics
 from readygo.common.messages.stages import STAGES
 
 ANY_RUN = "*"
-"""In place of a run's name: who only listens hears all runs of a router."""
+"""Instead of a run's name: a client that only subscribes receives the messages of all runs of a router."""
 FRESH_S = 5.0
-"""Coordinators tell how far their run is once a second; one that is silent for so long gives out no work [s]."""
+"""Time without a status message, sent once a second, after which a run counts as without work [s]."""
 STEADY_S = 2.0
-"""A worker leaves a run when it has had nothing to do for so long, or a more urgent one something [s]."""
+"""Time without work in a run, or with work in a more urgent one, after which a worker leaves it [s]."""
 BARRED_S = 60.0
-"""A run that a worker cannot take part in is tried again after so long [s]."""
+"""Time after which a worker tries a run again that it could not take part in [s]."""
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 HEAR_S = 1.5
-"""Time in which every coordinator tells of its run at least once [s]."""
+"""Time in which every coordinator sends its status at least once [s]."""
 
 
 @dataclass
 class _Heard:
-    """What is known of a run."""
+    """Last known state of a run."""
 
     status: StatusReply
     told_s: float
     has_work: bool
     since_s: float
-    """Since when it has had work, or none."""
+    """Time since which the run has had work, or none [s]."""
 
 
 class Runs:
-    """Hears of the runs of a router, and says which of them a worker shall do."""
+    """Tracks the runs of a router, and chooses the run that a worker works on."""
 
     def __init__(
         self,
@@ -50,14 +50,14 @@ class Runs:
         named: Collection[str] = (),
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Begin to listen.
+        """Subscribe to the runs' status.
 
         Args:
-            bus: One that hears all runs, see `ANY_RUN`.
-            role: What the worker does.
-            me: Its name: of runs that are equally urgent, different workers prefer different ones.
-            named: Runs that it is meant for; none named stands for all.
-            clock: Time [s].
+            bus: Bus that receives all runs' messages, joined as `ANY_RUN`.
+            role: Role of the worker.
+            me: Name of the worker: different workers prefer different runs of equal priority.
+            named: Names of the runs to serve; empty for all.
+            clock: Returns the current time [s].
         """
         self._stages = {stage.name for stage in STAGES if stage.role == role}
         self.named = frozenset(named)
@@ -67,11 +67,11 @@ class Runs:
         self._over: set[str] = set()
         self._lock = threading.Lock()
         self.heard_s = clock()
-        """When one of the runs that it is meant for was heard last."""
+        """Time of the last status of a run to serve [s]."""
         bus.subscribe(topics.PROGRESS, self._hear)
 
     def statuses(self) -> list[StatusReply]:
-        """Of the runs that are heard of, the most urgent first."""
+        """Status of the known runs, highest priority first."""
         now_s = self._clock()
         with self._lock:
             found = [heard.status for heard in self._heard.values() if now_s - heard.told_s < FRESH_S]
@@ -87,11 +87,11 @@ class Runs:
         return [status.run for status in self._of_mine() if not _is_over(status)]
 
     def choose(self) -> str:
-        """The run to do now: of the most urgent ones that have work the one that fewest work on; empty for none."""
+        """The run to work on: highest priority with work, then fewest workers; empty if no run has work."""
         return min((self._rank(status) for status in self._of_mine() if self._has_work(status)), default=("",))[-1]
 
     def better_than(self, run: str) -> bool:
-        """True if a worker of `run` shall leave it for another one."""
+        """True if a worker of `run` should leave it for a different run."""
         now_s = self._clock()
         with self._lock:
             own, heard = self._heard.get(run), dict(self._heard)
@@ -111,11 +111,11 @@ class Runs:
         return idle or max(urgent) > own.status.priority
 
     def bar(self, run: str) -> None:
-        """Leave a run alone for a while."""
+        """Ignore a run for `BARRED_S`."""
         self._barred_s[run] = self._clock() + BARRED_S
 
     def left(self, run: str, *, over: bool) -> None:
-        """A run was left, perhaps because it is over: should there be more to do, its coordinator says so."""
+        """Note that the worker has left a run; a run that is over counts again once its coordinator reports work."""
         with self._lock:
             self._heard.pop(run, None)
             if over:
@@ -136,7 +136,7 @@ class Runs:
 
     def _is_mine(self, status: StatusReply) -> bool:
         barred = self._clock() < self._barred_s.get(status.run, 0.0)
-        # Another version may not say which run it is, and a name is a folder's as well.
+        # Another version may omit the run's name, and the name becomes a folder's name.
         return bool(_NAME.fullmatch(status.run)) and not barred and (not self.named or status.run in self.named)
 
     def _has_work(self, status: StatusReply) -> bool:
@@ -155,17 +155,17 @@ def _is_over(status: StatusReply) -> bool:
 
 
 def runs_at(connect: str, role: str, *, certs: Path | None = None, token: str | None = None) -> list[StatusReply]:
-    """The runs that a router has, the most urgent first.
+    """Status of the runs of a router, highest priority first.
 
     Args:
-        connect: Its endpoint.
-        role: Whose certificate is shown.
+        connect: Endpoint of the router.
+        role: Role whose certificate is presented.
         certs: Folder of certificates.
-        token: See `join`.
+        token: Token of the run, without certificates; the one of this process's environment by default.
 
     Raises:
-        CertificateError: As `join`.
-        BusError: If nobody answers there.
+        CertificateError: If endpoint and certificates do not fit together, or the certificate cannot be used.
+        BusError: If no router answers at the endpoint.
     """
     bus = join(connect, ANY_RUN, role, certs=certs, token=token)
     try:
@@ -177,6 +177,6 @@ def runs_at(connect: str, role: str, *, certs: Path | None = None, token: str | 
 
 
 def none_such(run: str, connect: str, there: list[StatusReply]) -> str:
-    """Why nobody answers for a run, in a line."""
+    """Error text for a run without a coordinator, with the router's other runs."""
     names = ", ".join(status.run for status in there)
-    return f"Nobody leads run {run} at {connect} ({f'there: {names}' if names else 'there is no run'})."
+    return f"No coordinator leads run {run} at {connect} ({f'there: {names}' if names else 'there is no run'})."

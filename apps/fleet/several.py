@@ -15,16 +15,16 @@ log = logging.getLogger(__name__)
 POLL_S = 0.2
 """How often it is looked for a run to take part in [s]."""
 SILENT_S = 30.0
-"""Named runs of which nobody tells anything for so long are not waited for any more [s]."""
+"""Time without a status of the named runs after which the worker gives up [s]."""
 TakePart = Callable[[str, Callable[[], bool]], bool]
 """Takes part in a run until it is over or the callable says to leave; returns True if it is over."""
 
 
 def work_for(runs: Runs, take_part: TakePart, stop: threading.Event) -> None:
-    """Do the most urgent run that has work, one after the other, until `stop` or until all that were named are over.
+    """Work on one run after the other, highest priority first, until `stop` or until all named runs are over.
 
     Raises:
-        BusError: If nobody leads the runs that were named.
+        BusError: If no coordinator leads the named runs.
     """
     while not stop.is_set() and not runs.over:
         run = runs.choose()
@@ -34,15 +34,15 @@ def work_for(runs: Runs, take_part: TakePart, stop: threading.Event) -> None:
             continue
         log.info("works for %s", run)
         _take_part(runs, run, take_part, partial(_shall_leave, runs, run, stop))
-        # The next run's scene and avatars come into this one's place.
+        # Free the memory of this run's scene and avatars for the next run.
         gc.collect()
 
 
 def record_for(runs: Runs, take_part: TakePart, stop: threading.Event) -> None:
-    """Take part in all runs at once, until `stop` or until all that were named are over.
+    """Take part in all runs at the same time, until `stop` or until all named runs are over.
 
     Raises:
-        BusError: As `work_for`.
+        BusError: If no coordinator leads the named runs.
     """
     threads: dict[str, threading.Thread] = {}
     while not stop.is_set() and not runs.over:
@@ -60,7 +60,7 @@ def record_for(runs: Runs, take_part: TakePart, stop: threading.Event) -> None:
 
 
 def _take_part(runs: Runs, run: str, take_part: TakePart, leave: Callable[[], bool]) -> None:
-    """Take part in a run; one in which that does not work is left alone for a while, the others go on."""
+    """Take part in a run; after an error the run is ignored for a while, and the other runs continue."""
     try:
         over = take_part(run, leave)
     except ReadygoError as error:
@@ -76,4 +76,4 @@ def _shall_leave(runs: Runs, run: str, stop: threading.Event) -> bool:
 
 def _check_heard(runs: Runs) -> None:
     if runs.named and time.monotonic() - runs.heard_s > SILENT_S:
-        raise BusError(f"Nobody leads a run of {', '.join(sorted(runs.named))} there.")
+        raise BusError(f"No coordinator leads a run of {', '.join(sorted(runs.named))} there.")

@@ -1,7 +1,7 @@
 """Workers of a fleet as an array of Slurm jobs.
 
-Slurm starts, stops, requeues and multiplies them; the coordinator gives the work of one that ends to others. They need
-what every worker needs: this Python environment at the same path. What they lack of scene and avatars, they fetch.
+Slurm starts, stops and requeues them; the coordinator gives unfinished work of an ended one to others. Each node needs
+this Python environment at the same path. Workers fetch the scene and avatars that their node lacks.
 """
 
 import logging
@@ -20,9 +20,9 @@ from readygo.common.bus.identity import ALL
 from readygo.common.errors import RunError
 
 CHECK_S = 5.0
-"""How often Slurm is asked whether workers are left [s]."""
+"""Period of asking Slurm for the number of workers [s]."""
 UNANSWERED_MAX_S = 600.0
-"""The run ends when Slurm has not answered for so long [s]: its controller restarts or fails over within minutes."""
+"""Time without an answer of Slurm after which the run ends [s]: its controller restarts within minutes."""
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 log = logging.getLogger(__name__)
@@ -34,7 +34,7 @@ class SlurmWorkers:
     def __init__(
         self, *, connect: str, run: str, logs: Path, options: str = "", token: str = "", certs: Path | None = None
     ) -> None:
-        """Nothing is submitted yet.
+        """Prepare the array without submitting it.
 
         Args:
             connect: Endpoint of the fleet's router, as the nodes reach it.
@@ -60,7 +60,7 @@ class SlurmWorkers:
         self._workers = 0
         self._checked_s = 0.0
         self._unanswered_s: float | None = None
-        """Since when Slurm does not answer."""
+        """Time since which Slurm has not answered [s]; None while it answers."""
 
     def __enter__(self) -> "SlurmWorkers":
         return self
@@ -69,10 +69,10 @@ class SlurmWorkers:
         self.cancel()
 
     def submit(self, workers: int) -> None:
-        """Ask for `workers` workers.
+        """Submit an array of `workers` jobs.
 
         Raises:
-            RunError: If Slurm refuses, in its own words.
+            RunError: If Slurm rejects it, with Slurm's message.
         """
         self._workers, self._checked_s = workers, time.monotonic()
         self._logs.mkdir(parents=True, exist_ok=True)
@@ -83,12 +83,12 @@ class SlurmWorkers:
         self._jobs.append(_slurm("sbatch", *arguments, environment=self._environment).partition(";")[0])
 
     def check(self) -> None:
-        """Ask for workers again if none is left, waiting or at work; call it only while the run is not over.
+        """Submit the array again if no job waits or runs; call it only while the run is not over.
 
-        While Slurm does not answer, its workers count as being there.
+        While Slurm does not answer, its workers count as running.
 
         Raises:
-            RunError: If they end again and again, or Slurm does not answer for `UNANSWERED_MAX_S`.
+            RunError: If the jobs end repeatedly, or Slurm does not answer for `UNANSWERED_MAX_S`.
         """
         if time.monotonic() - self._checked_s < CHECK_S:
             return
@@ -106,22 +106,22 @@ class SlurmWorkers:
             raise RunError(f"All workers of Slurm job {self._jobs[-1]} ended: {self._last_words()}")
 
     def _note_unanswered(self, error: RunError) -> None:
-        """Wait on, for some minutes."""
+        """Tolerate a Slurm that does not answer, up to `UNANSWERED_MAX_S`."""
         now_s = time.monotonic()
         if self._unanswered_s is None:
             self._unanswered_s = now_s
-            log.warning("%s; the run waits %g min for Slurm, its workers go on.", error, UNANSWERED_MAX_S / 60.0)
+            log.warning("%s; the run waits %g min for Slurm, its workers continue.", error, UNANSWERED_MAX_S / 60.0)
         elif now_s - self._unanswered_s > UNANSWERED_MAX_S:
             minutes = f"{UNANSWERED_MAX_S / 60.0:g} min"
             raise RunError(f"{error}; so for {minutes}: run the same command again when Slurm answers.") from error
 
     def cancel(self) -> None:
-        """End all of them; what they hold is done by others, or in the next run of the same command."""
+        """Cancel all jobs; other workers, or a later call of the same command, do their unfinished work."""
         if self._jobs:
             subprocess.run(["scancel", *self._jobs], check=False, capture_output=True)
 
     def _script(self) -> str:
-        """What a node runs: a worker whose name no other one ever has."""
+        """Batch script of a node: starts a worker with a unique name."""
         name = "slurm-$SLURM_ARRAY_JOB_ID-$SLURM_ARRAY_TASK_ID-${SLURM_RESTART_COUNT:-0}"
         command = [sys.executable, "-m", "readygo", "worker", ALL, "--connect", self._connect, "--run", self._run]
         command += self._shown
@@ -134,10 +134,10 @@ class SlurmWorkers:
 
 
 def _slurm(command: str, *arguments: str, environment: Mapping[str, str] | None = None) -> str:
-    """What a command of Slurm prints.
+    """Run a command of Slurm, and return its output.
 
     Raises:
-        RunError: If it fails.
+        RunError: If the command fails.
     """
     try:
         done = subprocess.run(
@@ -150,7 +150,7 @@ def _slurm(command: str, *arguments: str, environment: Mapping[str, str] | None 
 
 
 def check_slurm(workers: int, listen: str) -> None:
-    """Refuse what cannot work on Slurm before anything is submitted.
+    """Check the options of a run on Slurm before anything is submitted.
 
     Raises:
         RunError: Without workers, or without an endpoint that nodes can reach.

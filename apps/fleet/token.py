@@ -1,4 +1,4 @@
-"""The token of a run: who does not know it is refused by the run's router."""
+"""The token of a run: the run's router rejects processes without it."""
 
 import os
 import secrets
@@ -7,15 +7,15 @@ TOKEN_VARIABLE = "READYGO_TOKEN"
 
 
 def new_token() -> str:
-    """A token that nobody can guess."""
+    """A new random token of 128 bits, in hexadecimal."""
     return secrets.token_hex(16)
 
 
 def given_token() -> str:
-    """The token that this process was given in its environment, which no other user can read; empty without one."""
+    """The token in this process's environment, which other users cannot read; empty without one."""
     return os.environ.get(TOKEN_VARIABLE, "")
 
 
 def with_token(token: str) -> dict[str, str]:
-    """The environment of a process that shall know the token."""
+    """This process's environment with the token, for a child process."""
     return {**os.environ, TOKEN_VARIABLE: token}

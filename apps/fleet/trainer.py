@@ -1,4 +1,4 @@
-"""A trainer beside a fleet: it hears what is committed, and offers what it learns."""
+"""A trainer beside a fleet: reads committed episodes, and offers policies to the fleet."""
 
 import threading
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ OFFER_TIMEOUT_S = 10.0
 def train_beside(
     buses: dict[str, Bus], config: TrainConfig, out: Path, *, data: tuple[Path, ...], stop: threading.Event
 ) -> dict[str, Any]:
-    """Train on what fleets commit until `stop`; returns what `metrics.json` holds.
+    """Train on the episodes that fleets commit until `stop`; returns the content of `metrics.json`.
 
     Args:
         buses: The fleets by the names of their runs; all must have the same robot and sensor.
@@ -70,16 +70,16 @@ class Reader:
     """Reads every durable episode of some folders once."""
 
     def __init__(self, runs: dict[Path, str]) -> None:
-        """Nothing is read yet.
+        """Begin with no episode read.
 
         Args:
-            runs: The folders, with the names of their runs.
+            runs: Names of the runs by data folder.
         """
         self._runs = runs
         self._known: dict[Path, set[EpisodeKey]] = {folder: set() for folder in runs}
 
     def new_episodes(self) -> Iterator[tuple[str, CommittedEpisode]]:
-        """Episodes that were not given before, with the names of their runs."""
+        """Episodes that are new since the last call, with the names of their runs."""
         for folder, run in self._runs.items():
             known = self._known[folder]
             for episode in committed_episodes(folder, frozenset(known)):

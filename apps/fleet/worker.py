@@ -44,7 +44,7 @@ from readygo.services.recorder import Recorder
 from readygo.services.recorder import attach as attach_recorder
 
 if TYPE_CHECKING:
-    # Scenes, avatars and what works with them take a second to load, which coordinator and recorder do without.
+    # These modules take a second to load; coordinator and recorder do not need them.
     from readygo.apps.run.world import World
 
 log = logging.getLogger(__name__)
@@ -53,9 +53,9 @@ _OF_ONE_RUN = (COORDINATOR, TRAINER, RECONSTRUCTOR)
 SPEC_TIMEOUT_S = 30.0
 """Time that a worker waits for the coordinator to start [s]."""
 SETTLE_S = 0.5
-"""How often the recorder repeats reports that the coordinator has not acknowledged [s]."""
+"""Period in which the recorder repeats reports that the coordinator has not acknowledged [s]."""
 TICK_S = 0.2
-"""How often the coordinator looks for leases that ran out, and says how far the run is [s]."""
+"""Period in which the coordinator frees expired leases and publishes the run's status [s]."""
 
 
 def worker(
@@ -74,32 +74,35 @@ def worker(
     log_format: Annotated[LogFormat, OBSERVING] = "text",
     traces: Annotated[str, OBSERVING] = "",
 ) -> None:
-    """Work in a fleet until the run is over, or until SIGTERM: what is under way then is finished.
+    """Join a fleet as one worker, until the run is finished or SIGTERM; work that has begun is finished first.
 
-    What the machine lacks of the run (scene, avatars, policy) is fetched, checked and kept for all workers of it.
+    Files of the run that the machine lacks (scene, avatars, policy) are fetched, checked and cached for all its
+    workers.
 
-    Without `run`, or with several, it works for one run after the other: the one of the highest priority that has work.
+    Without `run`, or with several, the worker serves one run at a time: the one with the highest priority that has
+    work.
 
-    A worker that somebody must help first (settings, data, disk) exits with 78; started again it would do no better.
-    Without certificates, the run's token must be in the environment, as READYGO_TOKEN.
+    Exit status 78 means that a user must mend something first (settings, data, disk); a restart does not help. Without
+    certificates, the environment variable READYGO_TOKEN must hold the run's token.
 
     Args:
         role: coordinator, recorder, the role of a stage (human-planner, animator, robot-planner, renderer or driver),
             all, which does every stage in one process, trainer, or reconstructor.
         connect: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447 or tls/lab1:7447.
         run: Name of the run, as `readygo generate --listen` or `readygo reconstruct --listen` prints it, or several
-            with commas between; by default a recorder or a stage's worker serves all that the router has and will have.
+            separated by commas; by default a recorder or a stage's worker serves all present and future runs of the
+            router.
         name: Name of this worker; must differ between workers of one role.
-        data: Data folder of the run (coordinator and recorder; a trainer catches up from it, one for each run). A
-            recorder of several runs has a folder for each in it.
+        data: Data folder of the run, for coordinator and recorder; a trainer catches up from it, with one folder per
+            run. A recorder of several runs makes a folder for each run in it.
         out: Folder of the policy (trainer only).
-        config: TOML file with fields of `TrainConfig` that shall be others than the recipe's (trainer only).
-        certs: Folder of certificates, of which the role's is shown to a tls/ endpoint.
+        config: TOML file with fields of `TrainConfig` that override the recipe's (trainer only).
+        certs: Folder of certificates; the worker presents its role's to a tls/ endpoint.
         exit_with_parent: Exit as soon as standard input is closed.
-        metrics: HOST:PORT where Prometheus finds this process; port 0 takes a free one, which the log names, and a file
-            in .readygo/targets of the run's data folder.
-        log_format: "json" writes one JSON object a line, with run, worker, stage, episode and attempt.
-        traces: Where OpenTelemetry's spans go: an OTLP endpoint such as http://collector:4318, or a folder.
+        metrics: HOST:PORT of this process's Prometheus endpoint; port 0 takes a free one, which the log and a file in
+            .readygo/targets of the run's data folder name.
+        log_format: "json" writes one JSON object per line, with run, worker, stage, episode and attempt.
+        traces: Destination of OpenTelemetry spans: an OTLP endpoint such as http://collector:4318, or a folder.
     """
     check_endpoint(connect, "--connect")
     if role != TRAINER:
@@ -142,23 +145,23 @@ def worker(
 
 @dataclass(frozen=True)
 class _Part:
-    """What a process does in a run."""
+    """Role, name and connections of a process in a fleet."""
 
     role: str
     name: str
     data: tuple[Path, ...]
     observer: Observer
     join: Callable[[str], ZenohBus]
-    """Joins a run."""
+    """Joins the bus of a run by its name."""
     stop: threading.Event
-    """Ends it."""
+    """Ends the process when it is set."""
 
 
 def _serve_runs(part: _Part, named: list[str]) -> None:
-    """Take part in several runs, or in all that there are."""
+    """Take part in the named runs, or in all runs of the router."""
     folder = _folder(part.role, part.data).path if part.role == RECORDER else None
     if folder is None:
-        # Before any of them waits for it.
+        # Compile kernels before a run waits for this worker.
         from readygo.apps.run.warm import warm_once
 
         warm_once()
@@ -177,9 +180,9 @@ def _serve_runs(part: _Part, named: list[str]) -> None:
 
 
 def _take_part(part: _Part, run: str, leave: Callable[[], bool], *, alone: bool) -> bool:
-    """Do a role's work in a run until `leave`, or until the run is over: then it returns True.
+    """Do a role's work in a run until `leave`, or until the run is over; returns True if it is over.
 
-    `alone` is where nobody on this machine looks after the process.
+    `alone` is True for a process without a supervisor on this machine.
     """
     role, observer = part.role, part.observer
     disk = part.data[0] if part.data and role in (COORDINATOR, RECORDER) else None
@@ -196,7 +199,7 @@ def _take_part(part: _Part, run: str, leave: Callable[[], bool], *, alone: bool)
 
 
 def _reconstruct(bus: Bus, name: str, stop: threading.Event, observer: Observer) -> None:
-    # It takes memory that no other worker needs.
+    # Imported here: it takes memory that no other role needs.
     from readygo.services.reconstructor.service import pull_jobs
 
     try:
@@ -225,8 +228,8 @@ def make_coordinator(folder: RunFolder, *, recorded_here: bool = True) -> coordi
     """The coordinator of the run in a data folder.
 
     Args:
-        folder: Of the run.
-        recorded_here: False where recorders have disks of their own, which nobody else can look into.
+        folder: Folder of the run.
+        recorded_here: False if recorders write to other machines' disks, which this process cannot read.
     """
     spec, wanted = folder.load()
     config = config_of(spec)
@@ -255,15 +258,15 @@ def make_coordinator(folder: RunFolder, *, recorded_here: bool = True) -> coordi
 
 
 def take_the_lead(bus: Bus, coordinator: coordination.Coordinator) -> Callable[[], None]:
-    """Say that a run is led, before anything is answered: two that lead one run would give its episodes out twice.
+    """Announce this coordinator before it answers: two coordinators of one run would lease its episodes twice.
 
     Returns:
-        To be called before each tick: it raises RunError when this process was cut off, another one has taken the lead
-        meanwhile, and both are there now. The one that has taken it later leads on: by the clocks, and by the ledger in
-        which all who led the run in this folder, or in a copy of it, have counted.
+        A check to call before each tick. It raises RunError if this process was cut off, another coordinator has taken
+        the lead meanwhile, and both are reachable now. The later one keeps the lead: by the clocks, and by the count of
+        leaders in the ledger, which copies of the folder share.
 
     Raises:
-        BusError: If another process leads it, in whatever folder.
+        BusError: If another process leads the run, in any folder.
     """
     run, replaced = coordinator.spec.run, threading.Event()
     turn = coordinator.ledger.notes.next_turn(time.time_ns())
@@ -272,7 +275,7 @@ def take_the_lead(bus: Bus, coordinator: coordination.Coordinator) -> Callable[[
         if replaced.is_set():
             raise RunError(
                 f"Run {run} is led by a coordinator that was started later, while this one was cut off: this one "
-                f"stops. What it knows ({coordinator.ledger.path}) is out of date; go on in the other one's folder."
+                f"stops. What it knows ({coordinator.ledger.path}) is out of date; continue in the other one's folder."
             )
 
     try:
@@ -286,7 +289,7 @@ def take_the_lead(bus: Bus, coordinator: coordination.Coordinator) -> Callable[[
 
 
 def make_recorder(bus: Bus, name: str, folder: RunFolder, world: "World") -> Recorder:
-    """A recorder of a run, into the run's data folder."""
+    """Make a recorder that writes to the run's data folder."""
     return Recorder(
         folder=folder.place_of(name),
         name=name,

@@ -1,1 +1,1 @@
-"""Point-goal navigation among people as a Gymnasium environment. Needs the extra `gym`."""
+"""Point-goal navigation among pedestrians as a Gymnasium environment. Needs the extra `gym`."""

@@ -13,12 +13,12 @@ from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
 
 FARTHEST_M = 1000.0
-"""Bound of the space of goals [m]."""
+"""Bound of the goal's coordinates in the observation space [m]."""
 Observation = dict[str, npt.NDArray[Any]]
 
 
 def observation_space(robot: RobotConfig) -> spaces.Space[Any]:
-    """Image, goal in the robot's frame [m], and velocities [m/s, rad/s]."""
+    """Observation space: image, goal in the robot's frame [m], and velocities [m/s, rad/s]."""
     height, width = robot.camera.height_px, robot.camera.width_px
     return spaces.Dict(
         {
@@ -30,13 +30,13 @@ def observation_space(robot: RobotConfig) -> spaces.Space[Any]:
 
 
 def action_space(robot: RobotConfig) -> spaces.Space[Any]:
-    """Commands v [m/s] and w [rad/s]."""
+    """Action space: commands v [m/s] and w [rad/s]."""
     fastest = np.array([robot.v_max_mps, robot.w_max_radps], np.float32)
     return spaces.Box(np.array([robot.v_min_mps, -robot.w_max_radps], np.float32), fastest, dtype=np.float32)
 
 
 class PointNavEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
-    """Drive to a goal among people; `PointNav.robot.clock` says how long a step is. Arguments as for `PointNav`.
+    """Drive to a goal among pedestrians, in steps of `PointNav.robot.clock`. Arguments as for `PointNav`.
 
     `info` has the costs `cost_collision` and `cost_intrusion` (1 in a step with them, else 0), and with `expert=True`
     the `expert_command` for the next step.
@@ -73,7 +73,7 @@ class PointNavEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         return self._observation(), reward, terminated, truncated, self._task.info(self._episode)
 
     def render(self) -> npt.NDArray[np.uint8] | None:  # type: ignore[override]
-        """What the robot saw last."""
+        """The robot's latest camera image, RGB, shape (H, W, 3)."""
         return self._seen if self.render_mode == "rgb_array" else None
 
     def _observation(self) -> Observation:

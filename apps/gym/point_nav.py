@@ -1,4 +1,4 @@
-"""The task behind the environments: episodes, what the robot sees, what a step earns and costs."""
+"""The task behind the environments: episodes, observations, rewards and costs."""
 
 import dataclasses
 import itertools
@@ -27,42 +27,42 @@ from readygo.services.evaluator.episodes import as_task
 from readygo.services.planner import Expert
 
 REJECTED_MAX = 1000
-"""Scenarios in a row that cannot take place, after which a scene is called unusable."""
+"""Number of consecutive rejected scenarios after which a scene counts as unusable."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reward:
-    """What a step earns."""
+    """Weights of the reward of a step."""
 
     per_metre: float = 1.0
-    """Of the shortest way to the goal that was gained [1/m]."""
+    """Reward per metre by which the shortest path to the goal became shorter [1/m]."""
     per_second: float = -0.1
     success: float = 10.0
     collision: float = -10.0
 
 
 class RewardObserver(Observer):
-    """What each step of an episode earns."""
+    """Observer that computes the reward of each step of an episode."""
 
     def __init__(self, reward: Reward) -> None:
         self._reward = reward
         self.left_m = math.inf
-        """Length of the shortest path to the goal that is left [m]."""
+        """Length of the shortest path to the goal [m]."""
         self.value = 0.0
-        """By the latest step."""
+        """Reward of the latest step."""
 
     def begin(self, simulation: EpisodeSimulation) -> None:
-        """Measure all paths to the goal."""
+        """Compute the shortest paths to the goal."""
         goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
         self._paths = GoalField(simulation.robot_map, simulation.robot.planning_radius_m, (goal_x, goal_y))
         self.left_m = self._paths.distance_m(simulation.x_m, simulation.y_m)
 
     def step(self, simulation: EpisodeSimulation) -> None:
-        """Count what the step before this state earned."""
+        """Compute the reward of the step before this state."""
         self._count(simulation)
 
     def end(self, simulation: EpisodeSimulation) -> None:
-        """Count what the last step earned."""
+        """Compute the reward of the last step."""
         self._count(simulation)
 
     def _count(self, simulation: EpisodeSimulation) -> None:
@@ -76,7 +76,7 @@ class RewardObserver(Observer):
 
 @dataclass(eq=False)
 class NavEpisode:
-    """One episode of an environment under way."""
+    """One running episode of an environment."""
 
     key: EpisodeKey
     run: EpisodeRun
@@ -85,7 +85,7 @@ class NavEpisode:
 
     @property
     def simulation(self) -> EpisodeSimulation:
-        """The robot and its world."""
+        """Simulation of the robot and its world."""
         return self.run.simulation
 
 
@@ -110,16 +110,16 @@ class PointNav:
 
         Args:
             scene: Scene bundle, or "embedded".
-            humans: How many walk; 0 for none.
-            reactive: True lets them make way for the robot.
-            avatars: Avatar file or folder of them; the embedded ones by default.
-            split: "train", "val" or "test": which random streams.
+            humans: Number of humans; 0 for none.
+            reactive: True lets humans avoid the robot.
+            avatars: Avatar file or folder of avatars; the embedded ones by default.
+            split: Split of the episodes: "train", "val" or "test".
             config: TOML file with sections of settings, as for `readygo generate`.
-            policy: Folder of a policy whose robot, camera, sensor and settings are taken where `config` has none, and
-                its avatars where `avatars` names none.
-            image_px: Height and width of the image where neither `config` nor `policy` says them [px].
-            expert: True asks the expert at every step what it would do.
-            reward: What steps earn.
+            policy: Folder of a policy, whose robot, camera, sensor and settings are the defaults of `config`, and whose
+                avatars are the default of `avatars`.
+            image_px: Height and width of the image [px], if neither `config` nor `policy` sets them.
+            expert: True adds the expert's label at every step.
+            reward: Weights of the reward.
 
         Raises:
             ReadygoError: If scene, avatars or settings cannot be used.
@@ -139,14 +139,14 @@ class PointNav:
 
     @property
     def robot(self) -> RobotConfig:
-        """The robot that is driven."""
+        """The robot of the task."""
         return self._world.config.robot
 
     def begin(self, seed: int, indices: "itertools.count[int]") -> NavEpisode:
-        """The next episode of a seed that can take place.
+        """Begin the next valid episode of a seed.
 
         Raises:
-            SceneError: If scenario after scenario is rejected.
+            SceneError: If `REJECTED_MAX` consecutive scenarios are rejected.
         """
         reason = ""
         for index in itertools.islice(indices, REJECTED_MAX):
@@ -157,7 +157,7 @@ class PointNav:
         raise SceneError(f"The last {REJECTED_MAX} scenarios were rejected ({reason}); look at the maps.")
 
     def observe(self, episodes: Sequence[NavEpisode]) -> dict[str, npt.NDArray[Any]]:
-        """What the robots see and know: `rgb` (B, H, W, 3), `goal` (B, 2) [m], `velocity` (B, 2) [m/s, rad/s]."""
+        """Observations of the robots: `rgb` (B, H, W, 3), `goal` (B, 2) [m], `velocity` (B, 2) [m/s, rad/s]."""
         simulations = [episode.simulation for episode in episodes]
         return {
             "rgb": self._eyes.look(simulations),
@@ -166,14 +166,14 @@ class PointNav:
         }
 
     def advance(self, episode: NavEpisode, action: npt.ArrayLike) -> tuple[float, bool, bool]:
-        """One step.
+        """Advance an episode by one step.
 
         Args:
             episode: The episode.
             action: Command v [m/s], w [rad/s], shape (2,); the robot's limits apply.
 
         Returns:
-            Reward; whether the episode ended by what the robot did; whether by the time limit.
+            Reward; True if the episode ended by success or collision; True if it ended by the time limit.
         """
         v_mps, w_radps = np.asarray(action, np.float64).tolist()
         episode.run.advance((v_mps, w_radps))
@@ -182,7 +182,7 @@ class PointNav:
         return episode.reward.value, ended, outcome is Outcome.TIMEOUT
 
     def info(self, episode: NavEpisode) -> dict[str, Any]:
-        """Costs of the latest step, and what is not the robot's to know."""
+        """Costs of the latest step, and privileged information."""
         simulation, outcome = episode.simulation, episode.simulation.outcome
         places = simulation.human_xy_m
         distance_m = min((math.dist((simulation.x_m, simulation.y_m), place) for place in places), default=math.inf)
@@ -200,7 +200,7 @@ class PointNav:
         return info
 
     def _command(self, episode: NavEpisode) -> npt.NDArray[np.float32]:
-        """What the expert would do now; nothing where the episode has ended."""
+        """The expert's command in the current state; zeros after the end of the episode."""
         assert episode.expert is not None
         if episode.simulation.outcome is not None:
             return np.zeros(2, np.float32)

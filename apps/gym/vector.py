@@ -1,4 +1,4 @@
-"""Many robots whose views are drawn together: `gymnasium.make_vec("readygo.gym:ReadyGo/PointNav-v0", num_envs=8)`."""
+"""Many robots rendered in one batch: `gymnasium.make_vec("readygo.gym:ReadyGo/PointNav-v0", num_envs=8)`."""
 
 import itertools
 from collections.abc import Sequence
@@ -20,10 +20,11 @@ Bools = npt.NDArray[np.bool_]
 
 
 class PointNavVectorEnv(VectorEnv[Observation, npt.NDArray[np.float32], npt.NDArray[Any]]):
-    """`num_envs` robots in one scene, each in an episode of its own. Arguments as for `PointNav`.
+    """`num_envs` robots in one scene, each in a separate episode. Arguments as for `PointNav`.
 
-    A robot whose episode has ended begins the next one in the step after that, which ignores its action; with
-    `autoreset_mode=AutoresetMode.SAME_STEP` at once, and `info` has what it saw last in `final_obs`, and `final_info`.
+    A robot whose episode has ended begins the next one in the following step, which ignores its action. With
+    `autoreset_mode=AutoresetMode.SAME_STEP` it begins immediately, and `info` has the last observation in `final_obs`,
+    and `final_info`.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012
@@ -58,7 +59,7 @@ class PointNavVectorEnv(VectorEnv[Observation, npt.NDArray[np.float32], npt.NDAr
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode of every robot: robot k has the seed `seed + k`, or the k-th of a list."""
+        """Begin an episode for every robot: robot k has the seed `seed + k`, or the k-th of a list."""
         super().reset(seed=seed if isinstance(seed, int) else None)
         seeds = [seed + k for k in range(self.num_envs)] if isinstance(seed, int) else list(seed or [])
         if not seeds and not self._episodes:
@@ -84,11 +85,11 @@ class PointNavVectorEnv(VectorEnv[Observation, npt.NDArray[np.float32], npt.NDAr
         return self._observe(), rewards, terminated, truncated, self._infos() | final
 
     def render(self) -> tuple[npt.NDArray[np.uint8], ...] | None:  # type: ignore[override]
-        """What the robots saw last."""
+        """The robots' latest camera images, RGB, shape (H, W, 3) each."""
         return tuple(self._seen) if self.render_mode == "rgb_array" and self._seen is not None else None
 
     def _begin_again(self, ended: Bools) -> dict[str, Any]:
-        """Next episodes in place of those that have ended, and what was last of these, as Gymnasium has it."""
+        """Replace ended episodes by the next ones; returns the last observations and infos in Gymnasium's format."""
         infos: dict[str, Any] = {}
         for k in np.flatnonzero(ended).tolist():
             last = {name: array[0] for name, array in self._task.observe([self._episodes[k]]).items()}

@@ -1,1 +1,1 @@
-"""The health report of a scene: what it holds, where its numbers come from, and what is wrong with it."""
+"""The quality report of a scene: contents, provenance and likely defects."""

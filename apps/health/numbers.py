@@ -1,4 +1,4 @@
-"""What a scene's health report says, as plain values; what is not known is None."""
+"""The numbers of a scene's quality report as plain values; unknown ones are None."""
 
 import dataclasses
 import math
@@ -25,35 +25,35 @@ from readygo.common.scenes.scene import HUMAN_MAP_FILE, REPORT_FILE
 Floats = npt.NDArray[np.float64]
 
 HOLE_MIN_M2 = 0.05
-"""Smaller holes in the floor are gaps between Gaussians [m2]."""
+"""Smallest area of a hole in the floor [m2]; smaller ones are gaps between Gaussians."""
 WALL_HEIGHTS_M = (1.0, 1.6)
-"""Walls and things as high as them are looked for between these heights above the floor [m]."""
+"""Heights above the floor between which walls and obstacles of their height are detected [m]."""
 SIGHT_PLACES, BEARINGS = 16, 72
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sightlines:
-    """Where one looks out of a scene: nothing stands there up to the end of its map."""
+    """Lines of sight that leave a scene: no obstacle up to the end of its map."""
 
     places_m: Floats
-    """Shape (P, 2)."""
+    """Viewpoints [m], shape (P, 2)."""
     bearings_rad: Floats
-    """Shape (B,)."""
+    """Directions [rad], shape (B,)."""
     open: npt.NDArray[np.bool_]
-    """Shape (P, B)."""
+    """True for viewpoints and directions without an obstacle, shape (P, B)."""
 
     @property
     def open_share(self) -> float:
-        """Of all directions."""
+        """Share of open directions among all viewpoints and directions."""
         return float(self.open.mean())
 
 
 def sightlines(scene: Scene, reachable: npt.NDArray[np.bool_]) -> Sightlines:
-    """Look around at eye height from places all over the reachable ground.
+    """Compute lines of sight at eye height from viewpoints all over the reachable ground.
 
     Args:
         scene: Scene bundle.
-        reachable: Cells to stand on, shape (H, W), one at least.
+        reachable: True for cells to stand on, shape (H, W), at least one.
     """
     sight = scene.maps.sight
     places = spread_places(reachable, sight.frame, SIGHT_PLACES)
@@ -68,7 +68,7 @@ def reachable_ground(scene: Scene, radius_m: float) -> npt.NDArray[np.bool_]:
     """The largest area that a disc of a radius [m] can move in, shape (H, W).
 
     Raises:
-        SceneError: If there is none.
+        SceneError: If there is no such area.
     """
     cells: npt.NDArray[np.bool_] = free_components(clearance_m(scene.maps.robot) > radius_m)[0] == 1
     if not cells.any():
@@ -82,8 +82,8 @@ def health(scene: Scene, radius_m: float, lines: Sightlines, seen: SceneViews) -
     Args:
         scene: Scene bundle; reads its Gaussians.
         radius_m: Radius of the robot's disc [m].
-        lines: As of `sightlines`.
-        seen: What the robot sees.
+        lines: Result of `sightlines`.
+        seen: Sample views of the robot's camera.
     """
     maps = scene.maps
     figures = scene_report(scene.cloud, scene.sky, maps.robot, maps.human, maps.floor, radius_m)
@@ -110,7 +110,7 @@ def health(scene: Scene, radius_m: float, lines: Sightlines, seen: SceneViews) -
 
 
 def _scale(scene: Scene, made: dict[str, Any]) -> dict[str, Any]:
-    """Of its reconstruction, else what was said on import."""
+    """Scale from the scene's reconstruction, else from its import."""
     if "scale" in made:
         return dict(made["scale"])
     source = scene.metadata.get("source", {})
@@ -122,7 +122,7 @@ def _scale(scene: Scene, made: dict[str, Any]) -> dict[str, Any]:
 
 
 def _findings(scene: Scene) -> list[str]:
-    """What looked wrong when its maps were made."""
+    """Likely defects that were found when the maps were made."""
     try:
         return list(read_json(scene.path / REPORT_FILE).get("findings", []))
     except (OSError, ValueError, AttributeError):
@@ -135,7 +135,7 @@ def _hole_lines(holes: dict[str, Any]) -> list[str]:
 
 
 def _held_out(made: dict[str, Any], views: CapturedViews | None) -> dict[str, Any] | None:
-    """Scores of the images that training did not see, with the places of their cameras."""
+    """Scores of the images that training did not use, with the places of their cameras."""
     training = made.get("training") or {}
     rows = training.get("held_out") or []
     if not rows:
@@ -154,7 +154,7 @@ def _xyyaw(T_world_camera: Floats | None) -> list[float] | None:
 
 
 def _floor_holes(scene: Scene) -> dict[str, Any]:
-    """Places without floor that floor surrounds."""
+    """Number and area of the holes in the floor: areas without floor that floor surrounds."""
     from scipy import ndimage
 
     unknown = load_unknown_cells(scene.path / HUMAN_MAP_FILE)
@@ -170,7 +170,7 @@ def _floor_holes(scene: Scene) -> dict[str, Any]:
 
 
 def _filmed(scene: Scene) -> dict[str, Any] | None:
-    """How much of the ground shows what was filmed; None without cameras."""
+    """Median filmed share of the views from the ground, and the area where it suffices; None without cameras."""
     share = scene.maps.filmed_share
     if share is None:
         return None

@@ -1,4 +1,4 @@
-"""The page of a scene's health, to be looked at in a minute."""
+"""The web page of a scene's quality, readable in a minute."""
 
 from collections.abc import Mapping
 from html import escape
@@ -21,8 +21,8 @@ def health_page(numbers: Mapping[str, Any], pictures: Mapping[str, Picture]) -> 
     """The page as HTML text.
 
     Args:
-        numbers: As of `readygo.apps.health.numbers.health`.
-        pictures: By name; those that are missing are left out.
+        numbers: Result of `readygo.apps.health.numbers.health`.
+        pictures: Pictures by name; missing ones are left out.
     """
     return page(
         f"Health of {numbers['name']}",
@@ -140,7 +140,7 @@ def _gaussians(numbers: Mapping[str, Any]) -> str:
 
 
 def _pair(pictures: Mapping[str, Picture], captions: Mapping[str, str]) -> str:
-    """Those of the pictures that are there, side by side where there is room."""
+    """HTML of the existing pictures with captions, side by side if there is room."""
     figures = [
         figure(_source(name, pictures[name]), caption, alt=caption)
         for name, caption in captions.items()

@@ -1,4 +1,4 @@
-"""Maps of a scene's health: where one looks out of it, what was filmed, how well held-out images are met."""
+"""Maps of a scene's quality: lines of sight out of it, observed parts, errors of held-out images."""
 
 import math
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from readygo.common.scenes.top_view import TopView
 
 SIDE_PX, MARGIN_M = 900, 0.5
 OUT: Rgb = (213, 94, 0)
-# Orange to blue, as maps of sharpness: told apart with every common colour vision.
+# Orange to blue, as maps of sharpness: distinguishable with every common colour vision.
 _FILMED: tuple[tuple[float, Rgb, str], ...] = (
     (0.25, (150, 50, 10), "less than 25 % of what is seen was filmed"),
     (FILMED_MIN, (240, 140, 50), f"less than {100 * FILMED_MIN:.0f} %"),
@@ -34,7 +34,7 @@ _PSNR: tuple[tuple[float, Rgb, str], ...] = (
 
 
 def sightlines_map(lines: Sightlines, occupancy: OccupancyMap) -> Picture:
-    """The map with the directions in which nothing stands."""
+    """The map with the lines of sight that leave the scene."""
     view = _window(occupancy)
     picture = view.rgb.copy()
     reach_m = 0.5 * float(max(view.rgb.shape[:2])) * view.frame.resolution_m
@@ -49,7 +49,7 @@ def sightlines_map(lines: Sightlines, occupancy: OccupancyMap) -> Picture:
 
 
 def filmed_map(share: npt.NDArray[np.float32], occupancy: OccupancyMap) -> Picture:
-    """The ground in the colours of how much of what is seen from there was filmed."""
+    """The map with the ground coloured by the share of the view from there that was filmed."""
     view = _window(OccupancyMap(frame=occupancy.frame, occupied=share <= 0.0))
     picture = view.rgb.copy()
     values = _sampled(view, share, occupancy)
@@ -60,7 +60,7 @@ def filmed_map(share: npt.NDArray[np.float32], occupancy: OccupancyMap) -> Pictu
 
 
 def held_out_map(images: Sequence[dict[str, Any]], occupancy: OccupancyMap) -> Picture | None:
-    """Where held-out images were taken, and how well they are met; None where their places are not known."""
+    """The map with the places and the quality of held-out images; None if their places are unknown."""
     placed = [row for row in images if row["xyyaw"] is not None]
     if not placed:
         return None
@@ -78,7 +78,7 @@ def held_out_map(images: Sequence[dict[str, Any]], occupancy: OccupancyMap) -> P
 
 
 def _window(occupancy: OccupancyMap) -> TopView:
-    """What is free of a map."""
+    """Top view of the free part of a map."""
     cells, frame = np.argwhere(~occupancy.occupied), occupancy.frame
     if not len(cells):
         cells = np.array([[0, 0], np.array(occupancy.occupied.shape) - 1])

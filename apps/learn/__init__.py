@@ -1,1 +1,1 @@
-"""`readygo learn`: a fleet that records and a trainer that learns from it, until a policy drives well."""
+"""`readygo learn`: a fleet records episodes and a trainer learns from them, until a policy drives well."""

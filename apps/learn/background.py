@@ -1,4 +1,4 @@
-"""One piece of work at a time beside the main thread."""
+"""One background task at a time beside the main thread."""
 
 import queue
 import threading
@@ -8,15 +8,15 @@ from typing import Generic, TypeVar
 
 Result = TypeVar("Result")
 END_S = 20.0
-"""Longest wait for work that is told to stop [s]."""
+"""Longest wait for a task that is told to stop [s]."""
 
 
 class StoppedError(Exception):
-    """The work is not needed any more."""
+    """Raised in a task that is no longer needed."""
 
 
 class Background(Generic[Result]):
-    """A thread per piece of work; it ends with its block."""
+    """Runs each task in a thread; a context that ends the task."""
 
     def __init__(self) -> None:
         self._done: queue.SimpleQueue[Result | BaseException] = queue.SimpleQueue()
@@ -33,20 +33,20 @@ class Background(Generic[Result]):
 
     @property
     def busy(self) -> bool:
-        """True while there is work whose result was not taken."""
+        """True while there is a task whose result was not taken."""
         return self._thread is not None
 
     def start(self, work: Callable[[Callable[[], None]], Result]) -> None:
-        """Begin a piece of work; it calls what it is given now and then, which ends it when the block does."""
+        """Begin a task; it must call its argument periodically, which ends the task when the context ends."""
         assert not self.busy
         self._thread = threading.Thread(target=self._run, args=(work,), daemon=True)
         self._thread.start()
 
     def result(self) -> Result | None:
-        """What the work gave, once; None before it is done.
+        """Take the result of the task; None before it is done, and after it was taken.
 
         Raises:
-            BaseException: What the work raised.
+            BaseException: The exception that the task raised.
         """
         try:
             done = self._done.get_nowait()

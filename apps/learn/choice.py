@@ -1,4 +1,4 @@
-"""What measurements decide: which policy is kept, when learning ends, how many episodes a measurement has."""
+"""Decisions from measurements: the policy to keep, the end of training, the number of episodes of a measurement."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,21 +6,21 @@ from dataclasses import dataclass
 from readygo.common.episode.metrics import wilson_interval
 
 EPISODES_MIN = 4
-"""Of a measurement, per task: fewer say nothing."""
+"""Smallest number of episodes per task of a measurement; fewer have no significance."""
 MEASUREMENTS_MIN = 4
 """Measurements without a better one before learning ends early."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Measurement:
-    """A policy on the split val."""
+    """Success rates of a policy on the split val."""
 
     fraction: float
-    """Share of the budget that was spent when it was taken."""
+    """Share of the budget that was spent at the measurement."""
     policy: str
     """SHA-256 over its files."""
     episodes: int
-    """Per task."""
+    """Number of episodes per task."""
     static: float
     """Success rate without humans."""
     dynamic: float
@@ -28,13 +28,13 @@ class Measurement:
 
     @property
     def score(self) -> float:
-        """The lower end of the 95 % interval of the mean of both rates: what few episodes say counts for less."""
+        """Lower end of the 95 % interval of the mean of both rates, which penalises few episodes."""
         low, _ = wilson_interval(round(self.episodes * (self.static + self.dynamic)), 2 * self.episodes)
         return low
 
 
 def best_of(measurements: Sequence[Measurement]) -> int | None:
-    """Row of the measurement whose policy is kept: the best score, the later one of equals; None without any."""
+    """Index of the measurement with the best score, the later one of equals; None without measurements."""
     rows = range(len(measurements))
     return max(rows, key=lambda row: (measurements[row].score, row), default=None)
 
@@ -54,11 +54,11 @@ def has_stopped_rising(measurements: Sequence[Measurement], fraction: float, pat
 
 
 def episodes_to_measure(seconds: float, episode_s: float, episodes_max: int) -> int:
-    """Episodes per task that two tasks can have in a time, within sensible bounds.
+    """Number of episodes per task for two tasks in a given time, within bounds.
 
     Args:
         seconds: Time that the measurement may take [s].
-        episode_s: What one episode took so far [s].
+        episode_s: Mean time of an episode so far [s].
         episodes_max: Upper bound.
     """
     return min(max(EPISODES_MIN, int(seconds / (2 * episode_s))), episodes_max)

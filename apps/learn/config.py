@@ -1,4 +1,4 @@
-"""Settings of `readygo learn` itself: the section `[learn]` of a configuration file."""
+"""Settings of `readygo learn`: the section `[learn]` of a configuration file."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,12 +16,12 @@ Share = Annotated[float, Range(low=0.0, high=1.0)]
 
 @dataclass(frozen=True, kw_only=True)
 class LearnConfig:
-    """How a run learns; what is recorded, and with which robot, stands in the other sections."""
+    """Settings of training; the other sections have those of robot and recording."""
 
     mix: Share = 0.8
-    """Share of the episodes that the newest policy drives, once there is one; the expert drives the others."""
+    """Policy fraction: share of the episodes that the newest policy drives; the expert drives the others."""
     reuse: Annotated[float, Range(above=0.0)] = 4.0
-    """How often a recorded sample is to be learned from: splits the cores between collecting and learning."""
+    """How often training uses each recorded sample; it determines the split of the cores."""
     val_every: Annotated[float, Range(above=0.0, high=1.0)] = 0.1
     """Share of the budget from one measurement on the split val to the next."""
     val_share: Annotated[float, Range(above=0.0, high=0.5)] = 0.15
@@ -29,12 +29,12 @@ class LearnConfig:
     val_episodes_max: Annotated[int, Range(low=1)] = 50
     """Most episodes per task of one measurement."""
     patience: Share = 0.5
-    """It ends when the success rate has not risen for this share of the budget."""
+    """Training ends when the success rate has not risen for this share of the budget."""
     images: tuple[str, ...] = (RGB,)
-    """What the policy sees, see `readygo.common.policy.sight`; these are recorded."""
+    """Images that the policy uses and that are recorded, by names as in `readygo.common.policy.sight`."""
 
     goal: GoalName = "point"
-    """What it is told of the goal, see `NetworkConfig.goal`; images of goals are recorded where it sees them."""
+    """Goal input of the policy, as in `NetworkConfig.goal`; goal images are recorded if the policy uses them."""
 
     def __post_init__(self) -> None:
         check_ranges(self)

@@ -1,4 +1,4 @@
-"""All processes of a run that learns: a fleet in every scene and one trainer."""
+"""All processes of a learning run: a fleet in every scene and one trainer."""
 
 import contextlib
 import time
@@ -28,54 +28,54 @@ from readygo.services.evaluator import EpisodeRecord, shown_record
 EVALUATOR = "evaluator"
 """Role and name of the supervisor, which measures policies, in its runs."""
 FROZEN_S = 120.0
-"""A trainer that says nothing for so long is started anew [s]."""
+"""Time without a sign of progress after which the trainer is restarted [s]."""
 CONTROL_S = 2.0
 """Longest wait for a coordinator to take a command [s]."""
 PACE_S = 5.0
-"""Time after which a coordinator is told again whether to collect [s]."""
+"""Period of repeating to a coordinator whether to collect [s]."""
 FAREWELL_S = 30.0
-"""Time that workers of other machines have to finish their episodes when the run is over, and to leave [s]."""
+"""Time for workers on other machines to finish their episodes and leave at the end of the run [s]."""
 STOP_S = 2.0
-"""The same when it is stopped [s]."""
+"""Time for workers on other machines to leave when the run is interrupted [s]."""
 LOOK_S = 0.1
-"""How often it is looked whether they have left [s]."""
+"""Period of checking whether they have left [s]."""
 COLLECTORS = frozenset({ALL, *(stage.role for stage in STAGES)})
-"""Roles of those who make episodes."""
+"""Roles of the workers that make episodes."""
 DEAF_MAX = 6
-"""Commands in a row that a coordinator may leave unanswered before it is started anew."""
+"""Number of consecutive unanswered commands after which a coordinator is restarted."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reach:
-    """Who may take part in a run that learns, besides the processes of this machine."""
+    """Access of workers on other machines to a learning run."""
 
     listen: str = ""
     """Endpoint of the router; empty takes a free loopback port."""
     certs: Path | None = None
     """Folder of certificates, for an endpoint tls/..."""
     hosts: bool = False
-    """True where all collectors are on other machines: the cores of this one are the trainer's."""
+    """True if all collectors are on other machines: the trainer gets all cores of this one."""
 
 
 ALONE = Reach()
 
 
 class Crew:
-    """Starts, watches and ends the processes; none is left when its block is."""
+    """Supervisor of the processes: starts, restarts and ends them; a context that leaves no process behind."""
 
     def __init__(self, plan: Plan, split: Split, reach: Reach = ALONE) -> None:
         self.status: dict[str, StatusReply] = {}
-        """Of each scene's run, as it was told last."""
+        """Last status of each scene's run."""
         self._plan, self._split = plan, split
         self._reach, self._endpoint = reach, reach.listen or free_endpoint()
         self._token = "" if reach.certs else given_token() or new_token()
         self._fleets: dict[str, Fleet] = {}
         self._buses: dict[str, ZenohBus] = {}
         self._collectors: set[tuple[str, Member]] = set()
-        """Those that are there, with their scene."""
+        """Present collectors, with their scenes."""
         self._collects, self._paced_s = True, 0.0
         self._deaf: Counter[str] = Counter()
-        """Commands in a row that each scene's coordinator has not answered."""
+        """Number of consecutive unanswered commands of each scene's coordinator."""
         self._open = contextlib.ExitStack()
         self._logs = plan.out / "logs"
         self._forks = ForkServer(with_token(self._token), self._logs / "fork-server.log")
@@ -97,35 +97,35 @@ class Crew:
 
     @property
     def samples(self) -> int:
-        """Samples in the shards of all scenes."""
+        """Number of samples in the shards of all scenes."""
         return sum(status.samples for status in self.status.values())
 
     @property
     def images(self) -> int:
-        """Those of them that have an image."""
+        """Number of samples with an image in the shards of all scenes."""
         return self._plan.image_count(self.samples)
 
     @property
     def policies(self) -> int:
-        """Policies that were offered."""
+        """Number of policies that the trainer has offered."""
         return max((status.policies for status in self.status.values()), default=0)
 
     @property
     def collect_hz(self) -> float:
-        """Images that one core records per second, by the processor time that the stages took; 0 if not known yet."""
+        """Images that one core records per second, by the stages' processor time [Hz]; 0 while unknown."""
         cpu_s = sum(sum(status.cpu_s.values()) for status in self.status.values())
         return self.images / cpu_s if cpu_s > 0 else 0.0
 
     @property
     def running(self) -> Split:
-        """How the cores are split now."""
+        """The current division of the cores."""
         return self._split
 
     def check(self, training: Training) -> None:
-        """Start processes anew that ended, and a trainer that is frozen.
+        """Restart processes that ended, and a trainer that hangs.
 
         Raises:
-            RunError: If one ends again and again, or a run cannot go on.
+            RunError: If a process ends repeatedly, or a run has failed.
         """
         for name, fleet in self._fleets.items():
             status = self.status.get(name)
@@ -140,14 +140,14 @@ class Crew:
         self._trainer.check()
 
     def show(self, name: str, policy: str, record: EpisodeRecord) -> None:
-        """Show an episode of a measurement in a scene's run."""
+        """Publish an episode of a measurement to a scene's run, for monitors."""
         self._buses[name].tell(topics.EVALUATION, lambda: shown_record(record, policy))
 
     def pace(self, wanted: bool) -> None:
-        """Let the collectors work, or have them wait.
+        """Let the collectors work, or pause them.
 
-        It is said again now and then: a coordinator that was just being started has not heard it, and one that cannot
-        be reached any more shows by not answering.
+        The command is repeated periodically: a coordinator that was just starting has missed it, and a missing answer
+        reveals a coordinator that cannot be reached.
         """
         if wanted == self._collects and time.monotonic() - self._paced_s < PACE_S:
             return
@@ -156,7 +156,7 @@ class Crew:
             self._command(name, Command.RESUME if wanted else Command.PAUSE)
 
     def _command(self, name: str, command: Command) -> None:
-        """Tell a scene's coordinator; one that is deaf for long is started anew."""
+        """Send a command to a scene's coordinator; one that does not answer repeatedly is restarted."""
         try:
             self._buses[name].request(topics.CONTROL, ControlRequest(command=command), timeout_s=CONTROL_S)
         except BusError:
@@ -168,7 +168,7 @@ class Crew:
             self._fleets[name].kill(COORDINATOR)
 
     def split(self, split: Split) -> None:
-        """Split the cores in another way: collectors come or go, the trainer goes on with other threads."""
+        """Change the division of the cores: add or remove collectors, restart the trainer with other threads."""
         threads = self._split.trainer_threads
         self._split = split
         counts = shared_out(split.collectors, len(self._plan.places))
@@ -216,7 +216,7 @@ class Crew:
         return Fleet(connect=here, run=run, data=data, logs=logs, certs=certs, forks=self._forks)
 
     def _dismiss(self, patience_s: float) -> None:
-        """Tell workers of other machines that nothing more will come, and let them leave."""
+        """Cancel the runs for workers on other machines, and wait until they leave."""
         if not self._reach.listen:
             return
         for name in self._buses:
@@ -227,7 +227,7 @@ class Crew:
             time.sleep(LOOK_S)
 
     def _guests(self) -> set[tuple[str, str]]:
-        """Scene and name of the collectors that are there and of other machines."""
+        """Scene and name of the present collectors on other machines."""
         own = {(place, member.name) for place, fleet in self._fleets.items() for member in fleet.members}
         return {(place, member.name) for place, member in self._collectors} - own
 
@@ -243,7 +243,7 @@ class Crew:
             fleet.add(ALL, f"{ALL}{number}")
 
     def _start_trainer(self) -> None:
-        """Start the trainer, which goes on where it was; one that runs already is ended first."""
+        """Start the trainer, which resumes from its checkpoint; a running one is ended first."""
         for member in list(self._trainer.members):
             self._trainer.remove(member.name)
         config = write_trainer_config(self._plan, self._split.trainer_threads)

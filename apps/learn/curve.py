@@ -1,4 +1,4 @@
-"""How a run went, in `curve.json`: what was recorded, learned and measured over its minutes."""
+"""Learning curve of a run, in `curve.json`: recorded samples, training and measurements over time."""
 
 import json
 from collections.abc import Sequence
@@ -14,26 +14,26 @@ from readygo.common.files import write_whole
 
 @dataclass(frozen=True, kw_only=True)
 class CurvePoint:
-    """How far a run was at one time."""
+    """Progress of a run at one time."""
 
     minutes: float
-    """Spent, those of earlier commands included [min]."""
+    """Time spent, including earlier commands [min]."""
     recorded: int
-    """Samples with an image in the shards."""
+    """Number of samples with an image in the shards."""
     learned: int
-    """Samples that were learned from, repeats counted."""
+    """Number of samples that training has used, repeats counted."""
     policies: int
-    """Policies that were offered."""
+    """Number of policies that were offered."""
     loss: float | None = None
-    """Training loss since the point before; None where it is not known."""
+    """Training loss since the previous point; None if unknown."""
     driven: float | None = None
     """Success rate of the latest recorded episodes that policies drove; None before there are any."""
     measurement: Measurement | None = None
-    """On the split val, where one was taken."""
+    """Measurement on the split val at this point; None without one."""
 
 
 def load_curve(path: Path) -> list[CurvePoint]:
-    """The points so far; none without a file.
+    """Read the points so far; an empty list without a file.
 
     Raises:
         RunError: If the file is broken.

@@ -1,4 +1,4 @@
-"""Everything that the report of a run that learns shows, from its folder and its test episodes."""
+"""Content of the report of a learning run, from its folder and its test episodes."""
 
 from collections.abc import Mapping, Sequence
 from itertools import zip_longest
@@ -29,13 +29,13 @@ TASK_NAMES = {"static": "static", "dynamic": "among humans"}
 TEST_FOLDER = "evaluation"
 """Folder of the test episodes, with one for every scene."""
 LATEST = 100
-"""Episodes that policies drove last, which are looked at for where they fail."""
+"""Number of latest policy-driven episodes whose failures are shown."""
 FILMS = 2
-"""Films of failures."""
+"""Number of videos of failures."""
 STRIP_STEPS = (-30, -22, -15, -9, -4, 0)
-"""Samples of the film strip, around the moment at which a visible human is nearest."""
+"""Samples of the film strip, relative to the moment at which a visible human is nearest."""
 SEARCHED = 20
-"""Episodes among which the one that shows a human best is looked for."""
+"""Number of episodes to search for the one that shows a human best."""
 
 
 def gather(
@@ -46,15 +46,15 @@ def gather(
     run: RunNumbers,
     commands: tuple[Command, ...],
 ) -> ReportContent:
-    """The report's content; maps and films are those of the first scene.
+    """The report's content; maps and videos are those of the first scene.
 
     Args:
-        plan: What was learned, and where.
-        points: How it went.
+        plan: Plan of the learning run.
+        points: Learning curve.
         chosen: The measurement of the policy that was kept.
-        replies: Test episodes by scene; none if none were driven.
-        run: What was recorded.
-        commands: To go on with.
+        replies: Results of the test episodes by scene; empty without a test.
+        run: Numbers of the recording.
+        commands: Commands for the next steps.
     """
     place = plan.places[0]
     world = World(place.spec)
@@ -98,7 +98,7 @@ def gather(
 
 
 def _story(scores: Sequence[Score]) -> str:
-    """What the test said of the policy, in a sentence; empty without a test."""
+    """The test result of the policy in a sentence; empty without a test."""
     tasks = list(dict.fromkeys(score.task for score in scores))
     rates = {(score.driver, score.task): percent(score.summary.success_rate) for score in scores}
     told = [f"{rates['policy', task]} {task}" for task in tasks if ("policy", task) in rates]
@@ -153,13 +153,13 @@ def _ends(dataset: Dataset, driven: Sequence[EpisodeEntry]) -> tuple[Ends, ...]:
 
 
 def _hero(folder: Path, recorded: RecordedEpisodes, driven: Sequence[EpisodeEntry], view: TopView) -> Film | None:
-    """The latest episodes in which a policy succeeded: the one that shows a human best."""
+    """Video of the latest successful episode of a policy that shows a human best; None without one."""
     reached = [entry for entry in reversed(driven) if entry.outcome is Outcome.SUCCESS][:SEARCHED]
     return _film(folder / "reached.webm", recorded, recorded.best_encounter(reached), view) if reached else None
 
 
 def _failures(folder: Path, recorded: RecordedEpisodes, driven: Sequence[EpisodeEntry], view: TopView) -> list[Film]:
-    """Films of the latest episodes that a policy failed in, of each kind in turn."""
+    """Videos of the latest failed episodes of a policy, of each kind in turn."""
     kinds = [[entry for entry in reversed(driven) if entry.outcome is outcome] for outcome in FAILURES]
     chosen = [entry for turn in zip_longest(*kinds) for entry in turn if entry is not None][:FILMS]
     return [_film(folder / f"failed{k}.webm", recorded, entry, view) for k, entry in enumerate(chosen)]

@@ -1,4 +1,4 @@
-"""All of `readygo learn`: a policy, its data, its curve, its test and the report."""
+"""The whole of `readygo learn`: recording, training, learning curve, test and report."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -22,14 +22,14 @@ from readygo.services.evaluator import EpisodeRecord, EvaluateReply
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Learned:
-    """What a run that learns has led to."""
+    """Result of a learning run."""
 
     plan: Plan
     points: list[CurvePoint]
     chosen: Measurement | None
     """The measurement of the policy that was kept."""
     replies: dict[str, EvaluateReply]
-    """Test episodes by scene."""
+    """Results of the test episodes by scene."""
     minutes: float
 
     def to_mapping(self) -> dict[str, Any]:
@@ -63,18 +63,18 @@ def learn_policy(
     tested: Callable[[EpisodeRecord], None] = lambda record: None,
     reach: Reach = ALONE,
 ) -> Learned:
-    """Learn, or go on learning; then drive the test episodes.
+    """Train a policy, or resume its training; then drive the test episodes.
 
     Args:
-        plan: What is learned, and where.
+        plan: Plan of the learning run.
         episodes: Test episodes per task and scene; 0 drives none.
-        show: Hears how far it is, twice a second.
+        show: Called with the progress, twice a second.
         recorded: Called when all data are recorded, before the test.
-        tested: Hears of every test episode.
-        reach: Who may take part besides this machine's processes.
+        tested: Called with the record of every test episode.
+        reach: Access of workers on other machines.
 
     Raises:
-        ReadygoError: If it cannot go on; what is recorded and learned stays.
+        ReadygoError: If the run cannot continue; recorded data and trained policies stay.
     """
     with locked(plan):
         measuring = Measuring(plan)
@@ -86,12 +86,12 @@ def learn_policy(
 
 
 def report_content(learned: Learned, scenes: tuple[str, ...], **options: object) -> ReportContent:
-    """What the report of a run that learned shows.
+    """The content of the report of a learning run.
 
     Args:
-        learned: The run.
-        scenes: As they were named.
-        options: Further ones of the command, as they were named; None for what was not.
+        learned: Result of the run.
+        scenes: Scenes as the user named them.
+        options: Further options of the command as the user gave them; None for missing ones.
     """
     plan = learned.plan
     commands = _commands(plan, scenes, options)
@@ -99,7 +99,7 @@ def report_content(learned: Learned, scenes: tuple[str, ...], **options: object)
 
 
 def _numbers(learned: Learned) -> RunNumbers:
-    """What the runs of all scenes recorded and what it cost."""
+    """Numbers and times of the recording in all scenes."""
     episodes = samples = 0
     rejected: Counter[str] = Counter()
     cpu_s: Counter[str] = Counter()

@@ -41,17 +41,17 @@ from readygo.services.renderer import Renderer
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """A measurement, and what it cost."""
+    """A measurement, with its policy and time."""
 
     measurement: Measurement
     folder: Path
-    """The policy."""
+    """Folder of the policy."""
     episode_s: float
-    """Time per episode [s]."""
+    """Mean time per episode [s]."""
 
 
 class Measuring:
-    """Keeps the scenes ready for one measurement after the other; they are loaded for the first one."""
+    """Measures policies in loaded scenes; the first measurement loads them."""
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
@@ -68,11 +68,11 @@ class Measuring:
         """Success rates on the split val: of static and dynamic episodes, over all scenes.
 
         Args:
-            folder: The policy.
-            sha256: What the run calls it.
-            episodes: Per task, shared out among the scenes.
+            folder: Folder of the policy.
+            sha256: SHA-256 by which the run names the policy.
+            episodes: Episodes per task, divided among the scenes.
             fraction: Share of the budget that is spent.
-            report: Told of each episode, after the name of its scene; what it raises ends the measurement.
+            report: Called with the scene's name and the record of each episode; an exception ends the measurement.
 
         Raises:
             PolicyError: If the policy cannot be used.
@@ -101,14 +101,14 @@ class Measuring:
     ) -> dict[str, EvaluateReply]:
         """Records of policy, expert and straight line on the split test, by scene; also written into `out`.
 
-        Episodes that `out` has of the same policy are not driven again; those of another one go. The pages of
-        `readygo evaluate` are written beside them.
+        Episodes of the same policy in `out` are not driven again; those of a different policy are removed. The pages
+        of `readygo evaluate` are written beside them.
 
         Args:
-            folder: The policy.
-            episodes: Per task and scene.
-            out: Gets a folder per scene.
-            report: Told about every episode that ends.
+            folder: Folder of the policy.
+            episodes: Episodes per task and scene.
+            out: Folder for the results, with a folder per scene.
+            report: Called with the record of every episode.
 
         Raises:
             PolicyError: If the policy cannot be used.
@@ -160,7 +160,7 @@ class Measuring:
 
 
 def tried_settings(plan: Plan) -> RunConfig:
-    """The settings in which a plan's policies are tried: those that `readygo evaluate` takes from the policy."""
+    """The settings in which a plan's policies are evaluated: those that `readygo evaluate` takes from the policy."""
     bare = PolicySpec(robot=plan.config.robot, sensor=plan.config.renderer.sensor)
     return settings_of_policy(with_origin(bare, origin_of_runs(place.spec for place in plan.places)))
 

@@ -1,4 +1,4 @@
-"""From settings to the runs that a policy is learned in, and the folder that holds all of it."""
+"""Plan of a learning run: the recording runs of its scenes, and its folder."""
 
 import dataclasses
 import fcntl
@@ -34,43 +34,43 @@ from readygo.services.trainer.config import SamplingConfig
 
 FORMAT = "readygo-learn/1"
 SMALL_CAMERA = CameraConfig(height_px=72, width_px=128)
-"""What a policy sees where nobody names a camera: half the usual size, learned from three times as fast."""
+"""Default camera of a policy: half the usual image size, trained on three times as fast."""
 ABSENT = 0.3
 """Share of the episodes without humans."""
 ABSENT_FIRST = 600
-"""Episodes without humans at the beginning, over all scenes: the place is learned first, then people."""
+"""Number of first episodes without humans, over all scenes: the policy learns the place first, then humans."""
 DISTURBED = 0.5
-"""Share of the expert's episodes in which it is disturbed."""
+"""Share of the expert's episodes with noise injection."""
 IMAGE_EVERY_S = 0.25
-"""Time from picture to picture, at most: neighbouring pictures teach much the same, and drawing is what takes time."""
+"""Longest time from image to image [s]: neighbouring images are redundant, and rendering dominates the cost."""
 DRAWS = 40
-"""Scenarios that are tried before a scene is said to have no room."""
+"""Number of scenarios to try before a scene counts as too small."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """A scene, and the run that records in it."""
+    """A scene, and its recording run."""
 
     name: str
     scene: str
-    """Its bundle, or "embedded"."""
+    """Scene bundle, or "embedded"."""
     spec: RunSpec
     folder: RunFolder
 
 
 @dataclass(frozen=True, kw_only=True)
 class Budget:
-    """When learning ends, if not before because nothing improves any more."""
+    """Budget of a learning run, which also ends when nothing improves any more."""
 
     minutes: float = 60.0
-    """Of wall time, those of earlier commands included [min]."""
+    """Wall time, including earlier commands [min]."""
     samples: int | None = None
-    """Samples to learn from, repeats counted, instead of minutes: the result depends less on the machine's load."""
+    """Training budget in samples, repeats counted, instead of minutes: less dependent on the machine's load."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What is learned, and where."""
+    """Scenes, settings, budget and folder of a learning run."""
 
     out: Path
     places: tuple[Place, ...]
@@ -81,40 +81,40 @@ class Plan:
     seed: int
 
     def image_count(self, samples: int) -> int:
-        """How many of so many recorded samples have an image, which is what training draws from; to one an episode."""
+        """Estimated number of samples with an image among recorded samples, with an error of up to one per episode."""
         return samples // self.config.driver.image_every(self.config.robot.clock)
 
     @property
     def best(self) -> Path:
-        """The policy with the best measurement so far."""
+        """Folder of the policy with the best measurement so far."""
         return self.policy / "best"
 
     @property
     def policy(self) -> Path:
-        """The policy, and the trainer's state."""
+        """Folder of the policy and the trainer's state."""
         return self.out / "policy"
 
     @property
     def state_file(self) -> Path:
-        """What must be the same when the run goes on, and how much of its time is spent."""
+        """File with the settings that must not change when the run resumes, and the time spent."""
         return self.out / "learn.json"
 
     @property
     def curve_file(self) -> Path:
-        """How it went."""
+        """File of the learning curve."""
         return self.out / "curve.json"
 
 
 def learn_settings(config: Path | None, robot: Path | None, *, scene_count: int = 1) -> RunConfig:
-    """The settings of the runs: what nobody names is as learning needs it, instead of as in `readygo generate`.
+    """The settings of the recording runs, with defaults for training instead of those of `readygo generate`.
 
-    Small images with levels of detail and no labels beside them, few a second, episodes without humans first and then
-    among those with them, an expert that is disturbed.
+    Defaults: small images with levels of detail and without labels, few per second; first only episodes without
+    humans, later a share of them; noise injection for the expert.
 
     Args:
         config: TOML file with sections of settings.
         robot: The robot's file.
-        scene_count: How many scenes share the first episodes.
+        scene_count: Number of scenes that share the first episodes.
 
     Raises:
         ConfigError: If a file cannot be read or holds an unknown key or a wrong value.
@@ -139,15 +139,15 @@ def learn_configs(
     *,
     scene_count: int = 1,
 ) -> tuple[RunConfig, LearnConfig]:
-    """The settings of the runs and of learning, with all that the policy is to see among what is recorded.
+    """The settings of the recording runs and of training; all inputs of the policy are recorded.
 
     Args:
         config: TOML file with sections of settings.
         robot: The robot's file.
-        inputs: See `chosen_images`; as the section `[learn]` says if it is empty, as is the next.
-        cameras: See there.
-        goal: What the policy is told of its goal; as `[learn]` says by default.
-        scene_count: How many scenes share the first episodes.
+        inputs: Images that the policy uses, separated by commas; as in the section `[learn]` if empty.
+        cameras: Cameras that the policy uses, separated by commas; as in the section `[learn]` if empty.
+        goal: Goal input of the policy; as in `[learn]` by default.
+        scene_count: Number of scenes that share the first episodes.
 
     Raises:
         ConfigError: If a file cannot be read or holds an unknown key or a wrong value, or there is no such image.
@@ -166,7 +166,7 @@ def learn_configs(
 
 
 def _pictures_hz(robot: RobotConfig) -> float:
-    """As few pictures a second as the camera's images, the frames that a policy sees together and latency allow."""
+    """Lowest image rate that the camera, the policy's frame stack and the latency allow [Hz]."""
     clock, camera_hz = robot.clock, robot.camera_hz
     late_steps, spacing = clock.steps(robot.camera.latency_s), round(SamplingConfig().frame_spacing_s * camera_hz)
     if late_steps % clock.image_every:
@@ -186,7 +186,7 @@ def make_plan(
     avatars: Path | None,
     seed: int,
 ) -> Plan:
-    """The runs of some scenes, all of one robot and one recipe of humans; writes nothing.
+    """Plan the runs of some scenes, with one robot and one scenario mix; writes nothing.
 
     Raises:
         SceneError: If there is no such scene, or it has no room for humans.
@@ -214,10 +214,10 @@ def make_plan(
 
 @contextmanager
 def locked(plan: Plan) -> Iterator[None]:
-    """Hold the run's folder, made if it is missing; the lock goes with the process.
+    """Lock the run's folder, which is made if missing; the lock ends with the process.
 
     Raises:
-        RunError: If another process holds it, or it cannot be written.
+        RunError: If another process holds the lock, or the folder cannot be written.
     """
     try:
         plan.out.mkdir(parents=True, exist_ok=True)
@@ -233,7 +233,7 @@ def locked(plan: Plan) -> Iterator[None]:
 
 
 def read_state(plan: Plan) -> dict[str, Any]:
-    """What `write_state` wrote; empty for a new run.
+    """The state from `write_state`; empty for a new run.
 
     Raises:
         RunError: If the file is broken.
@@ -250,7 +250,7 @@ def read_state(plan: Plan) -> dict[str, Any]:
 
 
 def write_state(plan: Plan, **state: Any) -> None:
-    """Write what the run is, and how far it got."""
+    """Write the run's settings and its progress."""
     mapping = {"format": FORMAT, "runs": _runs(plan), **state}
     write_whole(plan.state_file, json.dumps(mapping, indent=2) + "\n", raises=RunError)
 
@@ -269,7 +269,7 @@ def _check_folder(plan: Plan) -> None:
 
 
 def _check_room(place: Place) -> None:
-    """Raise SceneError unless humans find room beside the robot in some of the first scenarios."""
+    """Raise SceneError unless some of the first scenarios have room for humans beside the robot."""
     world = World(place.spec)
     config = dataclasses.replace(world.config.human_planner, absent=0.0, absent_first=0)
     world.config = dataclasses.replace(world.config, human_planner=config)
@@ -287,6 +287,6 @@ def _check_room(place: Place) -> None:
 
 
 def free_name(name: str, taken: list[str]) -> str:
-    """The name, or the name with a number that nothing else has."""
+    """The name, with a number appended if it is taken."""
     numbered = (name if number == 1 else f"{name}-{number}" for number in range(1, len(taken) + 2))
     return next(option for option in numbered if option not in taken)

@@ -44,12 +44,12 @@ _END_COLOURS: tuple[Rgb, ...] = (INK, HUMANS[0], ROBOT, HUMANS[1])
 def write_report(path: Path, content: ReportContent) -> None:
     """Write a self-contained HTML report.
 
-    Images, charts, the film and the style are inside of the file; it has no scripts and asks no server for anything.
-    The file appears under its final name only when it is complete.
+    The file contains images, charts, the video and the style; it has no scripts and makes no network requests. It
+    appears under its final name only when it is complete.
 
     Args:
         path: The HTML file.
-        content: What to show; see `ReportContent`.
+        content: Content of the report.
     """
     write_whole(path, report_html(content))
 

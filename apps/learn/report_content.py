@@ -1,4 +1,4 @@
-"""What a report shows, as plain data."""
+"""Content of a report as plain data."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -19,47 +19,47 @@ class StripImage:
     """One image of the film strip."""
 
     rgb: npt.NDArray[np.uint8]
-    """Shape (H, W, 3)."""
+    """Pixels, shape (H, W, 3)."""
     time_s: float
     """Simulated time since the episode began [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Film:
-    """One episode as a film, embedded into the report."""
+    """Video of one episode, embedded into the report."""
 
     path: Path
-    """A .webm."""
+    """Path of a .webm file."""
     note: str
-    """What it shows."""
+    """Caption of the video."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ends:
-    """Where episodes ended in one way."""
+    """Final positions of episodes with the same kind of end."""
 
     name: str
-    """For example "hit a wall"."""
+    """Kind of end, for example "hit a wall"."""
     xy_m: npt.NDArray[np.float64]
-    """Robot's last places [m], shape (N, 2)."""
+    """Last positions of the robot [m], shape (N, 2)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunNumbers:
-    """What the generation run made and what it cost."""
+    """Numbers and times of the recording runs."""
 
     episodes: int
     samples: int
     images: int
     """Samples with an image, which training draws from."""
     learned: int
-    """Samples that were learned from, repeats counted."""
+    """Samples that training has used, repeats counted."""
     wall_s: float
-    """Of the whole run, start and stop of its processes included [s]."""
+    """Wall time of the whole run, including start and stop of its processes [s]."""
     rejected: Mapping[str, int] = field(default_factory=dict)
     """Episodes that were not recorded, by reason."""
     cpu_s_by_stage: Mapping[str, float] = field(default_factory=dict)
-    """CPU time per stage [s], in the order to be shown."""
+    """CPU time per stage [s], in display order."""
 
     @property
     def samples_per_s(self) -> float:
@@ -69,7 +69,7 @@ class RunNumbers:
 
 @dataclass(frozen=True, kw_only=True)
 class Command:
-    """A command line and what it does."""
+    """A command line with a description."""
 
     what: str
     line: str
@@ -77,12 +77,12 @@ class Command:
 
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """A page beside the report."""
+    """A link to another page beside the report."""
 
     href: str
-    """From the report's folder."""
+    """Path relative to the report's folder."""
     what: str
-    """What it shows."""
+    """Text of the link."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -91,41 +91,41 @@ class ReportContent:
 
     title: str
     subtitle: str
-    """What came out and what was done, in a few sentences."""
+    """Result and method in a few sentences."""
     hero: Film | None = None
-    """What is seen first: best the policy that reaches its goal among humans."""
+    """Video at the top, preferably of the policy reaching its goal among humans."""
     scene_name: str
     scene_note: str = ""
-    """For example size, number of Gaussians, license."""
+    """Text about the scene, for example size, number of Gaussians, license."""
     top_view: TopView | None = None
     occupancy: OccupancyMap | None = None
     episodes: tuple[DrawnEpisode, ...] = ()
-    """Drawn on the map."""
+    """Episodes that are drawn on the map."""
     strip: tuple[StripImage, ...] = ()
-    """Consecutive images of the robot's camera, best with a person who walks by."""
+    """Consecutive images of the robot's camera, preferably with a passing human."""
     strip_note: str = ""
     video: Path | None = None
-    """A film beside the report, which links to it."""
+    """Video beside the report, which links to it."""
     rates: tuple[Curve, ...] = ()
     """Success rates on the split val [%] over minutes."""
     rates_by_samples: tuple[Curve, ...] = ()
-    """The same over samples learned from."""
+    """Success rates on the split val [%] over training samples."""
     losses: tuple[Curve, ...] = ()
-    """Over samples learned from."""
+    """Losses over training samples."""
     training_note: str = ""
     ends: tuple[Ends, ...] = ()
-    """Where the policy failed, by what happened."""
+    """Places where the policy failed, by kind of failure."""
     ends_note: str = ""
     films: tuple[Film, ...] = ()
-    """Of the policy, failing."""
+    """Videos of the policy's failures."""
     pages: tuple[Page, ...] = ()
-    """Of the test episodes: where everybody went, and each failure."""
+    """Links to the pages of the test episodes: trajectories and failures."""
     scores: tuple[Score, ...] = ()
     scores_note: str = ""
     run: RunNumbers | None = None
     commands: tuple[Command, ...] = ()
-    """The commands that made what the report shows."""
+    """The commands that produced the content of the report."""
     next_steps: tuple[Command, ...] = ()
-    """What to run next on one's own scene."""
+    """Commands to run next, on the user's scene."""
     provenance: Mapping[str, str] = field(default_factory=dict)
-    """For the footer: versions, commit, hashes, numeric class, machine."""
+    """Provenance for the footer: versions, commit, hashes, numeric class, machine."""

@@ -1,4 +1,4 @@
-"""The supervisor of a run that learns: from the first episode until its budget is spent or nothing improves."""
+"""The supervisor of a learning run: from the first episode until its budget is spent or nothing improves."""
 
 import math
 import shutil
@@ -26,46 +26,46 @@ from readygo.services.evaluator import EpisodeRecord
 
 TICK_S = 0.5
 SAVE_S = 5.0
-"""How often the time that is spent is written down [s]."""
+"""Period of saving the spent time [s]."""
 POINTS = 100
-"""Points of the curve over the budget, besides the measurements."""
+"""Number of points of the curve over the budget, besides the measurements."""
 LATE = 1.1
-"""Share of the budget after which a trainer that has not ended is ended."""
+"""Share of the budget after which a trainer that still runs is ended."""
 EPISODE_S = 1.5
-"""Time that an episode of a measurement takes, before one was taken [s]."""
+"""Assumed time of an episode before the first measurement [s]."""
 SPLIT_S = 30.0
-"""Training time from which on rates are trusted to split the cores by [s]."""
+"""Training time after which measured rates determine the division of the cores [s]."""
 CANDIDATES = 3
-"""Offered policies that are left for measurements, besides the best one."""
+"""Number of offered policies that stay for measurements, besides the best one."""
 EPISODES_HZ = 5.0
-"""More episodes than a collector records per second: so many rows are opened for a run."""
+"""Upper bound of the episodes that a collector records per second [Hz]; it determines a run's wanted episodes."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Now:
-    """What a run that learns is doing."""
+    """Current progress of a learning run."""
 
     fraction: float
     """Share of the budget that is spent."""
     minutes: float
     samples: int
-    """Samples in the shards."""
+    """Number of samples in the shards."""
     images: int
-    """Those of them that have an image: training draws from these."""
+    """Number of samples with an image, which training draws from."""
     learned: int
-    """Samples that were learned from, repeats counted."""
+    """Number of samples that training has used, repeats counted."""
     policies: int
     driven: float | None
-    """Success rate of the latest recorded episodes that policies drove."""
+    """Success rate of the latest recorded policy-driven episodes; None before there are any."""
     latest: Measurement | None
-    """On the split val."""
+    """Latest measurement on the split val; None before the first."""
 
 
 class Supervisor:
-    """One run that learns; what it knows is on disk, so that it goes on after whatever ended it."""
+    """Supervisor of one learning run; its state is on disk, so that it resumes after any interruption."""
 
     def __init__(self, plan: Plan, measuring: Measuring, show: Callable[[Now], None], reach: Reach = ALONE) -> None:
-        """Go on where the run's folder is.
+        """Read the state in the run's folder, and resume from there.
 
         Raises:
             RunError: If its files are broken.
@@ -78,23 +78,23 @@ class Supervisor:
         self._begun_decay = False
         self._episode_s = EPISODE_S
         self.points = load_curve(plan.curve_file)
-        """How it went so far."""
+        """Learning curve so far."""
 
     @property
     def minutes(self) -> float:
-        """Time spent, that of earlier commands included [min]."""
+        """Time spent, including earlier commands [min]."""
         return self._spent_s / 60
 
     @property
     def measurements(self) -> list[Measurement]:
-        """All on the split val, in order."""
+        """All measurements on the split val, in order."""
         return measurements_of(self.points)
 
     def learn(self) -> Measurement | None:
-        """Learn until the budget is spent or nothing improves; returns the measurement of the policy that is kept.
+        """Train until the budget is spent or nothing improves; returns the measurement of the policy that is kept.
 
         Raises:
-            RunError: If it cannot go on, or nothing could be learned.
+            RunError: If the run cannot continue, or no policy was trained.
         """
         plan = self._plan
         if not self._over:
@@ -112,7 +112,7 @@ class Supervisor:
         return None if best is None else self.measurements[best]
 
     def _prepare(self) -> None:
-        """Write what the processes read; the folder is a run that learns from here on."""
+        """Write the files that the processes read, which make the folder a learning run."""
         plan = self._plan
         self._save()
         plan.policy.mkdir(exist_ok=True)
@@ -161,7 +161,7 @@ class Supervisor:
         return self.minutes / budget.minutes if budget.samples is None else training.samples / budget.samples
 
     def _measure(self, crew: Crew, training: Training, background: "Background[Measured]", fraction: float) -> None:
-        """Take what was measured, and measure the newest policy where that is due."""
+        """Take a finished measurement, and measure the newest policy if it is due."""
         if (measured := background.result()) is not None:
             self._keep_if_best(measured)
             self._add_point(crew, training, measured.measurement)
@@ -183,7 +183,7 @@ class Supervisor:
         background.start(measure)
 
     def _keep_if_best(self, measured: Measured) -> None:
-        """Keep a policy beside the candidates, which come and go, if it is the best so far."""
+        """Copy a policy out of the candidates' folders, which are temporary, if it is the best so far."""
         self._episode_s = measured.episode_s
         rows = [*self.measurements, measured.measurement]
         if best_of(rows) == len(rows) - 1:
@@ -193,9 +193,9 @@ class Supervisor:
             shutil.rmtree(folder, ignore_errors=True)
 
     def _let_fall(self, fraction: float) -> None:
-        """Begin the end of training: when the rest of the budget is what it takes, or nothing improves any more.
+        """Begin the learning-rate decay at the end of the budget, or when nothing improves any more.
 
-        The trainer counts processor time and the budget is wall time; a fall that begins after the share t of it takes
+        The trainer counts processor time and the budget is wall time; a decay that begins after the share t of it takes
         d / (1 - d) of t, so that it ends with the budget if t = 1 - d.
         """
         if self._begun_decay:
@@ -206,7 +206,7 @@ class Supervisor:
             self._begun_decay = True
 
     def _split_again(self, crew: Crew, training: Training) -> None:
-        """Split the cores by what both sides were measured to do, once."""
+        """Divide the cores by the measured rates of recording and training, once."""
         if self._reach.hosts or self._split is not None or 60 * training.minutes < SPLIT_S or not crew.collect_hz:
             return
         threads = crew.running.trainer_threads
@@ -221,7 +221,7 @@ class Supervisor:
         self._save()
 
     def _note(self, crew: Crew, training: Training) -> None:
-        """Add a point to the curve, a hundred times over the budget."""
+        """Add a point to the curve, `POINTS` times over the budget."""
         apart = self._plan.budget.minutes / POINTS
         if training.samples and (not self.points or self.minutes - self.points[-1].minutes >= apart):
             self._add_point(crew, training, None)
@@ -237,7 +237,7 @@ class Supervisor:
             measurement=measurement,
         )
         self.points.append(point)
-        # The time first: a run that goes on after a kill is never earlier than its curve.
+        # Save the time first: a run that resumes after a kill is never earlier than its curve.
         self._save()
         save_curve(self._plan.curve_file, self.points)
 
@@ -256,7 +256,7 @@ class Supervisor:
         self._show(now)
 
     def _measure_last(self) -> None:
-        """Measure what training ended with, and leave the best policy as the run's."""
+        """Measure the final policy, and leave the best policy as the run's."""
         plan = self._plan
         if not (plan.policy / SPEC_FILE).exists():
             raise RunError(
@@ -283,7 +283,7 @@ class Supervisor:
         save_curve(plan.curve_file, self.points)
         if best_of(rows) == len(rows) - 1:
             keep_policy(plan.policy, plan.best)
-        # policy.toml is the last one: without it the folder is no policy.
+        # policy.toml is written last: without it the folder is not a policy.
         (plan.policy / SPEC_FILE).unlink(missing_ok=True)
         for name in load_spec(plan.best).files:
             write_whole(plan.policy / name, (plan.best / name).read_bytes(), raises=RunError)
@@ -296,7 +296,7 @@ class Supervisor:
 
 
 def keep_policy(folder: Path, kept: Path) -> None:
-    """Copy a policy; the copy is there whole, or the one before."""
+    """Copy a policy atomically: `kept` holds either the new or the previous policy."""
     with unfinished_folder(kept, good=lambda: False, raises=RunError) as place:
         for name in load_spec(folder).files:
             shutil.copyfile(folder / name, place / name)

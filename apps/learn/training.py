@@ -1,4 +1,4 @@
-"""The trainer of a run that learns, from outside: its settings, how far it says to be, what it is asked to do."""
+"""The trainer's interface to the supervisor: its settings, its progress and its requests, as files."""
 
 import json
 import math
@@ -14,13 +14,13 @@ from readygo.services.trainer import best_recipe
 
 _HISTORY = ("samples", "train_loss", "validation_loss")
 _NO_PROGRESS = (ValueError, TypeError, LookupError, AttributeError, OverflowError)
-"""What a progress file of another shape raises."""
+"""Exceptions that an invalid progress file causes."""
 PROGRESS_FILE, DECAY_FILE = "progress.json", "decay"
-"""What the trainer writes, and what has its learning rate fall; see `readygo.services.trainer.live`."""
+"""Files of the trainer's progress, and of the request for its learning-rate decay (`readygo.services.trainer.live`)."""
 OFFERS = 60
-"""Policies that are offered over the budget, as long as they come `OFFER_MIN_S` apart."""
+"""Number of policies that are offered over the budget, if they are `OFFER_MIN_S` apart."""
 OFFER_MIN_S = 15.0
-"""Shortest processor time between two of them [s]."""
+"""Shortest processor time between two offered policies [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,41 +29,41 @@ class Offered:
 
     folder: Path
     sha256: str
-    """What the runs call it."""
+    """SHA-256 by which the runs name the policy."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Training:
-    """How far the trainer said to be."""
+    """Progress that the trainer reported last."""
 
     told_s: float = 0.0
-    """When it said so, since the epoch [s]."""
+    """Time of the report [s since 1970]."""
     ended: bool = False
-    """True if its budget is spent."""
+    """True if the trainer's budget is spent."""
     fraction: float = 0.0
     """Share of its budget that is spent."""
     minutes: float = 0.0
-    """Processor time of each of its threads [min]."""
+    """Processor time per thread [min]."""
     samples: int = 0
-    """Samples that it learned from, repeats counted."""
+    """Number of samples that training has used, repeats counted."""
     loss: float | None = None
     driven: float | None = None
     """Success rate of the latest episodes that policies drove: the mean of those with and without humans."""
     offered: Offered | None = None
-    """The newest policy."""
+    """The newest offered policy; None before the first."""
 
     @property
     def samples_hz(self) -> float:
-        """Samples per second of each thread's time; 0 if not known yet."""
+        """Samples per second of one thread's processor time [Hz]; 0 while unknown."""
         return self.samples / (60 * self.minutes) if self.minutes > 0 else 0.0
 
 
 def read_training(folder: Path, since_s: float = 0.0) -> Training:
-    """What the trainer wrote last; nothing is known before it did.
+    """Read the trainer's last report; default values before the first.
 
     Args:
-        folder: The trainer's.
-        since_s: When it was started, since the epoch [s]: that an earlier one had ended says nothing.
+        folder: Folder of the trainer.
+        since_s: Start of the trainer [s since 1970]: the end of an earlier trainer is ignored.
     """
     path = folder / PROGRESS_FILE
     try:
@@ -89,10 +89,10 @@ def _training_of(folder: Path, told: Any, told_s: float, since_s: float) -> Trai
 
 
 def read_history(folder: Path) -> list[dict[str, Any]]:
-    """Steps, samples and losses of the trainer's validations so far; none if it wrote nothing.
+    """Steps, samples and losses of the trainer's validations so far; empty before the first.
 
     Args:
-        folder: The trainer's.
+        folder: Folder of the trainer.
     """
     try:
         history: list[dict[str, Any]] = read_json(folder / PROGRESS_FILE)["history"]
@@ -102,7 +102,7 @@ def read_history(folder: Path) -> list[dict[str, Any]]:
 
 
 def write_trainer_config(plan: Plan, threads: int) -> Path:
-    """Write the trainer's settings, those of the recipe "best" with the run's budget, and say where."""
+    """Write the trainer's settings, the recipe "best" with the run's budget; returns the file's path."""
     budget = plan.budget
     samples = [f"samples = {budget.samples}"] if budget.samples is not None else []
     lines = [
@@ -122,15 +122,15 @@ def write_trainer_config(plan: Plan, threads: int) -> Path:
 
 
 def decay_share() -> float:
-    """The last share of a trainer's budget, over which its learning rate falls."""
+    """The last share of a trainer's budget, over which its learning rate decays."""
     return best_recipe().optimizer.decay_share
 
 
 def begin_decay(folder: Path) -> None:
-    """Have the trainer's learning rate fall from now on; it ends after that."""
+    """Request the decay of the trainer's learning rate; training ends after the decay."""
     write_whole(folder / DECAY_FILE, "", raises=RunError)
 
 
 def forget_decay(folder: Path) -> None:
-    """Take back what `begin_decay` asked of an earlier trainer."""
+    """Withdraw the request of `begin_decay` to an earlier trainer."""
     (folder / DECAY_FILE).unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""An episode in a browser's scene: the robot, what its camera sees, the humans, ways, goal and replans."""
+"""An episode in a browser's scene: robot, camera views, humans, paths, goal and replans."""
 
 import math
 from collections.abc import Callable
@@ -18,30 +18,30 @@ from readygo.common.robot import RobotConfig
 Rgb = tuple[int, int, int]
 BODY: Rgb = (240, 243, 247)
 ACCENTS: tuple[Rgb, ...] = ((41, 161, 255), (255, 174, 52), (120, 220, 120), (214, 120, 255))
-"""One per worker, in turn."""
+"""Colours of the workers, in turn."""
 REPLAN: Rgb = (255, 214, 64)
 SIGHT_M = 3.0
-"""How far the field of view is drawn."""
+"""Drawn length of the field of view [m]."""
 LIFT_M = 0.1
-"""Above the floor, whose Gaussians would hide what lies on it."""
+"""Height of drawings above the floor, whose Gaussians would hide them [m]."""
 TRAIL_STEP_M = 0.05
 HUMANS_MAX = 8
 _ON_ROBOT = ("body", "label", "view", "fan")
-"""How the names of what goes with the robot begin."""
+"""Prefixes of the names of nodes that move with the robot."""
 Way = npt.NDArray[np.float64]
 
 
 class Actor:
-    """One episode's nodes below a name; they move by `show`."""
+    """Scene nodes of one episode below a name; `show` moves them."""
 
     def __init__(self, scene: Any, name: str, robot: RobotConfig, accent: Rgb) -> None:
-        """Nothing is shown yet.
+        """Prepare an episode without nodes.
 
         Args:
             scene: A viser scene.
-            name: Where its nodes are, such as "/robots/0".
-            robot: Size and camera.
-            accent: Colour of what belongs to this robot.
+            name: Parent of the nodes, such as "/robots/0".
+            robot: Robot, with its size and cameras.
+            accent: Colour of the robot's nodes.
         """
         self._scene, self._name, self._robot, self._accent = scene, name, robot, accent
         self._nodes: dict[str, Any] = {}
@@ -50,10 +50,10 @@ class Actor:
         self._trail: list[tuple[float, float, float]] = []
         self._planned: object = None
         self.eyes = False
-        """True hides the body: somebody looks out of it."""
+        """True hides the robot's body: the viewer looks through its camera."""
 
     def show(self, state: LiveState, label: str, *, trail: bool = True) -> None:
-        """Move everybody to where they are."""
+        """Move robot and humans to their poses."""
         x, y, z, yaw = state.robot_xyzyaw
         base = self._node("robot", self._make_robot)
         base.position, base.wxyz = (x, y, z), _yaw_wxyz(yaw)
@@ -70,13 +70,13 @@ class Actor:
             self._leave_trail((x, y, z))
 
     def plan(self, way: Way, replans: Way, humans: tuple[Way, ...] = (), *, of: object) -> None:
-        """Draw where everybody goes.
+        """Draw the paths of robot and humans.
 
         Args:
-            way: The robot's way [m], shape (N, 3).
-            replans: Where it was planned anew [m], shape (R, 3).
-            humans: Ways of the humans, shape (N, 3) each.
-            of: What the ways are of; they are drawn again only if it is something else than before.
+            way: Path of the robot [m], shape (N, 3).
+            replans: Positions of the replans [m], shape (R, 3).
+            humans: Paths of the humans [m], shape (N, 3) each.
+            of: Owner of the paths; they are drawn again only if it differs from the last call's.
         """
         if self._planned == of:
             return
@@ -90,15 +90,15 @@ class Actor:
         self._mark(replans)
 
     def picture(self, camera: str, rgb: npt.NDArray[np.uint8] | None) -> None:
-        """Hang the newest image in front of a camera; the first one is called ""."""
+        """Show the newest image in front of a camera; the first one is called ""."""
         if f"view{camera}" in self._nodes and rgb is not None:
             self._nodes[f"view{camera}"].image = rgb
 
     def hide(self) -> None:
-        """Take everything away."""
+        """Remove all nodes."""
         for name in list(self._nodes):
             if name.startswith(_ON_ROBOT):
-                # They go with it.
+                # Removing the parent removes them as well.
                 del self._nodes[name]
             else:
                 self._drop(name)
@@ -138,7 +138,7 @@ class Actor:
         return base
 
     def _see(self, fov_rad: float) -> None:
-        """Draw the fields of view: that of the first camera is known of the episode."""
+        """Draw the fields of view; the episode states the first camera's."""
         self._fov_rad = fov_rad
         self._see_with("", self._robot.camera, fov_rad)
         for name, camera in self._robot.cameras.items():
@@ -168,7 +168,7 @@ class Actor:
         )
 
     def _aim(self, state: LiveState) -> None:
-        """Put up the goal."""
+        """Show the goal."""
         goal = self._node("goal", self._make_goal)
         goal.position = (*state.goal_xy_m, state.robot_xyzyaw[2] + LIFT_M)
 
@@ -205,7 +205,7 @@ class Actor:
             self._line("trail", np.array(self._trail), self._accent, 0.05, 1.0)
 
     def _line(self, name: str, way: Way, colour: Rgb, thickness_m: float, strength: float) -> None:
-        """A way as a line; a weak one is darker."""
+        """Draw a path as a line; a lower strength is darker."""
         points = shapes.segments(way, LIFT_M + 0.02) if len(way) else way
         if not len(points):
             self._drop(name)
@@ -224,7 +224,7 @@ class Actor:
 
 
 def eye_of(camera: CameraConfig, state: LiveState) -> npt.NDArray[np.float64]:
-    """The robot's camera in the world, T_world_camera, shape (4, 4)."""
+    """Pose of the robot's camera, T_world_camera, shape (4, 4)."""
     x, y, z, yaw = state.robot_xyzyaw
     return camera.T_world_camera(x, y, yaw, z)
 

@@ -1,4 +1,4 @@
-"""The page of a run that is about to begin: a process of its own, which ends with the run's command."""
+"""The page of a run that is about to begin: a separate process, which ends with the run's command."""
 
 import contextlib
 import importlib.util
@@ -15,19 +15,19 @@ POLL_S = 0.5
 
 
 def check_viewer() -> None:
-    """Raise RunError unless there is what draws the page."""
+    """Raise RunError if viser, which draws the page, is not installed."""
     if importlib.util.find_spec("viser") is None:
         raise RunError(f"--watch needs viser; install it with: {install_command('monitor')}")
 
 
 @contextlib.contextmanager
 def watched(folder: Path, begun: Callable[[], bool], certs: Path | None = None) -> Iterator[None]:
-    """Show a run on a page for as long as the block runs; the page never holds the run up.
+    """Show a run on a page while the context is active; the page never blocks the run.
 
     Args:
-        folder: Data folder, or that of a run that learns.
-        begun: True once the folder can be watched.
-        certs: Folder with a certificate of a monitor, for a run that speaks TLS.
+        folder: Data folder, or folder of a learning run.
+        begun: Returns True once the folder can be watched.
+        certs: Folder with a monitor's certificate, for a run with TLS.
 
     Raises:
         RunError: If viser is not installed.
@@ -54,6 +54,6 @@ def _show(command: list[str], begun: Callable[[], bool], over: threading.Event) 
             return
     process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
     over.wait()
-    # It only reads, and at SIGTERM it would write into the terminal of the run.
+    # It only reads, and after SIGTERM it would write to the terminal of the run.
     process.kill()
     process.wait()

@@ -1,4 +1,4 @@
-"""One episode after the other for viewers that show one at a time: those under way, else the recorded ones."""
+"""Feeds one episode at a time to viewers: running episodes, else recorded ones."""
 
 import dataclasses
 import logging
@@ -21,9 +21,9 @@ from readygo.common.robot.kinematics import DT_S
 
 POLL_S = 0.1
 AGAIN_S = 2.0
-"""How often is shown anew what stays where it is: who has come meanwhile has not seen it [s]."""
+"""Period of repeating constant content, for viewers that have connected since [s]."""
 WAIT_S = 3.0
-"""A run is given so long to show an episode before recorded ones are shown [s]."""
+"""Time for a run to show an episode before recorded ones are shown [s]."""
 
 log = logging.getLogger(__name__)
 
@@ -34,17 +34,17 @@ class Moment:
 
     state: LiveState
     images: Pictures = dataclasses.field(default_factory=dict)
-    """The images that are new since the moment before."""
+    """Images that are new since the previous moment, by name."""
     image_format: str = "jpeg"
     way: npt.NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.zeros((0, 4)))
-    """The robot's whole way as far as it is known: x, y, z [m], yaw [rad], shape (N, 4)."""
+    """The known path of the robot: x, y, z [m], yaw [rad], shape (N, 4)."""
 
 
 class Sink(Protocol):
     """A viewer."""
 
     def begin(self, moment: Moment, stamp_ns: int) -> None:
-        """Show what stays where it is over an episode; called again now and then."""
+        """Show the content that is constant over an episode; called again periodically."""
         ...
 
     def show(self, moment: Moment, stamp_ns: int) -> None:
@@ -52,12 +52,12 @@ class Sink(Protocol):
         ...
 
     def close(self) -> None:
-        """End."""
+        """Close the viewer's connection."""
         ...
 
 
 class Feed:
-    """Shows a run in a viewer, on a thread of its own."""
+    """Shows a run in a viewer, on a separate thread."""
 
     def __init__(self, subject: Subject, sink: Sink) -> None:
         self._subject, self._sink = subject, sink
@@ -68,7 +68,7 @@ class Feed:
         self._thread.start()
 
     def close(self) -> None:
-        """Show no more."""
+        """End the thread, and close the viewer."""
         self._stop.set()
         self._thread.join()
         self._sink.close()
@@ -94,7 +94,7 @@ class Feed:
             self._stop.wait(POLL_S)
 
     def _live(self) -> Iterator[Moment]:
-        """Moments of the episodes under way: each as long as there is news of it; ends where there are none."""
+        """Moments of running episodes, each while new messages arrive; ends if no episode runs."""
         quiet_s, followed, told_ns = 0.0, None, (-1, -1)
         while quiet_s < WAIT_S and not self._stop.is_set():
             with self._subject.watch.lock:
@@ -115,7 +115,7 @@ class Feed:
             quiet_s += POLL_S
 
     def _recorded(self) -> Iterator[Moment]:
-        """Moments of recorded episodes, at their pace, until one is under way."""
+        """Moments of recorded episodes, at their pace, until an episode runs."""
         recorded = self._subject.recorded
         for episode in cycle(recorded.episodes() if recorded else ()):
             try:

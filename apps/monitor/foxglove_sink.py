@@ -26,7 +26,7 @@ from readygo.services.renderer import calibrations
 
 NO_SENSOR = SensorConfig()
 MAP_EVERY = 5
-"""The map is large: it comes with every so many of the other surroundings."""
+"""Number of repetitions of the other constant content per repetition of the map, which is large."""
 
 
 class FoxgloveSink:
@@ -35,16 +35,16 @@ class FoxgloveSink:
     def __init__(
         self, robot: RobotConfig, maps: MapMessages | None, port: int, sensor: SensorConfig = NO_SENSOR
     ) -> None:
-        """Listen.
+        """Start the server.
 
         Args:
-            robot: Size and cameras, with its ranges.
+            robot: Robot, with its size, cameras and ranges.
             maps: The map of the scene; None without one.
-            port: On the loopback address, as the protocol asks nobody who they are; 0 takes a free one.
-            sensor: What varies of the cameras from episode to episode.
+            port: Port on the loopback address, as the protocol has no authentication; 0 takes a free one.
+            sensor: Variation of the cameras from episode to episode.
 
         Raises:
-            RunError: If the SDK is not installed, or nobody can listen there.
+            RunError: If the SDK is not installed, or the port cannot be opened.
         """
         try:
             import foxglove
@@ -53,11 +53,11 @@ class FoxgloveSink:
             raise RunError(f"--foxglove needs foxglove-sdk; install it with: {command}") from error
         self._foxglove, self._robot, self._sensor, self._maps = foxglove, robot, sensor, maps
         self.context = foxglove.Context()
-        """What is shown goes through this; a test records it."""
+        """Context of all channels; tests record it."""
         self._frames: tuple[bytes, ...] = ()
-        """Of the cameras, where the episode's robot has them."""
+        """Transforms of the cameras on the episode's robot."""
         self._cameras: tuple[FurtherCamera, ...] = ()
-        """All of them as they are in the episode, the first one before the others."""
+        """All cameras of the episode, the first one before the others."""
         self._channels: dict[int, Any] = {}
         self._begun = 0
         try:
@@ -65,10 +65,10 @@ class FoxgloveSink:
         except (OSError, RuntimeError, ValueError) as error:
             raise RunError(f"Cannot serve Foxglove at port {port}: {error}; choose another one.") from error
         self.port: int = self._server.port
-        """Where it listens."""
+        """Port of the server."""
 
     def begin(self, moment: Moment, stamp_ns: int) -> None:
-        """See `Sink.begin`."""
+        """Show the content that is constant over an episode."""
         episode, stamp = moment.state.episode, schemas.timestamp(stamp_ns)
         robot = robot_of_episode(self._robot, episode)
         self._frames = markers.camera_frames(robot)
@@ -94,7 +94,7 @@ class FoxgloveSink:
         self._begun += 1
 
     def show(self, moment: Moment, stamp_ns: int) -> None:
-        """See `Sink.show`."""
+        """Show a moment; `stamp_ns` is the wall clock."""
         state, stamps = moment.state, columns.stamps(np.array([stamp_ns], dtype=np.uint64))
         messages = packed.messages([_sample(state, moment.images, self._robot)], _header(moment, self._cameras))
         messages.append(markers.frames(*packed.pose(np.array([state.robot_xyzyaw])), self._frames))
@@ -103,7 +103,7 @@ class FoxgloveSink:
             self._log(each.channel, b"".join(columns.bytes_of(each.at(stamps))), stamp_ns)
 
     def close(self) -> None:
-        """See `Sink.close`."""
+        """Stop the server."""
         self._server.stop()
 
     def _log(self, channel: Channel, payload: bytes, stamp_ns: int) -> None:
@@ -117,7 +117,7 @@ class FoxgloveSink:
 
 
 def _header(moment: Moment, cameras: tuple[FurtherCamera, ...]) -> EpisodeHeader:
-    """What is constant over an episode, as far as its states say."""
+    """The header of an episode, as far as its states contain it."""
     state, (first, *further) = moment.state, cameras
     x_m, y_m, _, yaw_rad = moment.way[0].tolist()
     return EpisodeHeader(

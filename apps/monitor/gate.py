@@ -1,9 +1,9 @@
-"""The door of the page: lets in who may see it, and hands everything else to the viewer behind it.
+"""The authenticating proxy in front of the page: checks each request, and passes it to the viewer.
 
-The viewer asks nobody who they are, so it listens at a Unix socket that this user alone can reach. A page on this
-machine's own address is for this machine: pages of other sites that a browser has open must not read it (a foreign
-Origin), nor by a name of theirs that points here (a foreign Host). On any other address a token is asked for, once by
-the link and from then on by a cookie.
+The viewer has no authentication, so it listens at a Unix socket that only this user can reach. A page on the loopback
+address is for this machine: pages of other sites that a browser has open must not read it (a foreign Origin), nor by a
+name of theirs that points here (a foreign Host). On any other address the proxy requires a token, once in the link and
+then in a cookie.
 """
 
 import asyncio
@@ -18,7 +18,7 @@ from urllib.parse import parse_qsl, urlencode, urlsplit
 from readygo.common.errors import RunError
 
 HEAD_MAX = 32_768
-"""Bytes of a request's head."""
+"""Largest size of a request's head [bytes]."""
 HEAD_TIMEOUT_S = 10.0
 PIECE = 65_536
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -28,14 +28,14 @@ class Request(NamedTuple):
     """The head of a request."""
 
     target: str
-    """Path and query."""
+    """Path and query of the URL."""
     headers: Mapping[str, str]
-    """By names in small letters."""
+    """Headers by name in lower case."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What the gate itself says."""
+    """A response of the proxy itself."""
 
     status: str
     text: str = ""
@@ -43,7 +43,7 @@ class Answer:
     cookie: str = ""
 
     def encoded(self) -> bytes:
-        """The response."""
+        """The HTTP response as bytes."""
         body = self.text.encode()
         lines = [f"HTTP/1.1 {self.status}", "Content-Type: text/plain; charset=utf-8", f"Content-Length: {len(body)}"]
         lines += [f"Location: {self.location}"] if self.location else []
@@ -52,7 +52,7 @@ class Answer:
 
 
 def parse_head(head: bytes) -> Request | None:
-    """The head of an HTTP request; None if it is none."""
+    """Parse the head of an HTTP request; None if it is malformed."""
     first, *lines = head.decode("latin-1").split("\r\n")
     parts = first.split(" ")
     if len(parts) != 3 or not parts[2].startswith("HTTP/1."):
@@ -60,7 +60,7 @@ def parse_head(head: bytes) -> Request | None:
     pairs = (line.partition(":") for line in lines if line)
     headers = {name.strip().lower(): value.strip() for name, _, value in pairs}
     try:
-        # Python's parser of addresses raises at some that are none, such as "[::1".
+        # Python's URL parser raises ValueError for some malformed addresses, such as "[::1".
         for url in (parts[1], f"//{headers.get('host', '')}", headers.get("origin", "")):
             _ = urlsplit(url).hostname
     except ValueError:
@@ -69,12 +69,12 @@ def parse_head(head: bytes) -> Request | None:
 
 
 def judge(request: Request, token: str, cookie_name: str) -> Answer | None:
-    """What the gate answers; None lets the request in.
+    """The proxy's response to a request; None passes the request to the viewer.
 
     Args:
-        request: Its head.
-        token: What who asks must know; empty lets in everybody who asks for this machine by its own name.
-        cookie_name: Of the cookie that carries the token.
+        request: Head of the request.
+        token: Required token; empty allows every request that names this machine as its host.
+        cookie_name: Name of the cookie with the token.
     """
     host, origin = request.headers.get("host", ""), request.headers.get("origin")
     if origin is not None and (not host or origin not in (f"http://{host}", f"https://{host}")):
@@ -95,7 +95,7 @@ def judge(request: Request, token: str, cookie_name: str) -> Answer | None:
 
 
 def _hostname(host: str) -> str | None:
-    """The name in a Host header; None where there is none."""
+    """The host name in a Host header; None if there is none."""
     try:
         return urlsplit(f"//{host}").hostname
     except ValueError:
@@ -103,19 +103,19 @@ def _hostname(host: str) -> str | None:
 
 
 class Gate:
-    """Listens where the page shall be, on a thread of its own."""
+    """Server of the page's address, on a separate thread."""
 
     def __init__(self, host: str, port: int, *, behind: Path, token: str = "") -> None:
-        """Listen.
+        """Start the server.
 
         Args:
             host: Address of this machine.
-            port: There; 0 takes a free one.
-            behind: Socket of the viewer.
-            token: See `judge`.
+            port: Port; 0 takes a free one.
+            behind: Unix socket of the viewer.
+            token: Required token; empty for the loopback address.
 
         Raises:
-            RunError: If nobody can listen there.
+            RunError: If the address cannot be opened.
         """
         self._behind, self._token = behind, token
         self._loop = asyncio.new_event_loop()
@@ -131,13 +131,13 @@ class Gate:
                 f"Cannot show the page at {host}:{port}: {what}; choose another --host or --port."
             ) from error
         self.port: int = self._server.sockets[0].getsockname()[1]
-        """Where it listens."""
+        """Port of the server."""
         self._cookie_name = f"readygo-monitor-{self.port}"
         self._thread = threading.Thread(target=self._loop.run_forever, name="gate", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """Let nobody in any more, and end what is under way."""
+        """Stop the server, and close all connections."""
         asyncio.run_coroutine_threadsafe(self._end(), self._loop).result()
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
@@ -156,7 +156,7 @@ class Gate:
         try:
             await self._serve(reader, writer)
         except (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, TimeoutError):
-            # A browser that goes away is nobody's mistake.
+            # A browser may disconnect at any time.
             pass
         finally:
             self._tasks.discard(task)
@@ -174,7 +174,7 @@ class Gate:
         inner_writer.write(head)
         ways = [asyncio.ensure_future(_pass_on(*way)) for way in ((reader, inner_writer), (inner_reader, writer))]
         try:
-            # Where one side has ended, there is nobody to hear the other one.
+            # When one side has closed, the other one has no receiver.
             await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
         finally:
             for way in ways:

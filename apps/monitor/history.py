@@ -1,4 +1,4 @@
-"""Numbers over time in bounded memory."""
+"""Time series in bounded memory."""
 
 import math
 from collections.abc import Sequence
@@ -10,14 +10,14 @@ POINTS_MAX = 600
 
 
 class History:
-    """Rows of numbers over time; when there are too many, every other one goes and they come half as often."""
+    """Rows of numbers over x; when there are too many, every second row is dropped and the spacing doubles."""
 
     def __init__(self, apart: float = 0.0, points_max: int = POINTS_MAX) -> None:
-        """Nothing is known yet.
+        """Make an empty history.
 
         Args:
-            apart: Least distance of two rows on the axis of x.
-            points_max: Rows that are kept.
+            apart: Smallest distance of two rows in x.
+            points_max: Largest number of rows.
         """
         self._apart, self._points_max = apart, points_max
         self._x: list[float] = []
@@ -27,7 +27,7 @@ class History:
         return len(self._x)
 
     def add(self, x: float, row: Sequence[float]) -> None:
-        """Take a row, unless it comes too soon after the one before or further back."""
+        """Add a row, unless its x is too close to the last row's or below it."""
         if self._x and x - self._x[-1] < max(self._apart, 1e-12):
             return
         self._x.append(x)
@@ -38,7 +38,7 @@ class History:
             self._apart = max(self._apart, span / self._points_max * 2)
 
     def clear(self) -> None:
-        """Forget all rows."""
+        """Remove all rows."""
         self._x.clear()
         self._rows.clear()
 
@@ -47,7 +47,7 @@ class History:
         return np.array(self._x), np.array([row[column] for row in self._rows])
 
     def rate(self, column: int, window: float) -> float:
-        """How fast a column that only rises has risen over the last `window`, per unit of x; nan if not known."""
+        """Rate of increase of a monotonic column over the last `window`, per unit of x; nan if unknown."""
         if len(self._x) < 2:
             return math.nan
         begin = self._x[-1] - window
@@ -56,7 +56,7 @@ class History:
         return (self._rows[-1][column] - self._rows[first][column]) / (self._x[-1] - self._x[first])
 
     def rates(self, column: int, window: float) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """How fast a column that only rises rose, over the `window` before each row, shape (N,) each."""
+        """Rates of increase of a monotonic column over the `window` before each row: x and rates, shape (N,) each."""
         x, y = self.curve(column)
         first = np.minimum(np.searchsorted(x, x - window), np.maximum(np.arange(len(x)) - 1, 0))
         span = x - x[first]

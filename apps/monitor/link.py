@@ -1,4 +1,4 @@
-"""The way to a fleet: joined, lost and joined again."""
+"""The connection to a fleet, with reconnection."""
 
 import threading
 import time
@@ -15,13 +15,13 @@ from readygo.common.errors import BusError, PeerError, ReadygoError
 from readygo.common.messages import RunSpec, RunSpecRequest, topics
 
 SILENT_S = 15.0
-"""A coordinator that says nothing for so long has ended, or another one has its place [s]."""
+"""Time without a message after which a coordinator counts as ended or replaced [s]."""
 RETRY_S = 2.0
 SPEC_TIMEOUT_S = 5.0
 
 
 class Address(NamedTuple):
-    """Where a run can be heard."""
+    """Endpoint, name and credentials of a run."""
 
     endpoint: str
     run: str
@@ -30,33 +30,33 @@ class Address(NamedTuple):
     """Folder with a certificate of a monitor, for a tls/ endpoint."""
 
     def bus(self) -> ZenohBus:
-        """Join the run to look at it; see `readygo.apps.fleet.access.join` for the errors."""
+        """Join the run as a monitor; raises as `readygo.apps.fleet.access.join` does."""
         return join(self.endpoint, self.run, MONITOR, certs=self.certs, token=self.token)
 
 
 def address_of(folder: RunFolder, certs: Path | None = None) -> Address:
-    """Where the fleet that is at work on a folder is.
+    """Address of the fleet that works on a folder.
 
     Args:
-        folder: Of the run.
-        certs: Folder of certificates, in case that it speaks TLS.
+        folder: Folder of the run.
+        certs: Folder of certificates, for a fleet with TLS.
 
     Raises:
-        RunError: If none is.
+        RunError: If no fleet works on the folder.
     """
     endpoint, token = folder.fleet_endpoint()
     return Address(endpoint, folder.load()[0].run, token, certs if endpoint.startswith(TLS) else None)
 
 
 class Link:
-    """Keeps a watch in touch with its run, on a thread of its own."""
+    """Connects a watch to its run, and reconnects it, on a separate thread."""
 
     def __init__(self, watch: Watch, find: Callable[[], Address]) -> None:
-        """Not joined yet.
+        """Prepare a link that is not connected.
 
         Args:
-            watch: Hears the run.
-            find: Says where it is now; raises RunError while no fleet is at work.
+            watch: Receiver of the run's streams.
+            find: Returns the current address; raises RunError while no fleet works on the run.
         """
         self._watch, self._find = watch, find
         self._bus: ZenohBus | None = None
@@ -69,9 +69,9 @@ class Link:
         """Join the run now.
 
         Raises:
-            BusError: If nobody answers, the token is wrong, or whoever answers is of another version.
-            CertificateError: If there is no certificate that can be used.
-            RunError: If no fleet is at work.
+            BusError: If no coordinator answers, the token is wrong, or the coordinator has a different version.
+            CertificateError: If there is no usable certificate.
+            RunError: If no fleet works on the run.
         """
         address = self._find()
         bus = address.bus()
@@ -87,7 +87,7 @@ class Link:
         return spec
 
     def start(self) -> None:
-        """Join, and join again whenever the run was lost, until `close`."""
+        """Connect, and reconnect each time the run is lost, until `close`."""
         self._thread.start()
 
     def close(self) -> None:
@@ -127,10 +127,10 @@ class Link:
 
 
 def _spec(bus: ZenohBus, address: Address) -> RunSpec:
-    """The run's spec.
+    """Request the run's spec.
 
     Raises:
-        BusError: With what may be wrong.
+        BusError: If the request fails, with possible causes.
     """
     try:
         return bus.request(topics.SPEC, RunSpecRequest(), timeout_s=SPEC_TIMEOUT_S)

@@ -1,4 +1,4 @@
-"""One viewer's page: what somebody who looks at it sees and has chosen; nobody else's page changes with it."""
+"""The page of one browser, with its user's choices; other browsers have independent pages."""
 
 import math
 import threading
@@ -22,26 +22,26 @@ from readygo.common.messages.live import LiveState
 LIVE = "live"
 OVERVIEW, FOLLOW, EYES = "Overview", "Follow", "Robot's eyes"
 CAST_MAX = 8
-"""Episodes that are shown side by side."""
+"""Largest number of episodes that are shown at the same time."""
 CHOICES_MAX = 300
-"""Episodes in the list; the newest ones."""
+"""Largest number of episodes in the list, the newest ones."""
 PANELS_S, CHARTS_S, EPISODES_S = 0.5, 2.0, 4.0
-"""How often parts of the page are made anew [s]."""
+"""Refresh periods of panels, charts and the list of episodes [s]."""
 MARKS = {None: "", Outcome.SUCCESS: " ✓", Outcome.TIMEOUT: " ⏱"}
 FOLLOW_BACK_M, FOLLOW_UP_M = 1.9, 3.2
 SMOOTH_S = 0.5
-"""Time in which a follow camera comes round [s]."""
+"""Time constant of a follow camera's motion [s]."""
 
 
 class Page:
-    """What one browser shows; `update` is called some times a second, by one thread."""
+    """Content of one browser; one thread calls `update` several times a second."""
 
     def __init__(self, client: Any, subjects: list[Subject]) -> None:
         """Build the page.
 
         Args:
             client: The viewer's handle.
-            subjects: What can be looked at; one at least.
+            subjects: Runs to choose from, at least one.
         """
         self._client, self._subjects = client, subjects
         self._subject = subjects[0]
@@ -64,7 +64,7 @@ class Page:
             self._enter(self._subject)
 
     def update(self, now_s: float) -> None:
-        """Show how things are now."""
+        """Show the current state of the run."""
         with self._lock, self._client.atomic():
             if self._house is None and self._subject.house is not None:
                 self._put_up(self._subject.house)
@@ -102,13 +102,13 @@ class Page:
         self._roof.on_update(lambda _: self._show_roof())
 
     def _enter(self, subject: Subject) -> None:
-        """Show the scene of a run, from above, and what it does."""
+        """Switch to a run: show its scene from above, and its state."""
         self._leave()
         self._subject, self._house = subject, None
         self._due_s.clear()
 
     def _put_up(self, house: DollsHouse) -> None:
-        """Show the scene, as soon as it is read."""
+        """Show the scene once it is loaded."""
         self._house = house
         for name, splats in (("open", house.open), ("roof", house.roof)):
             if len(splats.centers_m):
@@ -151,7 +151,7 @@ class Page:
             self._show_roof()
 
     def _choose_episode(self, label: str) -> None:
-        """Show an episode from its beginning, or those that are under way."""
+        """Show a chosen episode from its beginning, or the running ones."""
         key = self._keys.get(label)
         try:
             track = self._subject.track(key) if key is not None else None
@@ -173,7 +173,7 @@ class Page:
             self._plays.value = False
 
     def _list_episodes(self, now_s: float) -> None:
-        """Offer what can be scrubbed through; where nothing is live, the first episode plays."""
+        """Update the list of recorded episodes; if no episode is live, the first one plays."""
         if not self._is_due("episodes", now_s, EPISODES_S):
             return
         watch, recorded = self._subject.watch, self._subject.recorded
@@ -202,7 +202,7 @@ class Page:
             threading.Thread(target=self._choose_episode, args=(options[1],), daemon=True).start()
 
     def _play(self, now_s: float) -> dict[str, LiveState]:
-        """Show the chosen episode at its time, which goes on while it plays."""
+        """Show the chosen episode at its time, which advances while it plays."""
         track = self._track
         assert track is not None
         if self._plays.value and self._before_s is not None:
@@ -219,7 +219,7 @@ class Page:
         return {"0": state}
 
     def _live(self, now_s: float) -> dict[str, LiveState]:
-        """Show the episodes that are being made."""
+        """Show the running episodes."""
         with self._subject.watch.lock:
             moving = self._subject.watch.under_way()[:CAST_MAX]
             shown = {episode.worker: (episode, _now(episode, now_s)) for episode in moving}
@@ -256,7 +256,7 @@ class Page:
                     actor.picture(camera_of(image_name), decode_image(image))
 
     def _aim_camera(self, states: dict[str, LiveState], now_s: float) -> None:
-        """Move a camera that goes along with a robot: with the same one for as long as there is news of it."""
+        """Move a follow camera; it stays with one robot while messages about that robot arrive."""
         if self._camera_mode == OVERVIEW or not states:
             for actor in self._cast.values():
                 actor.eyes = False
@@ -291,8 +291,8 @@ class Page:
         house, camera = self._house, self._client.camera
         if house is None:
             return
-        # Narrow windows need more distance for the same width. The panel covers their lower part, and the right of wide
-        # ones: the scene goes to the other.
+        # Narrow windows need more distance for the same width. The panel covers their lower part, and the right part of
+        # wide ones: the scene moves to the free part.
         wide = camera.aspect > 1.0
         far_m = house.radius_m * (1.45 if wide else 1.25 / max(camera.aspect, 0.4))
         aside = 0.42 * np.array([0.62, -0.35, 0.0] if wide else [-0.35, -0.62, 0.0])
@@ -301,7 +301,7 @@ class Page:
         camera.look_at = aim
 
     def _tell(self, now_s: float, states: dict[str, LiveState]) -> None:
-        """Make the texts and charts anew that are due."""
+        """Update the texts and charts that are due."""
         subject, watch = self._subject, self._subject.watch
         if self._is_due("panels", now_s, PANELS_S):
             with watch.lock:
@@ -338,7 +338,7 @@ class Page:
 
 
 def _by_hand(act: Callable[[], None]) -> Callable[[Any], None]:
-    """What is done when a viewer chooses something, and not when the page does."""
+    """A callback that runs when the user changes a control, not when the page sets it."""
 
     def chosen(event: Any) -> None:
         if event.client is not None:
@@ -348,7 +348,7 @@ def _by_hand(act: Callable[[], None]) -> Callable[[Any], None]:
 
 
 def _now(episode: Moving, now_s: float) -> LiveState:
-    """Where everybody of a live episode is shown: on the way to the newest state while the next one is awaited."""
+    """The displayed state of a live episode, interpolated towards the newest state."""
     if len(episode.states) < 2:
         return episode.states[-1][1]
     (before_s, before), (after_s, after) = episode.states[-2], episode.states[-1]

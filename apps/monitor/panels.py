@@ -1,4 +1,4 @@
-"""What the page says beside the scene, as HTML. Names, reasons and errors come from others: all of it is escaped."""
+"""The HTML panels beside the scene. Names, reasons and errors come from other processes: all text is escaped."""
 
 import base64
 import functools
@@ -75,13 +75,13 @@ def html(*parts: str) -> str:
 
 
 def header(name: str, watch: Watch, recorded: int, note: str = "") -> str:
-    """Which run it is, how it is, and its most telling numbers.
+    """Name, state and key figures of a run.
 
     Args:
-        name: Of the run or its folder.
-        watch: What is known of it.
-        recorded: Durable episodes in its folder; 0 where it is not on this machine.
-        note: What else is to be said of it.
+        name: Name of the run or its folder.
+        watch: Received state of the run.
+        recorded: Number of durable episodes in its folder; 0 if the folder is not on this machine.
+        note: Further text.
     """
     status = watch.status
     kind, words = _health(watch, recorded)
@@ -128,7 +128,7 @@ def _tiles(tiles: Iterable[tuple[str, str]]) -> str:
 
 
 def moment(state: LiveState, track: Track | None, worker: str = "") -> str:
-    """What is going on in an episode at one time."""
+    """State of an episode at one time."""
     seconds = state.time_ns / 1e9
     outcome = track.outcome if track else None
     ended = (
@@ -143,7 +143,7 @@ def moment(state: LiveState, track: Track | None, worker: str = "") -> str:
         ("speed", f"{state.v_mps:.2f} m/s"),
         ("turn", f"{state.w_radps:+.2f} rad/s"),
         ("goal", f"{math.dist(state.goal_xy_m, state.robot_xyzyaw[:2]):.1f} m"),
-        ("nearest human", f"{near:.1f} m" if math.isfinite(near) else "nobody"),
+        ("nearest human", f"{near:.1f} m" if math.isfinite(near) else "none"),
         ("collision in", time_text(state.time_to_collision_s)),
     ]
     cells = "".join(f"<div><span>{name}</span>{value}</div>" for name, value in facts)
@@ -153,12 +153,12 @@ def moment(state: LiveState, track: Track | None, worker: str = "") -> str:
 
 
 def pictures(images: Pictures, kind: str, robot: RobotConfig) -> str:
-    """What all cameras show at one time, over the whole width."""
+    """Images of all cameras at one time, over the whole width."""
     return html(_rows(images, kind, robot)) if images else ""
 
 
 def cameras(workers: Iterable[Seen], robot: RobotConfig) -> str:
-    """The newest images of everybody who makes some."""
+    """The newest images of all workers that render."""
     shown = [
         f'<div>{_rows(pictures_of(seen.preview), seen.preview.format, robot)}<p class="soft">'
         f"{escape(f'{seen.name} · {seen.preview.episode.episode_id} · {seen.preview.time_ns / 1e9:.1f} s')}</p></div>"
@@ -194,13 +194,13 @@ def _figure(image: bytes, kind: str, name: str, caption: str) -> str:
 
 @functools.lru_cache(maxsize=64)
 def _shaded(name: str, image: bytes) -> bytes:
-    """Depths as browsers can show them; empty if they cannot be read."""
+    """Depths as a shaded image for browsers; empty if they cannot be decoded."""
     pixels = decode_output(kind_of(name), image)
     return b"" if pixels is None else jpeg_bytes(shaded(pixels))
 
 
 def stages(status: StatusReply | None, spec: RunSpec | None) -> str:
-    """Where the episodes are, as bars: waiting and at work, by stage, and why some were rejected."""
+    """Bars of the episodes that wait or are processed, by stage, and the reasons of rejections."""
     if status is None:
         return ""
     names = [stage.name for stage in spec.stages] if spec else list({**status.waiting, **status.leased})
@@ -266,7 +266,7 @@ def charts(watch: Watch) -> str:
 def learning(
     losses: Sequence[Curve], success: Sequence[Curve], *, losses_over: str = "samples", success_over: str = "min"
 ) -> str:
-    """How a policy learns."""
+    """Charts of a policy's losses and success rates."""
     drawn = (
         line_chart(losses, x_name=losses_over, what="Loss"),
         line_chart(success, x_name=success_over, what="Success rate", y_max=1.0),
@@ -275,7 +275,7 @@ def learning(
 
 
 def evaluations(watch: Watch) -> str:
-    """Success rates of the evaluations that were heard, the newest policy first."""
+    """Success rates of the received evaluations, the newest policy first."""
     rates: dict[tuple[str, str, str], list[bool]] = {}
     for record in watch.evaluations:
         rates.setdefault((record.policy, record.method, record.task), []).append(record.outcome is Outcome.SUCCESS)
@@ -291,11 +291,11 @@ def evaluations(watch: Watch) -> str:
 
 
 def workers(watch: Watch) -> str:
-    """Who is there, what everybody does, and how they are."""
+    """Table of the workers with their current work and load."""
     now_s = watch.clock()
     rows = [_worker(seen, now_s) for seen in sorted(watch.workers.values(), key=lambda seen: (seen.role, seen.name))]
     if not rows:
-        return html('<p class="soft">Nobody is at work.</p>')
+        return html('<p class="soft">No worker is active.</p>')
     numbers = "".join(f'<th class="n">{name}</th>' for name in ("done", "CPU", "MB"))
     head = f"<tr><th></th><th>worker</th><th>does</th>{numbers}</tr>"
     troubles = [

@@ -1,4 +1,4 @@
-"""The durable episodes of a data folder, also of one that is being written; only read."""
+"""Read-only access to the durable episodes of a data folder, also while it is written."""
 
 import threading
 from collections import OrderedDict
@@ -12,23 +12,23 @@ from readygo.common.errors import DatasetError
 from readygo.common.messages import EpisodeKey, Outcome
 
 TRACKS_MAX = 4
-"""Episodes that are kept in memory, with images some 2 MB each."""
+"""Number of episodes in memory, with images about 2 MB each."""
 
 
 class Recorded:
-    """Lists and reads episodes; everything may be called from any thread."""
+    """Lists and reads episodes; thread-safe."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.absent = ""
-        """Which of its shards cannot be shown, and why; empty if all can."""
+        """Shards that cannot be shown, with the reasons; empty if all can."""
         self._listing, self._reading = threading.Lock(), threading.Lock()
         self._shards: dict[Path, dict[EpisodeKey, Outcome | None]] = {}
-        """Of finished shards, which do not change any more."""
+        """Episodes of finished shards, which no longer change."""
         self._tracks: OrderedDict[EpisodeKey, Track] = OrderedDict()
 
     def episodes(self) -> dict[EpisodeKey, Outcome | None]:
-        """Every durable episode, in order, and how it ended where that is known without reading it."""
+        """Outcome of every durable episode, in order; None if it is unknown without reading the episode."""
         with self._listing:
             folders = self._folders()
             parts = (part for folder in folders for part in folder.glob("shard-*.mcap.part"))
@@ -40,7 +40,7 @@ class Recorded:
         return dict(sorted(found.items(), key=lambda entry: _rank(entry[0])))
 
     def track(self, episode: EpisodeKey) -> Track | None:
-        """An episode to look at; None where it is not there.
+        """Read an episode; None if it does not exist.
 
         Raises:
             DatasetError: If its shard is damaged.
@@ -57,7 +57,7 @@ class Recorded:
             return self._tracks[episode]
 
     def _folders(self) -> list[Path]:
-        """Those that are there now: recorders with a disk of their own come and go."""
+        """The existing folders with shards: those of recorders with separate disks may come and go."""
         try:
             self.absent, folders = absent(self.folder), present_folders(self.folder)
         except DatasetError as error:

@@ -1,4 +1,4 @@
-"""Rerun, live: robot, camera, humans, ways and numbers as its own archetypes; the only place that imports its SDK."""
+"""Rerun, live: robot, camera, humans, paths and numbers as its archetypes; the only module that imports its SDK."""
 
 import math
 from typing import Any
@@ -17,7 +17,7 @@ from readygo.common.images.names import RGB, camera_of, kind_of
 from readygo.common.robot import RobotConfig
 
 SPAWN = "spawn"
-"""Start a viewer on this machine."""
+"""Value of `where` that starts a viewer on this machine."""
 POINT_M = 0.015
 
 
@@ -25,10 +25,10 @@ class RerunSink:
     """A recording that a viewer shows while it grows, or a file."""
 
     def __init__(self, robot: RobotConfig, house: DollsHouse | None, where: str) -> None:
-        """Begin.
+        """Open the recording.
 
         Args:
-            robot: Size and camera.
+            robot: Robot, with its size and cameras.
             house: The scene; None without one.
             where: `SPAWN`, the viewer's address such as rerun+http://127.0.0.1:9876/proxy, or a file, .rrd.
 
@@ -58,7 +58,7 @@ class RerunSink:
         self._mount()
 
     def begin(self, moment: Moment, stamp_ns: int) -> None:
-        """See `Sink.begin`."""
+        """Show the content that is constant over an episode."""
         rr = self._rr
         self._stream.set_time("time", timestamp=np.datetime64(stamp_ns, "ns"))
         self._stream.log("episode", rr.TextLog(moment.state.episode.episode_id))
@@ -67,7 +67,7 @@ class RerunSink:
         self._stream.log("world/goal", rr.Points3D([goal], colors=[GOAL], radii=0.15))
 
     def show(self, moment: Moment, stamp_ns: int) -> None:
-        """See `Sink.show`."""
+        """Show a moment; `stamp_ns` is the wall clock."""
         rr, state, stream = self._rr, moment.state, self._stream
         x, y, z, yaw = state.robot_xyzyaw
         stream.set_time("time", timestamp=np.datetime64(stamp_ns, "ns"))
@@ -94,7 +94,7 @@ class RerunSink:
                 stream.log(f"numbers/{name}", rr.Scalars(value))
 
     def close(self) -> None:
-        """See `Sink.close`."""
+        """Close the recording."""
         self._stream.flush()
         self._stream.disconnect()
 
@@ -115,5 +115,5 @@ class RerunSink:
 
 
 def _entity(camera: str) -> str:
-    """Where a camera is; the first one is called ""."""
+    """Entity path of a camera; the first camera is called ""."""
     return f"world/robot/{camera_frame(camera)}"

@@ -1,4 +1,4 @@
-"""The page's server: a viser server at a Unix socket, behind a gate; the only place that imports viser."""
+"""The page's server: a viser server at a Unix socket, behind a gate; the only module that imports viser."""
 
 import contextlib
 import io
@@ -19,9 +19,9 @@ from readygo.common.errors import RunError
 from readygo.common.extras import install_command
 
 FRAME_S = 0.1
-"""Time from picture to picture."""
+"""Period of updates of the pages [s]."""
 PAGES_MAX = 16
-"""Browsers that are served at the same time."""
+"""Largest number of browsers at the same time."""
 
 SOCKET = "viewer"
 
@@ -32,23 +32,23 @@ class Screen:
     """Serves pages until it is closed."""
 
     def __init__(self, subjects: list[Subject], *, host: str, port: int, token: str = "") -> None:
-        """Listen.
+        """Start the server.
 
         Args:
-            subjects: What can be looked at; one at least.
+            subjects: Runs to choose from, at least one.
             host: Address of this machine.
-            port: There; 0 takes a free one.
-            token: See `readygo.apps.monitor.gate.judge`.
+            port: Port; 0 takes a free one.
+            token: Required token; empty for the loopback address.
 
         Raises:
-            RunError: If viser is not installed, or no process can listen there.
+            RunError: If viser is not installed, or the address cannot be opened.
         """
         self._subjects = subjects
         self._pages: dict[int, Page] = {}
         self._lock = threading.Lock()
         self._stop = threading.Event()
         with contextlib.ExitStack() as opened:
-            # A folder that this user alone can enter.
+            # A folder that only this user can enter.
             folder = Path(opened.enter_context(tempfile.TemporaryDirectory(prefix="readygo-monitor-")))
             self._server = _viser_server(folder / SOCKET)
             opened.callback(_quietly, self._server.stop)
@@ -56,14 +56,14 @@ class Screen:
             opened.callback(self._gate.close)
             self._opened = opened.pop_all()
         self.port: int = self._gate.port
-        """Where it listens."""
+        """Port of the server."""
         self._server.on_client_connect(self._open)
         self._server.on_client_disconnect(self._drop)
         self._thread = threading.Thread(target=self._draw, name="screen", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """Serve no more."""
+        """Stop the server."""
         self._stop.set()
         self._thread.join()
         self._opened.close()
@@ -76,7 +76,7 @@ class Screen:
             return
         page = Page(client, self._subjects)
         with self._lock:
-            # It may have gone while its page was made.
+            # The client may have disconnected while its page was built.
             if client.client_id in self._server.get_clients():
                 self._pages[client.client_id] = page
 
@@ -98,13 +98,13 @@ class Screen:
 
 
 def _viser_server(path: Path) -> Any:
-    """A viser server at a Unix socket, which never gives its pages to a relay on the internet."""
+    """A viser server at a Unix socket, without viser's share URLs over a relay on the internet."""
     try:
         import viser
     except ImportError as error:
         raise RunError(f"`readygo monitor` needs viser; install it with: {install_command('monitor')}") from error
 
-    # A browser may go at any time, also while its page is made.
+    # A browser may disconnect at any time, also while its page is built.
     warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
 
     class Server(viser.ViserServer):
@@ -123,12 +123,12 @@ def _viser_server(path: Path) -> Any:
 
 @contextlib.contextmanager
 def _served_at(path: Path) -> Iterator[None]:
-    """Let a viser server that starts meanwhile listen at a Unix socket: it has no setting for it.
+    """Make a viser server that starts within the context listen at a Unix socket, for which it has no setting.
 
-    A process of another user, or a page that a browser has open, could reach a TCP port beside the gate.
+    A process of another user, or a page that a browser has open, could reach a TCP port without passing the gate.
 
     Raises:
-        RunError: If there can be no such socket.
+        RunError: If the socket cannot be made.
     """
     from websockets.asyncio import server as websockets_server
 
@@ -157,6 +157,6 @@ def _served_at(path: Path) -> Iterator[None]:
 
 
 def _quietly(call: Any) -> Any:
-    """Call something that prints what nobody here wants to read."""
+    """Call a function without its output to standard output."""
     with contextlib.redirect_stdout(io.StringIO()):
         return call()

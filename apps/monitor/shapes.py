@@ -1,4 +1,4 @@
-"""Meshes of what moves: bodies of revolution, fans and marks, metres, standing on z = 0, looking along x."""
+"""Meshes of robots, humans and marks, in metres, standing on z = 0, looking along x."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 SIDES = 28
 APART_M = 0.04
-"""Least distance from point to point of a line."""
+"""Smallest distance between points of a line [m]."""
 _TRUNK = (
     (0.0, 0.82),
     (0.13, 0.84),
@@ -18,7 +18,7 @@ _TRUNK = (
     (0.11, 1.45),
     (0.0, 1.47),
 )
-"""Radius and height of hips, waist and shoulders; wider than deep."""
+"""Radius and height of hips, waist and shoulders [m]; wider than deep."""
 _LIMBS = (
     ((0.0, 0.0, 1.44), (0.0, 0.0, 1.52), 0.052, 0.050),
     ((0.010, 0.0, 1.60), (0.015, 0.0, 1.645), 0.088, 0.098),
@@ -34,16 +34,16 @@ _LIMBS = (
     ((0.0, -0.21, 1.37), (0.05, -0.25, 1.09), 0.055, 0.044),
     ((0.05, -0.25, 1.09), (0.24, -0.22, 0.93), 0.044, 0.034),
 )
-"""Begin and end [m], with the radii there: neck, head, nose, legs and arms of somebody in mid-stride."""
+"""Begin, end and radii at both [m] of neck, head, nose, legs and arms of a human in mid-stride."""
 
 
 class Mesh(NamedTuple):
     """A triangle mesh."""
 
     vertices_m: npt.NDArray[np.float32]
-    """Shape (V, 3)."""
+    """Vertices [m], shape (V, 3)."""
     faces: npt.NDArray[np.uint32]
-    """Shape (F, 3)."""
+    """Vertex indices of the triangles, shape (F, 3)."""
 
 
 def lathe(profile: npt.ArrayLike, sides: int = SIDES) -> Mesh:
@@ -82,7 +82,7 @@ def capsule(begin_m: npt.ArrayLike, end_m: npt.ArrayLike, begin_radius_m: float,
 
 
 def human() -> Mesh:
-    """Somebody who walks, 1.74 m tall; face and feet show where to."""
+    """A walking human, 1.74 m tall; face and feet show the direction."""
     trunk = lathe(_TRUNK, sides=20)
     deep = Mesh(trunk.vertices_m * np.array([0.72, 1.15, 1.0], np.float32), trunk.faces)
     return joined([deep, *(capsule(*limb) for limb in _LIMBS)])
@@ -108,7 +108,7 @@ def disc(radius_m: float, inner_m: float = 0.0) -> Mesh:
 
 
 def fan(angle_rad: float, reach_m: float, begin_m: float = 0.0) -> Mesh:
-    """The ground that a camera sees: a flat sector around x."""
+    """The ground in a camera's view: a flat sector around x."""
     angles = np.linspace(-angle_rad / 2, angle_rad / 2, 25)
     circle = np.stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))], axis=1)
     vertices = np.concatenate([begin_m * circle, reach_m * circle])
@@ -144,13 +144,13 @@ def moved(mesh: Mesh, x_m: float, y_m: float, z_m: float) -> Mesh:
 
 
 def segments(points_m: npt.NDArray[np.float64], lift_m: float = 0.0) -> npt.NDArray[np.float32]:
-    """A way of N points as segments of some length, lifted off the floor, shape (S, 2, 3) with S < N."""
+    """A path of N points as segments of at least `APART_M`, lifted off the floor [m], shape (S, 2, 3) with S < N."""
     raised = _apart(points_m) + np.array([0.0, 0.0, lift_m])
     return np.stack([raised[:-1], raised[1:]], axis=1).astype(np.float32)
 
 
 def _apart(points_m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """The points of a way that are not where the one before is: viewers cannot draw a line without a direction."""
+    """The points of a path without repeated positions: viewers cannot draw segments of length 0."""
     kept = [0]
     for row in range(1, len(points_m)):
         if np.linalg.norm(points_m[row] - points_m[kept[-1]]) > APART_M:

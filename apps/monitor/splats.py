@@ -1,4 +1,4 @@
-"""A scene as Gaussians for a browser: as many as it draws well, in two parts, so that one can look in from above."""
+"""A scene as Gaussians for a browser: reduced in number, and split at the ceiling for views from above."""
 
 from dataclasses import dataclass
 
@@ -11,22 +11,22 @@ from readygo.common.scenes import Scene
 from readygo.common.scenes.top_view import CEILING_M
 
 SPLATS_MAX = 600_000
-"""Gaussians that a browser gets, 32 bytes each; those that cover most are kept."""
+"""Largest number of Gaussians for a browser, 32 bytes each; those that cover most are retained."""
 Floats = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Splats:
-    """N Gaussians as viewers take them."""
+    """N Gaussians in the format of viewers."""
 
     centers_m: Floats
-    """Shape (N, 3)."""
+    """Centres [m], shape (N, 3)."""
     covariances_m2: Floats
-    """Shape (N, 3, 3)."""
+    """Covariances [m2], shape (N, 3, 3)."""
     rgb: Floats
-    """Colour without what depends on the direction, 0..1, shape (N, 3)."""
+    """Direction-independent colours, 0..1, shape (N, 3)."""
     opacities: Floats
-    """Shape (N, 1)."""
+    """Opacities, 0..1, shape (N, 1)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,21 +34,21 @@ class DollsHouse:
     """A scene in two parts."""
 
     open: Splats
-    """What is below `CEILING_M` above the local floor."""
+    """Gaussians lower than `CEILING_M` above the local floor."""
     roof: Splats
-    """What is above that."""
+    """Gaussians higher than that."""
     center_m: npt.NDArray[np.float64]
-    """The middle of the scene's floor, shape (3,)."""
+    """Centre of the scene's floor [m], shape (3,)."""
     radius_m: float
-    """How far it reaches from there."""
+    """Extent of the scene from its centre [m]."""
 
 
 def dolls_house(scene: Scene, splats_max: int = SPLATS_MAX) -> DollsHouse:
     """A scene for a browser.
 
     Args:
-        scene: Its Gaussians are read.
-        splats_max: How many there may be.
+        scene: Scene bundle, whose Gaussians are read.
+        splats_max: Largest number of Gaussians.
     """
     cloud = most_covering(scene.cloud, splats_max)
     above = _above_floor(scene, cloud.means_m) > CEILING_M
@@ -76,7 +76,7 @@ def most_covering(cloud: GaussianCloud, count_max: int) -> GaussianCloud:
 
 
 def splats_of(cloud: GaussianCloud) -> Splats:
-    """Gaussians as viewers take them; what their colour has of the direction is left out."""
+    """Gaussians in the format of viewers, without direction-dependent colour."""
     w, x, y, z = (cloud.quats_wxyz / np.linalg.norm(cloud.quats_wxyz, axis=1, keepdims=True)).T
     rotations = np.stack(
         [

@@ -1,4 +1,4 @@
-"""What a page can show: a run, with its streams, its recorded episodes, its scene, and how its policy learns."""
+"""A run that a page can show: its streams, recorded episodes, scene and learning curve."""
 
 import threading
 from collections.abc import Callable
@@ -32,7 +32,7 @@ LEARN_FILE, CURVE_FILE, POLICY_FOLDER, DATA_FOLDER = "learn.json", "curve.json",
 
 
 class Subject:
-    """One run, live or recorded; it is only looked at."""
+    """Read-only view of one run, live or recorded."""
 
     def __init__(
         self,
@@ -43,31 +43,31 @@ class Subject:
         learned: Path | None = None,
         scene: str = "",
     ) -> None:
-        """Nothing is joined or read yet.
+        """Prepare a run without connecting or reading.
 
         Args:
-            name: What the page calls it.
-            find: Says where its fleet is; None where there will not be one.
+            name: Name of the run on the page.
+            find: Returns the address of its fleet; None for a run without a fleet.
             data: Its data folder, if that is on this machine.
-            learned: Folder of the run that learns and that it belongs to.
-            scene: Its scene, where the run does not say or is not to be believed.
+            learned: Folder of the learning run that it belongs to.
+            scene: Its scene, if the run's own entry is missing or wrong.
         """
         self.name, self._find, self._scene, self._learned = name, find, scene, learned
         self.watch = Watch()
         self.recorded = Recorded(data) if data is not None else None
         self.link = Link(self.watch, find) if find else None
         self.house: DollsHouse | None = None
-        """Its scene, once it is read."""
+        """Scene of the run; None before it is loaded."""
         self.maps: MapMessages | None = None
-        """Its map, then as well."""
+        """Map of the scene; None before it is loaded."""
         self.note = ""
-        """Why there is no scene."""
+        """Reason why there is no scene; empty if there is one."""
         if data is not None and RunFolder(data).begun:
             self.watch.spec = RunFolder(data).load()[0]
 
     @property
     def notes(self) -> str:
-        """What of it is not shown, and why."""
+        """Parts of the run that cannot be shown, with the reasons."""
         return " ".join(filter(None, (self.note, self.recorded.absent if self.recorded else "")))
 
     @cached_property
@@ -77,7 +77,7 @@ class Subject:
 
     @cached_property
     def sensor(self) -> SensorConfig:
-        """What varies of its cameras from episode to episode."""
+        """Variation of the run's cameras from episode to episode."""
         return self._provenance.sensor
 
     def start(self) -> None:
@@ -92,7 +92,7 @@ class Subject:
             self.link.close()
 
     def read_scene(self) -> None:
-        """Read the scene, if it is known and here, or can be fetched."""
+        """Load the scene, if it is on this machine or can be fetched."""
         try:
             scene = self._found_scene()
             if scene is None:
@@ -126,7 +126,7 @@ class Subject:
             bus.close()
 
     def track(self, episode: EpisodeKey) -> Track | None:
-        """An episode to scrub through: as it was recorded, else as far as it was heard."""
+        """An episode to scrub through: the recorded one, else the received part."""
         if self.recorded is not None and (track := self.recorded.track(episode)) is not None:
             return track
         with self.watch.lock:
@@ -134,7 +134,7 @@ class Subject:
             return moving.track() if moving else None
 
     def losses(self) -> list[Curve]:
-        """Training and validation loss over the samples learned from."""
+        """Training and validation loss over training samples."""
         if self._learned is not None and (history := read_history(self._learned / POLICY_FOLDER)):
             x = np.array([entry["samples"] for entry in history], dtype=np.float64)
             pairs = (("training", "train_loss"), ("validation", "validation_loss"))
@@ -146,7 +146,7 @@ class Subject:
         return [Curve(name=name, x=x, y=y) for name, (x, y) in zip(("training", "validation"), columns, strict=True)]
 
     def success(self) -> list[Curve]:
-        """Success rates over minutes: of the latest episodes that policies drove, and as measured."""
+        """Success rates over minutes: of the latest policy-driven episodes, and of measurements."""
         if self._learned is not None:
             points = load_curve(self._learned / CURVE_FILE)
             driven = [(point.minutes, point.driven) for point in points if point.driven is not None]
@@ -165,10 +165,10 @@ def _curve(name: str, rows: list[tuple[float, float]]) -> Curve:
 
 
 def subjects_of(data: Path, scene: str = "", certs: Path | None = None) -> list[Subject]:
-    """What a folder has to show: one run, or those of a run that learns.
+    """The runs in a folder: one run, or all runs of a learning run.
 
     Raises:
-        RunError: If there is no such folder, or nothing in it.
+        RunError: If there is no such folder, or no run in it.
     """
     if not data.is_dir():
         raise RunError(
@@ -192,11 +192,11 @@ def _of_folder(folder: Path, name: str, make: Callable[..., Subject], certs: Pat
 
 
 def subject_at(address: Address, scene: str = "") -> Subject:
-    """A run on the network, joined.
+    """Join a run on the network.
 
     Raises:
-        BusError: If it cannot be joined; the message says why.
-        CertificateError: If there is no certificate that can be used.
+        BusError: If the run cannot be joined; the message says why.
+        CertificateError: If there is no usable certificate.
     """
     subject = Subject(address.run, find=lambda: address, scene=scene)
     assert subject.link is not None

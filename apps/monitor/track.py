@@ -1,4 +1,4 @@
-"""Episodes as something to look at: where everybody is at every moment, and what the camera saw."""
+"""Episodes for display: poses of robot and humans over time, and camera images."""
 
 import bisect
 import dataclasses
@@ -17,27 +17,27 @@ from readygo.common.messages.live import LivePlan, LivePreview, LiveState
 
 NS_PER_S = 1_000_000_000
 Pictures = Mapping[str, bytes]
-"""Encoded images of one time by name, see `readygo.common.images.names`."""
+"""Encoded images of one time by name (`readygo.common.images.names`)."""
 Pose = tuple[float, float, float, float]
-"""On the floor: x, y, z [m], yaw [rad]."""
+"""Pose on the floor: x, y, z [m], yaw [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track:
-    """What is known of an episode, in order of time."""
+    """Known states and images of an episode, in order of time."""
 
     episode: EpisodeKey
     states: Sequence[LiveState]
-    """At least one."""
+    """States of the episode, at least one."""
     images: Sequence[tuple[int, Pictures]] = ()
-    """Simulated times [ns], and what was seen then."""
+    """Simulated times [ns], with the images of that time."""
     image_format: str = "jpeg"
     outcome: Outcome | None = None
-    """None while it is being made."""
+    """Outcome of the episode; None while it runs."""
     policy: str = ""
     """SHA-256 over the files of the policy that drove; empty for the expert."""
     replans: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
-    """Where the expert planned anew [m], shape (R, 3)."""
+    """Positions of the expert's replans [m], shape (R, 3)."""
 
     @property
     def duration_s(self) -> float:
@@ -45,7 +45,7 @@ class Track:
         return self.states[-1].time_ns / NS_PER_S
 
     def at(self, time_s: float) -> LiveState:
-        """Where everybody is at a time, between the moments that are known."""
+        """The state at a time, interpolated between known states."""
         times_ns = [state.time_ns for state in self.states]
         after = bisect.bisect_left(times_ns, time_s * NS_PER_S)
         if after == 0:
@@ -57,18 +57,18 @@ class Track:
         return between(self.states[after - 1], self.states[after], share)
 
     def images_at(self, time_s: float) -> Pictures:
-        """The newest images at a time; none if there are none yet."""
+        """The newest images at a time; empty before the first."""
         row = bisect.bisect_right([time_ns for time_ns, _ in self.images], time_s * NS_PER_S + 1)
         return self.images[max(0, row - 1)][1] if self.images else {}
 
     @property
     def way(self) -> npt.NDArray[np.float64]:
-        """The robot's way [m], shape (N, 3)."""
+        """The robot's path [m], shape (N, 3)."""
         return np.array([state.robot_xyzyaw[:3] for state in self.states])
 
 
 def between(before: LiveState, after: LiveState, share: float) -> LiveState:
-    """The state at a share of the time from one to the next one."""
+    """Interpolate two states at a share of the time between them, 0..1."""
     if share <= 0.0 or len(before.humans_xyzyaw) != len(after.humans_xyzyaw):
         return before
     if share >= 1.0:
@@ -88,7 +88,7 @@ def _between(a: Pose, b: Pose, share: float) -> Pose:
 
 
 def track_of(committed: CommittedEpisode) -> Track:
-    """A recorded episode."""
+    """The track of a recorded episode."""
     header = committed.header
     states = [state_of(header, sample) for sample in committed.samples]
     replans = [state.robot_xyzyaw[:3] for state in states if state.replanned]
@@ -104,7 +104,7 @@ def track_of(committed: CommittedEpisode) -> Track:
 
 
 def pictures_of(seen: Sample | LivePreview) -> Pictures:
-    """All images that are shown of one time."""
+    """The encoded images of a sample or a preview, by name."""
     return {RGB: seen.image} | {name: image for name, image in seen.outputs.items() if is_shown(name)}
 
 
@@ -114,10 +114,10 @@ def on_floor(xy_m: npt.NDArray[np.float32], height_m: float) -> npt.NDArray[np.f
 
 
 def replans_of(plan: LivePlan, height_m: float) -> npt.NDArray[np.float64]:
-    """Where a plan was made anew [m], on a floor of this height, shape (R, 3)."""
+    """Positions of a plan's replans on a floor of this height [m], shape (R, 3)."""
     return on_floor(plan.robot_xyyaw[plan.replanned, :2], height_m)
 
 
 def time_text(time_s: float) -> str:
-    """A time of an episode for people to read."""
+    """A time of an episode as readable text."""
     return f"{time_s:.1f} s" if math.isfinite(time_s) else "never"

@@ -1,4 +1,4 @@
-"""What is known of a run from its live streams, in bounded memory; nothing is asked of the run."""
+"""State of a run from its live streams, in bounded memory; sends no requests to the run."""
 
 import threading
 import time
@@ -23,18 +23,18 @@ from readygo.common.messages.live import (
 )
 
 EPISODES_MAX = 12
-"""Episodes whose states and images are kept; the one that was heard of longest ago gives way."""
+"""Largest number of episodes with states and images; the one with the oldest last message is dropped."""
 STATES_MAX, PREVIEWS_MAX = 600, 100
-"""Of an episode; each camera's images count."""
+"""Largest numbers of states and images per episode; each camera's images count."""
 WORKERS_MAX = 256
-"""Workers whose streams are heard; those that have left give way."""
+"""Largest number of workers; those that have left are dropped first."""
 COMMITS_MAX = 500
 RECENT = 100
-"""Episodes that a success rate is taken over."""
+"""Number of latest episodes for a success rate."""
 FRESH_S = 4.0
-"""An episode of which nothing was heard for so long is not under way any more [s]."""
+"""Time without a message after which an episode no longer counts as running [s]."""
 RATE_WINDOW_S = 30.0
-"""Samples/s are those of the last so many seconds: samples come by whole episodes [s]."""
+"""Window of the rate of samples, which arrive by whole episodes [s]."""
 
 Message = TypeVar("Message")
 Clock = Callable[[], float]
@@ -42,44 +42,44 @@ Clock = Callable[[], float]
 
 @dataclass
 class Seen:
-    """A worker."""
+    """Last known state of a worker."""
 
     role: str
     name: str
     alive: bool = True
     sessions: set[str] = field(default_factory=set)
-    """Of its lives that are there: more than one while a worker that was cut off meets its successor."""
+    """Present sessions under its name: more than one while a worker that was cut off meets its successor."""
     stage: str = ""
-    """What it is doing; empty while it waits."""
+    """Stage that it works on; empty while it waits."""
     episode: EpisodeKey | None = None
     since_s: float = 0.0
     done: int = 0
-    """Stages of episodes that were heard to end."""
+    """Number of finished stages of episodes."""
     rejected: int = 0
     cpu_s: float = 0.0
     memory_bytes: int = 0
     trouble: str = ""
-    """Its latest error."""
+    """Its latest error; empty without one."""
     preview: LivePreview | None = None
 
 
 @dataclass
 class Moving:
-    """An episode that is being made, as far as it was heard."""
+    """Received part of a running episode."""
 
     episode: EpisodeKey
     worker: str = ""
     plan: LivePlan | None = None
     states: deque[tuple[float, LiveState]] = field(default_factory=lambda: deque(maxlen=STATES_MAX))
-    """With the times at which they were heard [s]."""
+    """States, with the times of their arrival [s]."""
     previews: deque[tuple[int, Pictures]] = field(default_factory=deque)
-    """Simulated times [ns], and what was seen then."""
+    """Simulated times [ns], with the images of that time."""
     image_format: str = "jpeg"
     heard_s: float = 0.0
     commit: LiveCommit | None = None
 
     def track(self) -> Track | None:
-        """What there is to look at; None before anything was heard of it."""
+        """The episode for display; None before its first state."""
         if not self.states:
             return None
         height_m = self.states[0][1].robot_xyzyaw[2]
@@ -95,7 +95,7 @@ class Moving:
 
 
 class Watch:
-    """One run. Its handlers run on a bus's thread; whoever reads holds `lock`."""
+    """State of one run. Its handlers run on a bus's thread; readers must hold `lock`."""
 
     def __init__(self, clock: Clock = time.monotonic) -> None:
         self.lock = threading.RLock()
@@ -104,25 +104,25 @@ class Watch:
         self.spec: RunSpec | None = None
         self.status: StatusReply | None = None
         self.heard_s = float("-inf")
-        """When the coordinator was heard."""
+        """Time of the coordinator's last message [s]."""
         self.connection = ""
-        """What is wrong with the connection; empty if nothing is."""
+        """Error of the connection; empty without one."""
         self.workers: OrderedDict[tuple[str, str], Seen] = OrderedDict()
         self.moving: OrderedDict[EpisodeKey, Moving] = OrderedDict()
         self.commits: deque[LiveCommit] = deque(maxlen=COMMITS_MAX)
         self.progress = History(apart=1.0)
-        """Over seconds: samples, episodes, waiting, at work, rejected, requeued."""
+        """Over seconds: samples, episodes, waiting, in progress, rejected, requeued."""
         self.losses = History()
-        """Over samples learned from: training and validation loss."""
+        """Over training samples: training and validation loss."""
         self.driven = History()
-        """Over minutes: success rate of the latest episodes that policies drove."""
+        """Over minutes: success rate of the latest policy-driven episodes."""
         self.evaluations: deque[LiveEvaluation] = deque(maxlen=10 * COMMITS_MAX)
         self._recent: deque[bool] = deque(maxlen=RECENT)
         self._heard: set[tuple[str, str]] = set()
         self._bus: Bus | None = None
 
     def join(self, bus: Bus) -> None:
-        """Hear all that a run shows."""
+        """Subscribe to all streams of a run."""
         with self.lock:
             self._bus = bus
             self._heard.clear()
@@ -133,12 +133,12 @@ class Watch:
         bus.watch(partial(self._on_presence, bus))
 
     def leave(self) -> None:
-        """Hear nobody new on the bus, which is about to be closed."""
+        """Subscribe to no further workers on the bus, which is about to be closed."""
         with self.lock:
             self._bus = None
 
     def under_way(self) -> list[Moving]:
-        """The episodes of which something was heard lately, by worker."""
+        """The running episodes, with a message within `FRESH_S`, by worker."""
         now_s = self.clock()
         fresh = [
             moving
@@ -150,7 +150,7 @@ class Watch:
 
     @property
     def samples_hz(self) -> float:
-        """Samples that became durable per second; nan if not known."""
+        """Durable samples per second [Hz]; nan if unknown."""
         return self.progress.rate(0, RATE_WINDOW_S)
 
     def _on_progress(self, status: StatusReply) -> None:
@@ -186,7 +186,7 @@ class Watch:
             del self.workers[gone]
 
     def _hear(self, bus: Bus, role: str, name: str) -> None:
-        """Hear a worker: each on streams of its own, so that it is known whose message came."""
+        """Subscribe to a worker; each worker has separate streams, which identify the sender of a message."""
 
         def hear(live: topics.Live[Message], handler: Callable[[tuple[str, str], Message], None]) -> None:
             bus.subscribe(live.of(role, name), partial(handler, (role, name)))
@@ -222,7 +222,7 @@ class Watch:
         with self.lock:
             moving = self._episode(state.episode)
             if moving.states and state.time_ns <= moving.states[-1][1].time_ns:
-                # Another attempt, from the beginning.
+                # A new attempt begins from the start.
                 moving.states.clear()
                 moving.previews.clear()
                 moving.commit = None

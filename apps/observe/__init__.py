@@ -1,1 +1,1 @@
-"""What a process shows of itself: metrics, structured logs, traces."""
+"""Observability of a process: metrics, structured logs, traces."""

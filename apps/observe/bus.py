@@ -1,4 +1,4 @@
-"""A bus that is watched: what goes through it is measured and traced."""
+"""A bus whose requests are measured and traced."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack
@@ -13,19 +13,19 @@ Message = TypeVar("Message")
 
 
 class Watcher(Protocol):
-    """Who watches."""
+    """Observer of a process's requests."""
 
     def requesting(self, topic: str) -> AbstractContextManager[None]:
-        """Holds while this process waits for the answer to a request."""
+        """Context that is active while this process waits for the reply to a request."""
         ...
 
     def handling(self, topic: str) -> AbstractContextManager[None]:
-        """Holds while this process answers one."""
+        """Context that is active while this process handles a request."""
         ...
 
 
 class WatchedBus:
-    """See `readygo.common.bus.Bus`; lossy streams are not watched."""
+    """A `readygo.common.bus.Bus` whose requests are observed; lossy streams are not."""
 
     def __init__(
         self, bus: Bus, watchers: tuple[Watcher, ...], answered: Callable[[str, Any, Any], None] | None = None
@@ -34,13 +34,13 @@ class WatchedBus:
 
         Args:
             bus: The bus itself.
-            watchers: Who watches, the outermost first.
-            answered: Hears topic, request and reply of every request that this process has answered.
+            watchers: Observers, the outermost first.
+            answered: Called with topic, request and reply of every request that this process has handled.
         """
         self._bus, self._watchers, self._answered = bus, watchers, answered
 
     def serve(self, topic: Topic[Request, Reply], handler: Callable[[Request], Reply], **rights: Any) -> None:
-        """See `Bus.serve`."""
+        """Serve a topic with an observed handler; arguments as in `Bus.serve`."""
 
         def handle(request: Request) -> Reply:
             with ExitStack() as watched:
@@ -54,32 +54,32 @@ class WatchedBus:
         self._bus.serve(topic, handle, **rights)
 
     def request(self, topic: Topic[Request, Reply], request: Request, *, timeout_s: float = 5.0) -> Reply:
-        """See `Bus.request`."""
+        """Send a request and wait for its reply, observed."""
         with ExitStack() as watched:
             for watcher in self._watchers:
                 watched.enter_context(watcher.requesting(topic.name))
             return self._bus.request(topic, request, timeout_s=timeout_s)
 
     def publish(self, stream: Stream[Message], message: Message) -> None:
-        """See `Bus.publish`."""
+        """Publish a message on a stream."""
         self._bus.publish(stream, message)
 
     def tell(self, live: Live[Message], make: Callable[[], Message]) -> None:
-        """See `Bus.tell`."""
+        """Publish live data, which is made only if there is a subscriber."""
         self._bus.tell(live, make)
 
     def subscribe(self, stream: Stream[Message], handler: Callable[[Message], None]) -> None:
-        """See `Bus.subscribe`."""
+        """Subscribe to a stream."""
         self._bus.subscribe(stream, handler)
 
     def announce(self, role: str, name: str, *, turn: int = 0, replaced: Callable[[], object] | None = None) -> str:
-        """See `Bus.announce`."""
+        """Announce this process; arguments as in `Bus.announce`."""
         return self._bus.announce(role, name, turn=turn, replaced=replaced)
 
     def watch(self, changed: Callable[[Member, bool], None]) -> None:
-        """See `Bus.watch`."""
+        """Call `changed` when a process joins or leaves."""
         self._bus.watch(changed)
 
     def close(self) -> None:
-        """See `Bus.close`."""
+        """Leave the run."""
         self._bus.close()

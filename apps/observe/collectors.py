@@ -1,4 +1,4 @@
-"""What coordinator, recorder and launcher know of a run, looked up when somebody asks for it."""
+"""Metrics of coordinator, recorder and launcher about a run, computed at each scrape."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -15,14 +15,14 @@ Rows = Iterator[tuple[str, str, dict[str, str], float]]
 
 
 class Restarted(Protocol):
-    """A place in a fleet."""
+    """A member of a fleet, with its number of restarts."""
 
     name: str
     restarts: int
 
 
 def of_coordinator(coordinator: Coordinator) -> Gauges:
-    """The queue, the leases, who works, and how far the run is."""
+    """Metrics of a coordinator: queue, leases, workers and progress."""
 
     def rows() -> Rows:
         status, fleet = handle_status(coordinator, StatusRequest()), handle_fleet(coordinator)
@@ -42,7 +42,7 @@ def of_coordinator(coordinator: Coordinator) -> Gauges:
         for worker in fleet.workers:
             counts[worker.role] = counts.get(worker.role, 0) + 1
         yield from _by("role", "readygo_workers", "Processes that are there", sorted({*roles, *counts}), counts)
-        yield "readygo_run_trouble", "1 while the run waits for somebody to mend something", {}, bool(status.trouble)
+        yield "readygo_run_trouble", "1 while the run waits for a user to mend something", {}, bool(status.trouble)
         yield "readygo_run_paused", "1 while no work is given out", {}, coordinator.paused
         yield "readygo_run_failed", "1 if the run cannot be finished", {}, bool(status.failed)
         yield "readygo_run_finished", "1 when all wanted episodes are durable", {}, status.finished
@@ -52,7 +52,7 @@ def of_coordinator(coordinator: Coordinator) -> Gauges:
 
 
 def of_recorder(recorder: Recorder) -> Gauges:
-    """What it has recorded, what is on its way, and its disk."""
+    """Metrics of a recorder: recorded and pending episodes, and its disk."""
 
     def rows() -> Rows:
         state = recorder.state()
@@ -66,11 +66,11 @@ def of_recorder(recorder: Recorder) -> Gauges:
 
 
 def of_launcher(members: Sequence[Restarted]) -> Gauges:
-    """How often the processes of a local fleet were started anew; `members` may change."""
+    """Numbers of restarts of a local fleet's processes; `members` may change."""
 
     def rows() -> Rows:
         for member in members:
-            yield "readygo_worker_restarts_total", "Times it was started anew", {"member": member.name}, member.restarts
+            yield "readygo_worker_restarts_total", "Number of restarts", {"member": member.name}, member.restarts
 
     return rows
 

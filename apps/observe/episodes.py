@@ -1,4 +1,4 @@
-"""How long episodes take, from their first lease until they are durable, as the coordinator's requests show it."""
+"""Durations of episodes, from their first lease until they are durable, from the coordinator's requests."""
 
 import time
 from collections import OrderedDict
@@ -8,24 +8,24 @@ from typing import Any
 from readygo.common.messages import ClaimReply, DoneRequest, EpisodeKey, Verdict, VerdictStatus
 
 EPISODES_MAX = 100_000
-"""Episodes under way that are kept in mind."""
+"""Largest number of running episodes to track."""
 
 
 class EpisodeClock:
-    """Hears what the coordinator answers."""
+    """Measures episodes by the coordinator's replies."""
 
     def __init__(self, done: Callable[[str, int, int, int, int], None], clock_ns: Callable[[], int] = time.time_ns):
-        """Nothing is under way that is known of.
+        """Begin without running episodes.
 
         Args:
-            done: Gets episode, begin and end by the wall clock [ns], attempts and samples.
-            clock_ns: The wall clock [ns].
+            done: Called with episode, begin and end by the wall clock [ns], attempts and samples.
+            clock_ns: Returns the wall clock [ns].
         """
         self._done, self._clock_ns = done, clock_ns
         self._under_way: OrderedDict[int, tuple[EpisodeKey, int]] = OrderedDict()
 
     def answered(self, topic: str, request: Any, reply: Any) -> None:
-        """A request was answered."""
+        """Process a handled request."""
         if isinstance(reply, ClaimReply) and reply.episode is not None:
             self._under_way.setdefault(reply.episode.index, (reply.episode, self._clock_ns()))
             while len(self._under_way) > EPISODES_MAX:

@@ -1,4 +1,4 @@
-"""What a process takes of its machine, shown once a second while somebody listens."""
+"""Resource use of a process, published once a second while a client subscribes."""
 
 import os
 import socket
@@ -19,14 +19,14 @@ EVERY_S = 1.0
 
 @contextmanager
 def showing_health(bus: Bus, role: str, name: str, *, data: Path | None = None, metrics: str = "") -> Iterator[None]:
-    """Show it for as long as the block runs.
+    """Publish the resource use while the context is active.
 
     Args:
-        bus: On which the process is announced.
-        role: As what.
-        name: Under which name.
-        data: Folder of its data.
-        metrics: Where it shows its metrics.
+        bus: Bus on which the process is announced.
+        role: Role of the process.
+        name: Name of the process.
+        data: Folder of its data; None without one.
+        metrics: HOST:PORT of its metrics; empty without.
     """
     with repeating(
         lambda: bus.tell(topics.HEALTH, lambda: _health(role, name, data, metrics)), every_s=EVERY_S, name="health"

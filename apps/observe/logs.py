@@ -1,4 +1,4 @@
-"""Logs of a process: lines to read, or JSON lines with run, worker, stage, episode and attempt."""
+"""Logs of a process: text lines, or JSON lines with run, worker, stage, episode and attempt."""
 
 import json
 import logging
@@ -17,14 +17,14 @@ _TEXT = "%(asctime)s %(name)s %(levelname)s %(message)s"
 
 
 class JsonLines(logging.Formatter):
-    """One JSON object a line: time, level, logger, message, whose line it is, and what its thread works on."""
+    """Formatter of one JSON object per line: time, level, logger, message, process, and the thread's current work."""
 
     def __init__(self, **whose: str) -> None:
         super().__init__()
         self._whose = {name: value for name, value in whose.items() if value}
 
     def format(self, record: logging.LogRecord) -> str:
-        """The line of a record."""
+        """Format a record as one line."""
         line: dict[str, Any] = {
             "time": time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created)) + f".{int(record.msecs):03d}Z",
             "level": record.levelname.lower(),
@@ -43,10 +43,10 @@ def begin_logging(log_format: LogFormat, *, run: str, role: str, worker: str) ->
     """Log to standard error from now on.
 
     Args:
-        log_format: "text", or "json": then nothing but JSON lines is written, tracebacks and warnings included.
+        log_format: "text", or "json": then all output is JSON lines, including tracebacks and warnings.
         run: Name of the run.
-        role: What the process does.
-        worker: Its name.
+        role: Role of the process.
+        worker: Name of the process.
     """
     handler = logging.StreamHandler(sys.stderr)
     if log_format == "json":
@@ -60,7 +60,7 @@ def begin_logging(log_format: LogFormat, *, run: str, role: str, worker: str) ->
 
 
 def message_of(line: str) -> str:
-    """What a line of a log says, of either format."""
+    """The message of a log line of either format."""
     try:
         return str(parse_json(line)["message"])
     except (ValueError, KeyError, TypeError):

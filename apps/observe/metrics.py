@@ -1,7 +1,7 @@
-"""What a process counts and measures, as Prometheus reads it; the names are in `docs/observing.md`.
+"""Metrics of a process for Prometheus; `docs/observing.md` lists the names.
 
-Prometheus' own client keeps the numbers, an extra that only who asks for `--metrics` needs: workers that nobody scrapes
-have nothing to import and nothing to count.
+Prometheus' client library holds the numbers. It is an extra that only processes with `--metrics` need; others import
+and count nothing.
 """
 
 import contextlib
@@ -21,14 +21,14 @@ STAGE_SECONDS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 180
 """Bounds of the buckets of stages and episodes [s]."""
 
 Gauges = Callable[[], Iterator[tuple[str, str, dict[str, str], float]]]
-"""Gives name, help, labels and value of what is looked up when somebody asks; names in "_total" are counters."""
+"""Yields name, help, labels and value of metrics at each scrape; names that end in "_total" are counters."""
 
 
 class Metrics:
     """The registry of one process and the page that shows it."""
 
     def __init__(self) -> None:
-        """Count from now on.
+        """Begin to count.
 
         Raises:
             ConfigError: If prometheus-client is not installed.
@@ -42,7 +42,7 @@ class Metrics:
         self.registry = prometheus_client.CollectorRegistry()
         prometheus_client.ProcessCollector(registry=self.registry)
         self._requests = self._histogram("readygo_request_seconds", "Time until a request was answered", "topic")
-        self._failures = self._counter("readygo_request_failures", "Requests that nobody answered, or refused", "topic")
+        self._failures = self._counter("readygo_request_failures", "Requests that failed or were refused", "topic")
         self._handled = self._histogram("readygo_handle_seconds", "Time that handling a request took", "topic")
         self._stages = prometheus_client.Histogram(
             "readygo_stage_seconds",
@@ -61,12 +61,12 @@ class Metrics:
         self.look_up(_of_process)
 
     def look_up(self, gauges: Gauges) -> None:
-        """Show what `gauges` gives whenever somebody asks."""
+        """Add the metrics of `gauges`, which is called at each scrape."""
         self.registry.register(_LookUp(self._client, gauges))
 
     @contextlib.contextmanager
     def requesting(self, topic: str) -> Iterator[None]:
-        """Measure a request that this process makes."""
+        """Measure the duration of a request that this process sends."""
         begin_s = time.perf_counter()
         try:
             yield
@@ -78,7 +78,7 @@ class Metrics:
 
     @contextlib.contextmanager
     def handling(self, topic: str) -> Iterator[None]:
-        """Measure a request that this process answers."""
+        """Measure the duration of a request that this process handles."""
         begin_s = time.perf_counter()
         try:
             yield
@@ -95,13 +95,13 @@ class Metrics:
         self._episodes.observe(wall_s)
 
     def serve(self, where: str) -> tuple[str, Callable[[], None]]:
-        """Show the page at HOST:PORT.
+        """Serve the metrics at HOST:PORT.
 
         Returns:
-            Where it is, with the port that was chosen if 0 was given; and what ends it.
+            The endpoint, with the chosen port for port 0, and a function that stops the server.
 
         Raises:
-            ConfigError: If nothing can listen there.
+            ConfigError: If the endpoint cannot be opened.
         """
         host, port = address(where)
         try:
@@ -130,7 +130,7 @@ class _LookUp:
         self._client, self._gauges = client, gauges
 
     def collect(self) -> Iterator[Any]:
-        """Families with their values of now."""
+        """Metric families with their current values."""
         core = self._client.core
         families: dict[str, Any] = {}
         for name, words, labels, value in self._gauges():
@@ -140,12 +140,12 @@ class _LookUp:
         yield from families.values()
 
     def describe(self) -> list[Any]:
-        """Nothing: to look up names beforehand would look up all values."""
+        """Empty list: the names are known only after computing all values."""
         return []
 
 
 def private_bytes() -> int:
-    """Memory that this process alone holds [bytes]; 0 where the system does not say."""
+    """Private memory of this process [bytes]; 0 if the system does not report it."""
     with contextlib.suppress(OSError):
         lines = Path("/proc/self/smaps_rollup").read_text().splitlines()
         return sum(1024 * int(line.split()[1]) for line in lines if line.startswith("Private_"))

@@ -1,4 +1,4 @@
-"""What one process shows of itself, as it was asked for: its bus and its work are watched, and nothing else knows."""
+"""Metrics and traces of one process, by wrappers around its bus and its work functions."""
 
 import contextlib
 import json
@@ -27,27 +27,27 @@ log = logging.getLogger(__name__)
 
 
 class Observer:
-    """Metrics and traces of a process; without any, what it is given it gives back."""
+    """Metrics and traces of a process; if both are off, it returns its arguments unchanged."""
 
     def __init__(self, observing: Observing, *, run: str, role: str, name: str, state: Path | None = None) -> None:
-        """Begin to watch.
+        """Start metrics and traces.
 
         Args:
-            observing: What is asked for.
+            observing: Requested metrics, logs and traces.
             run: Name of the run.
-            role: What the process does.
-            name: Its name.
-            state: The run's state folder, to say there where the metrics are.
+            role: Role of the process.
+            name: Name of the process.
+            state: The run's state folder, for a file with the metrics' endpoint.
 
         Raises:
-            ConfigError: If something cannot be shown.
+            ConfigError: If metrics or traces cannot be started.
         """
         self._target: Path | None = None
         self._ends: list[Callable[[], None]] = []
         self._metrics = Metrics() if observing.metrics else None
         self._traces = Traces(observing.traces, run=run, role=role, worker=name) if observing.traces else None
         self.metrics_at = ""
-        """Where the metrics are, HOST:PORT; empty if nowhere."""
+        """Endpoint of the metrics, HOST:PORT; empty without metrics."""
         if self._traces:
             self._ends.append(self._traces.close)
         if self._metrics:
@@ -64,30 +64,30 @@ class Observer:
         self.close()
 
     def bus(self, bus: Bus) -> Bus:
-        """The bus, watched."""
+        """The bus with observed requests."""
         watchers: list[Watcher] = [watcher for watcher in (self._metrics, self._traces) if watcher is not None]
         return WatchedBus(bus, tuple(watchers), EpisodeClock(self._episode_done).answered) if watchers else bus
 
     def works(self, works: Mapping[Stage, Work]) -> Mapping[Stage, Work]:
-        """A worker's works, watched."""
+        """A worker's work functions with measured and traced stages."""
         if self._metrics is None and self._traces is None:
             return works
         return {stage: self._watched(stage, work) for stage, work in works.items()}
 
     def coordinator(self, coordinator: Coordinator) -> None:
-        """Show the queue."""
+        """Add the metrics of a coordinator."""
         self._look_up(of_coordinator(coordinator))
 
     def recorder(self, recorder: Recorder) -> None:
-        """Show a recorder."""
+        """Add the metrics of a recorder."""
         self._look_up(of_recorder(recorder))
 
     def launcher(self, members: Sequence[Restarted]) -> None:
-        """Show how the processes of a fleet fare."""
+        """Add the metrics of a local fleet's processes."""
         self._look_up(of_launcher(members))
 
     def close(self) -> None:
-        """Show nothing any more."""
+        """Stop metrics and traces."""
         if self._target is not None:
             self._target.unlink(missing_ok=True)
         while self._ends:

@@ -1,4 +1,4 @@
-"""What processes of a run are asked to show of themselves."""
+"""Settings of metrics, logs and traces of a run's processes."""
 
 from dataclasses import dataclass
 
@@ -8,27 +8,27 @@ from readygo.common.errors import ConfigError
 from readygo.common.extras import install_command, is_installed
 
 OBSERVING = Group("observing")
-"""Heading of its options."""
+"""Group of these options in the help."""
 _OTEL, _OTLP = "opentelemetry.sdk.trace", "opentelemetry.exporter.otlp.proto.http.trace_exporter"
-"""Modules that traces need, for files and beside that for a collector."""
+"""Modules that traces need: for files, and additionally for a collector."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Observing:
-    """Chosen on the command line; nothing but lines to read by default."""
+    """Metrics, log format and traces from the command line; by default text logs only."""
 
     metrics: str = ""
-    """Where Prometheus finds this process, HOST:PORT; port 0 takes a free one, and empty serves nothing."""
+    """HOST:PORT of this process's Prometheus endpoint; port 0 takes a free one, and empty serves none."""
     log_format: LogFormat = "text"
     traces: str = ""
-    """Where spans go: an OTLP endpoint such as http://collector:4318, or a folder, for files of JSON lines."""
+    """Destination of spans: an OTLP endpoint such as http://collector:4318, or a folder for JSON lines; empty: none."""
 
     def __post_init__(self) -> None:
         if self.metrics:
             address(self.metrics)
 
     def check_installed(self) -> None:
-        """See whether what is asked for can be shown, before anything is made.
+        """Check that the required packages are installed, before the run begins.
 
         Raises:
             ConfigError: If packages are missing.
@@ -40,7 +40,7 @@ class Observing:
             raise ConfigError(f"--traces needs OpenTelemetry; run: {install_command('otel')}")
 
     def of_member(self) -> list[str]:
-        """Arguments of a process that this one starts: on the same host, metrics on a port of its own."""
+        """Arguments of a process that this one starts on the same host, with a separate port for its metrics."""
         given = ["--log-format", self.log_format] if self.log_format != "text" else []
         if self.metrics:
             given += ["--metrics", f"{self.metrics.rpartition(':')[0]}:0"]
@@ -54,7 +54,7 @@ def address(text: str) -> tuple[str, int]:
     """Host and port of HOST:PORT.
 
     Raises:
-        ConfigError: If it is none.
+        ConfigError: If the text is malformed.
     """
     host, _, port = text.rpartition(":")
     if not host or not port.isdigit() or int(port) > 65535:

@@ -1,4 +1,4 @@
-"""A run at a glance: stages, workers, disks, as tables for a terminal."""
+"""Status of a run as tables for a terminal: stages, workers, disks."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,27 +13,27 @@ from readygo.common.messages.fleet import FleetReply, FleetRequest, WorkerState
 from readygo.common.messages.live import LiveHealth
 
 SILENT_S = 10.0
-"""Whoever holds a lease renews it more often, every five seconds by default [s]."""
+"""Time without a renewal after which a worker with a lease counts as silent [s]; workers renew every 5 s by default."""
 DISK_LOW = 0.05
-"""A disk with less room than this share is nearly full."""
+"""Share of free space below which a disk counts as nearly full."""
 REASONS_MAX = 10
 Who = tuple[str, str]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Observed:
-    """What is known of a run."""
+    """Status of a run with the resource use of its processes."""
 
     status: StatusReply
     fleet: FleetReply
     healths: Mapping[Who, LiveHealth] = field(default_factory=dict)
-    """The newest, by role and name."""
+    """Newest resource use of each process, by role and name."""
     cpu: Mapping[Who, float] = field(default_factory=dict)
-    """Cores in use between the newest two."""
+    """Cores in use between the two newest messages, by role and name."""
 
 
 class Look:
-    """Hears of a run's processes, and asks its coordinator."""
+    """Subscribes to the resource use of a run's processes, and requests the status of its coordinator."""
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
@@ -42,7 +42,7 @@ class Look:
         bus.subscribe(topics.HEALTH.of(), self._hear)
 
     def now(self) -> Observed:
-        """What is known now.
+        """The current status.
 
         Raises:
             BusError: If the coordinator does not answer.
@@ -63,12 +63,12 @@ class Look:
 
 
 def status_table(observed: Observed) -> RenderableType:
-    """Some words on the run, a table of its stages and one of its processes."""
+    """A summary of the run, a table of its stages and one of its processes."""
     return Group(_summary(observed), _stages(observed), _workers(observed))
 
 
 def runs_table(runs: Sequence[StatusReply]) -> RenderableType:
-    """A line for each run of a router."""
+    """A table with a row for each run of a router."""
     if not runs:
         return Text("No run is led there.")
     table = _table("run", "priority", "episodes", "samples", "at work", "does")
@@ -80,14 +80,14 @@ def runs_table(runs: Sequence[StatusReply]) -> RenderableType:
 
 
 def _state(status: StatusReply) -> Text:
-    """What a run does, in few words."""
+    """State of a run in few words."""
     if status.failed:
         return Text(f"ended: {status.failed}", "red")
     if status.finished:
         return Text("is over")
     if status.paused:
         return Text("paused", "yellow")
-    return Text(f"waits: {status.trouble}", "yellow") if status.trouble else Text("goes on")
+    return Text(f"waits: {status.trouble}", "yellow") if status.trouble else Text("running")
 
 
 def left_s(observed: Observed) -> float | None:
@@ -103,7 +103,7 @@ def _summary(observed: Observed) -> Text:
     if left is not None and not status.finished:
         text.append(f", about {duration(left)} left")
     if status.paused:
-        text.append("; paused, `readygo resume` goes on", "yellow")
+        text.append("; paused, `readygo resume` continues", "yellow")
     for words, counts in (("rejected", status.rejected), ("kept", status.kept)):
         for reason, count in list(counts.items())[:REASONS_MAX]:
             text.append(f"\n  {words} {count}: {reason}")
@@ -147,7 +147,7 @@ def _workers(observed: Observed) -> Table:
 
 
 def _does(worker: WorkerState) -> Text:
-    """What a process does, and whether something is wrong with it."""
+    """Current work of a process, and its trouble if there is one."""
     held = ", ".join(f"{lease.stage} {lease.index} for {duration(lease.held_s)}" for lease in worker.holds)
     if not worker.role:
         return Text(f"gone, holds {held}", "red")
@@ -169,7 +169,7 @@ def _table(*columns: str) -> Table:
 
 
 def duration(seconds: float) -> str:
-    """A time in the unit that fits."""
+    """A duration in words, in a suitable unit."""
     if seconds < 120:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"

@@ -1,8 +1,8 @@
 """Traces of episodes across processes, by OpenTelemetry.
 
-Whoever works on an episode knows the trace that it belongs to: the number of the trace, and of the span that stands for
-the whole episode, are digests of run and episode. So leases carry nothing. Requests made meanwhile carry the span that
-they belong to in their envelope (`common/bus/envelope.py`); without `--traces` they carry none.
+Each worker computes the trace of an episode: the ids of the trace, and of the span of the whole episode, are digests of
+run and episode. So leases carry no trace. Requests carry the span that they belong to in their envelope
+(`common/bus/envelope.py`); without `--traces` they carry none.
 """
 
 import contextlib
@@ -26,13 +26,13 @@ class Traces:
     """The spans of one process."""
 
     def __init__(self, where: str, *, run: str, role: str, worker: str) -> None:
-        """Trace from now on.
+        """Begin to trace.
 
         Args:
-            where: An OTLP endpoint (http://HOST:4318), or a folder; a file WORKER.jsonl appears in it.
+            where: An OTLP endpoint (http://HOST:4318), or a folder for a file WORKER.jsonl.
             run: Name of the run.
-            role: What this process does.
-            worker: Its name.
+            role: Role of this process.
+            worker: Name of this process.
 
         Raises:
             ConfigError: If OpenTelemetry is not installed, or the folder cannot be written.
@@ -63,14 +63,14 @@ class Traces:
 
     @contextlib.contextmanager
     def stage(self, at_work: AtWork) -> Iterator[None]:
-        """The span of a stage, within its episode's; an error that passes through is noted."""
+        """Record the span of a stage, within its episode's span; errors are recorded."""
         attributes: Attributes = {"readygo.episode": at_work.episode, "readygo.attempt": at_work.attempt}
         with self._spanned(at_work.stage, self._of_episode(at_work.episode), "internal", attributes):
             yield
 
     @contextlib.contextmanager
     def requesting(self, topic: str) -> Iterator[None]:
-        """The span of a request that belongs to something that is traced."""
+        """Record the span of a request within a traced stage or request."""
         parent = self._parent()
         if parent is None:
             yield
@@ -86,7 +86,7 @@ class Traces:
 
     @contextlib.contextmanager
     def handling(self, topic: str) -> Iterator[None]:
-        """The span of answering a request that carries a trace."""
+        """Record the span of handling a request that carries a trace."""
         trace = TRACE.get()
         if not trace:
             yield
@@ -95,7 +95,7 @@ class Traces:
             yield
 
     def episode(self, episode: str, begin_ns: int, end_ns: int, attributes: Attributes) -> None:
-        """The span of a whole episode, once it is durable [ns by the wall clock]."""
+        """Record the span of a whole episode, once it is durable; times by the wall clock [ns]."""
         self._numbers.following = trace_numbers(self._run, episode)
         try:
             span = self._tracer.start_span(
@@ -109,11 +109,11 @@ class Traces:
         span.end(end_ns)
 
     def close(self) -> None:
-        """Give away what waits."""
+        """Export the waiting spans."""
         self._provider.shutdown()
 
     def _parent(self) -> Any:
-        """The context that a request of this thread belongs to; None for nothing that is traced."""
+        """The trace context of this thread; None outside of a trace."""
         if self._trace.get_current_span().get_span_context().is_valid:
             return self._trace.set_span_in_context(self._trace.get_current_span())
         at_work = AT_WORK.get()
@@ -139,13 +139,13 @@ class Traces:
 
 
 def trace_numbers(run: str, episode: str) -> tuple[int, int]:
-    """Numbers of an episode's trace (128 bits) and of the span that stands for all of it (64 bits)."""
+    """Ids of an episode's trace (128 bits) and of the span of the whole episode (64 bits)."""
     digest = hashlib.sha256(f"{run}/{episode}".encode()).digest()
     return int.from_bytes(digest[:16], "big"), int.from_bytes(digest[16:24], "big")
 
 
 def _numbers() -> Any:
-    """An id generator that gives the numbers that are due next, random ones otherwise."""
+    """An id generator that returns preset ids if there are any, else random ones."""
     from opentelemetry.sdk.trace.id_generator import RandomIdGenerator
 
     class Numbers(RandomIdGenerator):
@@ -178,7 +178,7 @@ def _exporter(where: str, worker: str) -> Any:
 
 
 def _to_file(path: Path) -> Any:
-    """An exporter of JSON lines, for where there is no collector."""
+    """An exporter of JSON lines, for use without a collector."""
     from opentelemetry.sdk.trace.export import SpanExporter, SpanExportResult
 
     try:

@@ -11,15 +11,15 @@ import numpy.typing as npt
 from readygo.common.drawing.ticks import log_ticks, nice_ticks, number_text
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
-# About as wide as a telephone's page: there, and in one of two columns, its text is as large as that around it.
+# About as wide as a page on a phone: there, and in one of two columns, its text has the size of the page's text.
 _WIDTH, _HEIGHT = 400, 240
 _LEFT, _RIGHT, _TOP, _BOTTOM = 54, 28, 46, 40
 _LEGEND_PX = 168
 """Width of a curve's entry in the legend, above the plot."""
 _LOG_FACTOR = 20
-"""Values that span more than this have a logarithmic axis."""
+"""Ratio of the largest to the smallest value above which the axis is logarithmic."""
 _DOTS_MAX = 30
-"""Curves of so few points have a dot at each: a single one would not be seen."""
+"""Largest number of points of a curve with dots: a single point would be invisible without one."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,14 +29,14 @@ class Curve:
     name: str
     """For example "training" or "validation"."""
     x: npt.NDArray[np.float64]
-    """Rising, shape (N,)."""
+    """Horizontal values, rising, shape (N,)."""
     y: npt.NDArray[np.float64]
-    """Shape (N,); values that are not finite are left out."""
+    """Vertical values, shape (N,); non-finite ones are left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Axes:
-    """Where values are in a chart."""
+    """Scales of a chart's axes: values to pixels."""
 
     x_high: float
     y_ticks: list[float]
@@ -60,9 +60,9 @@ def line_chart(curves: Sequence[Curve], *, x_name: str, what: str = "Loss", y_ma
 
     Args:
         curves: The lines; no x is negative.
-        x_name: What x is, with its unit.
-        what: What the values are.
-        y_max: The vertical axis goes from 0 to at least here, and is linear; 0 leaves that to the values.
+        x_name: Name of x, with its unit.
+        what: Name of the values.
+        y_max: If positive, the vertical axis is linear and goes from 0 to at least this value; 0 fits the values.
 
     Returns:
         An SVG element, or an empty string when there is nothing finite to draw.

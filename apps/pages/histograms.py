@@ -26,9 +26,9 @@ def bar_chart(edges: Array, counts: Counts, *, axis: str, count_name: str, rest:
 
     Args:
         edges: Edges of the bins, rising, shape (N + 1,).
-        counts: Shape (N,).
+        counts: Counts of the bins, shape (N,).
         axis: Name and unit of the quantity.
-        count_name: What is counted.
+        count_name: Name of the counted items.
         rest: Bars behind the last bin, in grey: (name, count), such as values beyond the last edge.
     """
     rest = [(name, count) for name, count in rest if count]
@@ -84,10 +84,10 @@ def grid_chart(x_edges: Array, y_edges: Array, counts: Counts, *, x_axis: str, y
     Args:
         x_edges: Edges of the columns, shape (C + 1,).
         y_edges: Edges of the rows, shape (R + 1,); the first row is at the bottom.
-        counts: Shape (R, C).
+        counts: Counts of the fields, shape (R, C).
         x_axis: Name and unit of the columns.
         y_axis: Name and unit of the rows.
-        count_name: What is counted.
+        count_name: Name of the counted items.
     """
     rows, columns = counts.shape
     width, height = (_WIDTH - _LEFT - _RIGHT) / columns, (_HEIGHT - _TOP - _BOTTOM) / rows

@@ -1,4 +1,4 @@
-"""Pages that open without a network: one HTML file with style, pictures, films and charts inside, and no scripts."""
+"""Self-contained pages: one HTML file with style, pictures, videos and charts inside, without scripts."""
 
 import base64
 from collections.abc import Mapping, Sequence
@@ -18,7 +18,7 @@ class Column:
 
     name: str
     kind: Literal["", "n", "wide"] = ""
-    """"n" for numbers, "wide" for text that may be long."""
+    """Kind of the column: "n" for numbers, "wide" for long text, "" for other text."""
 
 
 def page(
@@ -34,11 +34,11 @@ def page(
 
     Args:
         title: Headline.
-        subtitle: What there is to say first, in a few sentences.
-        hero: HTML to be seen first, such as a film.
+        subtitle: Introduction in a few sentences.
+        hero: HTML at the top, such as a video.
         tiles: (value, name) of the numbers on top.
         sections: (heading, HTML) in order; sections without content are left out.
-        facts: For the footer.
+        facts: Facts for the footer by name.
     """
     shown = "".join(f"<section><h2>{escape(heading)}</h2>{body}</section>" for heading, body in sections if body)
     return (
@@ -55,8 +55,8 @@ def table(columns: Sequence[Column], rows: Sequence[Sequence[str]]) -> str:
     """A table of cells of HTML; on narrow screens every row is a card, whose lines name their columns.
 
     Args:
-        columns: Left to right.
-        rows: A cell per column; empty ones are left out of cards.
+        columns: Columns from left to right.
+        rows: Rows with a cell per column; cards leave empty cells out.
     """
     head = "".join(f"<th{_kind(column)}>{escape(column.name)}</th>" for column in columns)
     body = "".join(f"<tr>{_cells(columns, row)}</tr>" for row in rows)
@@ -78,8 +78,8 @@ def rejections(counts: Mapping[str, int], recorded: int) -> str:
     """A table of the episodes that are not recorded.
 
     Args:
-        counts: Episodes by reason.
-        recorded: Those that are.
+        counts: Rejected episodes by reason.
+        recorded: Number of recorded episodes.
     """
     tried = recorded + sum(counts.values())
     columns = (Column(f"Not recorded, of {tried:,} tried", "wide"), Column("Episodes", "n"), Column("Share", "n"))
@@ -91,12 +91,12 @@ def rejections(counts: Mapping[str, int], recorded: int) -> str:
 
 
 def details(summary: str, body: str) -> str:
-    """What is shown when it is asked for."""
+    """A collapsible section."""
     return f"<details><summary>{escape(summary)}</summary>{body}</details>"
 
 
 def legend(entries: Sequence[tuple[str, Rgb]]) -> str:
-    """What the colours of a picture mean."""
+    """A legend of a picture's colours."""
     items = "".join(
         f'<li><i style="background:rgb({colour[0]},{colour[1]},{colour[2]})"></i>{escape(name)}</li>'
         for name, colour in entries
@@ -110,12 +110,12 @@ def figure(source: str, caption: str, *, alt: str) -> str:
 
 
 def film_figure(path: Path, caption: str, *, runs: bool = False) -> str:
-    """A film inside of the page with a caption.
+    """A video inside of the page with a caption.
 
     Args:
-        path: A .webm.
-        caption: What it shows.
-        runs: True if it plays by itself, again and again.
+        path: Path of a .webm file.
+        caption: Text below the video.
+        runs: True if the video plays automatically in a loop.
     """
     source = _data_uri("video/webm", path.read_bytes())
     plays = "autoplay loop" if runs else 'preload="auto"'
@@ -131,7 +131,7 @@ def chart_figure(svg: str, caption: str) -> str:
 
 
 def percent(rate: float) -> str:
-    """A rate in 0..1 for people to read."""
+    """A rate in 0..1 as text in percent."""
     return f"{100 * rate:.0f} %"
 
 

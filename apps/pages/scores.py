@@ -1,4 +1,4 @@
-"""How well drivers do, on a page: bars with intervals, and all numbers behind them."""
+"""Scores of drivers on a page: bars with intervals, and all numbers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,12 +29,12 @@ _NOTE = (
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """One driver in one task."""
+    """Score of one driver in one task."""
 
     task: str
-    """For example "static" or "among humans"."""
+    """Name of the task, for example "static" or "among humans"."""
     driver: str
-    """Who drove: "policy", "expert", "straight line"."""
+    """Name of the driver: "policy", "expert", "straight line"."""
     summary: TaskSummary
 
 
@@ -42,9 +42,9 @@ def scores_section(scores: Sequence[Score], *, watched: str = "policy", note: st
     """Bars of success by task, and a table of everything.
 
     Args:
-        scores: In the order in which they are shown.
-        watched: The driver whom the page is about.
-        note: What else is to be said of the numbers.
+        scores: Scores in display order.
+        watched: The driver that the page is about.
+        note: Further text about the numbers.
     """
     bars = "".join(_bars(task, scores, watched) for task in dict.fromkeys(score.task for score in scores))
     numbers = details("All numbers", table(_COLUMNS, [_cells(score) for score in scores]))

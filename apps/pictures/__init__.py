@@ -1,1 +1,1 @@
-"""Films, overlays and pictures: recorded episodes, planned ones (`plan_film`), labels, scenes and their maps."""
+"""Videos, overlays and pictures of recorded episodes, planned ones (`plan_film`), labels, scenes and their maps."""

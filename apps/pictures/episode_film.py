@@ -1,4 +1,4 @@
-"""A film of one episode: the scene from above, with what the robot sees beside it."""
+"""A video of one episode: the scene from above, beside the robot's camera images."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from readygo.common.robot.kinematics import RATE_HZ
 from readygo.common.scenes.top_view import TopView
 
 CAMERA_HEIGHT_PX = 432
-"""Height at which the robot's view is shown, about: it is enlarged by a whole factor."""
+"""Approximate height of the robot's view [px]: it is enlarged by an integer factor."""
 PLAN_HEIGHT_PX, PLAN_WIDTH_MAX_PX = 640, 1000
 _WIDTH_MIN_PX = 860
 _MARGIN_PX = 8
@@ -25,7 +25,7 @@ _PAPER: Rgb = (250, 250, 248)
 _TRACK: Rgb = (222, 224, 226)
 
 Underlay = Callable[[Picture, TopView, int], None]
-"""Draws on a picture, in a view from above, what belongs to a row of the film."""
+"""Draws additional content of a row of the video on a picture, in a top view."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,26 +38,26 @@ class EpisodeFilm:
     actions: npt.NDArray[np.float64]
     """Command from each row on: v [m/s], w [rad/s], shape (T, 2)."""
     goal_xy_m: npt.NDArray[np.float64]
-    """Shape (2,)."""
+    """Goal in the world [m], shape (2,)."""
     camera: Iterable[Picture] | None = None
-    """Images of the robot's camera, T of shape (H, W, 3); read once, in order, so that they may be drawn on the way."""
+    """Images of the robot's camera, T of shape (H, W, 3); read once, in order, so that an iterator may render them."""
     enlarged: bool = True
-    """Whether these are enlarged; False shows them as they are."""
+    """True enlarges the camera's images; False shows them at their size."""
     humans_xy_m: tuple[npt.NDArray[np.float64], ...] = ()
     """Ground positions of each human, shape (T_h, 2); the last row is held."""
     outcome: str = ""
     """Shown on the last second, for example "success"."""
     underlay: Underlay | None = None
-    """Draws below robot and humans."""
+    """Draws content below robot and humans."""
     human_visible: npt.NDArray[np.bool_] | None = None
-    """For the time line: where the robot sees a human, shape (T,)."""
+    """For the time line: True at rows where the robot sees a human, shape (T,)."""
     replanned: npt.NDArray[np.bool_] | None = None
-    """For the time line: where the expert planned anew, shape (T,)."""
+    """For the time line: True at rows where the expert replanned, shape (T,)."""
     robot_radius_m: float = 0.25
     human_radius_m: float = 0.25
     success_radius_m: float = 1.0
     rate_hz: int = RATE_HZ
-    """Rows per second."""
+    """Rows per second [Hz]."""
     v_max_mps: float = 1.0
     w_max_radps: float = 1.2
 
@@ -75,17 +75,17 @@ class EpisodeFilm:
 def film_frames(
     film: EpisodeFilm, view: TopView, *, camera_height_px: int = CAMERA_HEIGHT_PX, step: int = 1
 ) -> Iterator[Picture]:
-    """The film's pictures, every `step`-th row, even in width and height, sRGB.
+    """The video's frames, every `step`-th row, with even width and height, sRGB.
 
     Args:
         film: The episode.
         view: The scene from above.
-        camera_height_px: Height of the robot's view [px], about: it is enlarged by a whole factor; where it is shown as
-            it is, that of the view from above at least.
-        step: Rows from picture to picture.
+        camera_height_px: Approximate height of the robot's view [px], which is enlarged by an integer factor; if it is
+            not enlarged, the smallest height of the top view.
+        step: Rows from frame to frame.
 
     Raises:
-        ValueError: If the camera has fewer images than the film has rows.
+        ValueError: If the camera has fewer images than the video has rows.
     """
     rows = range(0, len(film.xyyaw), step)
     images = repeat(None) if film.camera is None else islice(film.camera, 0, None, step)

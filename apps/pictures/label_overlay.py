@@ -1,4 +1,4 @@
-"""Labels of humans drawn over the images of a dataset: whether they fit is seen at a glance."""
+"""Labels of humans drawn over the images of a dataset, to check that they fit."""
 
 from collections.abc import Sequence
 
@@ -17,31 +17,31 @@ Array = npt.NDArray[np.float64]
 
 COLUMNS, TILES = 2, 8
 WIDTH_PX = 640
-"""Width of one image on the sheet."""
+"""Width of one image on the sheet [px]."""
 NEAR_M = 0.1
 NEAREST_SHOWN_M = 1.5
-"""Who is nearer does not fit into an image."""
+"""Smallest distance of a human that fits into an image [m]."""
 _SUBPIXEL_BITS = 4
 _EDGES = [(a, a ^ bit) for a in range(8) for bit in (1, 2, 4) if not a & bit]
 
 
 def label_overlay(dataset: Dataset) -> Picture:
-    """A sheet of up to eight images, spread over the samples in which the robot sees somebody.
+    """A sheet of up to eight images, spread over the samples in which the robot sees a human.
 
-    Everybody within the view is drawn, behind walls too: joints and bones, the box, the ground points.
+    All humans within the view are drawn, also behind walls: joints and bones, the box, the ground points.
 
     Args:
-        dataset: With labels.
+        dataset: Dataset with labels.
 
     Returns:
-        RGB.
+        RGB image of the sheet.
 
     Raises:
-        DatasetError: If the dataset has no labels, names no robot, or shows nobody.
+        DatasetError: If the dataset has no labels, names no robot, or shows no human.
     """
     seen = np.flatnonzero(dataset.truth["human_visible"])
     if len(seen) == 0:
-        raise DatasetError("There is no sample in which the robot sees somebody.")
+        raise DatasetError("There is no sample in which the robot sees a human.")
     parts = np.array_split(seen, min(TILES, len(seen)))
     chosen = [min(part.tolist(), key=lambda index: _ahead_m(dataset, index)) for part in parts]
     tiles = [labelled_image(dataset, index) for index in chosen]
@@ -79,7 +79,7 @@ def labelled_image(dataset: Dataset, index: int) -> Picture:
 
 
 def corners(box: Array) -> Array:
-    """The corners [m] of a box as in `HumanLabels.box`, shape (8, 3); bits of their number say on which sides."""
+    """The corners [m] of a box as in `HumanLabels.box`, shape (8, 3); the bits of an index select the sides."""
     sides = np.array([[(k >> axis & 1) - 0.5 for axis in range(3)] for k in range(8)]) * box[3:6]
     c, s = np.cos(box[6]), np.sin(box[6])
     turned = np.stack([c * sides[:, 0] - s * sides[:, 1], s * sides[:, 0] + c * sides[:, 1], sides[:, 2]], axis=1)
@@ -95,7 +95,7 @@ def project(p_WQ: npt.ArrayLike, T_world_camera: Array, calibration: Calibration
         calibration: The camera.
 
     Returns:
-        Shape (N, 2); nan for what is less than 0.1 m ahead of the camera.
+        Pixels, shape (N, 2); nan for points less than 0.1 m ahead of the camera.
     """
     p_CQ = (np.asarray(p_WQ, dtype=np.float64) - T_world_camera[:3, 3]) @ T_world_camera[:3, :3]
     ahead = p_CQ[:, 2] > NEAR_M
@@ -123,7 +123,7 @@ def _ahead_m(dataset: Dataset, index: int) -> float:
 
 
 def _fixed(pixel: Array) -> tuple[int, int]:
-    """OpenCV's integer centres, in sixteenths of a pixel."""
+    """A pixel position in OpenCV's convention (integer centres), in sixteenths of a pixel."""
     u, v = np.clip((pixel - 0.5) * (1 << _SUBPIXEL_BITS), -(2**20), 2**20)
     return round(float(u)), round(float(v))
 

@@ -1,4 +1,4 @@
-"""The film of a run: where everybody is, what the expert sees, expects and intends, and what the camera shows."""
+"""The video of a run: robot and humans, the expert's view, predictions and plan, and the camera images."""
 
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -19,11 +19,11 @@ from readygo.services.renderer.samples import episode_shots
 
 PIXELS_PER_M = 80
 GIVEN_UP_S = 1.0
-"""A plan that was given up stays in the film for this long [s]."""
+"""Time for which an abandoned plan stays in the video [s]."""
 
 
 class RobotView:
-    """What the robot's cameras show at a run's steps: the images that `readygo generate` records, before JPEG."""
+    """The robot's camera images at a run's steps, as `readygo generate` records them, before JPEG."""
 
     def __init__(
         self,
@@ -35,15 +35,15 @@ class RobotView:
         sees: Sequence[str] = (),
         width_px: int = CAMERAS_WIDTH_PX,
     ) -> None:
-        """Put the cameras onto the robot.
+        """Mount the cameras on the robot.
 
         Args:
-            renderer: Whose cameras look.
-            scenario: Of the run.
-            motions: How its humans move.
-            trajectory: What the robot did.
-            sees: Images that are shown beside those that are recorded, such as depths that a policy drives by.
-            width_px: Width at which several images are shown together, about.
+            renderer: Renderer with the cameras.
+            scenario: Scenario of the run.
+            motions: Motions of its humans.
+            trajectory: Trajectory of the robot.
+            sees: Further images to show, such as depths that a policy uses.
+            width_px: Approximate width of several images together [px].
 
         Raises:
             AvatarError: If a human wears an avatar that is not loaded.
@@ -56,10 +56,10 @@ class RobotView:
             for name, capture in renderer.captures.items()
         }
         self.alone = self._rows == ALONE
-        """Whether it is one image as the camera takes it; several are enlarged and have names."""
+        """True for one image at its size; several images are enlarged and have captions."""
 
     def __call__(self, step: int) -> Picture:
-        """Draw a step."""
+        """Render the images of a step."""
         (views,) = robot_views(self._renderer, lambda capture: (self._shots[capture.name](step),), self._names)
         if self.alone:
             return views[""].rgb
@@ -68,12 +68,12 @@ class RobotView:
 
 
 def run_film(planner: RobotPlanner, run: DrivenRun, look: RobotView | None = None) -> Iterator[Picture]:
-    """Pictures of a run, 20 a second.
+    """Frames of a run's video, 20 per second.
 
     Args:
-        planner: Whose map, robot and settings the run had.
+        planner: Planner with the run's map, robot and settings.
         run: The episode with its journal.
-        look: What the robot's cameras show, beside the map.
+        look: View of the robot's cameras, beside the map; None without.
     """
     trajectory, scenario = run.trajectory, run.scenario
     view = episode_view(planner.maps.robot, scenario, trajectory, motions=run.motions, pixels_per_m=PIXELS_PER_M)

@@ -1,4 +1,4 @@
-"""A recorded episode as a film, from what was recorded of it alone: poses, commands, images, humans."""
+"""A recorded episode as a video, from its recording only: poses, commands, images, humans."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -33,14 +33,14 @@ def recorded_film(
     humans_xy_m: Sequence[Way] | None = None,
     width_px: int = CAMERAS_WIDTH_PX,
 ) -> EpisodeFilm:
-    """An episode as a film.
+    """The video of an episode.
 
     Args:
         dataset: Recorded episodes.
-        number: Row in `dataset.episodes`.
+        number: Index in `dataset.episodes`.
         camera: Name of the only camera to show; empty for all.
-        humans_xy_m: Where each human is at each sample, shape (T, 2), for who knows it; else the whole shard is read.
-        width_px: Width at which the images of several cameras are shown together, about.
+        humans_xy_m: Positions of each human at each sample [m], shape (T, 2); if None, they are read from the shard.
+        width_px: Approximate width of the images of several cameras together [px].
 
     Raises:
         DatasetError: If there is no such camera.
@@ -71,7 +71,7 @@ def recorded_film(
 
 
 def background(dataset: Dataset, number: int, data: Path) -> TopView:
-    """The scene of an episode from above if it is on this machine, else empty ground around its ways."""
+    """The scene of an episode from above if it is on this machine, else empty ground around its paths."""
     try:
         spec, _ = RunFolder(data).load()
         return top_view(load_scene(Path(spec.scene_path)))
@@ -93,7 +93,7 @@ def rows_of(entry: EpisodeEntry) -> slice:
 def _together(
     dataset: Dataset, rows: slice, shown: tuple[tuple[str, ...], ...], robot: RobotConfig, width_px: int
 ) -> Iterator[Picture]:
-    """What several cameras show, sample by sample."""
+    """The images of several cameras together, sample by sample."""
     before, picture = -1, np.zeros((0, 0, 3), np.uint8)
     for sample in latest_pictured(dataset, rows).tolist():
         if sample != before:
@@ -119,5 +119,5 @@ def _goal(pose: npt.NDArray[np.float64], goal_xy_robot_m: npt.NDArray[np.float32
 
 
 def _ways(humans: tuple[npt.NDArray[np.float64], ...]) -> tuple[Way, ...]:
-    """The way of each human, shape (T, 2), from everybody at each sample."""
+    """The path of each human [m], shape (T, 2), from the positions of all humans at each sample."""
     return tuple(np.array([row[human, :2] for row in humans]) for human in range(len(humans[0])))

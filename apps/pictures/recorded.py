@@ -1,4 +1,4 @@
-"""Recorded episodes of a run as films and as ways on a map, with the humans made again from their keys."""
+"""Recorded episodes of a run as videos and as paths on a map, with the humans recomputed from their keys."""
 
 import math
 from pathlib import Path
@@ -20,15 +20,15 @@ from readygo.services.animator import handle_animate
 from readygo.services.planner import handle_human_plan
 
 CLOSE_UP_RAD = 0.6
-"""A human this far from the middle of the image is shown well [rad]."""
+"""Largest angle from the image's centre at which a human is shown well [rad]."""
 BEST_DISTANCE_M = 2.5
-"""A human this far away is shown best [m]."""
+"""Distance at which a human is shown best [m]."""
 PAGE_HEIGHT_PX, PAGE_HZ = 288, 10
-"""Height of the robot's view in a page's film, about, and pictures per second."""
+"""Approximate height of the robot's view in a page's video [px], and frames per second [Hz]."""
 PAGE_WIDTH_PX = 800
-"""Width of the views of several cameras together, about."""
+"""Approximate width of the views of several cameras together [px]."""
 PAGE_PICTURES_MAX = 120
-"""Longer episodes are shown faster: a page holds several films, some 20 kB a picture."""
+"""Largest number of frames of a page's video, about 20 kB each: longer episodes are shown faster."""
 
 
 class RecordedEpisodes:
@@ -39,14 +39,14 @@ class RecordedEpisodes:
 
         Args:
             dataset: The episodes.
-            world: Of the run that recorded them.
+            world: World of the run that recorded them.
         """
         self.dataset, self.world = dataset, world
         self._planner, self._animator = world.human_planner(), world.animator()
         self._static, self._map = world.spec.static, world.scene.maps.robot
 
     def humans(self, entry: EpisodeEntry) -> tuple[Scenario, tuple[Way, ...]]:
-        """The scenario of an episode, and where its humans walk, shape (T, 2) each."""
+        """The scenario of an episode, and the paths of its humans [m], shape (T, 2) each."""
         request = HumanPlanRequest(episode=entry.episode, static=self._static)
         scenario = handle_human_plan(self._planner, request).scenario
         assert scenario is not None
@@ -55,7 +55,7 @@ class RecordedEpisodes:
         return scenario, tuple(human.motion.root_m[:, :2].astype(np.float64) for human in motions.humans)
 
     def drawn(self, entry: EpisodeEntry) -> DrawnEpisode:
-        """Where everybody went in an episode."""
+        """The trajectories of robot and humans in an episode."""
         scenario, humans = self.humans(entry)
         return DrawnEpisode(
             label=entry.episode.episode_id,
@@ -65,19 +65,19 @@ class RecordedEpisodes:
         )
 
     def film(self, entry: EpisodeEntry, *, width_px: int = CAMERAS_WIDTH_PX) -> EpisodeFilm:
-        """An episode as a film; see `recorded_film`."""
+        """The video of an episode, with approximate width `width_px` of several cameras' images."""
         number = int(self.dataset.episode_of_sample[entry.first_sample])
         _, humans = self.humans(entry)
         return recorded_film(self.dataset, number, humans_xy_m=humans, width_px=width_px)
 
     def write_film(self, path: Path, entry: EpisodeEntry, view: TopView) -> None:
-        """Write an episode as a small film for pages, at its pace or faster; its pictures say the time."""
+        """Write a small video of an episode for pages, at its pace or faster; its frames show the time."""
         step = max(self.dataset.clock.rate_hz // PAGE_HZ, math.ceil(entry.sample_count / PAGE_PICTURES_MAX))
         frames = film_frames(self.film(entry, width_px=PAGE_WIDTH_PX), view, camera_height_px=PAGE_HEIGHT_PX, step=step)
         write_film(path, frames, fps=PAGE_HZ)
 
     def nearness(self, entry: EpisodeEntry) -> npt.NDArray[np.float64]:
-        """How well a human can be seen at each sample: in view, not hidden, two to three metres away; -inf if not."""
+        """Visibility score of humans at each sample, best 2 to 3 m away, in view and not hidden; -inf if invisible."""
         _, humans = self.humans(entry)
         scores = np.full(entry.sample_count, -np.inf)
         for step, (x, y, _, yaw) in enumerate(self.dataset.poses[rows_of(entry)].astype(np.float64)):
@@ -89,11 +89,11 @@ class RecordedEpisodes:
         return scores
 
     def best_encounter(self, entries: list[EpisodeEntry]) -> EpisodeEntry:
-        """The episode that shows a human well for longest."""
+        """The episode that shows a human well for the longest time."""
         return max(entries, key=lambda entry: float(np.sum(self.nearness(entry) > -1.2)))
 
     def _sees(self, xy_m: tuple[float, float], offset_m: Way) -> bool:
-        """True if nothing stands between a point and the point at an offset from it."""
+        """True if there is no obstacle between a point and the point at an offset from it."""
         steps = max(2, int(np.hypot(*offset_m) / self._map.frame.resolution_m))
         cells = [self._map.frame.cell(*(xy_m + offset_m * share)) for share in np.linspace(0.0, 1.0, steps)]
         return not any(self._map.occupied[cell] for cell in cells)

@@ -18,7 +18,7 @@ OCCUPIED, UNKNOWN, TOO_NARROW = (38, 44, 52), (176, 180, 186), (255, 255, 255)
 SEPARATE, REACHABLE = (240, 200, 150), (150, 210, 170)
 MAP_PICTURE_MIN_PX = 800
 TOP_PICTURE_MIN_PX, TOP_PICTURE_MAX_PX = 1000, 4000
-"""Longer side of the scene's picture: small scenes fill it."""
+"""Smallest and largest longer side of the scene's picture [px]."""
 
 
 def scene_pictures(scene: Scene, radius_m: float) -> dict[str, Picture]:

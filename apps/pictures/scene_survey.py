@@ -1,4 +1,4 @@
-"""What a Gaussian file holds, seen along its three axes, with the planes that may be its floor."""
+"""Views of a Gaussian file along its three axes, with planes that may be its floor."""
 
 import math
 from dataclasses import replace
@@ -19,22 +19,22 @@ Floats = npt.NDArray[np.float64]
 
 VIEW_PX = 560
 MARGIN = 0.12
-"""What is drawn beyond the extent, as a share of it."""
+"""Margin around the extent, as a share of it."""
 CEILING = 0.6
-"""From above, only this part of the height is drawn, so that a ceiling hides nothing."""
+"""Share of the height that is drawn from above, so that a ceiling hides nothing."""
 COLOURS: tuple[Rgb, ...] = (ROBOT, HUMANS[0], HUMANS[1])
 AXES = "xyz"
 VIEWS = ((0, 1, (0, 0, 1)), (0, 2, (0, -1, 0)), (1, 2, (1, 0, 0)))
-"""Axis to the right, axis upwards, and where the viewer stands."""
+"""For each view: axis to the right, axis upwards, and direction to the viewer."""
 
 
 def change_picture(before: GaussianCloud, after: GaussianCloud, words: str) -> Picture:
-    """What an edit changed: the views of before above those of after, each with a grid of its own.
+    """The change by an edit: the views before it above those after it, each with a separate grid.
 
     Args:
-        before: Gaussians, metres, z up.
-        after: What became of them.
-        words: What was done.
+        before: Gaussians before the edit, in metres, z up.
+        after: Gaussians after the edit.
+        words: Description of the edit.
 
     Returns:
         RGB image, shape (H, W, 3).
@@ -52,8 +52,8 @@ def survey_picture(cloud: GaussianCloud, found: Survey, headline: str) -> Pictur
     """Three views with a grid in units of the file.
 
     Args:
-        cloud: The Gaussians that the survey was made of.
-        found: What it found.
+        cloud: Gaussians of the survey.
+        found: Result of the survey.
         headline: Name of the file.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Depths as colours for people to look at."""
+"""Depths as colours for display."""
 
 from typing import Any
 
@@ -9,14 +9,14 @@ import numpy.typing as npt
 from readygo.common.drawing.files import Picture
 
 NEAREST_M, FARTHEST_M = 0.3, 10.0
-"""Depths are told apart between these, by their logarithm [m]."""
+"""Range of depths with different brightness, on a logarithmic scale [m]."""
 
 
 def shaded(depth_m: npt.NDArray[Any]) -> Picture:
     """Depths, bright where they are near and black where nothing is measured.
 
     Args:
-        depth_m: Shape (H, W) [m]; what is not measured is not finite, or 0.
+        depth_m: Depths [m], shape (H, W); non-finite or 0 where nothing was measured.
 
     Returns:
         sRGB, shape (H, W, 3).

@@ -1,4 +1,4 @@
-"""What the cameras of a robot show at one time as one picture: cameras from left to right, depths below colours."""
+"""Images of a robot's cameras at one time as one picture: cameras from left to right, depths below colours."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -18,24 +18,24 @@ from readygo.common.robot import RobotConfig
 
 GAP_PX, CAPTION_PX = 4, 20
 CAMERAS_WIDTH_PX = 1200
-"""Width at which the images of several cameras are shown together, about."""
+"""Approximate width of the images of several cameras together [px]."""
 ALONE = ((RGB,),)
-"""What `shown_images` finds of one camera without depth: shown as it is, without a name."""
+"""Result of `shown_images` for one camera without depth, which is shown at its size and without a caption."""
 
 
 def shown_images(names: Iterable[str], robot: RobotConfig, camera: str = "") -> tuple[tuple[str, ...], ...]:
-    """The images to show of those that there are: a row for each kind, cameras from left to right.
+    """The layout of existing images: a row for each kind, cameras from left to right.
 
     Args:
-        names: Of the images that there are.
-        robot: Whose cameras they are of.
-        camera: Name of the only one to show; empty for all.
+        names: Names of the existing images.
+        robot: Robot with the cameras.
+        camera: Name of the only camera to show; empty for all.
 
     Raises:
         DatasetError: If there is no such camera.
     """
     found = tuple(names)
-    # Shards of other makers may have cameras that their robot does not name.
+    # Shards of other programs may have cameras that their robot does not name.
     cameras = sorted(cameras_of(found), key=lambda name: -robot.cameras.get(name, robot.camera).mount_yaw_deg)
     if camera:
         called = {camera_name(name, robot): name for name in cameras}
@@ -52,12 +52,12 @@ def has_several(dataset: Dataset) -> bool:
 
 
 def camera_name(camera: str, robot: RobotConfig) -> str:
-    """What a camera is called; the first one is "" among the names of images."""
+    """Display name of a camera; the first one is "" among the names of images."""
     return camera or robot.camera_name
 
 
 def caption_of(name: str, robot: RobotConfig) -> str:
-    """An image's name for people to read."""
+    """Caption of an image."""
     camera = camera_name(camera_of(name), robot)
     return camera if kind_of(name) == RGB else f"{camera} {kind_of(name)}"
 
@@ -65,7 +65,7 @@ def caption_of(name: str, robot: RobotConfig) -> str:
 def recorded_together(
     dataset: Dataset, sample: int, rows: Sequence[Sequence[str]], robot: RobotConfig, *, width_px: int
 ) -> Picture:
-    """What cameras showed at a sample that has images, see `side_by_side`.
+    """The cameras' images of a sample as one picture; arguments as in `side_by_side`.
 
     Raises:
         DatasetError: If an image is damaged.
@@ -81,13 +81,13 @@ def side_by_side(
     """Pictures in rows, all of one height, with names below.
 
     Args:
-        images: By name, in colours, shape (H, W, 3), or depths [m], shape (H, W), which are shaded.
-        rows: Of `shown_images`.
-        robot: Whose cameras they are of.
-        width_px: Of the whole, about: pictures are enlarged by a whole factor, or made smaller.
+        images: Images by name: colours, shape (H, W, 3), or depths [m], shape (H, W), which are shaded.
+        rows: Layout from `shown_images`.
+        robot: Robot with the cameras.
+        width_px: Approximate total width [px]: pictures are enlarged by an integer factor, or reduced.
 
     Returns:
-        sRGB.
+        sRGB image.
     """
     pictures = {name: images[name] if kind_of(name) == RGB else shaded(images[name]) for row in rows for name in row}
     height_px = max(len(pictures[row[0]]) for row in rows)
@@ -118,6 +118,6 @@ def _captioned(picture: Picture, text: str, height_px: int) -> Picture:
 
 
 def _width_at(picture: Picture, height_px: int) -> int:
-    """The width of a picture that is made so high [px]."""
+    """The width of a picture after scaling to a height [px]."""
     width_px: int = picture.shape[1]
     return round(width_px * height_px / len(picture))

@@ -1,1 +1,1 @@
-"""Logs of robots that people drove, as recorded episodes: read with rosbags, without ROS."""
+"""Logs of manually driven robots as recorded episodes: read with rosbags, without ROS."""

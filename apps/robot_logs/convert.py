@@ -1,4 +1,4 @@
-"""A log becomes a data folder: one shard of episodes without humans, driven by whoever drove."""
+"""Conversion of a log to a data folder: one shard of episodes without human labels, with any driver."""
 
 import dataclasses
 import math
@@ -20,20 +20,20 @@ from readygo.common.messages import EpisodeHeader, EpisodeKey, Sample, Split, sa
 from readygo.common.robot import CameraConfig, RobotConfig
 
 DRIFT_MAX_M = 0.3
-"""A drive that leaves its odometry further is not this robot's."""
+"""Largest distance of a drive from its odometry [m]; a larger one means a different robot."""
 _LENSES = {
     "plumb_bob": ("brown_conrady", ("k1", "k2", "p1", "p2", "k3")),
     "rational_polynomial": ("brown_conrady", ("k1", "k2", "p1", "p2", "k3")),
     "equidistant": ("fisheye", ("k1", "k2", "k3", "k4")),
     "fisheye": ("fisheye", ("k1", "k2", "k3", "k4")),
 }
-"""Lens models of ROS, ours, and the names of the coefficients in ROS's order; further ones must be 0."""
+"""For each lens model of ROS: our model, and the names of the coefficients in ROS's order; others must be 0."""
 Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, kw_only=True)
 class LogTopics:
-    """Where in the log things are; an empty `camera_info` takes the robot's own camera."""
+    """Topics of the log; an empty `camera_info` uses the robot's camera."""
 
     image: str
     odometry: str
@@ -42,12 +42,12 @@ class LogTopics:
 
 @dataclass(frozen=True, kw_only=True)
 class Converted:
-    """What came of a log."""
+    """Result of a conversion."""
 
     episodes: int
     samples: int
     drift_m: float
-    """Largest distance of a recorded pose from the odometry."""
+    """Largest distance of a recorded pose from the odometry [m]."""
 
 
 def convert(
@@ -65,15 +65,15 @@ def convert(
     Args:
         path: Rosbag2 folder or MCAP file.
         out: Folder to make; it appears when it is complete.
-        topics: What is read.
+        topics: Topics to read.
         robot: Limits and camera of the robot.
         episode_s: Longest episode [s].
-        license: Of the log, recorded with the data.
-        progress: Hears the episodes that are done, and all.
+        license: License of the log, recorded with the data.
+        progress: Called with the numbers of finished and of all episodes.
 
     Raises:
-        ConfigError: If a topic is missing, or rosbags.
-        DatasetError: If nothing in the log can be used, or the robot is another one.
+        ConfigError: If a topic is missing, or rosbags is not installed.
+        DatasetError: If the log has no usable data, or `robot` does not match it.
     """
     if episode_s < 2.0:
         raise ConfigError(f"--episode-s must be at least 2, got {episode_s:g}.")
@@ -99,7 +99,7 @@ def camera_of(camera: CameraConfig, seen: LogCamera) -> CameraConfig:
     """A camera's mount with the lens of a CameraInfo.
 
     Raises:
-        ConfigError: If the lens has a model that is not known.
+        ConfigError: If the lens model is unknown.
     """
     names: dict[str, float] = {}
     distortion = "none"
@@ -167,7 +167,7 @@ def _images_at(log: RobotLog, topic: str, drive: Drive) -> Iterator[bytes]:
 
 
 def _header(index: int, drive: Drive, camera: CameraConfig, image: bytes) -> EpisodeHeader:
-    """What is constant over an episode; its goal is where it ends."""
+    """The header of an episode; its goal is its last position."""
     picture = decode_image(image)
     if picture is None or picture.shape[:2] != (camera.height_px, camera.width_px):
         seen = "cannot be decoded" if picture is None else f"are {picture.shape[0]}x{picture.shape[1]}"

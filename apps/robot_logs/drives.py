@@ -1,4 +1,4 @@
-"""A log's drives: where it is cut into episodes, and how odometry becomes samples at 20 Hz."""
+"""The drives of a log: division into episodes, and conversion of odometry to samples at 20 Hz."""
 
 import math
 from dataclasses import dataclass
@@ -13,33 +13,33 @@ from readygo.common.robot import Clock, RobotConfig, limit_command, step_unicycl
 from readygo.common.robot.kinematics import DT_S, STEP_NS
 
 GAP_NS = 500_000_000
-"""Images or poses that are further apart end an episode."""
+"""Gap between images or poses that ends an episode [ns]."""
 STILL_MPS, STILL_RADPS, STILL_S = 0.03, 0.05, 2.0
-"""A robot that is slower than this for this long ends an episode: it is at its goal."""
+"""Speed [m/s], yaw rate [rad/s] and duration [s] of a standstill, which ends an episode at its goal."""
 GAIN_X, GAIN_Y, GAIN_YAW = 2.0, 4.0, 3.0
-"""Of the way back to the odometry [1/s, 1/m^2, 1/s]."""
+"""Gains of the controller that tracks the odometry [1/s, 1/m^2, 1/s]."""
 SHORTEST_S, SHORTEST_M = 2.0, 1.0
-"""Shorter episodes are left out."""
+"""Smallest duration [s] and distance [m] of an episode; shorter ones are dropped."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Drive:
-    """One episode's motion as a unicycle makes it: each pose follows from the one before and its command."""
+    """Motion of one episode as a unicycle model: each pose follows from the previous one and its command."""
 
     start_ns: int
-    """Time of the first sample in the log."""
+    """Time of the first sample in the log [ns]."""
     xyyaw: npt.NDArray[np.float64]
     """Pose at each sample: x, y [m], yaw [rad], shape (T, 3)."""
     actions: npt.NDArray[np.float64]
     """Command over the next step: v [m/s], w [rad/s], shape (T, 2)."""
     clock: Clock
-    """Of the samples."""
+    """Clock of the samples."""
     drift_m: float
-    """Largest distance from the odometry."""
+    """Largest distance from the odometry [m]."""
 
     @property
     def times_ns(self) -> npt.NDArray[np.int64]:
-        """Time of each sample in the log, shape (T,)."""
+        """Time of each sample in the log [ns], shape (T,)."""
         return _ticks(self.start_ns, self.clock, len(self.xyyaw))
 
 
@@ -47,8 +47,8 @@ def spans(odometry: Odometry, image_times_ns: npt.NDArray[np.int64], episode_s: 
     """First and last times of the episodes of a log [ns].
 
     Args:
-        odometry: Where the robot was.
-        image_times_ns: When images were taken, shape (N,).
+        odometry: Poses of the robot.
+        image_times_ns: Times of the images [ns], shape (N,).
         episode_s: Longest episode [s].
     """
     if len(image_times_ns) == 0:
@@ -67,9 +67,9 @@ def spans(odometry: Odometry, image_times_ns: npt.NDArray[np.int64], episode_s: 
 
 
 def drive_of(odometry: Odometry, span: tuple[int, int], robot: RobotConfig) -> Drive:
-    """The motion of an episode: at every step the command that leads to where the robot was next.
+    """The motion of an episode: at every step the command that leads to the robot's next pose.
 
-    A robot that slips, or outruns `robot`'s limits, leaves its odometry; `drift_m` says how far.
+    A robot that slips or exceeds `robot`'s limits deviates from its odometry; `drift_m` is the largest deviation.
     """
     clock = robot.clock
     count = 1 + (span[1] - span[0]) * clock.rate_hz // 1_000_000_000
@@ -95,7 +95,7 @@ def _follow(
     following: npt.NDArray[np.float64],
     dt_s: float,
 ) -> tuple[float, float]:
-    """The command that goes with the odometry and leads back to it: v [m/s], w [rad/s].
+    """The command of a controller that tracks the odometry: v [m/s], w [rad/s].
 
     Source: Kanayama et al., "A stable tracking control method for an autonomous mobile robot", ICRA 1990, equation 7.
     """
@@ -112,20 +112,20 @@ def _ticks(first_ns: int, clock: Clock, count: int) -> npt.NDArray[np.int64]:
 
 
 def _at(odometry: Odometry, times_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
-    """Poses at times, between the measured ones, shape (T, 3)."""
+    """Poses at times, interpolated between the measured ones, shape (T, 3)."""
     columns = [np.interp(times_ns, odometry.time_ns, column) for column in odometry.xyyaw.T]
     return np.stack(columns, axis=1)
 
 
 def _fresh(times_ns: npt.NDArray[np.int64], known_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-    """Where the newest message is young, and the next one not far."""
+    """True at times within `GAP_NS` after a message whose successor follows within `GAP_NS`, shape (T,)."""
     place = np.searchsorted(known_ns, times_ns, side="right") - 1
     following = known_ns[np.minimum(place + 1, len(known_ns) - 1)]
     return (place >= 0) & (times_ns - known_ns[place] <= GAP_NS) & (following - known_ns[place] <= GAP_NS)
 
 
 def _still(odometry: Odometry, times_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-    """Where the robot stands, and has or will for long."""
+    """True at times within a standstill of at least `STILL_S`, shape (T,)."""
     poses = _at(odometry, times_ns)
     speed = np.linalg.norm(np.gradient(poses[:, :2], DT_S, axis=0), axis=1) if len(poses) > 1 else np.zeros(len(poses))
     turning = np.abs(np.gradient(poses[:, 2], DT_S)) if len(poses) > 1 else np.zeros(len(poses))

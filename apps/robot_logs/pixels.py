@@ -1,4 +1,4 @@
-"""Images as cameras of ROS robots send them."""
+"""Decoding of images of ROS robots' cameras."""
 
 import struct
 from typing import Any
@@ -26,15 +26,15 @@ _BGR: dict[str, tuple[int, int | None]] = {
     "bayer_gbrg8": (1, cv2.COLOR_BayerGBRG2BGR),
     "bayer_grbg8": (1, cv2.COLOR_BayerGRBG2BGR),
 }
-"""Bytes per pixel, and OpenCV's conversion to BGR."""
+"""Bytes per pixel and OpenCV's conversion to BGR, by encoding."""
 ENCODINGS = tuple(_BGR)
-"""Encodings of raw images that can be read."""
+"""Supported encodings of raw images."""
 
 
 DEPTHS: dict[str, tuple[type[np.generic], float]] = {"16UC1": (np.uint16, 1000.0), "32FC1": (np.float32, 1.0)}
 """Encodings of depth images: type of a pixel, and units in a metre (REP 118)."""
 _DEPTH_HEADER = struct.Struct("<iff")
-"""Of compressed depths: kind of compression, then the two numbers by which inverse depths were quantised."""
+"""Header of compressed depths: kind of compression, then the two parameters of the quantised inverse depths."""
 
 
 def depth_of(
@@ -48,7 +48,7 @@ def depth_of(
         height_px: Rows.
         width_px: Pixels of a row.
         row_bytes: Bytes of a row.
-        big_endian: Whether the first byte of a number is its largest.
+        big_endian: True if the first byte of a number is the most significant one.
 
     Returns:
         Depths [m], inf where nothing was measured, shape (H, W).
@@ -71,7 +71,7 @@ def depth_of(
 def pixels_of(
     data: npt.ArrayLike, *, encoding: str, height_px: int, width_px: int, row_bytes: int, big_endian: bool = False
 ) -> npt.NDArray[Any]:
-    """`depth_of` or `bgr_of`, by the encoding."""
+    """Depths [m] or BGR pixels of a raw image, by its encoding; arguments as in `depth_of`."""
     size = {"height_px": height_px, "width_px": width_px, "row_bytes": row_bytes}
     if encoding in DEPTHS:
         return depth_of(data, encoding=encoding, big_endian=big_endian, **size)
@@ -83,13 +83,13 @@ def compressed_depth_of(data: bytes, image_format: str) -> npt.NDArray[np.float3
 
     Args:
         data: A header of 12 bytes, and a PNG.
-        image_format: What the message says of it, such as "16UC1; compressedDepth png".
+        image_format: Format field of the message, such as "16UC1; compressedDepth png".
 
     Returns:
         Depths [m], inf where nothing was measured, shape (H, W).
 
     Raises:
-        ValueError: If it is none, or compressed in another way than as a PNG.
+        ValueError: If the data are not of this format, or not compressed as PNG.
 
     Source: ros-perception/image_transport_plugins, compressed_depth_image_transport (codec.cpp).
     """
@@ -109,14 +109,14 @@ def compressed_depth_of(data: bytes, image_format: str) -> npt.NDArray[np.float3
 
 
 def is_compressed_depth(image_format: str) -> bool:
-    """True if the format of a compressed image says that it is of depths."""
+    """True if the format field of a compressed image names compressedDepth."""
     return "compressedDepth" in image_format
 
 
 def compressed_depth(depth_m: npt.NDArray[np.float32]) -> tuple[bytes, str]:
-    """Depths [m] as ROS's compressedDepth has those of 16UC1, and the format that says so.
+    """Encode depths [m] as ROS's compressedDepth of 16UC1; returns the bytes and the format field.
 
-    Its header says how inverse depths were quantised; those of 16UC1 are plain millimetres.
+    The header's quantisation of inverse depths is unused: 16UC1 has plain millimetres.
     """
     done, png = cv2.imencode(".png", millimetres(depth_m))
     assert done
@@ -124,7 +124,7 @@ def compressed_depth(depth_m: npt.NDArray[np.float32]) -> tuple[bytes, str]:
 
 
 def millimetres(depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:
-    """Depths [m] as 16UC1 has them: 0 where nothing was measured."""
+    """Depths [m] as 16UC1: millimetres, 0 where nothing was measured."""
     with np.errstate(invalid="ignore"):
         rounded = np.rint(depth_m * np.float32(1000.0))
     return np.where((rounded > 0) & (rounded < 2**16), rounded, 0).astype(np.uint16)
@@ -135,7 +135,7 @@ def bgr_of(data: npt.ArrayLike, *, encoding: str, height_px: int, width_px: int,
 
     Args:
         data: Its bytes, row by row.
-        encoding: Name that ROS has for what they mean.
+        encoding: ROS's name of the encoding.
         height_px: Rows.
         width_px: Pixels of a row.
         row_bytes: Bytes of a row.

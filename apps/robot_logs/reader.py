@@ -1,4 +1,4 @@
-"""What a ROS 2 log holds of a drive: rosbag2 folders and MCAP files, read by rosbags (extra `robot-logs`).
+"""Reader of ROS 2 logs: rosbag2 folders and MCAP files, read by rosbags (extra `robot-logs`).
 
 Times are those of the recording, one clock for all topics.
 """
@@ -22,11 +22,11 @@ from readygo.common.files import open_regular
 IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 ODOMETRY_TYPE, INFO_TYPE = "nav_msgs/msg/Odometry", "sensor_msgs/msg/CameraInfo"
 JPEG_QUALITY = 95
-"""Of raw images; compressed ones stay as they are."""
+"""JPEG quality of raw images; compressed ones stay unchanged."""
 NUMBER_MAX = 1e6
-"""Metres, radians, pixels and their rates: no robot means a larger one."""
+"""Largest valid number in metres, radians, pixels and their rates."""
 UNPACKED_BYTES_MAX = 256 * 2**20
-"""Of a compressed chunk or message; recorders write chunks of 1 to 16 MB."""
+"""Largest unpacked size of a compressed chunk or message [bytes]; recorders write chunks of 1 to 16 MB."""
 DURATION_MAX_S = 48 * 3600
 _WINDOW_BYTES_MAX = 2**27
 _QUATERNION_MAX = 2.0
@@ -35,17 +35,17 @@ _WORDS_MAX = 200
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Odometry:
-    """Where the robot was."""
+    """Poses of the robot over time."""
 
     time_ns: npt.NDArray[np.int64]
-    """Rising, shape (T,)."""
+    """Times of the poses [ns], rising, shape (T,)."""
     xyyaw: npt.NDArray[np.float64]
-    """x, y [m], yaw [rad, not wrapped], shape (T, 3)."""
+    """Poses: x, y [m], yaw [rad, unwrapped], shape (T, 3)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LogCamera:
-    """The camera as CameraInfo has it, pixel centres at integers."""
+    """The camera of a CameraInfo, pixel centres at integers."""
 
     height_px: int
     width_px: int
@@ -66,20 +66,20 @@ class LogCamera:
 
 
 class RobotLog:
-    """A log that is open; `opened` opens one."""
+    """An open log, from `opened`."""
 
     def __init__(self, reader: Any, types: Any, path: Path) -> None:
         self._reader, self._types, self._path = reader, types, path
         self._packed = reader.compression_mode == "message"
         if self._packed:
-            # rosbags would unpack each message whatever it unfolds to.
+            # rosbags would unpack each message without a limit of its size.
             reader.storage.metadata = reader.storage.metadata._replace(compression_mode=None)
 
     def odometry(self, topic: str) -> Odometry:
-        """All poses; those whose time does not rise are left out.
+        """Read all poses; those whose time does not rise are dropped.
 
         Raises:
-            DatasetError: If there are fewer than two, or one is not finite.
+            DatasetError: If there are fewer than two poses, or one is not finite.
         """
         times: list[int] = []
         poses: list[tuple[float, float, float]] = []
@@ -89,7 +89,7 @@ class RobotLog:
                 place = message.pose.pose.position
                 poses.append((place.x, place.y, yaw_of(message.pose.pose.orientation)))
         xyyaw = np.array(poses, dtype=np.float64).reshape(-1, 3)
-        # NaN is not smaller.
+        # This form also rejects NaN.
         if len(xyyaw) < 2 or not (np.abs(xyyaw) <= NUMBER_MAX).all():
             raise DatasetError(
                 f"{topic} of {self._path} has {len(xyyaw)} poses, or some not finite or beyond {NUMBER_MAX:g} m."
@@ -102,26 +102,26 @@ class RobotLog:
         return Odometry(time_ns=np.array(times, dtype=np.int64), xyyaw=xyyaw)
 
     def camera(self, topic: str) -> LogCamera:
-        """The first CameraInfo.
+        """Read the first CameraInfo.
 
         Raises:
-            DatasetError: If there is none.
+            DatasetError: If there is no CameraInfo.
         """
         for _, info in self._messages(topic, (INFO_TYPE,)):
             return LogCamera.of(info)
         raise DatasetError(f"{topic} of {self._path} has no message.")
 
     def image_times_ns(self, topic: str) -> npt.NDArray[np.int64]:
-        """When images were recorded, shape (N,); no image is read."""
+        """Recording times of images [ns], shape (N,); no image is decoded."""
         connections = self._connections(topic, IMAGE_TYPES)
         with _damage_in_one_line(self._path):
             return np.array([time_ns for _, time_ns, _ in self._reader.messages(connections)], dtype=np.int64)
 
     def images(self, topic: str, first_ns: int, last_ns: int) -> Iterator[tuple[int, bytes]]:
-        """Times and encoded images within a time.
+        """Times [ns] and encoded images from `first_ns` to `last_ns`.
 
         Raises:
-            DatasetError: If an image has an encoding that is not known.
+            DatasetError: If an image has an unknown encoding.
         """
         connections = self._connections(topic, IMAGE_TYPES)
         for time_ns, message in self._read(connections, start=first_ns, stop=last_ns + 1):
@@ -156,7 +156,7 @@ def opened(path: Path) -> Iterator[RobotLog]:
 
     Raises:
         ConfigError: If rosbags is not installed.
-        DatasetError: If this is no log, or it is damaged.
+        DatasetError: If the path is not a log, or the log is damaged.
     """
     try:
         from rosbags.rosbag2 import Reader, storage_mcap
@@ -169,7 +169,7 @@ def opened(path: Path) -> Iterator[RobotLog]:
     with ExitStack() as stack:
         with _damage_in_one_line(path):
             if not path.is_dir():
-                # A pipe would block.
+                # Opening a pipe would block.
                 open_regular(path).close()
             reader = stack.enter_context(Reader(path))
             log = RobotLog(reader, get_typestore(Stores.ROS2_HUMBLE), path)
@@ -188,15 +188,15 @@ def _damage_in_one_line(path: Path) -> Iterator[None]:
 
 
 def unpack_zstd(data: bytes, size: int) -> bytes:
-    """What some bytes unfold to.
+    """Unpack zstd data.
 
     Args:
         data: Frames of zstd.
-        size: What they may unfold to [bytes].
+        size: Largest unpacked size [bytes].
 
     Raises:
-        ValueError: If that is more, or more than `UNPACKED_BYTES_MAX`.
-        zstandard.ZstdError: If they are damaged.
+        ValueError: If the data unpack to more, or to more than `UNPACKED_BYTES_MAX`.
+        zstandard.ZstdError: If the data are damaged.
     """
     import zstandard
 
@@ -221,7 +221,7 @@ def _check_size(size: int) -> None:
 
 
 def yaw_of(turn: Any) -> float:
-    """Yaw of a quaternion as ROS has it [rad]; NaN of one that is far from unit length."""
+    """Yaw of a ROS quaternion [rad]; NaN if its length is far from 1."""
     if not all(abs(number) < _QUATERNION_MAX for number in (turn.w, turn.x, turn.y, turn.z)):
         return math.nan
     return math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))

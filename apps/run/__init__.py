@@ -1,1 +1,1 @@
-"""A run: its settings, folder, world and stages; a single episode of it, taken again (`take`)."""
+"""A run: its settings, folder, world and stages; replay of a single episode (`take`)."""

@@ -1,4 +1,4 @@
-"""A recorded run, made again: its episodes, each with the policy that drove it."""
+"""Repetition of a recorded run: its episodes, each with the policy that drove it."""
 
 from pathlib import Path
 
@@ -9,17 +9,17 @@ from readygo.services.coordinator import BlobStore, Ledger
 
 
 def prepare_again(data: Path, out: Path) -> tuple[RunSpec, int]:
-    """Make a data folder ready to record the durable episodes of another one's run once more.
+    """Prepare a data folder to record the durable episodes of another folder's run again.
 
     Args:
         data: Data folder of a run that is finished or was stopped.
-        out: Data folder of the same run made again; more of it where `data` has grown since.
+        out: Data folder of the repeated run; may already hold a part if `data` has grown since.
 
     Returns:
-        The run, and how many episodes it has there.
+        The spec of the run, and its number of episodes.
 
     Raises:
-        RunError: If there is no such run or nothing durable of it, or `out` holds something else.
+        RunError: If there is no such run or it has no durable episode, or `out` holds something else.
     """
     source, target = RunFolder(data), RunFolder(out)
     spec, _ = source.load()

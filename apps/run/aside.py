@@ -1,4 +1,4 @@
-"""Episodes that a run has given up: what is kept of them, so that somebody can look at what went wrong."""
+"""Episodes that a run has set aside: files by which a user can find out what went wrong."""
 
 import json
 from collections.abc import Mapping
@@ -13,11 +13,11 @@ from readygo.services.planner.humans.scenario_file import save_scenarios
 
 
 def note_set_aside(folder: RunFolder, given_up: Mapping[int, str]) -> None:
-    """Write which episodes a dataset lacks because the run gave them up, see `read_set_aside`.
+    """Write the list of the episodes that the run has set aside, which `read_set_aside` reads.
 
     Args:
-        folder: Of the run.
-        given_up: Reasons by index, as the ledger has them.
+        folder: Folder of the run.
+        given_up: Reasons by index, from the ledger.
 
     Raises:
         RunError: If the folder cannot be written.
@@ -31,16 +31,16 @@ def note_set_aside(folder: RunFolder, given_up: Mapping[int, str]) -> None:
 
 
 def keep_scenario(folder: RunFolder, index: int, reason: str, results: Mapping[str, bytes]) -> str:
-    """Keep why an episode was given up, and its scenario as a file for `readygo generate --scenarios`.
+    """Save the reason why an episode was set aside, and its scenario as a file for `readygo generate --scenarios`.
 
     Args:
-        folder: Of the run.
-        index: Of the episode.
-        reason: Why it was given up.
-        results: What its stages have made of it, by their names.
+        folder: Folder of the run.
+        index: Index of the episode.
+        reason: Reason for setting it aside.
+        results: Results of its stages, by their names.
 
     Returns:
-        Words on where the scenario is; empty if it has none.
+        Text with the path of the scenario; empty if there is none.
     """
     place = folder.aside / f"episode-{index:06d}"
     try:
@@ -50,6 +50,6 @@ def keep_scenario(folder: RunFolder, index: int, reason: str, results: Mapping[s
             return ""
         save_scenarios(place.with_suffix(".toml"), [scenario])
     except ReadygoError:
-        # It may have none, or the very one that cannot be read.
+        # The episode may have no scenario, or one that cannot be decoded.
         return ""
     return f" (its scenario: {place.with_suffix('.toml')})"

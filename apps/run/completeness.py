@@ -1,4 +1,4 @@
-"""Whether a data folder still holds what its run recorded: a shard that is gone leaves no trace in the others."""
+"""Checks that a data folder still holds all that its run recorded: other shards do not show a missing one."""
 
 import os
 from collections.abc import Iterable, Mapping
@@ -14,23 +14,23 @@ from readygo.common.messages import RunSpec
 from readygo.services.coordinator import Ledger
 
 MISSING = "missing"
-"""Kind of the defect: episodes that were durable are in no shard."""
+"""Kind of the defect: durable episodes are in no shard."""
 _RANGES_SHOWN = 20
 
 
 def check_completeness(data: Path) -> tuple[list[Defect], list[str]]:
     """Compare the shards of a data folder with the ledger of its run, and with the number of wanted episodes.
 
-    A folder of shards alone, without a run's state, can hold any part of a run: nothing is said of it.
+    A folder without a run's state may hold any part of a run and is not checked.
 
     Args:
-        data: Data folder; a run may be at work on it.
+        data: Data folder; a run may be recording into it.
 
     Returns:
-        What is missing, and what is worth knowing but no defect.
+        Defects for missing episodes, and notes that are not defects.
 
     Raises:
-        DatasetError: If the folder of a recorder is not there.
+        DatasetError: If the folder of a recorder is missing.
     """
     folder = RunFolder(data)
     if not folder.state.exists():
@@ -80,7 +80,7 @@ def _found(folder: RunFolder, spec: RunSpec) -> dict[int, int | None]:
         try:
             index = load_index(shard)
         except DatasetError:
-            # `validate` says what is wrong with it.
+            # `validate` reports its defect.
             continue
         for row, episode in enumerate(index.episodes):
             key = index.episode_key(row)

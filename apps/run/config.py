@@ -27,9 +27,9 @@ from readygo.services.renderer.config import RendererConfig
 from readygo.services.renderer.sensor.recipes import SENSOR_RECIPES, SensorName
 
 _NOT_OF_RUNS = ("learn",)
-"""Sections of a configuration file that are no run's: `readygo learn` reads its own."""
+"""Sections of a configuration file that runs ignore: `readygo learn` reads them."""
 RENDERED_BEFORE = {"human_light": False, "feet_on_floor": False, "contact_shadow": False, "depth": "mean"}
-"""How people were drawn, and what depth was, in runs that do not say it."""
+"""Settings of human rendering and depth in older runs that lack these keys."""
 _RETIRED = {"episode": ("human_height_m",)}
 """Settings of earlier versions, by section."""
 
@@ -66,14 +66,14 @@ def load_run_config(
     *,
     base: RunConfig | None = None,
 ) -> RunConfig:
-    """The defaults, changed by the sections of a TOML file, by another robot and by recipes of a sensor and of people.
+    """The base settings, changed by the sections of a TOML file, by a robot, a sensor recipe and a scenario mix.
 
     Args:
         path: TOML file with sections of settings.
-        robot: In place of the file's.
-        sensor: Recipe for the optics of the robot's camera and what varies of them.
-        people: Recipe of how many people come and how they meet the robot.
-        base: What file and arguments do not name; the defaults by default.
+        robot: Robot to use instead of the file's.
+        sensor: Recipe for the optics of the robot's camera and their variation.
+        people: Scenario mix: how many humans there are and how they meet the robot.
+        base: Settings that file and arguments do not change; the defaults if None.
 
     Raises:
         ConfigError: If the file cannot be read or holds an unknown key or a wrong value.
@@ -92,7 +92,7 @@ def load_run_config(
 
 
 def _with_sensor(config: RunConfig, name: SensorName) -> RunConfig:
-    """The configuration with the optics of a recipe in all cameras, and what varies of them."""
+    """The configuration with the optics of a recipe and their variation in all cameras."""
     recipe, robot = SENSOR_RECIPES[name], config.robot
     camera, renderer = recipe(robot.camera, config.renderer)
     cameras = {each: recipe(further, config.renderer)[0] for each, further in robot.cameras.items()}
@@ -102,7 +102,7 @@ def _with_sensor(config: RunConfig, name: SensorName) -> RunConfig:
 
 
 def _read_config(path: Path, base: RunConfig) -> RunConfig:
-    """The sections of a TOML file over those of `base`; a robot that the file names has only its cameras from there."""
+    """The sections of a TOML file over those of `base`; a robot in the file inherits only the cameras of `base`."""
     sections = {name: keys for name, keys in read_sections(path).items() if name not in _NOT_OF_RUNS}
     if isinstance(sections.get("robot"), Mapping):
         sections["robot"] = with_first_camera(sections["robot"])
@@ -141,7 +141,7 @@ def merged(base: RunConfig, sections: Mapping[str, Any]) -> RunConfig:
 
 
 def _refuse_moved_keys(sections: dict[str, Any]) -> None:
-    """Raise ConfigError if lens, light and shutter stand where they stood before the camera was one section."""
+    """Raise ConfigError if keys of lens, light and shutter are where they were before the section `camera` existed."""
     renderer = sections.get("renderer")
     sensor = renderer.get("sensor") if isinstance(renderer, dict) else None
     for name, value in sensor.items() if isinstance(sensor, dict) else ():
@@ -157,8 +157,8 @@ def _refuse_moved_keys(sections: dict[str, Any]) -> None:
 
 
 def check_cameras(config: RunConfig) -> None:
-    """Raise ConfigError if a camera of the robot cannot have what the sensor's ranges give it."""
-    # Numba takes a second to load, which those who only read settings need not wait for.
+    """Raise ConfigError if the sensor's ranges exceed what a camera of the robot can have."""
+    # Imported here: Numba takes a second to load, which reading settings does not need.
     from readygo.common.camera.lens import check_sensor
 
     for camera in config.robot.all_cameras.values():
@@ -196,10 +196,10 @@ def with_detail(config: RunConfig, detail: Literal["exact", "lod"]) -> RunConfig
 
 
 def with_disturbance(config: RunConfig, share: float) -> RunConfig:
-    """The configuration with another share of the expert's episodes disturbed.
+    """The configuration with another share of the expert's episodes with noise injection.
 
     Raises:
-        ConfigError: If `share` is none.
+        ConfigError: If `share` is not in 0..1.
     """
     try:
         driver = dataclasses.replace(config.driver, disturbed=share)
@@ -209,10 +209,10 @@ def with_disturbance(config: RunConfig, share: float) -> RunConfig:
 
 
 def with_priority(spec: RunSpec, priority: int) -> RunSpec:
-    """The run with another priority; nothing else of its settings is touched.
+    """The run with another priority; its other settings stay.
 
     Raises:
-        ConfigError: If `priority` is none.
+        ConfigError: If `priority` is out of range.
     """
     try:
         dataclasses.replace(config_of(spec).coordinator, priority=priority)
@@ -228,16 +228,15 @@ def config_of(spec: RunSpec) -> RunConfig:
 
 
 def resolved_sections(config: RunConfig) -> dict[str, Any]:
-    """The configuration as plain mappings, as it travels in the run's spec."""
+    """The configuration as plain mappings, for the run's spec."""
     return section_to_mapping(config)
 
 
 def sections_of_today(sections: Mapping[str, Any]) -> dict[str, Any]:
-    """A run's recorded sections as they would be recorded today.
+    """Convert a run's recorded sections to the current format.
 
-    The camera is one section, settings that nothing reads any more are gone, people are drawn as they were before there
-    was light, and before feet stood on floors, depth is the mean, and a driver that took all images of the only rate
-    that there was does.
+    The camera becomes one section, and retired settings are dropped. Missing keys get the values of older versions:
+    humans without light and without feet on the floor, mean depth, and a driver at the only image rate of that time.
     """
     today = {
         name: {key: value for key, value in section.items() if key not in _RETIRED.get(name, ())}

@@ -1,4 +1,4 @@
-"""A user's own method in an evaluation: a class that is imported by name and trusted with nothing but its episode."""
+"""A user's method in an evaluation: a class that is imported by name; its errors affect only its episode."""
 
 import importlib
 import importlib.util
@@ -19,14 +19,14 @@ from readygo.services.evaluator import Evaluator
 from readygo.services.evaluator.eyes import Eyes
 
 LIMIT_S = 10.0
-"""Longest time that a command may take [s]; the first one may load something."""
+"""Longest time of a command [s]; the first one may load a model."""
 
 
 class Method(Protocol):
-    """What a user's class offers; it is made once, with the robot that is driven."""
+    """Interface of a user's class; it is constructed once, with the robot that it drives."""
 
     def start(self) -> Any:
-        """What there is to remember of a new episode."""
+        """The memory of a new episode."""
         ...
 
     def act(self, memory: Any, observation: Observation) -> tuple[float, float]:
@@ -36,14 +36,14 @@ class Method(Protocol):
 
 @dataclass
 class CustomState:
-    """One episode of a user's method."""
+    """State of one episode of a user's method."""
 
     memory: Any = None
     failure: DriverFailure | None = None
 
 
 class CustomDriver:
-    """Drives by a user's method. An episode in which it raises, dawdles or returns no command fails there."""
+    """Driver with a user's method; an episode fails if the method raises, times out or returns no command."""
 
     looks = True
 
@@ -52,12 +52,12 @@ class CustomDriver:
         self._calls = TimedCalls(limit_s)
 
     def start(self, simulation: EpisodeSimulation) -> CustomState:
-        """What the method remembers of a new episode."""
+        """Begin an episode: the method's memory and its state."""
         memory = self._calls.run(self._method.start)
         return CustomState(failure=memory) if isinstance(memory, DriverFailure) else CustomState(memory=memory)
 
     def act(self, running: Sequence[tuple[EpisodeSimulation, CustomState]]) -> list[Command | DriverFailure]:
-        """See `Driver.act`."""
+        """The method's command or failure for each running episode."""
         images = self._eyes.look([simulation for simulation, _ in running])
         return [
             state.failure or self._command(state, _observation(simulation, rgb))
@@ -76,7 +76,7 @@ class CustomDriver:
 
 
 class TimedCalls:
-    """Calls functions on a thread of its own, so that one that never returns costs its time limit alone."""
+    """Calls functions on a separate thread, so that a function that never returns costs only its time limit."""
 
     def __init__(self, limit_s: float) -> None:
         self._limit_s = limit_s
@@ -84,7 +84,7 @@ class TimedCalls:
         self._answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
     def run(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """What a function returns, or a `DriverFailure` where it raises or takes too long."""
+        """The result of a function, or a `DriverFailure` if it raises or takes too long."""
         if self._asked is None:
             self._asked, self._answers = queue.SimpleQueue(), queue.SimpleQueue()
             threading.Thread(target=_work, args=(self._asked, self._answers), daemon=True).start()
@@ -92,17 +92,17 @@ class TimedCalls:
         try:
             return self._answers.get(timeout=self._limit_s)
         except queue.Empty:
-            # The thread is left to itself; what it still answers goes nowhere.
+            # The thread is abandoned; its late result is discarded.
             self._asked = None
             return DriverFailure(f"it took longer than {self._limit_s:g} s for a command")
 
 
 def custom_method(name: str, evaluator: Evaluator) -> CustomDriver:
-    """A user's method.
+    """Import a user's method, and make its driver.
 
     Args:
         name: `my_package:MyDriver`, or `folder/file.py:MyDriver`.
-        evaluator: Where it drives.
+        evaluator: Evaluator in which it drives.
 
     Raises:
         RunError: If it cannot be imported or made, or lacks `start` or `act`.
@@ -129,7 +129,7 @@ def _module_of_file(path: Path) -> Any:
     if spec is None or spec.loader is None or not path.is_file():
         raise ImportError(f"there is no file {path}")
     module = importlib.util.module_from_spec(spec)
-    # Dataclasses and pickles look their module up.
+    # Dataclasses and pickles look up their module by name.
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)
     return module

@@ -1,4 +1,4 @@
-"""A worker's side of an evaluation: of a leased episode it drives what is missing, and hands over every record."""
+"""A worker's side of an evaluation: drives the missing records of a leased episode, and sends them to the keeper."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ KEEP_TIMEOUT_S = 20.0
 
 @dataclass(frozen=True, kw_only=True)
 class _Drivers:
-    """The evaluator of a worker and whoever drives there."""
+    """The evaluator of a worker with its drivers."""
 
     evaluator: Evaluator
     by_method: dict[str, Driver[Any]]
@@ -45,10 +45,10 @@ def evaluation_work(world: World, bus: Bus) -> Work:
 
     Args:
         world: The evaluation's world.
-        bus: Where its keeper is.
+        bus: Bus with the evaluation's keeper.
 
     Raises:
-        ReadygoError: If a method is another one here, or cannot be made.
+        ReadygoError: If a method's files differ on this machine, or a method cannot be made.
     """
     plan = bus.request(topics.EVALUATION_PLAN, EvaluationPlanRequest(), timeout_s=KEEP_TIMEOUT_S)
     made = _make_drivers(world, plan)
@@ -73,7 +73,7 @@ def _make_drivers(world: World, plan: EvaluationPlan) -> _Drivers:
     request = make_request(1, plan.tasks, plan.methods, world.spec.split, world.spec.seed, control_hz=plan.control_hz)
     looks, hold_steps = needs_renderer(plan.methods), request.hold_steps(world.config.robot.clock)
     if looks:
-        # One of the workers that start at the same time compiles while the others wait.
+        # One of the starting workers compiles while the others wait.
         warm_rasterizer()
     evaluator = make_evaluator(
         world,
@@ -90,7 +90,7 @@ def _make_drivers(world: World, plan: EvaluationPlan) -> _Drivers:
 def _driven(
     made: _Drivers, key: EpisodeKey, drives: list[tuple[Task, str]]
 ) -> Iterator[tuple[EpisodeRecord, RobotTrajectory]]:
-    """The tasks of an episode side by side, one method after the other."""
+    """Drive the tasks of an episode in parallel, one method after the other."""
     if not drives:
         return
     dynamic = _episode(made.evaluator, key)

@@ -1,4 +1,4 @@
-"""From settings to an evaluator in this process, and from its reply to what is kept of it."""
+"""Makes an evaluator in this process from settings, and summaries from its reply."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -59,15 +59,15 @@ def evaluation_config(
     sensor: SensorName | None,
     humans: MixName | None,
 ) -> RunConfig:
-    """The settings that an evaluation has: where none are given those of the policy's data, the robot included.
+    """The settings of an evaluation; by default those of the policy's data, including the robot.
 
     Args:
-        policy: What the policy says of itself.
+        policy: Spec of the policy; None without one.
         camera: "policy" takes the policy's camera, "robot" that of the other settings.
         config: TOML file with sections of settings.
         robot: Robot to use.
         sensor: Recipe of the camera.
-        humans: Recipe of the humans.
+        humans: Scenario mix.
 
     Raises:
         ConfigError: If the file cannot be read.
@@ -84,7 +84,7 @@ def evaluation_config(
 
 
 def trained_settings(spec: PolicySpec, camera: CameraName) -> PolicySpec:
-    """The policy whose robot is taken where none is given; without its camera if that shall be the robot's."""
+    """The policy's spec as the default robot; without its camera if `camera` is "robot"."""
     if camera == "policy":
         return spec
     robot = dataclasses.replace(spec.robot, camera=CameraConfig())
@@ -100,10 +100,10 @@ def make_request(
     *,
     control_hz: float | None = None,
 ) -> EvaluateRequest:
-    """The request of command-line arguments.
+    """Make a request from command-line arguments.
 
     Raises:
-        RunError: If they make no sense.
+        RunError: If an argument is invalid.
     """
     try:
         return EvaluateRequest(
@@ -122,7 +122,7 @@ def make_evaluator_config(lockstep: int) -> EvaluatorConfig:
     """The evaluator's settings.
 
     Raises:
-        RunError: If they make no sense.
+        RunError: If `lockstep` is out of range.
     """
     try:
         return EvaluatorConfig(lockstep=lockstep)
@@ -133,7 +133,7 @@ def make_evaluator_config(lockstep: int) -> EvaluatorConfig:
 def evaluation_world(
     scene: str, config: RunConfig, *, avatars: Path | None, seed: int, scenarios: Path | None = None
 ) -> World:
-    """The place of an evaluation.
+    """The world of an evaluation: scene, avatars and scenarios.
 
     Raises:
         ReadygoError: If scene, avatars or scenarios cannot be used.
@@ -155,15 +155,15 @@ def make_evaluator(
     """An evaluator with planner and animator, all in this process.
 
     Args:
-        world: The place, from `evaluation_world`.
-        renderer: Shows policies what they see; not needed where none drives.
-        policy: Who drives beside the others; another one may be given to the evaluator later.
-        evaluator_config: Settings.
-        camera: See `Evaluator.camera`.
-        methods: Who may drive, from `named_methods`; all that have a name by default.
+        world: World, from `evaluation_world`.
+        renderer: Renderer of the camera images; None if no policy drives.
+        policy: Policy that drives; it can be replaced in the evaluator later.
+        evaluator_config: Settings of the evaluator.
+        camera: "policy" looks through the policy's camera, "robot" through that of the settings.
+        methods: Makers of drivers by name, from `named_methods`; all named methods by default.
 
     Raises:
-        PolicyError: If the policy has another camera.
+        PolicyError: If the policy was trained with a different camera.
     """
     bus, config = InProcessBus(), world.config
     settings = evaluator_config or EvaluatorConfig()
@@ -195,14 +195,14 @@ def evaluation_settings(
     camera: CameraName,
     methods: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
-    """What records depend on besides task, method and index, as plain values: see `open_results`.
+    """Settings that records depend on besides task, method and index, as plain values for `open_results`.
 
     Args:
-        world: The place.
-        request: What is driven.
+        world: World of the evaluation.
+        request: Request of the evaluation.
         policy: SHA-256 of the policy, empty without one.
-        camera: Through whose camera it looks.
-        methods: SHA-256 of the methods that are files, see `method_hashes`.
+        camera: Camera of the policy: "policy" or "robot".
+        methods: SHA-256 of the methods that are files, from `method_hashes`.
     """
     return {
         **identity(world.spec),
@@ -216,7 +216,7 @@ def evaluation_settings(
 
 
 def settings_of_today(kept: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Kept settings of an evaluation with those that they are too old to have, with values that change nothing."""
+    """Saved settings of an evaluation, completed by newer settings with values that do not change the results."""
     try:
         config = section_from_mapping(RunConfig, sections_of_today(kept["config"]))
     except (KeyError, TypeError, ConfigError):
@@ -226,7 +226,7 @@ def settings_of_today(kept: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def summarize(reply: EvaluateReply, request: EvaluateRequest, evaluator: Evaluator) -> dict[str, Any]:
-    """What `summary.json` holds: scores, and what they were measured on."""
+    """The content of `summary.json`: scores, and the conditions of the evaluation."""
     policy = evaluator.policy
     return {
         "scores": summary_mapping(reply.summaries),
@@ -244,7 +244,7 @@ def summarize(reply: EvaluateReply, request: EvaluateRequest, evaluator: Evaluat
 
 
 def tables(reply: EvaluateReply, request: EvaluateRequest, config: EpisodeConfig) -> dict[str, Any]:
-    """All measures with their intervals, methods beside each other, and how each fails, as plain values."""
+    """All measures with intervals, comparisons of methods, and failure counts, as plain values."""
     records, limit_s = reply.records, config.time_limit_s
     failures: dict[str, dict[str, dict[str, int]]] = {}
     for (task, method), counts in failure_counts(records).items():
@@ -261,24 +261,24 @@ def tables(reply: EvaluateReply, request: EvaluateRequest, config: EpisodeConfig
 
 
 def references(methods: Sequence[str]) -> list[str]:
-    """Whom the others are compared with: the first method, and the expert where it drives."""
+    """Reference methods of comparisons: the first method, and the expert if it drives."""
     return list(dict.fromkeys([methods[0], *([EXPERT] if EXPERT in methods else [])])) if methods else []
 
 
 def closed_loop(scene: str, *, episodes: int, seed: int, origin: DataOrigin | None = None) -> Callable[[Path], float]:
-    """Measures the static and dynamic success rate of a policy on the split val of a scene; their mean counts.
+    """A function that measures the mean of a policy's static and dynamic success rates on the split val of a scene.
 
     Args:
         scene: Scene bundle, "embedded", or "embedded:SEED".
         episodes: Episodes of a measurement, per task.
-        seed: Of the episodes.
-        origin: Of the policy's data: who walks, and how it is drawn; the defaults where it says nothing.
+        seed: Seed of the episodes.
+        origin: Origin of the policy's data, with avatars and rendering settings; the defaults if None.
 
     Raises:
-        RunError: If that is no evaluation.
+        RunError: If an argument is invalid.
         SceneError: If there is no such scene.
     """
-    # What is wrong with these is said now, not when the first checkpoint is measured.
+    # Report errors in these now, not at the first checkpoint.
     request = make_request(episodes, ("static", "dynamic"), ("policy",), Split.VAL, seed)
     open_scene(scene)
     evaluators: dict[str, Evaluator] = {}

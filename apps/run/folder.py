@@ -22,9 +22,9 @@ from readygo.common.messages import RunSpec, decode, encode
 
 STATE_FOLDER = ".readygo"
 TARGETS = "targets"
-"""Folder below a run's state in which every process says where its metrics are, as Prometheus' file_sd reads it."""
+"""Folder in a run's state with a file per process that names its metrics' endpoint, for Prometheus' file_sd."""
 PRIVATE, PASSABLE = 0o700, 0o711
-"""Modes of a run's state: the owner's alone, and one through which another user gets to what lies in it."""
+"""Modes of a run's state: private to the owner, and passable for another user to known paths in it."""
 
 
 @dataclass(frozen=True)
@@ -40,40 +40,40 @@ class RunFolder:
 
     @property
     def ledger(self) -> Path:
-        """The ledger's file."""
+        """Path of the ledger."""
         return self.state / "ledger.sqlite"
 
     @property
     def blobs(self) -> Path:
-        """Results between the stages."""
+        """Folder of the results between the stages."""
         return self.state / "blobs"
 
     @property
     def elsewhere(self) -> Path:
-        """A file that is there once recorders on other machines have been asked to record the run."""
+        """A file that exists once recorders on other machines have taken part in the run."""
         return self.state / "elsewhere"
 
     @property
     def retired(self) -> Path:
-        """A file that names the recorders that were given up, one a line, should the ledger be lost."""
+        """A file with the names of retired recorders, one per line, in case the ledger is lost."""
         return self.state / "retired"
 
     @property
     def aside(self) -> Path:
-        """What is known of the episodes that were given up."""
+        """Folder with reasons and scenarios of the episodes that were set aside."""
         return self.state / "aside"
 
     @property
     def logs(self) -> Path:
-        """Logs of the fleet's processes."""
+        """Folder of the logs of the fleet's processes."""
         return self.state / "logs"
 
     @property
     def places(self) -> list[Path]:
-        """Folders of the run's shards: this one, and those of recorders that have a disk of their own.
+        """Folders of the run's shards: this one, and those of recorders with separate disks.
 
         Raises:
-            DatasetError: If the disk of one is not there.
+            DatasetError: If the disk of a recorder is not there.
         """
         return shard_folders(self.path)
 
@@ -82,22 +82,22 @@ class RunFolder:
         return own_folders(self.path).get(recorder, self.path)
 
     def shard(self, name: str) -> Path:
-        """Where a shard of this name is, or should be."""
+        """Path at which a shard of this name is, or should be."""
         return self.place_of(recorder_of_shard(name)) / name
 
     @property
     def begun(self) -> bool:
-        """True if a run was begun in it, and this user may look at the run's state."""
+        """True if a run was begun in the folder, and this user may read the run's state."""
         return os.access(self.state / "spec.msgpack", os.R_OK)
 
     @property
     def has_data(self) -> bool:
-        """False also for what a start leaves behind that failed: nothing of it binds the next one."""
+        """True if the folder holds recorded data; False also after a failed start, which does not bind the next one."""
         noted = self.retired.exists() or _has_episodes(self.ledger)
         return noted or any(self.path.glob("shard-*.mcap*")) or bool(own_folders(self.path))
 
     def check(self, spec: RunSpec) -> None:
-        """See whether this run may use the folder; changes nothing.
+        """Check that this run may use the folder; changes nothing.
 
         Raises:
             RunError: If the folder holds another run's data, or files of something else.
@@ -111,10 +111,10 @@ class RunFolder:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Hold the folder's lock, made if it is missing; the lock goes with the process, however that ends.
+        """Lock the folder, which is made if missing; the lock ends with the process in any case.
 
         Raises:
-            RunError: If another process holds it, or the folder cannot be written.
+            RunError: If another process holds the lock, or the folder cannot be written.
         """
         try:
             self.path.mkdir(parents=True, exist_ok=True)
@@ -133,13 +133,13 @@ class RunFolder:
 
     @contextmanager
     def coordinated(self, *, patience_s: float) -> Iterator[None]:
-        """Be the one coordinator of the run for as long as the block runs.
+        """Be the only coordinator of the run while the context is active.
 
         Args:
-            patience_s: Time that another one has to end, whose parent may be gone a moment ago [s].
+            patience_s: Time for another coordinator to end, for example after its parent has ended [s].
 
         Raises:
-            RunError: If another one stays, or the folder is none of a run.
+            RunError: If another coordinator stays, or the folder holds no run.
         """
         self.load()
         descriptor = hold(self.state / "coordinator.lock", patience_s=patience_s)
@@ -152,9 +152,9 @@ class RunFolder:
 
     @contextmanager
     def reachable(self, endpoint: str, token: str) -> Iterator[None]:
-        """Say where the run's fleet can be reached, and with which token, for as long as the block runs.
+        """Publish endpoint and token of the run's fleet in a file while the context is active.
 
-        Only the folder's owner can read it.
+        Only the folder's owner can read the file.
         """
         file = self.state / "endpoint"
         file.unlink(missing_ok=True)
@@ -166,10 +166,10 @@ class RunFolder:
             (self.state / "endpoint").unlink(missing_ok=True)
 
     def fleet_endpoint(self) -> tuple[str, str]:
-        """Where the fleet that is at work on the run can be reached, and its token.
+        """Endpoint and token of the fleet that works on the run.
 
         Raises:
-            RunError: If none is.
+            RunError: If no fleet works on the run.
         """
         try:
             endpoint, token, *_ = [*(self.state / "endpoint").read_text().splitlines(), "", ""]
@@ -178,7 +178,7 @@ class RunFolder:
         return endpoint, token
 
     def save(self, spec: RunSpec, wanted: int) -> None:
-        """Write what `load` reads.
+        """Write the run's spec and the number of wanted episodes.
 
         Raises:
             RunError: If the folder cannot be written.
@@ -204,7 +204,7 @@ class RunFolder:
             raise RunError(f"{self.path} is no data folder of a run: {error}.") from error
         except MessageError as error:
             raise RunError(
-                f"{file} is damaged: {error} Restore it from a copy to go on with the run; its shards can be read."
+                f"{file} is damaged: {error} Restore it from a copy to resume the run; its shards can be read."
             ) from error
 
     def _compare(self, old: RunSpec, new: RunSpec) -> None:
@@ -221,9 +221,9 @@ class RunFolder:
 
 
 def keep_private(state: Path) -> None:
-    """Take from others what they may do with a run's state; Prometheus, another user, gets through to the targets.
+    """Remove other users' permissions on a run's state; Prometheus, another user, can still reach the targets.
 
-    Who may write there and is not the owner leaves it as it is.
+    A process with write permission that is not the owner changes nothing.
     """
     with contextlib.suppress(PermissionError):
         state.chmod(PASSABLE if (state / TARGETS).exists() else PRIVATE)
@@ -241,9 +241,9 @@ def _has_episodes(ledger: Path) -> bool:
 
 
 def _with_new_settings(spec: RunSpec) -> RunSpec:
-    """The spec with the settings that it is too old to have: they are added with values that change nothing."""
+    """The spec, completed by newer settings with values that do not change the run."""
     sections = sections_of_today(spec.config)
-    # Before samples had labels, none were recorded: what goes on in such a folder must not begin to.
+    # Older versions recorded no labels: a run that resumes in such a folder must not begin to.
     renderer = {"labels": False, **sections.get("renderer", {})}
     try:
         config = section_from_mapping(RunConfig, {**sections, "renderer": renderer})

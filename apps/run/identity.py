@@ -1,4 +1,4 @@
-"""What a run is, apart from where it takes place: what its samples depend on, and what is said of it in its shards."""
+"""Identity of a run, independent of its machines: settings that determine its samples, and metadata of its shards."""
 
 import hashlib
 import importlib.metadata
@@ -20,11 +20,11 @@ from readygo.services.planner.humans.scenario_file import text_hash
 
 _NUMERIC_PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "opencv-python-headless")
 NO_IDENTITY = ("recorder", "coordinator")
-"""Sections of settings that change no sample."""
+"""Sections of settings that do not affect samples."""
 
 
 def identity(spec: RunSpec) -> dict[str, Any]:
-    """What must be equal for two runs to give the same samples, as plain values."""
+    """The settings that determine a run's samples, as plain values: equal for runs with equal samples."""
     config = {name: section for name, section in spec.config.items() if name not in NO_IDENTITY}
     stages = b"" if spec.stages == EXPERT_LINE else b"".join(map(encode, spec.stages))
     return {
@@ -47,11 +47,11 @@ def run_name(spec: RunSpec) -> str:
 
 
 def numeric_class(config: RunConfig, policy: PolicyRef | None = None) -> str:
-    """What the bits of a run's samples depend on besides their key: backend, package versions, architecture.
+    """Environment that determines the bits of a run's samples besides their key: backend, package versions, CPU.
 
     Args:
         config: All settings.
-        policy: Who drives beside the expert, if anybody: what executes its graphs counts as well.
+        policy: Policy that drives besides the expert; None without one. The runtime of its graphs counts as well.
 
     Raises:
         ReadygoError: If backend or policy cannot run on this machine.
@@ -64,7 +64,7 @@ def numeric_class(config: RunConfig, policy: PolicyRef | None = None) -> str:
     backend = config.renderer.backend
     devices = [device_class(backend)] if backend in GPU_BACKENDS else []
     if config.animator.source == "priormdm":
-        # Loads torch.
+        # Imported here: it loads torch.
         from readygo.services.animator.priormdm import source
 
         devices.append(source.numeric_class(config.animator.priormdm))
@@ -74,10 +74,10 @@ def numeric_class(config: RunConfig, policy: PolicyRef | None = None) -> str:
 
 
 def check_same_make(spec: RunSpec, config: RunConfig) -> None:
-    """See whether this installation makes the run's samples, before anything is fetched or claimed.
+    """Check that this installation reproduces the run's samples, before files are fetched or work is claimed.
 
     Raises:
-        RunError: If it is another version of readygo, or of another numeric class.
+        RunError: If it has a different version of readygo, or a different numeric class.
     """
     check_version(spec)
     theirs, mine = Provenance.of_run(spec).numeric_class, numeric_class(config, spec.policy)
@@ -89,10 +89,10 @@ def check_same_make(spec: RunSpec, config: RunConfig) -> None:
 
 
 def check_version(spec: RunSpec) -> None:
-    """See whether a run is of this version of readygo.
+    """Check that a run was begun by this version of readygo.
 
     Raises:
-        RunError: If it is of another one.
+        RunError: If it was begun by a different version.
     """
     theirs, ours = Provenance.of_run(spec).readygo_version, importlib.metadata.version("readygo")
     if theirs not in ("", ours):
@@ -100,7 +100,7 @@ def check_version(spec: RunSpec) -> None:
 
 
 def _onnxruntime_class() -> str:
-    """Version of onnxruntime, and the instructions that it chooses its kernels by."""
+    """Version of onnxruntime, and the CPU instructions that determine its kernels."""
     from llvmlite.binding import get_host_cpu_features
 
     try:
@@ -115,7 +115,7 @@ def _onnxruntime_class() -> str:
 def run_metadata(
     config: RunConfig, *, scene: SceneOrigin, avatars: Mapping[str, AvatarOrigin], scenarios: ScenarioOrigin | None
 ) -> dict[str, Any]:
-    """What is recorded with the data besides settings and seed, as plain values."""
+    """Metadata of the data besides settings and seed, as plain values."""
     made = Provenance(
         readygo_version=importlib.metadata.version("readygo"),
         commit=_commit(),
@@ -136,7 +136,7 @@ def _commit() -> str:
 
 
 def files_of(spec: RunSpec) -> dict[str, Path]:
-    """What workers on other machines may lack of a run, by hash, on the machine that began it."""
+    """Files of a run that workers on other machines may lack, by hash, on the machine that began it."""
     scene = Path(spec.scene_path)
     files = {file.sha256: scene / file.path for file in spec.scene_files}
     if spec.avatar_files:

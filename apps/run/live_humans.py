@@ -1,4 +1,4 @@
-"""Episodes whose humans make way for whoever drives, instead of following motions that were planned before."""
+"""Episodes whose humans react to the robot, instead of following precomputed motions."""
 
 from collections.abc import Callable
 
@@ -14,14 +14,14 @@ from readygo.services.planner.humans.reactive import ReactiveHumans, ReactiveSim
 
 
 def live_simulations(world: World, planner: HumanPlanner) -> Callable[[MatchedEpisode], EpisodeSimulation]:
-    """Starts the episodes of an evaluation.
+    """A function that starts the episodes of an evaluation.
 
     Args:
-        world: The place.
-        planner: Where its humans mean to walk.
+        world: World of the evaluation.
+        planner: Planner of the humans' paths.
 
     Returns:
-        Makes a simulation of an episode: its humans look at the robot where its task or the settings say so.
+        Function that makes the simulation of an episode; its humans react to the robot if task or settings say so.
     """
     config, maps = world.config, world.scene.maps
 

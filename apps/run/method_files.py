@@ -1,4 +1,4 @@
-"""Methods of an evaluation that are files: an evaluation goes on with the same ones, wherever they drive."""
+"""Methods of an evaluation that are files: a resumed evaluation requires the same files on every machine."""
 
 import hashlib
 import importlib.util
@@ -13,21 +13,21 @@ from readygo.common.errors import RunError
 def method_hashes(methods: Sequence[str], checkpoints: Path) -> dict[str, str]:
     """SHA-256 of the weights of networks, of further policies, and of the files of a user's methods.
 
-    A file that is missing, which whoever makes the method says, has none.
+    A missing file has no hash; the function that makes the method reports it.
 
     Args:
         methods: Names of methods.
-        checkpoints: Folder of what was trained elsewhere.
+        checkpoints: Folder of weights and policies.
     """
     hashes = {method: _hash(method, checkpoints) for method in methods}
     return {method: sha256 for method, sha256 in hashes.items() if sha256}
 
 
 def check_method_files(expected: dict[str, str], methods: Sequence[str], checkpoints: Path) -> None:
-    """See whether methods are here what they are where their evaluation began.
+    """Check that the files of methods are the same as where their evaluation began.
 
     Raises:
-        RunError: If one of them is missing or another one.
+        RunError: If a file is missing or different.
     """
     here = method_hashes(methods, checkpoints)
     for method, sha256 in expected.items():

@@ -1,4 +1,4 @@
-"""Who may drive in an evaluation, by name: experts, baselines, and a user's own."""
+"""Methods of an evaluation by name: experts, baselines, networks and a user's methods."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -26,20 +26,20 @@ VID2SIM = "vid2sim"
 BLIND = (EXPERT, "expert-paper", STRAIGHT_LINE, "social-force", "gaussnav", "splat-nav")
 """Methods that need no images."""
 NETWORKS = {"gnm": "gnm_large.pth", "vint": "vint.pth", "nomad": "nomad.pth"}
-"""Published networks, and what their authors call the file of weights."""
+"""Published networks, with their authors' names of the weight files."""
 
 
 def needs_renderer(methods: Sequence[str]) -> bool:
-    """True if one of some methods looks through a camera."""
+    """True if one of the methods uses camera images."""
     return any(method not in BLIND for method in methods)
 
 
 def other_policies(methods: Sequence[str], checkpoints: Path) -> dict[str, Path]:
-    """Folders of the methods that are policies beside the one at hand, by their names in `checkpoints`.
+    """Folders of the methods that are further policies, by their names in `checkpoints`.
 
     Args:
-        methods: Names of methods, others among them.
-        checkpoints: Folder of what was trained elsewhere: policies, or runs of `readygo learn` that have one.
+        methods: Names of methods of any kind.
+        checkpoints: Folder of policies, or of runs of `readygo learn` with a policy.
     """
     found: dict[str, Path] = {}
     for name in methods:
@@ -57,12 +57,12 @@ def _is_policy(folder: Path) -> bool:
 def named_methods(
     world: World, methods: Sequence[str] = (), checkpoints: Path = CHECKPOINTS, hold_steps: int = 1
 ) -> dict[str, MakeDriver]:
-    """The methods of an evaluation, besides the policy and the straight line; nothing is loaded yet.
+    """The methods of an evaluation, besides the policy and the straight line, as functions that load them.
 
     Args:
-        world: Where they drive.
-        methods: Those that are asked for: a user's own are named `my_package:MyDriver`.
-        checkpoints: Folder of what was trained elsewhere.
+        world: World of the evaluation.
+        methods: Names of requested methods; a user's methods are named `my_package:MyDriver`.
+        checkpoints: Folder of weights and policies.
         hold_steps: Steps from one decision of a policy to the next.
     """
     policies = other_policies((VID2SIM, *methods), checkpoints)
@@ -98,7 +98,7 @@ def _paper_planner(world: World) -> RobotPlanner:
 
 
 def _no_mesh_policy(folder: Path) -> Driver[Any]:
-    """There is no policy that learned among people that look like a game engine's."""
+    """Raise PolicyError: there is no policy that was trained with a game engine's human meshes."""
     raise PolicyError(
         f"The method {VID2SIM} needs a policy that learned among mesh-like people, at {folder}: record and train "
         'with [renderer] human_look = "mesh" (readygo learn SCENE --config mesh.toml), and copy RUN/policy there.'

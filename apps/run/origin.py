@@ -1,4 +1,4 @@
-"""What a policy's data were made of: its policy.toml says so in `[training.data]`, and evaluations take it up."""
+"""Origin of a policy's data, in `[training.data]` of its policy.toml: the defaults of evaluations."""
 
 import dataclasses
 from collections.abc import Collection, Iterable, Mapping
@@ -20,37 +20,37 @@ from readygo.common.policy import PolicySpec, load_spec, save_spec
 from readygo.services.renderer import RendererConfig
 
 KEY = "data"
-"""Of `PolicySpec.training`."""
+"""Key of the origin in `PolicySpec.training`."""
 _RENDERED = ("detail", "contact_shadow", "feet_on_floor", "human_light", "human_look", "sub_frames", "depth")
-"""Settings of the renderer that change what a robot sees; the sensor is the policy's own to say."""
+"""Settings of the renderer that affect camera images; the policy's spec has the sensor."""
 _HUMANS = ("episode", "human_planner")
-"""Sections that a recipe of humans takes the place of."""
+"""Sections that a scenario mix replaces."""
 _OF_DATA_ONLY = {"human_planner": ("absent", "absent_first")}
-"""Settings of a section that shape data, but not the tasks that a policy is tried in."""
+"""Settings by section that shape data, but not the tasks of an evaluation."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DataOrigin:
-    """Where a policy's data come from, beside the robot and the sensor that it names itself."""
+    """Origin of a policy's data, besides robot and sensor, which are in its spec."""
 
     scenes: Mapping[str, str] = field(default_factory=dict)
     """Name of each scene by its content hash."""
     avatars_path: str = ""
-    """Folder or file of the avatars; empty for the embedded ones, or where it is not known."""
+    """Folder or file of the avatars; empty for the embedded ones, or if unknown."""
     avatars: Mapping[str, str] = field(default_factory=dict)
-    """Content hash by avatar name; empty where nobody walked."""
+    """Content hash by avatar name; empty for data without humans."""
     settings: Mapping[str, Any] = field(default_factory=dict)
     """Settings by section that an evaluation shares with the data."""
 
 
 def origin_of_runs(specs: Iterable[RunSpec]) -> DataOrigin:
-    """The origin of what some runs record; settings and the place of the avatars are the first one's."""
+    """The origin of some runs' data; settings and the path of the avatars are those of the first run."""
     runs = list(specs)
     return _origin([Provenance.of_run(spec) for spec in runs], runs[0].avatars_path)
 
 
 def origin_of_data(folders: Iterable[Path]) -> DataOrigin:
-    """The origin of recorded data; settings and the place of the avatars are those of the first folder.
+    """The origin of recorded data; settings and the path of the avatars are those of the first folder.
 
     Raises:
         DatasetError: If the data cannot be read.
@@ -59,16 +59,16 @@ def origin_of_data(folders: Iterable[Path]) -> DataOrigin:
     try:
         avatars_path = RunFolder(places[0]).load()[0].avatars_path
     except RunError:
-        # Shards alone, without the run's own files.
+        # The folder has only shards, without the run's state.
         avatars_path = ""
     return _origin([Dataset(place).provenance for place in places], avatars_path)
 
 
 def origin_of_policy(spec: PolicySpec) -> DataOrigin | None:
-    """What a policy says of its data; None where it says nothing.
+    """The origin of the data in a policy's spec; None if the spec has none.
 
     Raises:
-        PolicyError: If that is not understood.
+        PolicyError: If the entry is invalid.
     """
     if KEY not in spec.training:
         return None
@@ -79,33 +79,33 @@ def origin_of_policy(spec: PolicySpec) -> DataOrigin | None:
 
 
 def with_origin(spec: PolicySpec, origin: DataOrigin) -> PolicySpec:
-    """A policy that says what its data were made of."""
+    """A policy's spec with the origin of its data."""
     return dataclasses.replace(spec, training={**spec.training, KEY: section_to_mapping(origin)})
 
 
 def note_origin(folder: Path, origin: DataOrigin) -> None:
-    """Write into a policy's folder what its data were made of.
+    """Write the origin of the data into a policy's folder.
 
     Raises:
-        PolicyError: If there is no policy, or it cannot be written.
+        PolicyError: If there is no policy, or the file cannot be written.
     """
     save_spec(with_origin(load_spec(folder), origin), folder)
 
 
 def robot_of_policy(spec: PolicySpec) -> RunConfig:
-    """The settings of a run whose robot, camera and sensor are those that a policy was trained with."""
+    """The settings of a run with the robot, camera and sensor of a policy's training."""
     return RunConfig(robot=spec.robot, renderer=RendererConfig(sensor=spec.sensor))
 
 
 def settings_of_policy(spec: PolicySpec, *, humans: bool = True) -> RunConfig:
-    """The settings of a policy's data, robot and sensor included; the defaults where it does not name them.
+    """The settings of a policy's data, including robot and sensor; the defaults for missing ones.
 
     Args:
-        spec: What the policy says of itself.
-        humans: False leaves out who comes and how they meet the robot.
+        spec: Spec of the policy.
+        humans: False leaves out the settings of humans and episodes.
 
     Raises:
-        PolicyError: If they are not understood.
+        PolicyError: If the settings are invalid.
     """
     origin = origin_of_policy(spec)
     if origin is None:
@@ -119,12 +119,12 @@ def settings_of_policy(spec: PolicySpec, *, humans: bool = True) -> RunConfig:
 
 
 def avatars_of_policy(spec: PolicySpec) -> Path | None:
-    """Where the avatars of a policy's data are, unchanged; None for the embedded ones, also where it names none.
+    """Path of the unchanged avatars of a policy's data; None for the embedded ones, also if the policy names none.
 
-    Where they are a cast of those that are there, the cast is named: see `readygo.common.avatars.cast`.
+    If the data use a part of the avatars, the path names the part, as in `readygo.common.avatars.cast`.
 
     Raises:
-        PolicyError: If they have moved or changed.
+        PolicyError: If the avatars have moved or changed.
     """
     origin = origin_of_policy(spec)
     if origin is None or not origin.avatars:
@@ -146,27 +146,27 @@ def avatars_of_policy(spec: PolicySpec) -> Path | None:
 
 
 def unseen_avatars(spec: PolicySpec) -> Path | None:
-    """The cast of tests where a policy's data have that of training, else what `avatars_of_policy` answers."""
+    """The test part of the avatars if a policy's data use the training part, else as `avatars_of_policy`."""
     place, cast = split_cast(avatars_of_policy(spec))
     return with_cast(place, TEST) if cast == TRAIN else place
 
 
 def check_unseen(spec: PolicySpec, run: RunSpec, unseen: Collection[str]) -> None:
-    """See whether a policy is tried among what its data do not have.
+    """Check that an evaluation uses avatars or scenes that a policy's data do not contain.
 
     Args:
-        spec: What the policy says of itself.
-        run: Where it is tried.
-        unseen: Of "avatars" and "scenes", what must be new to it.
+        spec: Spec of the policy.
+        run: Spec of the evaluation.
+        unseen: What must be new to the policy: "avatars", "scenes".
 
     Raises:
-        PolicyError: If something is not, it cannot be told, or there are too few avatars for it to say anything.
+        PolicyError: If something is not new, the origin is unknown, or there are too few avatars.
     """
     if not unseen:
         return
     origin = origin_of_policy(spec)
     if origin is None:
-        raise PolicyError("--unseen: the policy does not say what its data were made of; train it anew.")
+        raise PolicyError("--unseen: the policy does not say what its data were made of; train it again.")
     if "scenes" in unseen and run.scene_hash in origin.scenes:
         raise PolicyError(f"--unseen scenes: the policy learned in this scene ({origin.scenes[run.scene_hash]}).")
     if "avatars" not in unseen:

@@ -1,4 +1,4 @@
-"""Runs in which the robot is driven: by a policy, by policies that are offered while they go on, or by the expert."""
+"""Runs with a driver stage: a policy drives, or policies offered during the run, or the expert."""
 
 import dataclasses
 import hashlib
@@ -20,16 +20,16 @@ from readygo.common.policy.robots import RANGED, known_as
 
 
 def with_policy(spec: RunSpec, config: RunConfig, folder: Path, mix: float) -> RunSpec:
-    """A run in which a policy drives a share of the episodes, and the expert says at every state what it would do.
+    """A run in which a policy drives a share of the episodes, with expert labels at every sample.
 
     Args:
-        spec: The run with the expert alone.
-        config: Its settings.
-        folder: The policy's folder.
-        mix: Share of the episodes that the policy drives, 0..1.
+        spec: Spec of the run, without a policy.
+        config: Settings of the run.
+        folder: Folder of the policy.
+        mix: Policy fraction: share of the episodes that the policy drives, 0..1.
 
     Raises:
-        PolicyError: If the policy cannot be used, or is one for another robot or camera, or `mix` is no share.
+        PolicyError: If the policy cannot be used, was trained for another robot or camera, or `mix` is not in 0..1.
     """
     check_policy(folder, config)
     try:
@@ -42,17 +42,17 @@ def with_policy(spec: RunSpec, config: RunConfig, folder: Path, mix: float) -> R
 
 
 def with_offers(spec: RunSpec, config: RunConfig, mix: float) -> RunSpec:
-    """A run that learns: the newest of the policies that are offered to it drives a share of the episodes.
+    """A learning run: the newest of the offered policies drives a share of the episodes.
 
-    Until there is one, the expert drives all of them.
+    Until a policy is offered, the expert drives all episodes.
 
     Args:
-        spec: The run with the expert alone.
-        config: Its settings.
-        mix: Share of the episodes that policies drive, 0..1.
+        spec: Spec of the run, without a policy.
+        config: Settings of the run.
+        mix: Policy fraction: share of the episodes that policies drive, 0..1.
 
     Raises:
-        PolicyError: If `mix` is no share, or policies cannot run on this machine.
+        PolicyError: If `mix` is not in 0..1, or policies cannot run on this machine.
     """
     try:
         policy = PolicyRef(path="", files=(), mix=mix)
@@ -62,7 +62,7 @@ def with_offers(spec: RunSpec, config: RunConfig, mix: float) -> RunSpec:
 
 
 def with_expert(spec: RunSpec) -> RunSpec:
-    """A run in which the expert drives, disturbed as `DriverConfig` says, and says what it would do."""
+    """A run in which the expert drives with the noise injection of `DriverConfig`, with expert labels."""
     return _driven(spec, None, {})
 
 
@@ -72,7 +72,7 @@ def _driven(spec: RunSpec, policy: PolicyRef | None, metadata: Mapping[str, Any]
 
 
 def check_offer(files: Sequence[PolicyFile], config: RunConfig) -> None:
-    """Raise PolicyError unless files that a trainer offers are a policy that can drive in a run."""
+    """Raise PolicyError unless the files that a trainer offers are a policy that can drive in a run."""
     with tempfile.TemporaryDirectory() as name:
         for file in files:
             (Path(name) / file.name).write_bytes(file.data)
@@ -83,10 +83,10 @@ def check_offer(files: Sequence[PolicyFile], config: RunConfig) -> None:
 
 
 def check_policy(folder: Path, config: RunConfig) -> None:
-    """See whether a policy can drive in a run.
+    """Check that a policy can drive in a run.
 
     Raises:
-        PolicyError: If it cannot be used, or was trained with another camera, sensor or robot.
+        PolicyError: If it cannot be used, or was trained with a different camera, sensor or robot.
     """
     trained = load_policy(folder).spec
     check_policy_camera(trained, config.robot, config.renderer.sensor)
@@ -96,16 +96,16 @@ def check_policy(folder: Path, config: RunConfig) -> None:
 
 
 def policy_sha256(folder: Path) -> str:
-    """What runs call the policy in a folder."""
+    """SHA-256 over the files of a policy, by which runs name it."""
     return PolicyRef(path="", files=policy_refs(folder), mix=0.0).sha256
 
 
 def policy_refs(folder: Path) -> tuple[FileRef, ...]:
-    """All that the policy in a folder is loaded from, as workers fetch it."""
+    """References to all files of a policy, for workers to fetch."""
     return tuple(file_ref(folder, name) for name in load_spec(folder).files)
 
 
 def file_ref(folder: Path, name: str) -> FileRef:
-    """A file as workers fetch it."""
+    """Reference to a file, for workers to fetch."""
     data = read_regular(folder / name)
     return FileRef(path=name, sha256=hashlib.sha256(data).hexdigest(), size=len(data))

@@ -1,4 +1,4 @@
-"""Recorders with a disk of their own: their folders, and what to do when one of the disks is gone."""
+"""Recorders with separate disks: their folders, and the recovery from a lost disk."""
 
 from pathlib import Path
 
@@ -12,18 +12,18 @@ from readygo.services.coordinator import Ledger
 
 
 def recorders_of(folder: RunFolder, spec: RunSpec) -> tuple[str, ...]:
-    """The run's recorders, without those that were given up; makes no ledger."""
+    """The run's recorders, without retired ones; makes no ledger."""
     retired = _retired(folder, spec)
     return tuple(name for name in config_of(spec).coordinator.recorders if name not in retired)
 
 
 def prepare_folders(folder: RunFolder, spec: RunSpec) -> None:
-    """Make the folders that the run's recorders have for themselves, and note where they are.
+    """Make the separate folders of the run's recorders, and record their paths.
 
-    Call it with the folder's lock, after `recover`, which refuses to go on without a disk that was there before.
+    Call it with the folder's lock, after `recover`, which raises if a disk of the run is missing.
 
     Raises:
-        RunError: If one cannot be used.
+        RunError: If a folder cannot be used.
     """
     retired = _retired(folder, spec)
     known = own_folders(folder.path)
@@ -35,19 +35,19 @@ def prepare_folders(folder: RunFolder, spec: RunSpec) -> None:
 
 
 def requeue(folder: RunFolder, recorder: str) -> int:
-    """Give a recorder up whose disk is gone; call it with the folder's lock.
+    """Retire a recorder whose disk is lost; call it with the folder's lock.
 
     Returns:
-        Episodes that were on the disk, or on their way to it: they are recorded again when the run goes on.
+        Number of episodes on the disk or pending for it, which are recorded again when the run resumes.
 
     Raises:
-        RunError: If the run has no such recorder with a disk of its own, or its disk is there.
+        RunError: If the run has no such recorder with a separate disk, or its disk is there.
     """
     known = own_folders(folder.path)
     if recorder not in known:
         has = f"those that have: {', '.join(known)}" if known else "none has one"
         raise RunError(
-            f"{folder.path} has no recorder {recorder!r} with a folder of its own ({has}). What is lost or damaged in "
+            f"{folder.path} has no recorder {recorder!r} with a separate folder ({has}). What is lost or damaged in "
             f"the data folder itself is recorded again by `readygo recover {folder.path}`."
         )
     if is_there(known[recorder]):
@@ -67,7 +67,7 @@ def requeue(folder: RunFolder, recorder: str) -> int:
 
 
 def keep_retired(folder: RunFolder, ledger: Ledger) -> None:
-    """Have a ledger that was made anew, or is of an earlier day, know the recorders that were given up.
+    """Add the retired recorders to a ledger that was rebuilt, or restored from an older copy.
 
     Raises:
         RunError: If the folder cannot be read or written.
@@ -105,14 +105,14 @@ def _retired(folder: RunFolder, spec: RunSpec) -> set[str]:
 
 
 def _take(folder: RunFolder, recorder: str, place: Path, run: str) -> None:
-    """Make a folder a recorder's own.
+    """Assign a folder to a recorder.
 
     Raises:
-        RunError: If it is that of another one already, or the recorder has recorded elsewhere.
+        RunError: If the folder belongs to another recorder, or the recorder has recorded elsewhere.
     """
     if any(folder.path.glob(f"shard-{recorder}-*")):
         raise RunError(
-            f"Recorder {recorder} has recorded into {folder.path} itself: give one with a folder of its own a new name."
+            f"Recorder {recorder} has recorded into {folder.path} itself: give one with a separate folder a new name."
         )
     owner = f"{run} {recorder}\n"
     try:

@@ -1,8 +1,9 @@
-"""A run's ledger and its shards, brought in line again: whatever of the two was lost or damaged.
+"""Reconciliation of a run's ledger and its shards after either was lost or damaged.
 
-Shards are what counts. A ledger that is gone is made anew of them; an episode that is in no sound shard any more is
-recorded again. A damaged shard becomes an open one, of which its recorder saves what is whole, as after a crash. Of an
-episode that lies in several shards the first one by name keeps its copy, the others are written again without theirs.
+The shards are authoritative. A lost ledger is rebuilt from them; a durable episode that is in no intact shard is
+recorded again. A damaged shard becomes an open one, of which its recorder saves the complete episodes, as after a
+crash. If an episode is in several shards, the first one by name retains its copy, and the others are rewritten without
+theirs.
 """
 
 import json
@@ -33,21 +34,21 @@ SHARDS = "shard-*.mcap"
 
 @dataclass(kw_only=True)
 class Findings:
-    """What was not as it was left."""
+    """Result of the consistency check."""
 
     rebuilt: bool = False
-    """True if the ledger was made anew."""
+    """True if the ledger was rebuilt."""
     damaged: dict[Path, str] = field(default_factory=dict)
-    """Why, by the shard that is damaged."""
+    """Kind of damage by damaged shard."""
     doubles: dict[Path, int] = field(default_factory=dict)
-    """How many episodes another shard keeps, by the shard that had them as well."""
+    """Number of duplicate episodes by the shard from which they were removed."""
     lost: list[int] = field(default_factory=list)
-    """Episodes that were durable and are in no sound shard: they are recorded again, but for what is saved."""
+    """Durable episodes that are in no intact shard: they are recorded again unless they can be saved."""
 
     @property
     def lines(self) -> list[str]:
-        """All of it in words."""
-        lines = ["The run's ledger was lost or damaged: it is made anew of the shards."] if self.rebuilt else []
+        """The findings in words."""
+        lines = ["The run's ledger was lost or damaged: it is rebuilt from the shards."] if self.rebuilt else []
         lines += [
             f"{shard.name} is damaged ({why}): what is whole in it is saved." for shard, why in self.damaged.items()
         ]
@@ -63,18 +64,18 @@ class Findings:
 
 
 def recover(folder: RunFolder, *, every_byte: bool = False, recorded_here: bool = True) -> Findings:
-    """Bring a run's ledger and shards in line; call it with the folder's lock, before the run goes on.
+    """Reconcile a run's ledger and shards; call it with the folder's lock, before the run resumes.
 
     Args:
-        folder: Of a run, with its spec.
-        every_byte: Also read shards again that were found sound before and have not changed since.
-        recorded_here: False where recorders have disks on other machines: what the ledger says of those that have no
-            shard here is taken for true, no ledger is made anew without their shards, and episodes that are there
-            twice stay so: a recorder may be at work on them.
+        folder: Folder of a run, with its spec.
+        every_byte: True also reads shards again that were intact before and have not changed since.
+        recorded_here: False if recorders have disks on other machines. Then the ledger is trusted for episodes without
+            a shard here, it is not rebuilt without their shards, and duplicate episodes stay: a recorder may be
+            working on them.
 
     Raises:
-        RunError: If the folder cannot be written, a ledger is lost that cannot be made anew, or `recorded_here` is not
-            true of the folder.
+        RunError: If the folder cannot be written, a lost ledger cannot be rebuilt, or `recorded_here` does not match
+            the folder.
     """
     if not recorded_here and not folder.ledger.exists() and folder.blobs.exists():
         raise _not_made_anew(folder, f"The run's ledger {folder.ledger} is gone.")
@@ -82,7 +83,7 @@ def recover(folder: RunFolder, *, every_byte: bool = False, recorded_here: bool 
         return Findings()
     if recorded_here and folder.elsewhere.exists():
         raise RunError(
-            f"Shards of {folder.path} are on other machines: `readygo coordinator {folder.path}` goes on with the run, "
+            f"Shards of {folder.path} are on other machines: `readygo coordinator {folder.path}` resumes the run, "
             "after `readygo requeue` if one of its recorders has lost its disk."
         )
     spec, wanted = folder.load()
@@ -111,10 +112,10 @@ def recover(folder: RunFolder, *, every_byte: bool = False, recorded_here: bool 
 
 
 def check_recorded(folder: RunFolder) -> None:
-    """See whether every episode that a run's ledger calls durable is in a shard that can be read.
+    """Check that every durable episode of a run's ledger is in a readable shard.
 
     Raises:
-        RunError: If one is not.
+        RunError: If an episode is not.
     """
     spec, _ = folder.load()
     findings = Findings()
@@ -127,21 +128,21 @@ def check_recorded(folder: RunFolder) -> None:
         why = "; ".join(f"{shard.name}: {why}" for shard, why in findings.damaged.items()) or "their shards are gone"
         raise RunError(
             f"{missing} recorded episodes of {folder.path} cannot be read ({why}); run the same command again, or "
-            f"`readygo recover {folder.path}`, to record them anew."
+            f"`readygo recover {folder.path}`, to record them again."
         )
 
 
 class Witness:
-    """Tells whether an episode is in a recorder's shards; what was read of a shard once is not read again."""
+    """Checks whether an episode is in a recorder's shards; each part of a shard is read only once."""
 
     def __init__(self, folder: RunFolder) -> None:
         self._folder = folder
         self._read: dict[str, tuple[int, set[int]]] = {}
 
     def holds_episode(self, recorder: str, shard: str, index: int) -> bool:
-        """True if a recorder's shard, or one that it has not finished, begins an episode of this index.
+        """True if a recorder's finished or open shard contains the beginning of an episode with this index.
 
-        False for a name that none of its shards can have: whoever may report might report anything.
+        False for a name that none of its shards can have: reports of recorders are not trusted.
         """
         if not is_shard_of(shard, recorder):
             return False
@@ -156,7 +157,7 @@ class Witness:
         name = shard.name.removesuffix(PART_SUFFIX)
         end, found = self._read.get(name, (0, set()))
         if shard.stat().st_size < end:
-            # Another file than the one that was read.
+            # The file was replaced since it was read.
             end, found = 0, set()
         for index, after in episode_indices(shard, end):
             end = after
@@ -170,14 +171,14 @@ def _shards(folder: RunFolder, pattern: str) -> list[Path]:
 
 
 def _indices(shard: Path) -> list[int]:
-    """Indices of the episodes in a shard, finished or not; none of a file that is none."""
+    """Indices of the episodes in a finished or open shard; empty for a file that is not a shard."""
     return [index for index, _ in episode_indices(shard)] if shard.is_file() and shard.suffix != ".index" else []
 
 
 def _sound_shards(folder: RunFolder, findings: Findings, *, every_byte: bool = False) -> dict[Path, ShardIndex]:
-    """The finished shards that can be read; the others go into the findings.
+    """The intact finished shards; damaged ones are added to the findings.
 
-    Those whose bytes were found to match their checksum once are not read again while size and time stay.
+    Shards whose bytes have matched their checksum are not read again while size and modification time are unchanged.
     """
     note = folder.state / "sound.json"
     known = {} if every_byte else _read_note(note)
@@ -199,7 +200,7 @@ def _sound_shards(folder: RunFolder, findings: Findings, *, every_byte: bool = F
 
 
 def _by_name(folder: RunFolder, sound: Mapping[Path, ShardIndex]) -> dict[str, ShardIndex]:
-    """Shards by name; of two that share one it is that of the shard which lies where its recorder writes."""
+    """Shards by name; of two with the same name, the one in the folder of its recorder."""
     placed_last = sorted(sound, key=lambda shard: _is_placed(folder, shard))
     return {shard.name: sound[shard] for shard in placed_last}
 
@@ -222,10 +223,10 @@ def _check_bytes(shard: Path) -> None:
 
 
 def _reopen(shard: Path) -> None:
-    """Make a damaged shard an open one, of which its recorder saves the whole episodes when it starts."""
+    """Turn a damaged shard into an open one, of which its recorder saves the complete episodes at its start."""
     part = shard.with_name(shard.name + PART_SUFFIX)
     if part.exists():
-        # Left by a crash: each of the two may hold what the other has not.
+        # Left by a crash: each of the two may hold episodes that the other one lacks.
         recorder = recorder_of_shard(shard.name)
         part = shard.with_name(shard_name(recorder, next_number(shard.parent, recorder)) + PART_SUFFIX)
     index_path(shard).unlink(missing_ok=True)
@@ -233,7 +234,7 @@ def _reopen(shard: Path) -> None:
 
 
 def _settle_doubles(folder: RunFolder, sound: dict[Path, ShardIndex], spec: RunSpec, findings: Findings) -> None:
-    """Leave one copy of every episode; `sound` is then what is left of the shards."""
+    """Retain one copy of every episode; updates `sound` to the remaining shards."""
     seen: set[EpisodeKey] = set()
     for shard in sorted(sound, key=lambda shard: (not _is_placed(folder, shard), shard.name)):
         double: set[int] = set()
@@ -250,13 +251,13 @@ def _settle_doubles(folder: RunFolder, sound: dict[Path, ShardIndex], spec: RunS
 
 
 def _is_placed(folder: RunFolder, shard: Path) -> bool:
-    """False for a shard that lies where its recorder does not write."""
+    """True for a shard in the folder that its recorder writes to."""
     return shard == folder.shard(shard.name)
 
 
 def _without(shard: Path, rows: Collection[int], spec: RunSpec) -> bool:
-    """Leave episodes of a shard out; False if none is left."""
-    # Only here: it brings what all stages need.
+    """Remove episodes from a shard; False if none is left."""
+    # Imported here: it loads the modules of all stages.
     from readygo.apps.run.world import World
 
     try:
@@ -270,14 +271,14 @@ def _without(shard: Path, rows: Collection[int], spec: RunSpec) -> bool:
 def _not_made_anew(folder: RunFolder, why: str) -> RunError:
     return RunError(
         f"{why} Its recorders are on other machines: gather their shards in {folder.path}, and run "
-        f"`readygo recover {folder.path}`, which makes it anew of them."
+        f"`readygo recover {folder.path}`, which rebuilds it from them."
     )
 
 
 def _open_ledger(folder: RunFolder, stages: tuple[Stage, ...], findings: Findings, *, recorded_here: bool) -> Ledger:
-    """The run's ledger; a new one where it is damaged, or gone although there are shards.
+    """Open the run's ledger; a new one if it is damaged, or missing although there are shards.
 
-    One that was being made anew when its process ended is gone on with. A full disk is no damage.
+    An unfinished rebuild of an earlier process is resumed. A full disk does not count as damage.
     """
     new = not folder.ledger.exists()
     damaged = False
@@ -300,14 +301,14 @@ def _open_ledger(folder: RunFolder, stages: tuple[Stage, ...], findings: Finding
     findings.rebuilt = damaged or (ledger.unfinished and bool(_shards(folder, f"{SHARDS}*")))
     if findings.rebuilt and not recorded_here:
         ledger.close()
-        raise _not_made_anew(folder, f"The run's ledger {folder.ledger} was lost and is half made anew.")
+        raise _not_made_anew(folder, f"The run's ledger {folder.ledger} was lost and is only partly rebuilt.")
     if findings.rebuilt:
         ledger.begin_rebuild()
     return ledger
 
 
 def _adopted(ledger: Ledger, sound: Mapping[str, ShardIndex], spec: RunSpec) -> set[int]:
-    """Note the episodes of sound shards as durable that the ledger does not know of; returns all of sound shards."""
+    """Mark unknown episodes of intact shards as durable in the ledger; returns all episodes of intact shards."""
     found: set[int] = set()
     known = {index for episodes in ledger.census.shards().values() for index in episodes}
     for name, shard in sound.items():
@@ -329,7 +330,7 @@ def _adopted(ledger: Ledger, sound: Mapping[str, ShardIndex], spec: RunSpec) -> 
 
 
 def _give_back(ledger: Ledger, folder: RunFolder, sound: Mapping[str, ShardIndex], *, recorded_here: bool) -> set[int]:
-    """Have episodes recorded again that are in no sound shard; what open shards hold, their recorders tell."""
+    """Requeue episodes that are in no intact shard; recorders report those in open shards."""
     lost: set[int] = set()
     for name, episodes in ledger.census.shards().items():
         if not recorded_here and not any(folder.shard(name).parent.glob(f"shard-{recorder_of_shard(name)}-*")):
@@ -346,7 +347,7 @@ def _give_back(ledger: Ledger, folder: RunFolder, sound: Mapping[str, ShardIndex
 
 
 def _entrust_open_shards(ledger: Ledger, folder: RunFolder, spec: RunSpec) -> None:
-    """Have recorders tell what their open shards hold, also of what the ledger has lost."""
+    """Let recorders report the episodes of their open shards, also those that the ledger has lost."""
     recorders = set(config_of(spec).coordinator.recorders) - ledger.retired()
     for part in _shards(folder, f"{SHARDS}{PART_SUFFIX}"):
         recorder = recorder_of_shard(part.name)
@@ -358,6 +359,6 @@ def _entrust_open_shards(ledger: Ledger, folder: RunFolder, spec: RunSpec) -> No
 
 
 def _missing(episodes: Mapping[int, int], shard: ShardIndex | None) -> list[int]:
-    """Indices that a shard should have with so many samples, and has not."""
+    """Indices of episodes that a shard lacks, or has with a different number of samples."""
     found = {} if shard is None else {int(row["index"]): int(row["sample_count"]) for row in shard.episodes}
     return [index for index, samples in episodes.items() if found.get(index) != samples]

@@ -1,4 +1,4 @@
-"""The SCENE argument of commands: a bundle's folder, the embedded scene, or just a map."""
+"""The SCENE argument of commands: a bundle's folder, the embedded scene, or a map."""
 
 from functools import cached_property
 from pathlib import Path
@@ -12,13 +12,13 @@ from readygo.common.scenes import Scene, load_scene
 from readygo.services.planner import SceneMaps
 
 LARGEST_SEED = 2**31 - 1
-"""Of an embedded flat."""
+"""Largest seed of an embedded flat."""
 
 
 def open_scene(scene: str) -> Scene:
-    """The scene of a command-line argument.
+    """Open the scene of a command-line argument.
 
-    "embedded" and "embedded:SEED" are made once and kept in the user's cache.
+    "embedded" and "embedded:SEED" are made once and stored in the user's cache.
 
     Raises:
         SceneError: If the argument names no scene bundle.
@@ -35,7 +35,7 @@ def open_scene(scene: str) -> Scene:
 
 
 class FlatMaps:
-    """One map on a flat floor: robot and people are blocked by the same cells."""
+    """One map on a flat floor: the same cells block robot and humans."""
 
     def __init__(self, occupancy: OccupancyMap) -> None:
         self.robot = self.human = occupancy
@@ -43,12 +43,12 @@ class FlatMaps:
 
     @cached_property
     def sight(self) -> SightMap:
-        """Occupied cells hide people."""
+        """Visibility map, in which occupied cells hide humans."""
         return sight_of_occupancy(self.robot)
 
 
 def open_maps(scene: str) -> tuple[SceneMaps, Scene | None]:
-    """The maps of a scene, or of a ROS map (.yaml) for which there is no scene.
+    """Open the maps of a scene, or a ROS map (.yaml), which has no scene.
 
     Raises:
         SceneError: If the argument names neither.

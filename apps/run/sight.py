@@ -1,4 +1,4 @@
-"""What a policy is to see, as options name it."""
+"""The images that a policy uses, from the options --inputs and --cameras."""
 
 from readygo.common.errors import ConfigError
 from readygo.common.images.names import RGB, images_of
@@ -7,16 +7,16 @@ from readygo.common.robot import RobotConfig
 
 
 def chosen_images(inputs: str, cameras: str, robot: RobotConfig) -> tuple[str, ...]:
-    """The images that a policy is to see, see `readygo.common.images.names`.
+    """The names of the images that a policy uses, as in `readygo.common.images.names`.
 
     Args:
-        inputs: Kinds of images, separated by commas; rgb if it is empty.
-        cameras: The robot's names of cameras, separated by commas; the first one if it is empty.
-        robot: Whose cameras they are.
+        inputs: Kinds of images, separated by commas; rgb if empty.
+        cameras: Names of the robot's cameras, separated by commas; the first one if empty.
+        robot: Robot with the cameras.
 
     Raises:
-        ConfigError: If there is no such kind or camera, the first camera is left out, or the cameras' images are of
-            several sizes.
+        ConfigError: If there is no such kind or camera, the first camera is left out, or the cameras' images have
+            different sizes.
     """
     kinds, first = _split(inputs) or [RGB], robot.camera_name
     names = _split(cameras) or [first]

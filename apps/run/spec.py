@@ -1,4 +1,4 @@
-"""From settings to the run that they mean."""
+"""Makes the spec of a run from its settings."""
 
 import dataclasses
 from pathlib import Path
@@ -19,7 +19,7 @@ from readygo.services.planner.humans.scenario_file import load_scenarios, read_t
 
 
 def episode_count(scenarios: Path | None) -> int:
-    """How many episodes there are if nobody says how many: one for each scenario of a file, else 100."""
+    """Default number of episodes: one for each scenario of a file, else 100."""
     return len(load_scenarios(scenarios).entries) if scenarios else 100
 
 
@@ -33,10 +33,10 @@ def make_spec(
     static: bool,
     scenarios: Path | None = None,
 ) -> RunSpec:
-    """The run of these settings.
+    """Make the spec of a run.
 
     Raises:
-        RunError: If the seed cannot be recorded, or no goal is as far from any start as goals shall be.
+        RunError: If the seed is out of range, or the scene has no goal at the required distance from a start.
         ConfigError: If the robot's camera cannot have the sensor's lens, or a scenario cannot take place in the scene.
     """
     if not 0 <= seed < 2**63:
@@ -66,7 +66,7 @@ def make_spec(
         ),
         scenarios=script,
     )
-    # Refuses what cannot take place, before anything is started or written.
+    # Raises for impossible scenarios, before anything is started or written.
     if scenarios:
         World(spec).human_planner()
     else:
@@ -75,7 +75,7 @@ def make_spec(
 
 
 def _with_weights_named(config: RunConfig) -> RunConfig:
-    """The configuration with the digest of a motion model's files, so that workers with others are refused."""
+    """The configuration with the digest of a motion model's files, so that workers with different files are refused."""
     if config.animator.source != "priormdm":
         return config
     from readygo.services.animator.priormdm.checkpoint import files_digest

@@ -1,4 +1,4 @@
-"""The stages of the assembly line: what each one is, and who makes its result of a lease and the earlier results.
+"""The stages of a run: for each one, the function that makes its result from a lease and the earlier results.
 
 A new stage is one entry of `LINE` and the function that builds its work.
 """
@@ -50,20 +50,20 @@ from readygo.services.renderer import (
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A stage, and what builds its work for a run: scene and avatars are loaded then."""
+    """A stage, and the function that builds its work for a run and loads scene and avatars."""
 
     stage: Stage
     work: Callable[[World, Bus], Work]
 
 
 def stage_works(world: World, bus: Bus, role: str = "", line: Sequence[Entry] = ()) -> dict[Stage, Work]:
-    """The works of a run's stages, later stages first: an episode is finished before the next one is begun.
+    """The work functions of a run's stages, later stages first: an episode is finished before the next one begins.
 
     Args:
-        world: The run's world.
-        bus: The run's bus.
-        role: Only the stages that this role does; empty for all.
-        line: The entries that there are; those of `LINE` by default.
+        world: World of the run.
+        bus: Bus of the run.
+        role: Role whose stages are built; empty for all.
+        line: All entries; those of `LINE` by default.
 
     Raises:
         RunError: If the run has no stage for the role, or one that this program does not know.
@@ -115,7 +115,7 @@ def _plan_robot(world: World, bus: Bus) -> Work:
 
 
 def _render(world: World, bus: Bus) -> Work:
-    # One of the renderers that start at the same time compiles while the others wait.
+    # One of the starting renderers compiles while the others wait.
     warm_rasterizer()
     renderer = world.renderer()
 
@@ -138,12 +138,12 @@ def _drive(world: World, bus: Bus) -> Work:
     renderer, planner, config = world.renderer(), world.robot_planner, world.config
     clock = config.robot.clock
     every = config.driver.image_every(clock)
-    # Where images are recorded more seldom than the camera takes them, a policy decides only when it has a new one.
+    # If the recorded image rate is below the camera's, a policy decides only when it has a new image.
     hold_steps = None if every > clock.image_every else clock.control_every
     weigher = RiskMap(planner.maps.robot)
     own = world.spec.policy if world.spec.policy and world.spec.policy.files else None
     if own:
-        # What is wrong with it is said before any work is claimed.
+        # Report errors of the policy before any work is claimed.
         world.policy(own)
 
     def work(claim: ClaimReply, inputs: Inputs) -> StageResult | None:
@@ -182,7 +182,7 @@ def _drive(world: World, bus: Bus) -> Work:
 
 
 def _with_goal(world: World, renderer: Renderer, scenario: Scenario, samples: Iterator[Sample]) -> Iterator[Sample]:
-    """Samples with an image of the goal, where that is recorded."""
+    """The samples, with an image of the goal if the run records it."""
     if not world.config.renderer.goal_image:
         return samples
     radius_m = robot_of_episode(world.config.robot, scenario.episode).planning_radius_m
@@ -191,7 +191,7 @@ def _with_goal(world: World, renderer: Renderer, scenario: Scenario, samples: It
 
 
 def _evaluate(world: World, bus: Bus) -> Work:
-    # Workers of other stages do without the evaluator.
+    # Imported here: workers of other stages do not need the evaluator.
     from readygo.apps.run.evaluating import evaluation_work
 
     return evaluation_work(world, bus)
@@ -217,4 +217,4 @@ LINE: Sequence[Entry] = (
     Entry(stage=DRIVE, work=_drive),
     Entry(stage=EVALUATE, work=_evaluate),
 )
-"""The stages that there are, of all lines."""
+"""All known stages, of every kind of run."""

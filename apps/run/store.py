@@ -1,4 +1,4 @@
-"""Finished shards in an object store, or any other place that fsspec knows: handed over, and read back to be sure."""
+"""Copies finished shards to an object store, or any other fsspec file system, and verifies them by reading back."""
 
 import hashlib
 import json
@@ -14,29 +14,29 @@ from readygo.common.errors import RunError
 from readygo.common.extras import install_command
 
 LIST = "shards.json"
-"""Names what is in the store, with size and SHA-256; written last, so that what it names is whole there."""
+"""File with the names, sizes and SHA-256 of the store's files; written last, so that all listed files are complete."""
 BLOCK_BYTES = 2**22
 Told = Callable[[str, str], object]
-"""Hears the name of a file and what was done about it."""
+"""Called with the name of a file and the action."""
 
 
 def hand_over(data: Path, url: str, *, every_byte: bool = False, told: Told = lambda name, done: None) -> int:
     """Copy the finished shards of a data folder, and their indexes, to a store that may have some of them already.
 
-    A shard that the store has and the folder has not leaves the store if all its episodes are in shards of the folder:
-    recovery has dropped it, or saved it under another name. Others stay, whoever has handed them over.
+    A shard that only the store has is removed from it if all its episodes are in shards of the folder: recovery has
+    dropped it, or saved it under another name. Other shards stay, also those of other folders.
 
     Args:
         data: Data folder.
         url: Folder of the store, such as s3://bucket/lobby.
-        every_byte: Read again also what the store's list names.
-        told: Hears what becomes of every file.
+        every_byte: True also verifies files that the store's list names.
+        told: Called with the name and the action of every file.
 
     Returns:
-        Files that were copied.
+        Number of copied files.
 
     Raises:
-        RunError: If the store cannot be used, or what it gives back is not what it got.
+        RunError: If the store cannot be used, or returns different data.
     """
     shards = find_shards(data)
     files = [path for shard in shards for path in (shard, index_path(shard)) if path.exists()]
@@ -77,7 +77,7 @@ def _copied(system: Any, folder: str, files: list[Path], *, every_byte: bool, to
         if (stored := _stored(system, place)) != entry:
             raise RunError(f"{place} is not what was written: {stored}, not {entry}; nothing was removed here.")
         listed[file.name] = entry
-        # After every file: who is interrupted goes on behind it.
+        # After every file, so that an interrupted copy resumes behind it.
         _write_list(system, folder, listed)
         told(file.name, "copied")
         count += 1
@@ -96,7 +96,7 @@ def _drop_replaced(system: Any, folder: str, shards: list[Path], told: Told) -> 
             continue
         names = (name, index_path(Path(name)).name)
         listed = {other: entry for other, entry in listed.items() if other not in names}
-        # The list goes first: what it names is there.
+        # The list is written first: it must name only existing files.
         _write_list(system, folder, listed)
         for place in (f"{folder}/{each}" for each in names):
             system.rm_file(place)
@@ -104,7 +104,7 @@ def _drop_replaced(system: Any, folder: str, shards: list[Path], told: Told) -> 
 
 
 def _episodes(system: Any, folder: str, shard: str) -> set[bytes]:
-    """SHA-256 of the episodes in a shard of a store, by its index; none if there is no such index."""
+    """SHA-256 of the episodes in a shard of a store, from its index; empty without an index."""
     name = index_path(Path(shard)).name
     if not system.exists(f"{folder}/{name}"):
         return set()
@@ -133,7 +133,7 @@ def _size(system: Any, place: str) -> int:
 
 
 def _stored(system: Any, place: str) -> dict[str, Any]:
-    """Size and hash of what the store gives back."""
+    """Size and hash of a file, read back from the store."""
     with system.open(place, "rb") as stream:
         return {"size": _size(system, place), "sha256": _sha256(iter(lambda: stream.read(BLOCK_BYTES), b""))}
 

@@ -1,4 +1,4 @@
-"""One episode, taken again in this process: planned, walked and driven as a run does it, and kept with a journal."""
+"""Replay of one episode in this process: planned, animated and driven as in a run, with the planner's journal."""
 
 import time
 from collections.abc import Mapping
@@ -20,19 +20,19 @@ from readygo.services.renderer import LiveCamera, Renderer
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Take:
-    """One episode, as far as it got."""
+    """One replayed episode, up to its rejection if it was rejected."""
 
     scenario: Scenario
     run: DrivenRun | None
-    """None if the humans could not be animated."""
+    """The driven run; None if the humans could not be animated."""
     rejected: str
-    """Why `readygo generate` leaves it out; empty if it does not."""
+    """Reason why `readygo generate` rejects the episode; empty if it does not."""
     drive_ms: float
-    """CPU time of the expert's whole run [ms]; 0 where somebody else drove."""
+    """CPU time of the expert's whole run [ms]; 0 for any other driver."""
 
 
 class Takes:
-    """Takes episodes in one place."""
+    """Replays episodes in one scene."""
 
     def __init__(
         self,
@@ -41,13 +41,13 @@ class Takes:
         config: RunConfig,
         scenarios: ScenarioFile | None = None,
     ) -> None:
-        """Prepare the place.
+        """Prepare planners and animator.
 
         Args:
-            maps: Of a scene, or of a bare map.
-            avatars: Who may walk; may be empty if there are no humans.
+            maps: Maps of a scene, or a single map.
+            avatars: Avatars by name; may be empty for episodes without humans.
             config: All settings.
-            scenarios: Is played instead of drawing.
+            scenarios: Scenarios to play instead of drawn ones.
         """
         self.robot_planner = RobotPlanner(maps, avatars, config.robot, config.episode, config.expert)
         self._human_planner = HumanPlanner(
@@ -63,12 +63,12 @@ class Takes:
         self._animator = Animator(avatars=avatars, floor=maps.floor, config=config.animator, obstacles=maps.human)
 
     def take(self, episode: EpisodeKey, *, static: bool, policy: tuple[PolicyDriver, LiveCamera] | None = None) -> Take:
-        """Draw the scenario, let the humans walk, drive.
+        """Draw the scenario, animate the humans, and drive.
 
         Args:
-            episode: Which one.
-            static: Leave the humans out.
-            policy: From `policy_driver`, if a policy drives and not the expert.
+            episode: Key of the episode.
+            static: True leaves the humans out.
+            policy: Driver and camera from `policy_driver`, for a policy instead of the expert.
 
         Raises:
             RunError: If this index has no scenario.
@@ -85,7 +85,7 @@ class Takes:
                 self.robot_planner, drawn.scenario, animated.motions, driver, "policy", observers=[camera]
             )
             return Take(scenario=drawn.scenario, run=run, rejected="", drive_ms=0.0)
-        # Loads the compiled code, whose time is not the planner's.
+        # Loads the compiled code first, whose time must not count as the planner's.
         drive(self.robot_planner, drawn.scenario, animated.motions)
         begin_s = time.thread_time()
         run = run_with_journal(self.robot_planner, drawn.scenario, animated.motions)
@@ -96,11 +96,11 @@ class Takes:
 
 
 def policy_driver(policy: Policy, renderer: Renderer) -> tuple[PolicyDriver, LiveCamera]:
-    """A policy that drives one episode by what it sees, and the camera that observes that episode.
+    """A policy's driver for one episode, and the camera that renders its images.
 
     Args:
-        policy: Decides.
-        renderer: Of the scene, with the policy's camera.
+        policy: Policy that drives.
+        renderer: Renderer of the scene, with the policy's camera.
     """
     camera = LiveCamera(renderer, policy.spec.inputs.images)
     return PolicyDriver(policy, camera, renderer.robot.clock.control_every), camera

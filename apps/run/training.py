@@ -1,4 +1,4 @@
-"""From settings to a trained policy."""
+"""Trains policies from settings."""
 
 import os
 from collections.abc import Callable, Iterator, Mapping
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def make_config(recipe: str, file: Path | None = None, **settings: Any) -> TrainConfig:
-    """The recipe's configuration with what a file says, and the settings that are not None.
+    """The recipe's configuration, overridden by a file and by the settings that are not None.
 
     Args:
         recipe: One of `RECIPES`.
@@ -28,7 +28,7 @@ def make_config(recipe: str, file: Path | None = None, **settings: Any) -> Train
         settings: Fields of `TrainConfig` or of its sections.
 
     Raises:
-        ConfigError: If the file cannot be read, or a setting makes no sense.
+        ConfigError: If the file cannot be read, or a setting is invalid.
     """
     config = RECIPES[recipe]()
     if file is not None:
@@ -50,7 +50,7 @@ def _merged(mapping: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
 
 
 def default_recipe(dataset: Dataset) -> str:
-    """What data are trained with where nobody says: "best" if the expert was asked at every state, else "fast"."""
+    """Default recipe for a dataset: "best" if it has expert labels at every state, else "fast"."""
     return "best" if dataset.has_expert else "fast"
 
 
@@ -63,7 +63,7 @@ def run_training(
     evaluate: "Evaluate | None" = None,
     show: "Callable[[TrainProgress], None] | None" = None,
 ) -> dict[str, Any]:
-    """Train on recorded episodes; returns what `metrics.json` holds, nothing in processes that only help another one.
+    """Train on recorded episodes; returns the content of `metrics.json`, empty in helper processes of a training.
 
     Raises:
         PolicyError: If torch or onnx is not installed, or `out` belongs to another run.
@@ -87,10 +87,10 @@ def make_network_config(name: str, settings: Mapping[str, Any]) -> NetworkTrainC
 
     Args:
         name: One of `NETWORKS`.
-        settings: Fields of `NetworkTrainConfig`; those that are None stay as published.
+        settings: Fields of `NetworkTrainConfig`; None keeps the published value.
 
     Raises:
-        ConfigError: If one makes no sense.
+        ConfigError: If a setting is invalid.
     """
     try:
         return NetworkTrainConfig(network=name, **{k: v for k, v in settings.items() if v is not None})
@@ -101,10 +101,10 @@ def make_network_config(name: str, settings: Mapping[str, Any]) -> NetworkTrainC
 def run_network_training(
     dataset: Dataset, config: NetworkTrainConfig, out: Path, show: "Callable[[TrainProgress], None]"
 ) -> dict[str, Any]:
-    """Train a published network into the file of a folder that evaluations look for.
+    """Train a published network, and write its weights to the file that evaluations read from a folder.
 
     Raises:
-        PolicyError: If torch is not installed, or what lies in the folder is of another run.
+        PolicyError: If torch is not installed, or the folder belongs to another run.
         DatasetError: If the data cannot be used.
     """
     with torch_needed():
@@ -114,13 +114,13 @@ def run_network_training(
 
 @contextmanager
 def torch_needed() -> Iterator[None]:
-    """For a block that imports modules of the trainer that need torch.
+    """Context for imports of the trainer's modules that need torch.
 
     Raises:
         PolicyError: If torch or onnx is not installed.
     """
-    # Threads that wait by spinning take the cores that the working ones need: on a shared machine training is 2.5
-    # times faster without. libgomp reads this once, when torch loads it.
+    # Spinning threads take cores from working ones: on a shared machine training is 2.5 times faster without spinning.
+    # libgomp reads this variable once, when torch loads it.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     try:
         yield

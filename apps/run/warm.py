@@ -1,4 +1,4 @@
-"""Every kernel of the stages, compiled before it is needed."""
+"""Compilation of all kernels of the stages, before they are needed."""
 
 import fcntl
 import importlib.metadata
@@ -30,7 +30,7 @@ from readygo.services.planner import HumanPlanner, handle_human_plan, handle_rob
 
 
 def warm_once() -> None:
-    """Compile all kernels if this version has not done so on this machine; processes that come meanwhile wait."""
+    """Compile all kernels once per version and machine; other processes wait meanwhile."""
     with (_marker().parent / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not _marker().exists():
@@ -49,7 +49,7 @@ def warm_all() -> None:
 
 
 def _marker() -> Path:
-    """The file that says that this version's kernels are compiled on this machine."""
+    """The file that marks this version's kernels as compiled on this machine."""
     numba, ours = importlib.metadata.version("numba"), importlib.metadata.version("readygo")
     return cache_folder("warm") / f"readygo-{ours}-numba-{numba}-{platform.machine()}-{platform.node()}"
 
@@ -64,7 +64,7 @@ def _take_an_episode(world: World, planner: HumanPlanner, animator: Animator) ->
 
 
 def warm_walking() -> None:
-    """Let one person walk 3 m: the kernels of motions take about half of all compilation, and share little."""
+    """Animate a walk of 3 m: the kernels of motions take about half of all compilation, and share little code."""
     animator = _embedded_world().animator()
     animator.obstacles = None
     frame, (rows, columns) = animator.floor.frame, animator.floor.height_m.shape
@@ -86,7 +86,7 @@ def _episode(index: int) -> EpisodeKey:
 
 @contextmanager
 def _beside(work: Callable[[], None]) -> Iterator[None]:
-    """Do work in another process meanwhile; what it did not compile is compiled here later."""
+    """Do work in another process while the context is active; this process compiles the kernels that it missed."""
     process = get_context("spawn").Process(target=work, daemon=True)
     process.start()
     try:

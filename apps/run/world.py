@@ -26,12 +26,12 @@ from readygo.services.planner.humans.scenario_file import ScenarioFile, parse_sc
 from readygo.services.renderer import Renderer
 
 POLICIES_MAX = 2
-"""Policies that are kept in memory: drivers take up the newest one, and go back to none."""
+"""Number of policies in memory: drivers take the newest one, and never return to an older one."""
 POLICIES_CACHED = 8
-"""Fetched policies that are kept on this machine, for all its runs."""
+"""Number of fetched policies in this machine's cache, for all its runs."""
 
 _SHARED: dict[str, Avatar] = {}
-"""The embedded avatars, where processes are forked that share them."""
+"""The embedded avatars, in a process whose forked children share them."""
 
 
 def share_embedded_avatars() -> None:
@@ -53,11 +53,11 @@ class World:
         """The scene of the spec: at its path if it is there, else fetched from the run.
 
         Raises:
-            RunError: If the scene at hand is another one than the run's, or what was fetched does not match its hash.
+            RunError: If the scene at the path is not the run's, or a fetched file does not match its hash.
         """
         path = Path(self.spec.scene_path)
         if self._bus is not None and not _is_scene(path, self.spec.scene_hash):
-            # What lies there on another machine may be another scene.
+            # On another machine the path may hold a different scene.
             path = _fetched(self._bus, self.spec.scene_files, "scenes", self.spec.scene_hash)
         scene = load_scene(path)
         if scene.content_hash != self.spec.scene_hash:
@@ -69,7 +69,7 @@ class World:
         """The avatars of the run, by name: at their path if they are there, else fetched from the run.
 
         Raises:
-            RunError: If they are not to be had, or others than the run's.
+            RunError: If they cannot be fetched, or differ from the run's.
         """
         place, files = Path(self.spec.avatars_path) if self.spec.avatars_path else None, self.spec.avatar_files
         if self._bus is not None and place is not None and files and not _are_whole(files, _avatar_files(place)):
@@ -86,14 +86,14 @@ class World:
         return {name: avatars[name] for name in self.spec.avatar_hashes}
 
     def forget_avatars(self) -> None:
-        """Let go of the avatars, 14 MB each, once those who need them have them; they are loaded again if asked for."""
+        """Release the avatars, 14 MB each, once their users hold them; they are loaded again on demand."""
         self.__dict__.pop("avatars", None)
 
     def human_planner(self, *, react: bool = True) -> HumanPlanner:
         """The human planner; an expert drives in it only if the humans react to one.
 
         Args:
-            react: False draws where they mean to walk, for those who let them react to somebody else.
+            react: False plans only the humans' intended paths, for callers in which they react to another driver.
         """
         config = self.config
         humans = config.human_planner if react else dataclasses.replace(config.human_planner, reactive=False)
@@ -130,10 +130,10 @@ class World:
     def policy(self, ref: PolicyRef) -> Policy:
         """A policy that drives in the run: at its path if it is there, else fetched from the run.
 
-        The few that were asked for last are kept.
+        The last `POLICIES_MAX` policies stay in memory.
 
         Raises:
-            RunError: If the policy at hand is another one than the run's.
+            RunError: If the policy at the path is not the run's.
             PolicyError: If it cannot be used.
         """
         if ref not in self._policies:
@@ -154,7 +154,7 @@ class World:
         return policy
 
     def stage(self) -> Stage:
-        """What viewers show around the run's samples; without the map where the scene is not on this machine."""
+        """The surroundings that viewers show with the run's samples; without the map if the scene is not here."""
         here = Path(self.spec.scene_path).is_dir()
         return Stage(robot=self.config.robot, maps=self.scene.maps if here else None)
 
@@ -165,7 +165,7 @@ class World:
 
 
 def _keep_latest(folder: Path) -> None:
-    """Note that a policy of the cache is used now, and remove those that have not been for longest."""
+    """Mark a policy of the cache as used now, and remove the least recently used ones."""
     os.utime(folder)
     for other in sorted(folder.parent.iterdir(), key=_used_s)[:-POLICIES_CACHED]:
         shutil.rmtree(other, ignore_errors=True)
@@ -180,7 +180,7 @@ def _used_s(folder: Path) -> float:
 
 
 def _is_scene(path: Path, content_hash: str) -> bool:
-    """True if a scene bundle of this content lies there."""
+    """True if the path holds a scene bundle with this content hash."""
     try:
         return load_scene(path).content_hash == content_hash
     except SceneError:
@@ -188,22 +188,22 @@ def _is_scene(path: Path, content_hash: str) -> bool:
 
 
 def _avatar_files(place: Path) -> dict[str, Path]:
-    """The avatar files at a path, by name; none where nothing is."""
+    """The avatar files at a path, by name; empty if there are none."""
     return {path.name: path for path in avatar_paths(place)} if place.exists() else {}
 
 
 def _are_whole(files: Iterable[FileRef], paths: Mapping[str, Path]) -> bool:
-    """True if each file is what its hash says at its path."""
+    """True if each file at its path matches its hash."""
     return all(file.path in paths and is_whole(paths[file.path], file) for file in files)
 
 
 def _fetched(bus: Bus, files: Iterable[FileRef], kind: str, name: str) -> Path:
-    """A folder of this machine's cache that has the files, each of them checked by its hash."""
+    """A folder in this machine's cache with the files, each checked by its hash."""
     cache = cache_folder(kind).resolve()
     folder = (cache / name).resolve()
     for file in files:
         path = (folder / file.path).resolve()
-        # Messages are checked already: this is the place that writes.
+        # Messages were validated before; check the paths again where files are written.
         if folder.parent != cache or folder not in path.parents:
             raise RunError(f"The run names a file outside of its bundle: {file.path!r} of {name!r}.")
         fetch_file(bus, file, path)

@@ -1,1 +1,1 @@
-"""What the robot's camera shows in a scene, and what was recorded with it: fog is seen before it is learned from."""
+"""Views of the robot's camera in a scene and in recorded data, to detect blur before training."""

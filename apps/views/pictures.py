@@ -1,4 +1,4 @@
-"""What the robot sees, as pictures: its views on one sheet, and the map coloured by their sharpness."""
+"""The robot's sample views as pictures: one sheet, and the map coloured by their sharpness."""
 
 import math
 
@@ -26,7 +26,7 @@ from readygo.common.scenes.top_view import TopView
 COLUMNS, TILE_WIDTH_PX, CAPTION_PX = 6, 256, 20
 MAP_SIDE_PX, MARGIN_M = 1000, 0.5
 ALARM: Rgb = (176, 58, 0)
-# Orange to blue: told apart with every common colour vision, and by their lightness around the limit.
+# Orange to blue: distinguishable with every common colour vision, and by lightness around the limit.
 _STEPS: tuple[tuple[float, Rgb, str], ...] = (
     (SHARP_FROM / 5, (150, 50, 10), f"sharpness below {SHARP_FROM / 5:g}"),
     (SHARP_FROM, (240, 140, 50), f"below {SHARP_FROM:g}: fog"),
@@ -41,7 +41,7 @@ def sharpness_colour(sharpness: float) -> Rgb:
 
 
 def sharpness_legend() -> list[tuple[Swatch, str]]:
-    """What the colours stand for."""
+    """The legend of the colours."""
     return [(_swatch(colour), text) for _, colour, text in _STEPS]
 
 
@@ -49,11 +49,11 @@ def views_sheet(views: SceneViews, name: str) -> Picture:
     """The typical view from each place, with number, place, sharpness and coverage below it.
 
     Args:
-        views: What was seen.
-        name: Of the scene.
+        views: Sample views of the scene.
+        name: Name of the scene.
 
     Returns:
-        RGB.
+        RGB image of the sheet.
     """
     tiles = [_tile(number, place) for number, place in enumerate(views.places, start=1)]
     rows = [tiles[k : k + COLUMNS] for k in range(0, len(tiles), COLUMNS)]
@@ -73,12 +73,12 @@ def clarity_map(views: SceneViews, occupancy: OccupancyMap, radius_m: float) -> 
     """The map, its reachable ground in the colour of the nearest place's sharpness; numbers are those of the sheet.
 
     Args:
-        views: What was seen.
-        occupancy: What blocks the robot.
+        views: Sample views of the scene.
+        occupancy: Map of the cells that block the robot.
         radius_m: Radius of the disc that the reachable ground is for [m].
 
     Returns:
-        RGB.
+        RGB image of the map.
     """
     labels, _ = free_components(clearance_m(occupancy) > radius_m)
     view = _window(occupancy, labels == 1)

@@ -1,4 +1,4 @@
-"""Where to look from: places spread over the ground that a robot can reach."""
+"""Viewpoints: places spread over the ground that a robot can reach."""
 
 import math
 
@@ -8,18 +8,18 @@ import numpy.typing as npt
 from readygo.common.maps import GridFrame
 
 HEADINGS = 4
-"""Views from a place, a quarter turn apart."""
+"""Number of views from a place, a quarter turn apart."""
 _CELLS_MAX = 20_000
 _ROUNDS = 4
 
 
 def poses_to_look_from(reachable: npt.NDArray[np.bool_], frame: GridFrame, count: int) -> npt.NDArray[np.float64]:
-    """Poses to look from, `HEADINGS` per place.
+    """Poses of sample views, `HEADINGS` per place.
 
     Args:
-        reachable: Cells to stand on, shape (H, W), one at least.
-        frame: Where they lie.
-        count: Places; fewer where there are fewer cells.
+        reachable: True for cells to stand on, shape (H, W), at least one.
+        frame: Grid of the cells.
+        count: Number of places; fewer if there are fewer cells.
 
     Returns:
         x, y [m], yaw [rad], shape (places, HEADINGS, 3).
@@ -30,9 +30,9 @@ def poses_to_look_from(reachable: npt.NDArray[np.bool_], frame: GridFrame, count
 
 
 def spread_places(reachable: npt.NDArray[np.bool_], frame: GridFrame, count: int) -> npt.NDArray[np.float64]:
-    """Centres of cells that stand for about the same area each, shape (places, 2) [m]; the same for the same map.
+    """Centres of cells that represent about equal areas [m], shape (places, 2); deterministic for a map.
 
-    Far from each other at first, each then moves into the middle of the cells that it is nearest to (Lloyd, 1982).
+    The places start far from each other; each then moves to the centre of the cells nearest to it (Lloyd, 1982).
     """
     cells = np.argwhere(reachable)
     cells = cells[:: -(-len(cells) // _CELLS_MAX)]

@@ -1,4 +1,4 @@
-"""What was recorded, by how sharp it is: warnings, thumbnails, and a map of where it is blurred."""
+"""Sharpness of recorded images: warnings, thumbnails, and a map of blurred places."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,19 +32,19 @@ THUMBNAILS = 24
 MOMENTS, MOMENT_WIDTH_PX = 3, 1200
 COVERAGE_LOOKS = 24
 NAMED = 3
-"""Blurred episodes that a warning names."""
+"""Number of blurred episodes that a warning names."""
 MARGIN_M, MARGIN_SHARE = 1.0, 0.04
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunClarity:
-    """How much the pictures of a run show."""
+    """Sharpness and coverage of a run's images."""
 
     recorded: RecordedClarity
     coverage: float | None
-    """Median coverage of views from some of its poses, without people; None where the scene is not at hand."""
+    """Median coverage of views from some of its poses, without humans; None if the scene is not available."""
     places: tuple[str, ...]
-    """Blurred episodes and where they are, at most `NAMED`."""
+    """Blurred episodes with their places, at most `NAMED`."""
 
     def to_mapping(self) -> dict[str, Any]:
         """Plain values."""
@@ -52,7 +52,7 @@ class RunClarity:
         return {**self.recorded.to_mapping(), "coverage_median": covered}
 
     def warnings(self) -> list[str]:
-        """What is wrong with what was recorded, a line each."""
+        """Warnings about the recorded images, a line each."""
         found = []
         if self.recorded.blurred:
             found.append(
@@ -68,10 +68,10 @@ class RunClarity:
 
 
 def run_clarity(spec: RunSpec, data: Path) -> RunClarity:
-    """Look at some pictures of a finished run, and from some of its poses at the scene itself.
+    """Measure some images of a finished run, and views of the scene from some of its poses.
 
     Raises:
-        DatasetError: If a picture cannot be read.
+        DatasetError: If an image cannot be read.
     """
     dataset = Dataset([data])
     clarity = recorded_clarity(dataset)
@@ -101,17 +101,17 @@ def _blurred_places(dataset: Dataset, clarity: RecordedClarity) -> list[str]:
 
 
 def thumbnails(dataset: Dataset, name: str) -> Picture:
-    """Recorded pictures, spread over the episodes, with place and sharpness below them.
+    """Recorded images, spread over the episodes, with place and sharpness below them.
 
     Args:
-        dataset: What was recorded.
-        name: Of the data.
+        dataset: Recorded episodes.
+        name: Name of the dataset.
 
     Returns:
-        RGB.
+        RGB image of the sheet.
 
     Raises:
-        DatasetError: If a picture is damaged.
+        DatasetError: If an image is damaged.
     """
     clarity = recorded_clarity(dataset)
     shown = _spread(clarity, THUMBNAILS)
@@ -123,16 +123,16 @@ def thumbnails(dataset: Dataset, name: str) -> Picture:
 
 
 def camera_moments(dataset: Dataset) -> Picture | None:
-    """What all cameras showed at some moments, depths included; None where there is but one image at a time.
+    """All cameras' images at some moments, depths included; None for a dataset with one image per moment.
 
     Args:
-        dataset: What was recorded.
+        dataset: Recorded episodes.
 
     Returns:
-        RGB.
+        RGB image of the sheet.
 
     Raises:
-        DatasetError: If a picture is damaged.
+        DatasetError: If an image is damaged.
     """
     if not has_several(dataset):
         return None
@@ -146,15 +146,15 @@ def camera_moments(dataset: Dataset) -> Picture | None:
 
 
 def recorded_map(dataset: Dataset, clarity: RecordedClarity, occupancy: OccupancyMap | None) -> Picture:
-    """Where the pictures that were looked at were taken, in the colours of their sharpness.
+    """Map of the places of the measured images, in the colours of their sharpness.
 
     Args:
-        dataset: What was recorded.
-        clarity: Of its pictures.
-        occupancy: What blocks the robot; None leaves it out.
+        dataset: Recorded episodes.
+        clarity: Sharpness of its images.
+        occupancy: Map of the cells that block the robot; None leaves it out.
 
     Returns:
-        RGB.
+        RGB image of the map.
     """
     xy_m = dataset.poses[clarity.samples, :2]
     margin_m = max(MARGIN_M, MARGIN_SHARE * float(np.ptp(xy_m, axis=0).max()))
@@ -166,7 +166,7 @@ def recorded_map(dataset: Dataset, clarity: RecordedClarity, occupancy: Occupanc
     pixel_m = float((high_m - low_m).max()) / MAP_SIDE_PX
     view = map_window(occupancy, low_m, high_m, pixel_m=pixel_m)
     picture = view.rgb.copy()
-    # The dullest last: they are what is looked for.
+    # The most blurred ones are drawn last, on top.
     for place in np.argsort(-clarity.sharpness, kind="stable").tolist():
         draw_disc(picture, view, xy_m[place], 7 * pixel_m, sharpness_colour(float(clarity.sharpness[place])))
     draw_scale_bar(picture, view)
@@ -174,7 +174,7 @@ def recorded_map(dataset: Dataset, clarity: RecordedClarity, occupancy: Occupanc
 
 
 def _spread(clarity: RecordedClarity, count: int) -> npt.NDArray[np.int64]:
-    """Some of the samples that were looked at, spread evenly."""
+    """Some of the measured samples, spread evenly."""
     total = len(clarity.samples)
     return clarity.samples[np.arange(min(count, total)) * total // min(count, total)]
 

@@ -1,4 +1,4 @@
-"""Where on the map a scene looks wrong, with the sentences that say what is the matter."""
+"""A map of a scene's likely defects, with sentences that describe them."""
 
 import textwrap
 from collections.abc import Sequence
@@ -18,23 +18,23 @@ from readygo.common.scenes.top_view import TopView
 
 COLOURS: dict[str, Rgb] = {ROUGH: HUMANS[1], BLURRED: HUMANS[3], UNFILMED: HUMANS[0]}
 SHARE = 0.7
-"""Of a mark's colour; the map shines through."""
+"""Opacity of a mark, 0..1; the map shines through."""
 HEIGHT_PX, WIDTH_MAX_PX = 900, 1600
 LINE_PX, LETTER_PX = 20, 6.8
 
 
 def findings_map(plan: ScenePlan, seen: SceneViews, sentences: Sequence[str], name: str, radius_m: float) -> Picture:
-    """The robot's map with all that should be looked at.
+    """The robot's map with marks at likely defects.
 
     Args:
         plan: Maps of the scene.
-        seen: What the robot sees; places in fog and bare ones are numbered as in `views_sheet`.
-        sentences: What was found, written below.
-        name: Of the scene.
+        seen: Sample views; blurred and bare places are numbered as in `views_sheet`.
+        sentences: Descriptions of the defects, written below the map.
+        name: Name of the scene.
         radius_m: Radius of the disc that the reachable ground is for [m].
 
     Returns:
-        RGB.
+        RGB image.
     """
     view = _map(plan, radius_m)
     picture = np.ascontiguousarray(view.rgb)

@@ -1,4 +1,4 @@
-"""How far one sees in a scene, on its map."""
+"""Lengths of lines of sight in a scene, on its map."""
 
 import numpy as np
 import numpy.typing as npt
@@ -10,17 +10,17 @@ Floats = npt.NDArray[np.float64]
 
 
 def sight_m(opaque: Cells, frame: GridFrame, xy_m: Floats, bearings_rad: Floats, *, far_m: float = 4.0) -> Floats:
-    """How far one sees from places along bearings [m].
+    """Length of the line of sight from places along bearings [m].
 
     Args:
-        opaque: Cells that hide what is behind, shape (H, W).
-        frame: Where they lie.
-        xy_m: Places, shape (N, 2).
-        bearings_rad: Shape (B,).
-        far_m: No farther than this.
+        opaque: True for cells that block the view, shape (H, W).
+        frame: Grid of the cells.
+        xy_m: Places [m], shape (N, 2).
+        bearings_rad: Directions [rad], shape (B,).
+        far_m: Largest length [m].
 
     Returns:
-        Shape (N, B).
+        Lengths [m], shape (N, B).
     """
     steps_m = np.arange(0.1, far_m, frame.resolution_m)
     way = np.stack([np.cos(bearings_rad), np.sin(bearings_rad)], axis=1)[:, None] * steps_m[:, None]

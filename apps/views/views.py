@@ -1,4 +1,4 @@
-"""A scene as the robot sees it: how sharp its views are, and how much of them is surface."""
+"""Sample views of the robot's camera in a scene: their sharpness, and their coverage by surfaces."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,29 +16,29 @@ from readygo.services.renderer import Look, Renderer, RendererConfig, look_aroun
 
 PLACES = 24
 TOLERATED = 1 / 8
-"""Share of the places from which little may be seen without a warning."""
+"""Share of places with bad views that causes no warning."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Place:
-    """What is seen from one place."""
+    """The views from one place."""
 
     looks: tuple[Look, ...]
-    """A quarter turn apart."""
+    """Views a quarter turn apart."""
 
     @cached_property
     def typical(self) -> Look:
-        """The second sharpest look, which the place is judged by: walls close by fill the others."""
+        """The second sharpest view, which represents the place: close walls fill the less sharp ones."""
         return sorted(self.looks, key=lambda look: look.sharpness)[-2]
 
     @property
     def blurred(self) -> bool:
-        """True where there is fog."""
+        """True if the typical view is blurred."""
         return self.typical.sharpness < SHARP_FROM
 
     @property
     def bare(self) -> bool:
-        """True where little of the view is surface."""
+        """True if surfaces cover little of the typical view."""
         return self.typical.coverage < COVERED_FROM
 
 
@@ -50,22 +50,22 @@ class SceneViews:
 
     @property
     def sharpness(self) -> float:
-        """Median over the places."""
+        """Median sharpness over the places."""
         return float(np.median([place.typical.sharpness for place in self.places]))
 
     @property
     def coverage(self) -> float:
-        """Median over the places."""
+        """Median coverage over the places, 0..1."""
         return float(np.median([place.typical.coverage for place in self.places]))
 
     @property
     def blurred(self) -> int:
-        """Places in fog."""
+        """Number of blurred places."""
         return sum(place.blurred for place in self.places)
 
     @property
     def bare(self) -> int:
-        """Places from which little surface is seen."""
+        """Number of places from which surfaces cover little of the view."""
         return sum(place.bare for place in self.places)
 
     def to_mapping(self) -> dict[str, Any]:
@@ -87,13 +87,13 @@ class SceneViews:
 
 
 def scene_views(scene: Scene, robot: RobotConfig, *, radius_m: float | None = None, places: int = PLACES) -> SceneViews:
-    """Look around at places spread over the ground that a robot can reach, without people.
+    """Render views from places spread over the ground that a robot can reach, without humans.
 
     Args:
         scene: Scene bundle.
-        robot: Whose camera looks.
-        radius_m: Of the disc that shall reach the places [m]; the one that the scene was imported for by default.
-        places: How many.
+        robot: Robot with the camera.
+        radius_m: Radius of the disc that can reach the places [m]; by default the one that the scene was imported for.
+        places: Number of places.
 
     Raises:
         SceneError: If the disc cannot stand anywhere.
@@ -109,12 +109,12 @@ def scene_views(scene: Scene, robot: RobotConfig, *, radius_m: float | None = No
 
 
 def warnings(views: SceneViews) -> list[str]:
-    """What is wrong with what the robot would see, a line each; none where all is well at most places."""
+    """Warnings about the robot's views, a line each; empty if the views are good at most places."""
     count, found = len(views.places), []
     if (blurred := views.blurred) > TOLERATED * count:
         found.append(
             f"{blurred} of {count} places are blurred (sharpness below {SHARP_FROM:g}, median {views.sharpness:.0f}): "
-            "the camera stands in haze or looks at what nobody filmed; "
+            "the camera stands in haze or looks at unfilmed parts; "
             f"[episode] sharpness_min = {SHARP_FROM:g} leaves out episodes that show no more."
         )
     if (bare := views.bare) > TOLERATED * count:

@@ -122,7 +122,7 @@ def test_help_names_defaults_only_where_there_is_something_to_name(capsys: pytes
         ("mistake", 2, "Ask for more."),
         ("hostile", 2, "coord/spec: ]0;title[2Jno."),
         ("ctrl-c-with-words", 130, "stopped; 3 of 4 are kept."),
-        ("ctrl-c", 130, "stopped; what is recorded or saved stays, run the same command again to go on."),
+        ("ctrl-c", 130, "stopped; what is recorded or saved stays, run the same command again to resume."),
     ],
 )
 def test_what_a_user_can_mend_is_one_line(

@@ -216,8 +216,8 @@ def test_robot_is_waited_for_until_it_sends_what_is_asked_or_what_cannot_be_used
     with pytest.raises(BusError, match="no goal after 10 s; pass --calibration FILE"):
         command._goal_of(robot)
     assert now_s[0] == pytest.approx(10.06, abs=0.05)
-    robot.absent = lambda: "nobody publishes /goal"
-    with pytest.raises(BusError, match="no goal after 10 s; nobody publishes /goal"):
+    robot.absent = lambda: "no node publishes /goal"
+    with pytest.raises(BusError, match="no goal after 10 s; no node publishes /goal"):
         command._goal_of(robot)
     robot.broken = "/goal: 3 bytes"
     with pytest.raises(BusError, match="The robot sends what cannot be used: /goal: 3 bytes"):

@@ -126,7 +126,7 @@ def test_ctrl_c_says_how_much_is_kept(evaluate, tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(evaluate_command, "handle_evaluate", interrupt)
     code, printed, _ = evaluate("--out", str(out), "--episodes", "3")
     assert code == 130
-    assert f"readygo: stopped; 1 of 3 episodes are kept in {out}; the same command goes on." in printed.err
+    assert f"readygo: stopped; 1 of 3 episodes are kept in {out}; the same command resumes." in printed.err
     code, printed, _ = evaluate()
     assert code == 130
     assert "nothing is kept: with --out" in printed.err

@@ -69,7 +69,7 @@ def test_runs_of_a_router_are_listed_the_most_urgent_first(
     finally:
         bus.close()
     assert table == [
-        ["first", "2", "0", "of", "3", "0", "0", "goes", "on"],
+        ["first", "2", "0", "of", "3", "0", "0", "running"],
         ["later", "0", "0", "of", "3", "0", "0", "paused"],
     ]
     assert [(each["run"], each["priority"]) for each in listed] == [("first", 2), ("later", 0)]
@@ -82,5 +82,5 @@ def test_run_that_nobody_leads_is_told_with_those_that_there_are(
     monkeypatch.setenv(TOKEN_VARIABLE, token)
     monkeypatch.setattr(runs, "HEAR_S", 0.1)
     for ask in (status, cancel):
-        with pytest.raises(BusError, match=rf"^Nobody leads run other at {endpoint} \(there"):
+        with pytest.raises(BusError, match=rf"^No coordinator leads run other at {endpoint} \(there"):
             ask(connect=endpoint, run="other")

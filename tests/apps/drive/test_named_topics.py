@@ -28,7 +28,7 @@ def test_topics_are_named_by_the_images_on_them():
     [
         (("rear=/a",), (), "--image rear=/a: there is no camera 'rear'; there are front, left"),
         (("/a", "front=/b"), (), "two topics of one camera: /a and /b"),
-        (("/a", "left=/a"), (), "a topic of its own, got /a, /a"),
+        (("/a", "left=/a"), (), "a different topic, got /a, /a"),
         ((), ("rear=/a",), "--depth rear=/a: there is no camera"),
         (("left=/a", "left=/b"), (), "two topics of one camera: /a and /b"),
         (("left",), (), "--image 'left' names no topic: left=/left/image_raw is one"),

@@ -69,5 +69,5 @@ def test_messages_of_another_type_and_bytes_that_are_none_are_said(network):
 
 def test_nobody_there_is_said(network, monkeypatch):
     monkeypatch.setattr("readygo.apps.drive.robot.FOUND_S", 0.1)
-    with pytest.raises(BusError, match=r"Nobody listens to /cmd_vel\. Start the robot's base"):
+    with pytest.raises(BusError, match=r"No subscriber listens to /cmd_vel\. Start the robot's base"):
         connected(network[0], RosWire(0, "drive"), TOPICS, dry=False)

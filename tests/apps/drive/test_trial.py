@@ -32,7 +32,7 @@ class FakeRobot:
         self.told.append(command)
 
     def absent(self):
-        return "nobody publishes /odom"
+        return "no node publishes /odom"
 
 
 def test_trial_ends_with_the_robot_standing_and_says_what_it_took(make_ride):
@@ -71,7 +71,7 @@ def test_ctrl_c_and_failures_leave_the_robot_standing(make_ride):
 def test_robot_that_sends_nothing_is_not_there(make_ride, monkeypatch):
     monkeypatch.setattr(trial, "PATIENCE_S", 0.05)
     robot = FakeRobot(sends=False)
-    with pytest.raises(BusError, match=r"no images and no odometry after 0\.05 s; nobody publishes /odom\."):
+    with pytest.raises(BusError, match=r"no images and no odometry after 0\.05 s; no node publishes /odom\."):
         run_trial(robot, make_ride().pilot, rate_hz=20, say=lambda words: None)
     assert robot.told[-1] == Command()
 

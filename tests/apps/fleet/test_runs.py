@@ -133,9 +133,9 @@ def test_run_that_does_not_work_is_left_alone_for_a_while_and_bad_names_for_good
 
 def test_unknown_run_is_told_with_those_that_there_are() -> None:
     router = Router()
-    assert none_such("x", "tcp/lab:1", []) == "Nobody leads run x at tcp/lab:1 (there is no run)."
+    assert none_such("x", "tcp/lab:1", []) == "No coordinator leads run x at tcp/lab:1 (there is no run)."
     router.tell("a")
-    assert none_such("x", "tcp/lab:1", router.runs.statuses()) == "Nobody leads run x at tcp/lab:1 (there: a)."
+    assert none_such("x", "tcp/lab:1", router.runs.statuses()) == "No coordinator leads run x at tcp/lab:1 (there: a)."
 
 
 def test_coordinator_that_is_silent_for_5_seconds_gives_out_no_work() -> None:

@@ -189,7 +189,7 @@ def test_named_runs_that_nobody_leads_are_not_waited_for_for_ever(begun, monkeyp
     monkeypatch.setattr(several, "SILENT_S", 0.3)
     fleet, start = begun
     for part in (fleet.work, fleet.record):
-        with pytest.raises(BusError, match=r"Nobody leads a run of x, y there\."):
+        with pytest.raises(BusError, match=r"No coordinator leads a run of x, y there\."):
             start(part, named=("y", "x")).result(timeout=60)
 
 
@@ -280,5 +280,5 @@ def test_named_runs_are_waited_for_half_a_minute(
 ) -> None:
     monkeypatch.setattr(several.time, "monotonic", lambda: now_s)
     for serve in (several.work_for, several.record_for):
-        with pytest.raises(BusError, match=r"Nobody leads a run of x, y there") if given_up else nullcontext():
+        with pytest.raises(BusError, match=r"No coordinator leads a run of x, y there") if given_up else nullcontext():
             serve(FakeRuns("", named=named, heard_s=10.0), _part, FakeStop())  # type: ignore[arg-type]

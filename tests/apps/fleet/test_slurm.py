@@ -168,7 +168,7 @@ def test_workers_of_a_slurm_that_does_not_answer_count_as_being_there(
             workers.check()
         assert "scancel" not in asked.read_text().splitlines()
         assert [record.getMessage() for record in caplog.records] == [
-            f"Slurm: {UNREACHABLE}; the run waits 10 min for Slurm, its workers go on."
+            f"Slurm: {UNREACHABLE}; the run waits 10 min for Slurm, its workers continue."
         ]
         _answers(asked, "squeue", "echo")
         _fails(asked, "sbatch")

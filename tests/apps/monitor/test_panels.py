@@ -82,7 +82,7 @@ def test_charts_and_bars_have_the_numbers(spec) -> None:
 def test_moment_says_who_is_near() -> None:
     track = track_of(recorded())
     state = dataclasses.replace(track.states[0], human_distance_m=float("inf"))
-    assert "nobody" in panels.moment(state, track)
+    assert "none" in panels.moment(state, track)
     assert "success" in panels.moment(state, track)
     assert "under way" in panels.moment(state, None, "render0")
 

@@ -76,7 +76,7 @@ def test_time_left_follows_from_what_the_last_stage_does_in_a_minute() -> None:
 def test_table_says_what_is_wrong() -> None:
     lines = shown(Observed(status=STATUS, fleet=FLEET, healths={("recorder", "rec0"): health(1.0, 1.0)}))
     text = "\n".join(lines)
-    assert "about 5 min left; paused, `readygo resume` goes on" in text
+    assert "about 5 min left; paused, `readygo resume` continues" in text
     assert "waits: No space left in /data." in text
     rows = {line.split()[0]: line for line in lines if line.strip()}
     assert "gone, holds render 8" in rows["renderer9"]

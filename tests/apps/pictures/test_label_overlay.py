@@ -80,5 +80,5 @@ def test_dataset_in_which_nobody_is_seen_has_no_overlay(tmp_path) -> None:
     write_shard(tmp_path, [0], sample_count=1, labels=True)
     dataset = Dataset([tmp_path])
     dataset._table.rows["human_visible"] = False
-    with pytest.raises(DatasetError, match="no sample in which the robot sees somebody"):
+    with pytest.raises(DatasetError, match="no sample in which the robot sees a human"):
         label_overlay(dataset)

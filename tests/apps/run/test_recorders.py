@@ -66,7 +66,7 @@ def test_recorder_that_is_given_up_must_have_a_folder_that_is_gone(tmp_path: Pat
     folder = _run(tmp_path / "data", tmp_path / "disk")
     with pytest.raises(RunError, match=r"is there: `readygo recover"):
         requeue(folder, "east")
-    with pytest.raises(RunError, match=r"no recorder 'rec0' with a folder of its own \(those that have: east\)"):
+    with pytest.raises(RunError, match=r"no recorder 'rec0' with a separate folder \(those that have: east\)"):
         requeue(folder, "rec0")
 
 

@@ -372,7 +372,7 @@ def test_findings_are_told_one_a_line() -> None:
     assert Findings().lines == []
     found = Findings(rebuilt=True, damaged={Path("d/a.mcap"): "cut"}, doubles={Path("d/b.mcap"): 3}, lost=[4, 9])
     assert found.lines == [
-        "The run's ledger was lost or damaged: it is made anew of the shards.",
+        "The run's ledger was lost or damaged: it is rebuilt from the shards.",
         "a.mcap is damaged (cut): what is whole in it is saved.",
         "b.mcap had 3 episodes that are in other shards as well: they are dropped from it.",
         "2 durable episodes are in no sound shard: what cannot be saved is recorded again.",
