@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from experiments.policy.driven import DRIVEN, EVALUATOR, Ending, Job, compared, endings_of, measures_of
 from experiments.policy import driven
+from experiments.policy.driven import DRIVEN, EVALUATOR, Ending, Job, compared, endings_of, measures_of
 from readygo.common.messages import Outcome
 from tests.common.policy.artifacts import write_policy
 

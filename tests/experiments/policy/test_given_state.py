@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("torch", reason="needs the extra train")
 
 from experiments.planning.imitation import RAYS
+from experiments.policy import given_state
 from experiments.policy.given_state import (
     AHEAD_STEPS,
     EVERY,
@@ -21,7 +22,6 @@ from experiments.policy.given_state import (
     summary,
     without_humans,
 )
-from experiments.policy import given_state
 from readygo.common.messages import Outcome, Split
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import COMMAND_COUNT, HUMAN, command_grid

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.learn.plan import learn_settings
 from experiments.policy import realism
+from readygo.apps.learn.plan import learn_settings
 from readygo.common.episode.metrics import EpisodeResult
 from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeKey, Outcome, Split
