@@ -289,8 +289,8 @@ def connected(connect: str, wire: Wire, topics: Topics, *, dry: bool) -> Robot:
         BusError: If there is no router, or no subscriber for the commands.
     """
     robot = Robot(ForeignSession(connect), wire, topics, dry=dry)
-    nobody = robot.found()
-    if nobody:
+    no_listener = robot.found()
+    if no_listener:
         robot.close()
-        raise BusError(f"{nobody} Start the robot's base, or name its topic with --cmd-vel.")
+        raise BusError(f"{no_listener} Start the robot's base, or name its topic with --cmd-vel.")
     return robot
