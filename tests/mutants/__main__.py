@@ -77,8 +77,6 @@ def _try_out(
         if not report.has(mutant):
             waiting.put(mutant)
     lock, benches = threading.Lock(), []
-    # A terminated run leaves no processes and no folders behind either.
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
 
     def work(bench: Bench) -> None:
         bench.set_up(root, files)
@@ -176,4 +174,6 @@ def _parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
+    # A terminated run leaves no processes and no folders behind either.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     sys.exit(main())

@@ -41,7 +41,7 @@ def test_data_are_complete_before_the_test(tmp_path: Path, monkeypatch: pytest.M
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Callable[[], subprocess.Popen[str]]]:
     (tmp_path / "run.toml").write_text(CONFIG)
-    options = ["--minutes", "0.5", "--episodes", "1", "--config", str(tmp_path / "run.toml"), "--json"]
+    options = ["--minutes", "0.8", "--episodes", "1", "--config", str(tmp_path / "run.toml"), "--json"]
     command = [sys.executable, "-m", "readygo", "learn", "embedded", "--out", str(tmp_path / "run"), *options]
     processes = []
 
@@ -106,7 +106,7 @@ def test_run_that_is_killed_goes_on_with_the_same_command(
     assert second.returncode == 0, errors
     result = json.loads(printed)
     assert result["minutes"] >= spent_s / 60
-    assert json.loads((out / "learn.json").read_text())["over"] == {"minutes": 0.5, "samples": None}
+    assert json.loads((out / "learn.json").read_text())["over"] == {"minutes": 0.8, "samples": None}
     assert not workers_of(out)
     assert validate(out / "data" / "embedded").ok
     policy = load_policy(out / "policy")
