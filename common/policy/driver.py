@@ -67,18 +67,22 @@ class PolicyDriver:
         previous = np.array([(s.v_mps, s.w_radps) for s in simulations], dtype=np.float32)
         for state, command in zip(states, previous, strict=True):
             state.memory.advance(command)
-        looking = [(simulation, state.memory) for simulation, state in running if self._camera.arrives(simulation)]
-        if looking:
-            images = self._camera.look([simulation for simulation, _ in looking])
-            self._policy.see([memory for _, memory in looking], images)
-        goals = np.array([s.goal_xy_robot_m for s in simulations], dtype=np.float32)
-        actions = self._policy.decide([state.memory for state in states], previous, goals)
-        for simulation, state, (v, w) in zip(simulations, states, actions.tolist(), strict=True):
-            if self._decides(simulation):
-                state.command = (v, w)
+        seeing = [row for row, simulation in enumerate(simulations) if self._camera.arrives(simulation)]
+        if seeing:
+            images = self._camera.look([simulations[row] for row in seeing])
+            self._policy.see([states[row].memory for row in seeing], images)
+        adopting = self._adopting(simulations, seeing)
+        # A policy whose graph decides at its own rate does so when an image arrives, adopted or not.
+        if due := sorted({*seeing, *adopting}):
+            goals = np.array([simulations[row].goal_xy_robot_m for row in due], dtype=np.float32)
+            actions = self._policy.decide([states[row].memory for row in due], previous[due], goals)
+            for row, (v, w) in zip(due, actions.tolist(), strict=True):
+                if row in adopting:
+                    states[row].command = (v, w)
         return [state.command for state in states]
 
-    def _decides(self, simulation: EpisodeSimulation) -> bool:
+    def _adopting(self, simulations: Sequence[EpisodeSimulation], seeing: Sequence[int]) -> set[int]:
+        """Rows of the episodes in which the policy's decision becomes the command."""
         if self._hold_steps is None:
-            return self._camera.arrives(simulation)
-        return simulation.step % self._hold_steps == 0
+            return set(seeing)
+        return {row for row, simulation in enumerate(simulations) if simulation.step % self._hold_steps == 0}

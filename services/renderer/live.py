@@ -61,6 +61,7 @@ class LiveCamera(Observer):
         drawn = {name: view_image(views, name) for name in self._sees}
         episode_id = simulation.scenario.episode.episode_id
         self._waiting.append((step, robot_sight(drawn, self._sees, self._renderer.robot, episode_id, step)))
+        self._drop_older(step)
 
     def arrives(self, simulation: EpisodeSimulation) -> bool:
         """True if an image reaches the driver at the present step: the first one does until there is another."""
@@ -69,14 +70,18 @@ class LiveCamera(Observer):
     def look(self, simulations: Sequence[EpisodeSimulation]) -> npt.NDArray[np.uint8]:
         """The image that reaches the driver of the one episode at the present step, shape (1, H, W, C)."""
         (simulation,) = simulations
-        while len(self._waiting) > 1 and self._waiting[1][0] <= simulation.step - self._late_steps:
-            self._waiting.popleft()
+        self._drop_older(simulation.step)
         return self._waiting[0][1][None]
 
     def goal_image(self, simulation: EpisodeSimulation) -> npt.NDArray[np.uint8]:
         """What the robot would see at its goal without humans, sRGB, shape (H, W, 3)."""
         pose = goal_pose(simulation.scenario, simulation.robot_map, simulation.robot.planning_radius_m)
         return goal_view(self._renderer, simulation.scenario.episode, pose)
+
+    def _drop_older(self, step: int) -> None:
+        """Forget the images before the one that has reached the driver by a step."""
+        while len(self._waiting) > 1 and self._waiting[1][0] <= step - self._late_steps:
+            self._waiting.popleft()
 
     def _shots(self, capture: Capture, simulation: EpisodeSimulation) -> tuple[Shot, ...]:
         camera = episode_camera(self._renderer, capture, simulation.scenario.episode)

@@ -147,7 +147,10 @@ def test_policy_that_wants_an_image_of_the_goal_has_it_from_the_start(simulation
 
 def test_policy_without_a_rhythm_decides_when_an_image_arrives(simulation):
     policy = RecordingPolicy()
-    policy.decide = lambda memories, previous, goals: np.array([[0.1 * len(policy.given), 0.0]], np.float32)
+    decided = []
+    policy.decide = lambda memories, previous, goals: (
+        decided.append(episode.step) or np.array([[0.1 * len(policy.given), 0.0]], np.float32)
+    )
     see = policy.see
     policy.see = lambda memories, images: (see(memories, images), policy.given.append(None))
 
@@ -161,3 +164,38 @@ def test_policy_without_a_rhythm_decides_when_an_image_arrives(simulation):
         commands += driver.act([(episode, state)])
         episode.advance(*commands[-1])
     assert [v for v, _ in commands] == pytest.approx([0.1, 0.1, 0.1, 0.2, 0.3, 0.3])
+    assert decided == [0, 3, 4], "in between nothing is computed"
+
+
+def test_held_command_is_computed_when_it_is_adopted_or_an_image_arrives(simulation):
+    policy = RecordingPolicy()
+
+    class Seldom(Eyes):
+        def arrives(self, simulation):
+            return simulation.step in (0, 1, 6)
+
+    driver, episode = PolicyDriver(policy, Seldom(), hold_steps=4), simulation()
+    state, decided = driver.start(episode), []
+    for _ in range(8):
+        before = len(policy.given)
+        episode.advance(*driver.act([(episode, state)])[0])
+        decided += [episode.step - 1] * (len(policy.given) - before)
+    assert decided == [0, 1, 4, 6]
+
+
+def test_episodes_side_by_side_decide_each_at_its_own_steps(simulation):
+    policy = RecordingPolicy()
+
+    class Once(Eyes):
+        def arrives(self, simulation):
+            return simulation.step == 0
+
+    driver, one, other = PolicyDriver(policy, Once(), hold_steps=3), simulation(), simulation(1, y_m=1.0)
+    first = driver.start(one)
+    one.advance(0.0, 0.0)
+    second = driver.start(other)
+    assert driver.act([(one, first), (other, second)]) == [(0.0, 0.0), (0.5, 0.25)]
+    names, images, previous, goals = policy.given[-1]
+    assert names == ["memory 2"]
+    assert (images.shape[0], previous.shape, goals.shape) == (1, (1, 2), (1, 2))
+    assert goals[0] == pytest.approx([4.0, 0.0], abs=1e-6)

@@ -95,3 +95,14 @@ def test_driver_gets_each_image_by_the_cameras_latency_later(
     late = simulation.clock.steps(latency_s)
     assert arrived == [step == 0 or (step - late) % image_every == 0 for step in range(len(seen))]
     assert sorted(camera.pictures) == [step for step in range(simulation.step + 1) if step % image_every == 0]
+
+
+def test_camera_keeps_no_images_for_a_driver_that_does_not_look(renderer: Renderer, episode) -> None:
+    robot = dataclasses.replace(ROBOT, camera=dataclasses.replace(ROBOT.camera, latency_s=0.1))
+    simulation = _simulation(episode, robot)
+    camera = LiveCamera(renderer)
+    run = EpisodeRun(simulation, [camera])
+    while not run.ended:
+        run.advance((1.0, 1.5))
+    assert len(camera.pictures) == simulation.step > 5
+    assert len(camera._waiting) == 1 + simulation.clock.steps(0.1)
