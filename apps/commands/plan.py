@@ -1,14 +1,16 @@
 """`readygo plan`: replays one episode of the expert or of a policy, and explains it."""
 
 import dataclasses
+import inspect
 import json as json_module
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from rich.table import Table
 
+from readygo.apps.cli import option_name
 from readygo.apps.evaluation.again import kept_episode
 from readygo.apps.run.config import RunConfig, check_cameras
 from readygo.apps.run.evaluation import evaluation_config
@@ -36,6 +38,9 @@ from readygo.services.renderer.sensor.recipes import SensorName
 
 if TYPE_CHECKING:
     from readygo.apps.pictures.plan_film import RobotView
+
+_WITH_RESULTS = ("scene", "from_", "task", "method", "picture", "video", "camera", "export", "json")
+"""Arguments that go with an episode of an evaluation."""
 
 
 def plan(
@@ -97,17 +102,15 @@ def plan(
         export: TOML file for the scenario, to edit or share.
         json: Print the numbers as JSON.
     """
+    given = dict(locals())
+    _check_endings(picture, video, export)
     if from_ is not None:
-        own = (index, seed, split, mode, static, people, scenarios, policy, config, robot, sensor, avatars)
-        if own != (0, 0, "train", "", False, None, None, None, None, None, None, None):
-            raise RunError("--from says all settings: give an episode, --task, --method, and what to write.")
-        _check_endings(picture, video, export)
+        _refuse_settings(given)
         with kept_episode(from_, scene, task or "", method) as (replays, record):
             run = replays.run(record)
-            again = Take(scenario=run.scenario, run=run, rejected="", drive_ms=0.0)
-            robot_planner = replays.world.robot_planner.of(run.scenario.episode)
-            view = replays.view(run) if camera or picture or video else None
-            _show(again, robot_planner, view, picture, video, export, json=json)
+            take = Take(scenario=run.scenario, run=run, rejected="", drive_ms=0.0)
+            view = replays.view(run) if picture or video else None
+            _show(take, replays.world.robot_planner.of(record.episode), view, picture, video, export, json=json)
         return
     if task or method:
         raise RunError("--task and --method choose an episode of an evaluation: give its folder with --from.")
@@ -115,7 +118,6 @@ def plan(
     _check(scene, index, seed, camera=camera)
     if camera and policy is None and picture is None and video is None:
         raise RunError("--camera shows the robot's view: say where with --picture FILE.png or --video FILE.webm.")
-    _check_endings(picture, video, export)
     driving = load_policy(policy) if policy else None
     run_config = evaluation_config(
         driving.spec if driving else None,
@@ -138,6 +140,18 @@ def plan(
     sees = driving.spec.inputs.images if driving else ()
     planner = takes.robot_planner.of(take.scenario.episode)
     _show(take, planner, _look(take, renderer, sees), picture, video, export, json=json)
+
+
+def _refuse_settings(given: Mapping[str, Any]) -> None:
+    """Raise RunError if an option changes what an evaluation has fixed.
+
+    Args:
+        given: Arguments of `plan`, by name.
+    """
+    parameters = inspect.signature(plan).parameters.values()
+    changed = [option_name(p.name) for p in parameters if p.name not in _WITH_RESULTS and given[p.name] != p.default]
+    if changed:
+        raise RunError(f"--from takes all settings from the evaluation: leave out {', '.join(changed)}.")
 
 
 def _show(

@@ -87,8 +87,8 @@ def test_spec_that_is_missing_broken_or_another_evaluations_is_refused(evaluated
 
 
 def test_settings_beside_those_of_the_evaluation_are_refused(folder):
-    with pytest.raises(RunError, match="--from says all settings"):
-        plan("test-0-000000", from_=folder, seed=3)
+    with pytest.raises(RunError, match="--from takes all settings from the evaluation: leave out --seed, --static"):
+        plan("test-0-000000", from_=folder, seed=3, static=True, task="static")
     with pytest.raises(RunError, match="give its folder with --from"):
         plan("embedded", task="static")
 
