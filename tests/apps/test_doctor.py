@@ -70,7 +70,8 @@ def test_hardware_is_told_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_widest_vectors_are_told(features: dict[str, bool], words: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    binding = pytest.importorskip("llvmlite.binding")
+    from llvmlite import binding
+
     monkeypatch.setattr(binding, "get_host_cpu_features", lambda: features)
     monkeypatch.setattr(binding, "get_host_cpu_name", lambda: "cpu")
     assert doctor._simd() == words

@@ -75,7 +75,8 @@ def test_right_arguments_pass_and_help_is_as_it_was(capsys: pytest.CaptureFixtur
 def test_parser_without_the_hook_speaks_for_itself(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tyro = pytest.importorskip("tyro")
+    import tyro
+
     monkeypatch.delattr(tyro, "_errors")
     monkeypatch.setitem(sys.modules, "tyro._errors", None)
     with pytest.raises(SystemExit) as stopped:
