@@ -110,7 +110,9 @@ def plan(
             run = replays.run(record)
             take = Take(scenario=run.scenario, run=run, rejected="", drive_ms=0.0)
             view = replays.view(run) if picture or video else None
-            _show(take, replays.world.robot_planner.of(record.episode), view, picture, video, export, json=json)
+            numbers = {"episode": record.episode.episode_id, "driver": run.driver, **run_numbers(run)}
+            planner = replays.world.robot_planner.of(record.episode)
+            _show(take, numbers, planner, view, picture, video, export, json=json)
         return
     if task or method:
         raise RunError("--task and --method choose an episode of an evaluation: give its folder with --from.")
@@ -139,7 +141,8 @@ def plan(
     take = takes.take(EpisodeKey(seed=seed, split=Split(split), index=index), static=static, policy=policy_drives)
     sees = driving.spec.inputs.images if driving else ()
     planner = takes.robot_planner.of(take.scenario.episode)
-    _show(take, planner, _look(take, renderer, sees), picture, video, export, json=json)
+    numbers = _numbers(take, run_config.expert.mode)
+    _show(take, numbers, planner, _look(take, renderer, sees), picture, video, export, json=json)
 
 
 def _refuse_settings(given: Mapping[str, Any]) -> None:
@@ -156,6 +159,7 @@ def _refuse_settings(given: Mapping[str, Any]) -> None:
 
 def _show(
     take: Take,
+    numbers: Numbers,
     planner: RobotPlanner,
     look: "RobotView | None",
     picture: Path | None,
@@ -171,7 +175,6 @@ def _show(
         _write_video(video, take, planner, look)
     if export is not None:
         save_scenarios(export, [take.scenario])
-    numbers = _numbers(take, planner.config.mode)
     if json:
         sys.stdout.write(json_module.dumps(numbers, indent=2) + "\n")
     else:

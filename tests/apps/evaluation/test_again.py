@@ -47,6 +47,7 @@ def test_plan_tells_and_shows_it(evaluated, folder, tmp_path, capsys):
     assert numbers["outcome"] == driven.result.outcome.value
     assert numbers["duration_s"] == driven.result.duration_s
     assert abs(numbers["path_length_m"] - driven.result.path_length_m) < 1e-3
+    assert not {"rejected", "drive_ms"} & set(numbers), "nothing is generated"
     assert cv2.imread(str(picture)) is not None
 
 
