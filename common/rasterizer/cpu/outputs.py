@@ -9,10 +9,26 @@ import numpy.typing as npt
 
 from readygo.common.images.images import Images
 from readygo.common.kernels import inlined, kernel
-from readygo.common.rasterizer.cpu.workspace import RECORD, RECORD_DEPTH, RECORD_NORMAL, Depths, Singles, Workspace
+from readygo.common.rasterizer.cpu.workspace import (
+    BLOCK,
+    BLOCK_BITS,
+    BLOCK_STATE,
+    RECORD,
+    RECORD_DEPTH,
+    RECORD_NORMAL,
+    STATE_TRANSMITTANCE,
+    TILE,
+    TILE_BITS,
+    Depths,
+    Singles,
+    Workspace,
+)
 from readygo.common.rasterizer.packed.scene import NORMAL_STEP
 from readygo.common.simd.memory import load_short, store_f16
-from readygo.common.simd.types import fma, where
+from readygo.common.simd.types import LANES, fma, where
+
+_BLOCK_NORMALS = 3 * LANES
+"""Numbers per block of packed normals and of sums of normals."""
 
 
 class Sums(NamedTuple):
@@ -46,15 +62,16 @@ def normal_block(
         ws: Workspace.
     """
     if normal is not None:
-        o = block * 48
-        px, py, pz = load_short(normal, o), load_short(normal, o + 16), load_short(normal, o + 32)
+        o = block * _BLOCK_NORMALS
+        px, py, pz = load_short(normal, o), load_short(normal, o + LANES), load_short(normal, o + 2 * LANES)
         nx = fma(R[0], px, fma(R[1], py, R[2] * pz))
         ny = fma(R[3], px, fma(R[4], py, R[5] * pz))
         nz = fma(R[6], px, fma(R[7], py, R[8] * pz))
+        # Of both directions the one whose product with the ray to the mean (x, y, z) is negative.
         step = where(fma(x, nx, fma(y, ny, z * nz)) > 0.0, -NORMAL_STEP, NORMAL_STEP)
-        store_f16(ws.scratch, 16 * RECORD_NORMAL, nx * step)
-        store_f16(ws.scratch, 16 * RECORD_NORMAL + 16, ny * step)
-        store_f16(ws.scratch, 16 * RECORD_NORMAL + 32, nz * step)
+        store_f16(ws.scratch, LANES * RECORD_NORMAL, nx * step)
+        store_f16(ws.scratch, LANES * (RECORD_NORMAL + 1), ny * step)
+        store_f16(ws.scratch, LANES * (RECORD_NORMAL + 2), nz * step)
 
 
 def instance_of_records(ends: Sequence[int], ids: Sequence[int]) -> npt.NDArray[np.uint8]:
@@ -103,14 +120,16 @@ def write_images(
 
 @inlined
 def _place(width: int, u: int, v: int) -> int:
-    """Index of a pixel in memory that holds one value per pixel, tile by tile."""
-    tile = (v >> 4) * ((width + 15) >> 4) + (u >> 4)
-    return tile * 256 + (((v >> 2) & 3) * 4 + ((u >> 2) & 3)) * 16 + (v & 3) * 4 + (u & 3)
+    """Index of a pixel in memory that holds one value per pixel: tile by tile, block by block, row by row."""
+    tile = (v >> TILE_BITS) * ((width + TILE - 1) >> TILE_BITS) + (u >> TILE_BITS)
+    block = ((v >> BLOCK_BITS) & 3) * 4 + ((u >> BLOCK_BITS) & 3)
+    return tile * (TILE * TILE) + block * LANES + (v & (BLOCK - 1)) * BLOCK + (u & (BLOCK - 1))
 
 
 @inlined
 def _transmittance(ws: Workspace, place: int) -> Any:
-    return ws.tile_state[(place >> 4) * 64 + 48 + (place & 15)]
+    """Transmittance of the pixel with an index of `_place`: block place / 16, pixel place mod 16 of it."""
+    return ws.tile_state[(place >> 4) * BLOCK_STATE + STATE_TRANSMITTANCE + (place & 15)]
 
 
 @kernel
@@ -159,8 +178,8 @@ def write_normal(width: int, normals: Singles, normal: Singles) -> None:
     for v in range(normal.shape[0]):
         for u in range(width):
             place = _place(width, u, v)
-            first = (place >> 4) * 48 + (place & 15)
-            x, y, z = normals[first], normals[first + 16], normals[first + 32]
+            first = (place >> 4) * _BLOCK_NORMALS + (place & 15)
+            x, y, z = normals[first], normals[first + LANES], normals[first + 2 * LANES]
             length = math.sqrt(x * x + y * y + z * z)
             scale = np.float32(1.0) / length if length > 0.0 else np.float32(0.0)
             normal[v, u, 0], normal[v, u, 1], normal[v, u, 2] = x * scale, y * scale, z * scale

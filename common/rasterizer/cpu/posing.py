@@ -13,6 +13,8 @@ ALMOST_ROTATION = 3e-4
 def nearest_rotation(M: Any) -> Any:
     """Rotation nearest to a blend of rotations, row by row, nine values: Newton's iteration M <- (M + M^-T) / 2.
 
+    With the cofactors c of M, M^-T = c / det M: the rows of c are the cross products of the other two rows of M.
+
     It squares the distance of the singular values from 1. They are at most 1 at first and at least 1 after a step, so
     that the determinant bounds them. Four steps bring 0.5, a blend of rotations that are 120 deg apart, to 1 within
     1e-7; most blends need two.
@@ -36,6 +38,7 @@ def nearest_rotation(M: Any) -> Any:
             fms(M[0], M[4], M[1] * M[3]),
         )
         det = fma(M[0], c0, fma(M[1], c1, M[2] * c2))
+        # M / 2 + c / (2 det).
         s = 0.5 / det
         M = (
             fma(M[0], 0.5, c0 * s), fma(M[1], 0.5, c1 * s), fma(M[2], 0.5, c2 * s),

@@ -3,6 +3,9 @@
 A box is kept as two int64 numbers: the tile that holds its top left corner, and the blocks that it covers there, in the
 next tile to the right, the one below and the one right below, 16 bits each. A box that meets more than these four
 tiles has the tile `LARGE`, and its bounds, packed as in `pack_box`, instead of the blocks.
+
+Legend: bounds x0, x1, y0, y1 count blocks of 4x4 px from the image's corner, both ends included; x >> 2 is the tile's
+column, x & 3 the block's column in the tile. In the 16 bits of a tile, bit 4 * row + column stands for a block.
 """
 
 from typing import Any
@@ -54,11 +57,14 @@ def box_codes(x0: Any, x1: Any, y0: Any, y1: Any, columns: int) -> Any:
     Returns:
         First tiles, and the low and the high half of the blocks (I16 each).
     """
+    # Columns and rows from the first tile's corner to the last block; beyond 7 the box meets a third tile.
     across, down = integer_minimum(x1 - (x0 & -4), 8), integer_minimum(y1 - (y0 & -4), 8)
     first_column, first_row = 1 << (x0 & 3), 1 << (y0 & 3)
+    # Bit k: column or row k of the 8 of two tiles is covered; 2^(last + 1) - 2^first.
     column_bits, row_bits = (2 << across) - first_column, (2 << down) - first_row
     large = (column_bits | row_bits) > 255
-    # A product with the spread bits of rows repeats the bits of the columns in every row.
+    # Columns of the first tile in bits 0..3, of the one right of it in bits 16..19. A product with the spread bits of
+    # rows repeats them in every row: `low` has the upper two tiles, `high` the lower two.
     column_pair = (column_bits & 15) | ((column_bits & 240) << 12)
     low, high = column_pair * _spread(row_bits), column_pair * _spread(row_bits >> 4)
     tile = (y0 >> 2) * columns + (x0 >> 2)
@@ -74,6 +80,7 @@ def tile_blocks(x0: int, x1: int, y0: int, y1: int, tile_x: int, tile_y: int) ->
     """Which of a tile's 16 blocks lie within bounds that meet the tile; bit 4 * row + column."""
     left, right = max(x0 - 4 * tile_x, 0), min(x1 - 4 * tile_x, 3)
     top, bottom = max(y0 - 4 * tile_y, 0), min(y1 - 4 * tile_y, 3)
+    # Bits left..right of one row, repeated in the rows top..bottom: 0x1111 has the first bit of every row.
     row = ((2 << right) - 1) & ~((1 << left) - 1)
     rows = (0x1111 >> (4 * (3 - bottom))) & ~((1 << (4 * top)) - 1)
     return row * rows

@@ -1,4 +1,8 @@
-"""The camera of the CPU rasterizer and the chunks that it sees."""
+"""The camera of the CPU rasterizer and the chunks that it sees.
+
+Legend: boxes of means have bounds low, high along the axes of the camera's frame [m]; u is a tangent x / z (or y / z),
+its pixel is focal * u + centre. A half size h of a box becomes |R| h under a rotation R, entry by entry.
+"""
 
 import math
 from typing import NamedTuple
@@ -79,14 +83,17 @@ def _blocks_of_range(
     A Gaussian of radius `reach` at (u, depth z) reaches at most reach * sqrt(1 + u^2) / z from u, where u is clamped
     as in the projection.
     """
+    # Tangents of the image's borders, and the clamp of the projection.
     margin = FOV_MARGIN * 0.5 * size / focal
     u_first, u_last = -(centre + PAD_PX) / focal, (size - centre + PAD_PX) / focal
     u_limit = max(abs(u_first), abs(u_last)) + margin
+    # Beyond a border at all depths: (low - u_last z) > reach sqrt(1 + u^2), where u_last z is largest.
     widest = reach * math.sqrt(1.0 + u_limit * u_limit)
     if low - (u_last * z_high if u_last >= 0.0 else u_last * z_low) > widest:
         return 1, 0
     if (u_first * z_low if u_first >= 0.0 else u_first * z_high) - high > widest:
         return 1, 0
+    # Bounds of the tangents of the means, widened by the footprint at the nearest depth.
     u_low, u_high = _axis_range(low, high, z_low, z_high)
     u_widest = min(max(abs(u_low), abs(u_high)), u_limit)
     spread = reach * math.sqrt(1.0 + u_widest * u_widest) / z_low
@@ -167,6 +174,7 @@ def add_human_chunk(
     """Add a chunk of a human if it may be seen, sorted as nearer by up to what `lead_terms` say within its box."""
     end: int = add_if_visible(view, low, high, reach, i, n, out)
     if end > n and lead[4] > 0.0:
+        # Largest value of the linear function lead . (x, y, z, 1) in the box, at most lead[4].
         most = float(lead[3])
         for k in range(3):
             most += max(lead[k] * low[k], lead[k] * high[k])

@@ -1,29 +1,75 @@
-"""Memory of the CPU rasterizer that is reused for every image."""
+"""Memory of the CPU rasterizer that is reused for every image, and the places of what kernels keep in it.
+
+Legend of the kernels in this folder:
+
+    lane     one of the 16 numbers of a SIMD value (F16, I16, M16 of `simd.types`)
+    block    of Gaussians: 16 neighbours of a pack, one per lane; of pixels: 4x4, one per lane, row by row
+    tile     16x16 px, 4x4 blocks; bit 4 * row + column of a mask stands for a block
+    record   a projected Gaussian, `RECORD` numbers
+    key      depth bits << 32 | number of the record: as integers keys sort by depth
+    entry    a record in a tile's list, with the mask of the tile's blocks that its box touches
+    node     64 entries that follow each other; a tile's list is a chain of nodes
+    slab     a range of depths that is drawn in one go, nearest slabs first
+"""
 
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.simd.types import LANES
+
 Integers = npt.NDArray[np.int64]
 Singles = npt.NDArray[np.float32]
 
 RECORD = 16
-"""Float32 numbers per projected Gaussian, one cache line: centre x y [px]; -log2(e)/2 conic xx, -log2(e) conic xy,
--log2(e)/2 conic yy; log2 opacity; red, green, blue; depth [m]; two that are unused; normal towards the camera, if it
-was asked for; one that is unused."""
-RECORD_RED, RECORD_DEPTH, RECORD_NORMAL = 6, 9, 12
-TILE = 16
+"""Float32 numbers per projected Gaussian, one cache line; the constants below are places in it, 10, 11 and 15 unused.
+
+While 16 Gaussians are projected, row k of the scratch memory holds number k of their records, one lane each."""
+RECORD_X, RECORD_Y = 0, 1
+"""Mean in the image [px]."""
+RECORD_A, RECORD_B, RECORD_C = 2, 3, 4
+"""log2(alpha) = A dx^2 + B dx dy + C dy^2 + log2(opacity) at an offset (dx, dy) from the mean: -log2(e) / 2 times the
+entries xx, 2 xy and yy of the inverse image covariance [1/px2]."""
+RECORD_OPACITY = 5
+"""Binary logarithm of the opacity."""
+RECORD_RED, RECORD_GREEN, RECORD_BLUE = 6, 7, 8
+RECORD_DEPTH = 9
+"""Depth of the mean [m]."""
+RECORD_NORMAL = 12
+"""Normal x, y, z towards the camera in its frame, if it was asked for."""
+BOX = 2
+"""Numbers per box, see `tiles`: first tile, then blocks."""
+BITS_TILE, BITS_LOW, BITS_HIGH, BITS_DEPTH = 0, LANES, 2 * LANES, 3 * LANES
+"""Rows of `scratch_bits`: first tiles, low and high half of the blocks, depth bits."""
+DEPTH_SHIFT = 32
+"""Where a key's depth bits begin."""
+RECORD_MASK = 0xFFFFFFFF
+"""Bits of a key that hold the number of the record."""
+TILE_BITS = 4
+TILE = 1 << TILE_BITS
 """Pixels along a tile's side."""
+BLOCK_BITS = 2
+BLOCK = 1 << BLOCK_BITS
+"""Pixels along the side of a block."""
+TILE_BLOCKS = 16
+"""Blocks of a tile."""
 MAX_SIDE_PX = 4 * 65535
 """Longest side of an image: numbers of 4-px blocks take 16 bits."""
-TILE_STATE = 1024
-"""Per tile: 16 blocks of red, green, blue, transmittance, each of 4x4 px."""
-NODE = 64
+STATE_RED, STATE_GREEN, STATE_BLUE, STATE_TRANSMITTANCE = 0, LANES, 2 * LANES, 3 * LANES
+"""Rows of a block's state: 4x4 px of each."""
+BLOCK_STATE = 4 * LANES
+"""Float32 numbers of a block's state."""
+TILE_STATE = TILE_BLOCKS * BLOCK_STATE
+"""Those of a tile's."""
+NODE_BITS = 6
+NODE = 1 << NODE_BITS
 """Entries per node of the tiles' lists, one bit each of an int64."""
-DIGITS = 1 << 12
+DIGIT_BITS = 12
+DIGITS = 1 << DIGIT_BITS
 """Most values that a digit of the depth sort can have."""
 RECORDS, KEYS, LATER, LARGE_ENTRIES = 0, 1, 2, 3
+"""Places in `counts`."""
 
 
 class Workspace(NamedTuple):
@@ -33,15 +79,15 @@ class Workspace(NamedTuple):
     """Numbers of records, of keys for this slab, of keys for later slabs, and of the tiles that all boxes of more than
     2x2 tiles meet, shape (4,)."""
     records: Singles
-    """Projected Gaussians, shape (N * 16,)."""
+    """Projected Gaussians, shape (N * RECORD,)."""
     boxes: Integers
-    """First tile and blocks of their boxes (see `tiles`), shape (N * 2,)."""
+    """First tile and blocks of their boxes (see `tiles`), shape (N * BOX,)."""
     keys: Integers
-    """Depth bits and record number of what this slab draws, shape (N,)."""
+    """Keys of what this slab draws, shape (N,)."""
     sorted_keys: Integers
     """The keys of this slab sorted by depth, shape (N,)."""
     later: Integers
-    """Depth bits and record number of what lies beyond the slab, shape (N,)."""
+    """Keys of what lies beyond the slab, shape (N,)."""
     tile_place: Integers
     """Where each tile's next entry goes, and three places for entries that do not exist, shape (T + 3,)."""
     tile_alive: Integers
@@ -49,7 +95,7 @@ class Workspace(NamedTuple):
     quad_alive: Integers
     """Unfinished blocks of a tile and its neighbours, laid out as a box's blocks, shape (T,)."""
     tile_state: Singles
-    """Colour and transmittance, shape (T * 1024,)."""
+    """Colour and transmittance, shape (T * TILE_STATE,)."""
     node_next: Integers
     """The node that follows each node of a tile's list; the first T nodes begin the lists, shape (E / 64,)."""
     entry_record: npt.NDArray[np.int32]
@@ -59,11 +105,11 @@ class Workspace(NamedTuple):
     digit_places: npt.NDArray[np.int32]
     """Where the sort's next key of each digit value goes, shape (3 * 4096,)."""
     scratch: Singles
-    """A 16x16 matrix, shape (256,)."""
+    """A 16x16 matrix: the records of a block of Gaussians, number by number, shape (256,)."""
     scratch_bits: npt.NDArray[np.int32]
-    """First tiles, low and high half of the blocks, and depth bits of a block of Gaussians, shape (64,)."""
+    """Rows `BITS_TILE` to `BITS_DEPTH` of a block of Gaussians, shape (64,)."""
     scratch_records: Singles
-    """Records of a block of Gaussians, shape (256,)."""
+    """Records of a block of Gaussians, one after the other, shape (256,)."""
 
 
 class Depths(NamedTuple):
@@ -119,11 +165,11 @@ def with_room(ws: Workspace, *, records: int = 0, entries: int = 0) -> Workspace
         records: Projected Gaussians of an image.
         entries: Entries of a slab in all tiles' lists.
     """
-    if 2 * records > len(ws.boxes):
+    if BOX * records > len(ws.boxes):
         room = records + records // 4
         ws = ws._replace(
             records=_aligned(room * RECORD, np.float32),
-            boxes=_aligned(room * 2, np.int64),
+            boxes=_aligned(room * BOX, np.int64),
             keys=_aligned(room, np.int64),
             sorted_keys=_aligned(room, np.int64),
             later=_aligned(room, np.int64),

@@ -1,4 +1,8 @@
-"""Forward blending of the tiles' lists into planes: transmittance, colour, depth and any number of features."""
+"""Forward blending of the tiles' lists into planes: transmittance, colour, depth and any number of features.
+
+Formulas as in `cpu.blend`. While a tile is blended, its state is, block by block, a row of 16 pixels per plane: that of
+plane p in block k begins at (k * planes + p) * LANES.
+"""
 
 from typing import Any
 
@@ -6,9 +10,27 @@ import numpy as np
 
 from readygo.common.kernels import inlined
 from readygo.common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
-from readygo.common.rasterizer.cpu.blend import ROUNDING, fill_tiles, log2_alpha, sort_keys
+from readygo.common.rasterizer.cpu.blend import EXPONENT_BIT, ROUNDING, fill_tiles, log2_alpha, sort_keys
 from readygo.common.rasterizer.cpu.tiles import update_quads
-from readygo.common.rasterizer.cpu.workspace import NODE, RECORD, RECORD_RED, RECORDS, Workspace
+from readygo.common.rasterizer.cpu.workspace import (
+    BLOCK,
+    BLOCK_BITS,
+    NODE,
+    NODE_BITS,
+    RECORD,
+    RECORD_A,
+    RECORD_B,
+    RECORD_C,
+    RECORD_OPACITY,
+    RECORD_RED,
+    RECORD_X,
+    RECORD_Y,
+    RECORDS,
+    TILE,
+    TILE_BITS,
+    TILE_BLOCKS,
+    Workspace,
+)
 from readygo.common.rasterizer.differentiable.memory import (
     FEATURE_GROUP,
     GROUP,
@@ -24,6 +46,7 @@ from readygo.common.rasterizer.differentiable.released import released
 from readygo.common.rasterizer.differentiable.simd_rows import load_block, load_first, store_block, store_first
 from readygo.common.simd.memory import forget, load_f16, mark, peek, prefetch, store_f16, touching
 from readygo.common.simd.types import (
+    LANES,
     bit_pattern,
     float_bits,
     float_of_bits,
@@ -40,7 +63,9 @@ from readygo.common.simd.types import (
 @inlined
 def _alive_blocks(width: int, height: int, left: int, top: int) -> int:
     """Bits of a tile's 4x4 blocks that hold pixels of the image."""
-    blocks_x, blocks_y = min((width - left + 3) >> 2, 4), min((height - top + 3) >> 2, 4)
+    blocks_x = min((width - left + BLOCK - 1) >> BLOCK_BITS, 4)
+    blocks_y = min((height - top + BLOCK - 1) >> BLOCK_BITS, 4)
+    # The lowest `blocks_x` bits of a row, repeated in the lowest `blocks_y` rows of four bits.
     row = (1 << blocks_x) - 1
     return row * (0x1111 & ((1 << (4 * blocks_y)) - 1))
 
@@ -48,10 +73,10 @@ def _alive_blocks(width: int, height: int, left: int, top: int) -> int:
 @released
 def begin_planes(width: int, height: int, ws: Workspace, raster: Raster) -> None:
     """Forget the last image: black, transparent, all blocks of pixels alive."""
-    columns = (width + 15) >> 4
+    columns = (width + TILE - 1) >> TILE_BITS
     ws.counts[:] = 0
     for tile in range(len(ws.quad_alive)):
-        ws.tile_alive[tile] = _alive_blocks(width, height, (tile % columns) * 16, (tile // columns) * 16)
+        ws.tile_alive[tile] = _alive_blocks(width, height, (tile % columns) * TILE, (tile // columns) * TILE)
     size = raster.height * raster.stride
     raster.planes[:] = np.float32(0.0)
     raster.planes[TRANSMITTANCE * size : (TRANSMITTANCE + 1) * size] = np.float32(1.0)
@@ -61,15 +86,16 @@ def begin_planes(width: int, height: int, ws: Workspace, raster: Raster) -> None
 @released
 def gather_features(features: Singles, count: int, first: int, kept: Kept, ws: Workspace, raster: Raster) -> None:
     """Copy the features of the records from `first` on, `count` numbers each, and fill rows up with zeros."""
+    # Record 16 * group + lane is that of the group's Gaussian `lane`.
     stride, end = raster.feature_count, ws.counts[RECORDS] >> 4
     for group in range(first >> 4, end):
         place = group * GROUP
         for lane in range(kept.lanes[group + 1] if group + 1 < end else 0):
-            prefetch(features, float_bits(kept.groups[place + GROUP + 16 * NUMBER + lane]) * count)
+            prefetch(features, float_bits(kept.groups[place + GROUP + LANES * NUMBER + lane]) * count)
         for lane in range(kept.lanes[group]):
-            row = float_bits(kept.groups[place + 16 * NUMBER + lane]) * count
-            target = (16 * group + lane) * stride
-            for k in range(0, stride, 16):
+            row = float_bits(kept.groups[place + LANES * NUMBER + lane]) * count
+            target = (LANES * group + lane) * stride
+            for k in range(0, stride, LANES):
                 store_first(raster.features, target + k, stride - k, load_first(features, row + k, count - k))
 
 
@@ -79,13 +105,14 @@ def exp2(t: Any) -> Any:
 
     One degree more than images need: behind an alpha of 0.99, errors of transmittances are a hundred times larger.
     """
+    # As in `cpu.blend`: t = n + f, 2^t = p(f) 2^n.
     shifted = t + ROUNDING
     f = t - (shifted - ROUNDING)
     p = fma(f, 0.00956967494, 0.0559182479)
     p = fma(p, f, 0.240247667)
     p = fma(p, f, 0.693121734)
     p = fma(p, f, 0.999999236)
-    return float_of_bits(bit_pattern(p) + (bit_pattern(shifted) << 23))
+    return float_of_bits(bit_pattern(p) + (bit_pattern(shifted) << EXPONENT_BIT))
 
 
 @inlined
@@ -99,11 +126,11 @@ def _write_alphas(ws: Workspace, entry: int, touched: int, x: Any, y: Any, alpha
     while touched:
         r = np.int64(peek(ws.entry_record, entry + lowest_bit(touched))) * RECORD
         touched &= touched - 1
-        dx, dy = x - peek(records, r), y - peek(records, r + 1)
-        t = log2_alpha(dx, dy, peek(records, r + 2), peek(records, r + 3), peek(records, r + 4), peek(records, r + 5))
-        store_f16(alphas, end, t)
-        end += 16
-    for k in range(0, end, 16):
+        dx, dy = x - peek(records, r + RECORD_X), y - peek(records, r + RECORD_Y)
+        a, b, c = peek(records, r + RECORD_A), peek(records, r + RECORD_B), peek(records, r + RECORD_C)
+        store_f16(alphas, end, log2_alpha(dx, dy, a, b, c, peek(records, r + RECORD_OPACITY)))
+        end += LANES
+    for k in range(0, end, LANES):
         t = load_f16(alphas, k)
         store_f16(alphas, k, where(t >= LOG2_ALPHA_MIN, minimum(exp2(t), ALPHA_MAX), 0.0))
 
@@ -120,6 +147,7 @@ def _weigh(raster: Raster, place: int, touched: int) -> Any:
     weights, transmittance = raster.weights, load_f16(raster.state, place)
     drawing, k, kept = 0, 0, 0
     while touched:
+        # The lowest set bit.
         bit = touched & -touched
         touched ^= bit
         # Finished pixels stay as they are, even if their block continues: a difference of `TRANSMITTANCE_MIN` behind an
@@ -129,8 +157,8 @@ def _weigh(raster: Raster, place: int, touched: int) -> Any:
         store_f16(weights, kept, weight)
         is_drawn = holds_somewhere(weight > 0.0)
         drawing |= bit if is_drawn else 0
-        kept += 16 if is_drawn else 0
-        k += 16
+        kept += LANES if is_drawn else 0
+        k += LANES
     store_f16(raster.state, place, transmittance)
     return drawing, holds_somewhere(transmittance >= TRANSMITTANCE_MIN)
 
@@ -152,30 +180,30 @@ def _add_four(
         drawing: Bits of the entries.
     """
     state = raster.state
-    a, b = load_f16(state, place), load_f16(state, place + 16)
-    c, d = load_f16(state, place + 32), load_f16(state, place + 48)
+    a, b = load_f16(state, place), load_f16(state, place + LANES)
+    c, d = load_f16(state, place + 2 * LANES), load_f16(state, place + 3 * LANES)
     kept = 0
     while drawing:
         v = np.int64(peek(ws.entry_record, entry + lowest_bit(drawing))) * stride + first
         drawing &= drawing - 1
         weight = load_f16(raster.weights, kept)
-        kept += 16
+        kept += LANES
         a, b = fma(weight, peek(values, v), a), fma(weight, peek(values, v + 1), b)
         c, d = fma(weight, peek(values, v + 2), c), fma(weight, peek(values, v + 3), d)
     store_f16(state, place, a)
-    store_f16(state, place + 16, b)
-    store_f16(state, place + 32, c)
-    store_f16(state, place + 48, d)
+    store_f16(state, place + LANES, b)
+    store_f16(state, place + 2 * LANES, c)
+    store_f16(state, place + 3 * LANES, d)
 
 
 @inlined
 def _copy_tile(raster: Raster, left: int, top: int, planes: int, store: bool) -> None:
     """Copy the state of a tile's blocks from the planes, or back to them."""
     size = raster.height * raster.stride
-    for block in range(16):
-        pixel = (top + 4 * (block >> 2)) * raster.stride + left + 4 * (block & 3)
+    for block in range(TILE_BLOCKS):
+        pixel = (top + BLOCK * (block >> 2)) * raster.stride + left + BLOCK * (block & 3)
         for plane in range(planes):
-            place, p = (block * planes + plane) * 16, plane * size + pixel
+            place, p = (block * planes + plane) * LANES, plane * size + pixel
             if store:
                 store_block(raster.planes, p, raster.stride, load_f16(raster.state, place))
             else:
@@ -192,22 +220,24 @@ def blend(width: int, ws: Workspace, raster: Raster) -> None:
     every node.
     """
     fill_tiles(width, sort_keys(ws), ws)
-    columns, planes = (width + 15) >> 4, PLANES + raster.feature_count
-    lane_x, lane_y = to_float(lane_number() & 3) + 0.5, to_float(lane_number() >> 2) + 0.5
+    columns, planes = (width + TILE - 1) >> TILE_BITS, PLANES + raster.feature_count
+    # Pixel centres of a block relative to its corner.
+    lane_x, lane_y = to_float(lane_number() & (BLOCK - 1)) + 0.5, to_float(lane_number() >> BLOCK_BITS) + 0.5
     for tile in range(len(ws.quad_alive)):
         alive = ws.tile_alive[tile]
         last_place = ws.tile_place[tile]
         raster.tile_nodes[tile] = 0
         if last_place == tile * NODE or alive == 0:
             continue
-        left, top = (tile % columns) * 16, (tile // columns) * 16
+        left, top = (tile % columns) * TILE, (tile // columns) * TILE
         _copy_tile(raster, left, top, planes, False)
-        node, last, drawn = tile, last_place >> 6, 0
+        node, last, drawn = tile, last_place >> NODE_BITS, 0
         size = NODE
         while alive and size == NODE:
             if node == last:
                 size = last_place & (NODE - 1)
             entry = node * NODE
+            # A bit per entry of the node.
             valid = (1 << size) - 1 if size < NODE else -1
             if node != last:
                 node = ws.node_next[node]
@@ -223,14 +253,15 @@ def blend(width: int, ws: Workspace, raster: Raster) -> None:
                 touched = touching(ws.entry_blocks, entry, 1 << block) & valid
                 if not touched:
                     continue
-                place = block * planes * 16
+                place = block * planes * LANES
                 x, y = lane_x + (left + raster.block_x[block]), lane_y + (top + raster.block_y[block])
                 _write_alphas(ws, entry, touched, x, y, raster.weights)
                 drawing, unfinished = _weigh(raster, place, touched)
                 mark(raster.entry_drawn, entry, drawing, 1 << block)
-                _add_four(ws, raster, place + 16 * RED, ws.records, RECORD_RED, RECORD, entry, drawing)
+                # Red, green, blue, depth follow each other in the records and in the planes.
+                _add_four(ws, raster, place + LANES * RED, ws.records, RECORD_RED, RECORD, entry, drawing)
                 for k in range(0, raster.feature_count, FEATURE_GROUP):
-                    p = place + 16 * (PLANES + k)
+                    p = place + LANES * (PLANES + k)
                     _add_four(ws, raster, p, raster.features, k, raster.feature_count, entry, drawing)
                 if not unfinished:
                     alive &= ~(1 << block)
@@ -242,7 +273,7 @@ def blend(width: int, ws: Workspace, raster: Raster) -> None:
 @inlined
 def _prefetch_node(ws: Workspace, raster: Raster, node: int, last_place: int) -> None:
     """Ask for the records of a node of the tile whose list ends at `last_place`."""
-    size = last_place & (NODE - 1) if node == last_place >> 6 else NODE
+    size = last_place & (NODE - 1) if node == last_place >> NODE_BITS else NODE
     for i in range(node * NODE, node * NODE + size):
         record = np.int64(peek(ws.entry_record, i))
         prefetch(ws.records, record * RECORD)

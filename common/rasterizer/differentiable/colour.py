@@ -3,6 +3,9 @@
 The basis is that of `readygo.common.gaussians.sh_basis`, as polynomials that equal it on the unit sphere; derivatives
 are projected to the sphere's tangent plane, where the polynomials' values off the sphere do not matter.
 
+Legend: (x, y, z) unit direction from the camera, c_m + i s_m = (x + i y)^m, colour = max(sum of c_k Y_k + 0.5, 0). Row
+3 k + channel of `coefficients` is coefficient k of a channel, one lane per Gaussian; `rows` is its transpose.
+
 Source: Kerbl et al., 3D Gaussian Splatting for Real-Time Radiance Field Rendering, 2023.
 """
 
@@ -10,16 +13,25 @@ from typing import Any
 
 from readygo.common.gaussians.spherical_harmonics import SH_C0, SH_C1, SH_C2, SH_C3, SH_C20, SH_C30, SH_C31, SH_C32
 from readygo.common.kernels import inlined
-from readygo.common.rasterizer.cpu.workspace import Workspace
-from readygo.common.rasterizer.differentiable.memory import COLOURED, DERIVATIVES, GROUP, NUMBER, Cloud, Gradients, Kept
+from readygo.common.rasterizer.cpu.workspace import RECORD_RED, Workspace
+from readygo.common.rasterizer.differentiable.memory import (
+    COEFFICIENTS_MAX,
+    COLOURED,
+    DERIVATIVES,
+    GROUP,
+    NUMBER,
+    Cloud,
+    Gradients,
+    Kept,
+)
 from readygo.common.rasterizer.differentiable.simd_rows import load_first, store_first, stream_f16
 from readygo.common.simd.memory import load_f16, store_f16, store_i16, transpose
-from readygo.common.simd.types import f16, float_bits, fma, fms, i16, integer_where, lowest_bit, maximum, sqrt
+from readygo.common.simd.types import LANES, f16, float_bits, fma, fms, i16, integer_where, lowest_bit, maximum, sqrt
 
 
 @inlined
 def _coefficient(kept: Kept, k: int, channel: int) -> Any:
-    return load_f16(kept.coefficients, (3 * k + channel) * 16)
+    return load_f16(kept.coefficients, (3 * k + channel) * LANES)
 
 
 @inlined
@@ -29,13 +41,13 @@ def _load_coefficients(cloud: Cloud, group: int, drawn: int, kept: Kept) -> None
     while drawn:
         lane = lowest_bit(drawn)
         drawn &= drawn - 1
-        start = float_bits(kept.groups[group * GROUP + 16 * NUMBER + lane]) * cloud.sh_stride
-        for j in range(0, count, 16):
-            whole = count - j >= 16
+        start = float_bits(kept.groups[group * GROUP + LANES * NUMBER + lane]) * cloud.sh_stride
+        for j in range(0, count, LANES):
+            whole = count - j >= LANES
             value = load_f16(cloud.sh, start + j) if whole else load_first(cloud.sh, start + j, count - j)
-            store_f16(kept.rows, 48 * lane + j, value)
-    for j in range(0, count, 16):
-        transpose(kept.rows, j, 48, kept.coefficients, 16 * j, 16)
+            store_f16(kept.rows, COEFFICIENTS_MAX * lane + j, value)
+    for j in range(0, count, LANES):
+        transpose(kept.rows, j, COEFFICIENTS_MAX, kept.coefficients, LANES * j, LANES)
 
 
 @inlined
@@ -43,23 +55,25 @@ def colour_group(cloud: Cloud, group: int, drawn: int, keep: bool, kept: Kept, w
     """Write the colours of a group to the scratch memory, and their derivatives to the group if asked."""
     if cloud.sh_count == 0:
         for channel in range(3):
-            store_f16(ws.scratch, 96 + 16 * channel, f16(0.0))
+            store_f16(ws.scratch, LANES * (RECORD_RED + channel), f16(0.0))
         return
     _load_coefficients(cloud, group, drawn, kept)
     place = group * GROUP
-    dx, dy, dz = load_f16(kept.groups, place), load_f16(kept.groups, place + 16), load_f16(kept.groups, place + 32)
+    # The group begins with the offset from the camera.
+    dx, dy = load_f16(kept.groups, place), load_f16(kept.groups, place + LANES)
+    dz = load_f16(kept.groups, place + 2 * LANES)
     inverse = 1.0 / sqrt(fma(dx, dx, fma(dy, dy, dz * dz)))
     x, y, z = dx * inverse, dy * inverse, dz * inverse
     coloured = i16(0)
     for channel in range(3):
         value = _value(kept, channel, cloud.sh_count, x, y, z)
-        store_f16(ws.scratch, 96 + 16 * channel, value)
+        store_f16(ws.scratch, LANES * (RECORD_RED + channel), value)
         coloured = coloured | integer_where(value > 0.0, 1 << channel, 0)
     if keep:
-        store_i16(kept.groups, place + 16 * COLOURED, coloured)
+        store_i16(kept.groups, place + LANES * COLOURED, coloured)
         if cloud.sh_count > 1:
             for channel in range(3):
-                target = place + 16 * (DERIVATIVES + 3 * channel)
+                target = place + LANES * (DERIVATIVES + 3 * channel)
                 _write_derivative(kept, channel, cloud.sh_count, x, y, z, inverse, target)
 
 
@@ -94,7 +108,11 @@ def _value(kept: Kept, channel: int, count: int, x: Any, y: Any, z: Any) -> Any:
 
 @inlined
 def _write_derivative(kept: Kept, channel: int, count: int, x: Any, y: Any, z: Any, inverse: Any, place: int) -> None:
-    """Derivatives of one channel by the offset from the camera, whose inverse length is `inverse`, to `place`."""
+    """Derivatives of one channel by the offset from the camera, whose inverse length is `inverse`, to `place`.
+
+    j is the gradient of the polynomial sum of c_k Y_k at the unit direction n = (x, y, z). As n = offset / |offset|,
+    the derivatives by the offset are (j - (j . n) n) / |offset|.
+    """
     jx = _coefficient(kept, 3, channel) * -SH_C1
     jy = _coefficient(kept, 1, channel) * -SH_C1
     jz = _coefficient(kept, 2, channel) * SH_C1
@@ -119,15 +137,16 @@ def _write_derivative(kept: Kept, channel: int, count: int, x: Any, y: Any, z: A
             jz = fma(k12, fma(zz, 15.0 * SH_C30, -3.0 * SH_C30), jz)
     along = fma(jx, x, fma(jy, y, jz * z))
     store_f16(kept.groups, place, (jx - along * x) * inverse)
-    store_f16(kept.groups, place + 16, (jy - along * y) * inverse)
-    store_f16(kept.groups, place + 32, (jz - along * z) * inverse)
+    store_f16(kept.groups, place + LANES, (jy - along * y) * inverse)
+    store_f16(kept.groups, place + 2 * LANES, (jz - along * z) * inverse)
 
 
 @inlined
 def _put(kept: Kept, k: int, basis: Any, g: Any) -> None:
-    store_f16(kept.coefficients, 48 * k, basis * g[0])
-    store_f16(kept.coefficients, 48 * k + 16, basis * g[1])
-    store_f16(kept.coefficients, 48 * k + 32, basis * g[2])
+    """Derivatives by coefficient k of the three channels: Y_k times those by the colour."""
+    store_f16(kept.coefficients, 3 * LANES * k, basis * g[0])
+    store_f16(kept.coefficients, 3 * LANES * k + LANES, basis * g[1])
+    store_f16(kept.coefficients, 3 * LANES * k + 2 * LANES, basis * g[2])
 
 
 @inlined
@@ -172,17 +191,18 @@ def write_coefficient_gradients(
             _put(kept, 14, z * c1 * SH_C32, g)
             _put(kept, 15, c2 * -SH_C3, g)
     count = 3 * cloud.sh_count
-    for j in range(0, count, 16):
-        transpose(kept.coefficients, 16 * j, 16, kept.rows, j, 48)
+    for j in range(0, count, LANES):
+        transpose(kept.coefficients, LANES * j, LANES, kept.rows, j, COEFFICIENTS_MAX)
     while weighty:
         lane = lowest_bit(weighty)
         weighty &= weighty - 1
-        number = float_bits(kept.groups[group * GROUP + 16 * NUMBER + lane])
+        number = float_bits(kept.groups[group * GROUP + LANES * NUMBER + lane])
         start = (number if dense else row) * cloud.sh_stride
         row += 1
-        for j in range(0, count, 16):
-            value = load_f16(kept.rows, 48 * lane + j)
-            if cloud.sh_stride == 48 and count - j >= 16:
+        for j in range(0, count, LANES):
+            value = load_f16(kept.rows, COEFFICIENTS_MAX * lane + j)
+            # Rows of 48 begin on a cache line.
+            if cloud.sh_stride == COEFFICIENTS_MAX and count - j >= LANES:
                 stream_f16(out.sh, start + j, value)
             else:
                 store_first(out.sh, start + j, count - j, value)

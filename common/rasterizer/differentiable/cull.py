@@ -1,4 +1,9 @@
-"""Which chunks and which blocks of 16 Gaussians may touch the image."""
+"""Which chunks and which blocks of 16 Gaussians may touch the image.
+
+Legend: p = (x, y, z) means in the camera's frame [m]; `reach` how far their footprints go along both image axes, times
+depth [px m]; a footprint covers the columns fx x / z + cx +- (reach / z + PAD_PX). `bounds` has five rows of 16 lanes,
+each a smallest value so far: depth, left, -right, top, -bottom of the footprints, the borders [px] from (cx, cy).
+"""
 
 import math
 from typing import Any
@@ -10,18 +15,24 @@ from readygo.common.rasterizer.constants import ALPHA_MIN, NEAR_M
 from readygo.common.rasterizer.cpu.optics import Optics, optics_of, rotation_rows
 from readygo.common.rasterizer.cpu.tiles import pack_box
 from readygo.common.rasterizer.cpu.view import PAD_PX, PinholeView
+from readygo.common.rasterizer.cpu.workspace import BLOCK_BITS
 from readygo.common.rasterizer.differentiable.ewa import to_camera
 from readygo.common.rasterizer.differentiable.memory import CHUNK, Chunks, Cloud, Singles
 from readygo.common.rasterizer.differentiable.released import released
 from readygo.common.rasterizer.differentiable.simd_rows import columns_of_three, load_first
 from readygo.common.simd.memory import load_f16, poke, prefetch, store_f16
-from readygo.common.simd.types import f16, fma, lane_number, mask_bits, maximum, minimum, where
+from readygo.common.simd.types import LANES, f16, fma, lane_number, mask_bits, maximum, minimum, where
 
 REACH = math.sqrt(2.0 * math.log(1.0 / ALPHA_MIN))
 """Standard deviations beyond which an opaque Gaussian is not drawn."""
+BLOCKS = CHUNK // LANES
+"""Blocks of 16 Gaussians per chunk."""
 AHEAD = 512
 """Gaussians for which memory is asked in advance."""
 FAR = np.float32(3e38)
+"""Bounds at first."""
+NEAREST, LEFT, RIGHT, TOP, BOTTOM = 0, 1, 2, 3, 4
+"""Rows of the bounds."""
 
 
 @inlined
@@ -37,8 +48,8 @@ def offsets_from_camera(view: PinholeView, cloud: Cloud, first: int, left: int) 
     """World coordinates of the Gaussians first..first+15 relative to the camera; 0 from the `left`-th on."""
     p = columns_of_three(
         load_first(cloud.means_m, 3 * first, 3 * left),
-        load_first(cloud.means_m, 3 * first + 16, 3 * left - 16),
-        load_first(cloud.means_m, 3 * first + 32, 3 * left - 32),
+        load_first(cloud.means_m, 3 * first + LANES, 3 * left - LANES),
+        load_first(cloud.means_m, 3 * first + 2 * LANES, 3 * left - 2 * LANES),
     )
     return from_camera(view, 0, p[0]), from_camera(view, 1, p[1]), from_camera(view, 2, p[2])
 
@@ -48,8 +59,8 @@ def scales_at(cloud: Cloud, first: int, left: int) -> Any:
     """Scales of the Gaussians first..first+15."""
     return columns_of_three(
         load_first(cloud.scales_m, 3 * first, 3 * left),
-        load_first(cloud.scales_m, 3 * first + 16, 3 * left - 16),
-        load_first(cloud.scales_m, 3 * first + 32, 3 * left - 32),
+        load_first(cloud.scales_m, 3 * first + LANES, 3 * left - LANES),
+        load_first(cloud.scales_m, 3 * first + 2 * LANES, 3 * left - 2 * LANES),
     )
 
 
@@ -68,6 +79,7 @@ def footprint_reach(optics: Optics, s: Any) -> Any:
 def in_view(optics: Optics, p: Any, reach: Any, opacity: Any, left: int) -> Any:
     """Lanes whose footprints may meet the image; camera coordinates `p`."""
     x, y = p[0] * optics.fx, p[1] * optics.fy
+    # Times z, so that nothing is divided: z (cx + PAD_PX) + fx x + reach >= 0 at the left border, and so on.
     return (
         (p[2] > NEAR_M)
         & (lane_number() < left)
@@ -81,22 +93,23 @@ def in_view(optics: Optics, p: Any, reach: Any, opacity: Any, left: int) -> Any:
 
 @inlined
 def _begin_bounds(bounds: Singles) -> None:
-    for k in range(5):
-        store_f16(bounds, 16 * k, f16(FAR))
+    for k in range(BOTTOM + 1):
+        store_f16(bounds, LANES * k, f16(FAR))
 
 
 @inlined
 def _widen(bounds: Singles, k: int, seen: Any, value: Any) -> None:
     """Lower the k-th bound to `value` in the lanes that are seen."""
-    old = load_f16(bounds, 16 * k)
-    store_f16(bounds, 16 * k, where(seen, minimum(value, old), old))
+    old = load_f16(bounds, LANES * k)
+    store_f16(bounds, LANES * k, where(seen, minimum(value, old), old))
 
 
 @inlined
 def _bound(bounds: Singles, k: int) -> float:
-    low: float = bounds[16 * k]
-    for lane in range(1, 16):
-        low = min(low, bounds[16 * k + lane])
+    """The smallest lane of the k-th bound."""
+    low: float = bounds[LANES * k]
+    for lane in range(1, LANES):
+        low = min(low, bounds[LANES * k + lane])
     return low
 
 
@@ -104,7 +117,7 @@ def _bound(bounds: Singles, k: int) -> float:
 def _bound_block(view: PinholeView, optics: Optics, R: Any, cloud: Cloud, first: int, bounds: Singles) -> int:
     """Widen the bounds by a block of 16 Gaussians; the lanes that may touch the image."""
     left = len(cloud.opacities) - first
-    for k in range(0, 48, 16):
+    for k in range(0, 3 * LANES, LANES):
         prefetch(cloud.means_m, 3 * (first + AHEAD) + k)
         prefetch(cloud.scales_m, 3 * (first + AHEAD) + k)
     prefetch(cloud.opacities, first + AHEAD)
@@ -117,18 +130,18 @@ def _bound_block(view: PinholeView, optics: Optics, R: Any, cloud: Cloud, first:
     if bits:
         inverse_z = 1.0 / p[2]
         x, y = p[0] * inverse_z * optics.fx, p[1] * inverse_z * optics.fy
-        _widen(bounds, 0, seen, p[2])
-        _widen(bounds, 1, seen, x - reach[0] * inverse_z)
-        _widen(bounds, 2, seen, 0.0 - (x + reach[0] * inverse_z))
-        _widen(bounds, 3, seen, y - reach[1] * inverse_z)
-        _widen(bounds, 4, seen, 0.0 - (y + reach[1] * inverse_z))
+        _widen(bounds, NEAREST, seen, p[2])
+        _widen(bounds, LEFT, seen, x - reach[0] * inverse_z)
+        _widen(bounds, RIGHT, seen, 0.0 - (x + reach[0] * inverse_z))
+        _widen(bounds, TOP, seen, y - reach[1] * inverse_z)
+        _widen(bounds, BOTTOM, seen, 0.0 - (y + reach[1] * inverse_z))
     return bits
 
 
 @inlined
 def _to_block(pixel: float, last: float) -> int:
     """Number of the 4-px block that holds a pixel coordinate, moved into the image."""
-    return int(min(max(pixel, 0.0), last)) >> 2
+    return int(min(max(pixel, 0.0), last)) >> BLOCK_BITS
 
 
 @released
@@ -147,19 +160,19 @@ def bound_chunks(view: PinholeView, cloud: Cloud, bounds: Singles, out: Chunks) 
     for start in range(0, count, CHUNK):
         some = 0
         _begin_bounds(bounds)
-        for block in range(CHUNK >> 4):
-            left = count - start - 16 * block
-            lanes = _bound_block(view, optics, R, cloud, start + 16 * block, bounds) if left > 0 else 0
-            poke(out.lanes, 16 * n + block, lanes)
+        for block in range(BLOCKS):
+            left = count - start - LANES * block
+            lanes = _bound_block(view, optics, R, cloud, start + LANES * block, bounds) if left > 0 else 0
+            poke(out.lanes, BLOCKS * n + block, lanes)
             some |= lanes
         if some == 0:
             continue
-        x0 = _to_block(optics.cx + _bound(bounds, 1) - PAD_PX, optics.x_last)
-        x1 = _to_block(optics.cx - _bound(bounds, 2) + PAD_PX, optics.x_last)
-        y0 = _to_block(optics.cy + _bound(bounds, 3) - PAD_PX, optics.y_last)
-        y1 = _to_block(optics.cy - _bound(bounds, 4) + PAD_PX, optics.y_last)
+        x0 = _to_block(optics.cx + _bound(bounds, LEFT) - PAD_PX, optics.x_last)
+        x1 = _to_block(optics.cx - _bound(bounds, RIGHT) + PAD_PX, optics.x_last)
+        y0 = _to_block(optics.cy + _bound(bounds, TOP) - PAD_PX, optics.y_last)
+        y1 = _to_block(optics.cy - _bound(bounds, BOTTOM) + PAD_PX, optics.y_last)
         out.number[n] = start // CHUNK
-        out.depth_m[n] = _bound(bounds, 0)
+        out.depth_m[n] = _bound(bounds, NEAREST)
         out.box[n] = pack_box(x0, x1, y0, y1)
         out.group_count[n] = 0
         n += 1

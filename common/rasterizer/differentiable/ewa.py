@@ -1,4 +1,9 @@
-"""Where a camera maps sixteen Gaussians."""
+"""Where a camera maps sixteen Gaussians.
+
+Legend: R = R_CW and Q, the rotation of a Gaussian, row by row, nine values; d = mean - camera centre in the world [m];
+(uc, vc) tangents at which the projection is linearised. The image covariance is A A^T + `DILATION_PX2` I with the image
+axes A = diag(fx / z, fy / z) E Q diag(scales), E = [[1, 0, -uc], [0, 1, -vc]] R; see `project_gradients`.
+"""
 
 from typing import Any
 
@@ -20,6 +25,7 @@ def to_camera(R: Any, d: Any) -> Any:
 @inlined
 def quaternion_matrix(w: Any, x: Any, y: Any, z: Any) -> Any:
     """Rotation matrices of quaternions that need not be of length 1, row by row."""
+    # R = I + 2 / |q|^2 (w [v]x + v v^T - |v|^2 I), v = (x, y, z).
     twice = 2.0 / fma(w, w, fma(x, x, fma(y, y, z * z)))
     wt, xt, yt, zt = w * twice, x * twice, y * twice, z * twice
     return (

@@ -1,4 +1,13 @@
-"""What the kernels of the differentiable rasterizer read and write, apart from the common workspace."""
+"""What the kernels of the differentiable rasterizer read and write, apart from the common workspace.
+
+Legend of the kernels in this folder, besides that of `cpu.workspace`:
+
+    group            up to 16 Gaussians of one chunk that were projected together, one per lane; `GROUP_ROWS` rows
+    plane            an image of one number per pixel
+    slope            derivative of the loss by a pixel's number in a plane
+    gradient record  derivatives of the loss by what a record holds, summed over its pixels
+    drawn, weighty   bits of the lanes that are drawn, and that have weight in the image
+"""
 
 from typing import Any, NamedTuple
 
@@ -6,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.rasterizer.differentiable.partial_sums import place_of
+from readygo.common.simd.types import LANES
 
 Singles = npt.NDArray[np.float32]
 Float64s = npt.NDArray[np.float64]
@@ -17,9 +27,9 @@ GROUP_ROWS = 23
 """What is kept of 16 Gaussians: offset from the camera (3), quaternion (4), scales (3), opacity, number, then
 derivatives of red, green, blue by the offset (9), which of them are not black (bits), the larger half side of the box
 [px], 0 where nothing is drawn."""
-QUATERNION, SCALES, OPACITY, NUMBER, DERIVATIVES, COLOURED, RADIUS = 3, 7, 10, 11, 12, 21, 22
+OFFSET, QUATERNION, SCALES, OPACITY, NUMBER, DERIVATIVES, COLOURED, RADIUS = 0, 3, 7, 10, 11, 12, 21, 22
 """Rows of a group."""
-GROUP = GROUP_ROWS * 16
+GROUP = GROUP_ROWS * LANES
 """Numbers per group of 16 Gaussians."""
 TRANSMITTANCE, RED, DEPTH, PLANES = 0, 1, 4, 5
 """Planes of an image: transmittance, red, green, blue, depth times weight, and then the features."""
@@ -27,11 +37,15 @@ MOMENTS, WEIGHT, CHANNELS, FEATURES = (
     tuple(map(place_of, range(6))),
     place_of(6),
     tuple(map(place_of, range(7, 11))),
-    16,
+    LANES,
 )
 """Places in a gradient record: six moments, the sum of weights, red, green, blue and depth, and where features begin.
 Behind these are the absolute derivatives by the projected mean, if asked for. The other places below `FEATURES` hold
 nothing of use."""
+RED_CHANNEL, GREEN_CHANNEL, BLUE_CHANNEL, DEPTH_CHANNEL = 0, 1, 2, 3
+"""Places in `CHANNELS`."""
+COEFFICIENTS_MAX = 48
+"""SH coefficients of a Gaussian at most: 16 of three colours."""
 FEATURE_GROUP = 4
 """Features are handled in groups of this many; the last group is filled up with zeros."""
 

@@ -7,6 +7,10 @@ With v = dL / d ln(alpha) of a pixel at offset (dx, dy) from the projected mean,
 v, v dx, v dy, v dx^2, v dx dy, v dy^2 over its pixels:
 
     dL / d ln(opacity) = m0,  dL / d mean_px = K (m1, m2),  dL / d covariance = K M K / 2,  M = [[m3, m4], [m4, m5]].
+
+These follow from ln(alpha) = ln(opacity) - (dx, dy) K (dx, dy)^T / 2 and dK = -K d(covariance) K. In the code, p = K M
+and W = K M K is (wxx, wxy, wyy); g stands for derivatives: ga and gb by a and b, g_u and g_v by the tangents of the
+mean, g_uc and g_vc by the clamped ones, e by the rows of E, row by row.
 """
 
 from typing import Any
@@ -25,12 +29,21 @@ from readygo.common.rasterizer.differentiable.ewa import (
     to_camera,
 )
 from readygo.common.rasterizer.differentiable.memory import (
+    BLUE_CHANNEL,
     CHANNELS,
     COLOURED,
+    DEPTH_CHANNEL,
+    DERIVATIVES,
     FEATURES,
+    GREEN_CHANNEL,
     GROUP,
     MOMENTS,
     NUMBER,
+    OFFSET,
+    OPACITY,
+    QUATERNION,
+    RED_CHANNEL,
+    SCALES,
     WEIGHT,
     Chunks,
     Cloud,
@@ -42,6 +55,7 @@ from readygo.common.rasterizer.differentiable.released import released
 from readygo.common.rasterizer.differentiable.simd_rows import rows_of_four, rows_of_three, store_first
 from readygo.common.simd.memory import compress, load_f16, load_i16, prefetch, store_f16, transpose
 from readygo.common.simd.types import (
+    LANES,
     bit_pattern,
     count_bits,
     f16,
@@ -57,22 +71,48 @@ from readygo.common.simd.types import (
     where,
 )
 
+POSE_NUMBERS = 12
+"""Rows of the derivatives by the pose: R_CW row by row, then the camera centre."""
+
 
 @inlined
 def _row(kept: Kept, group: int, row: int) -> Any:
-    return load_f16(kept.groups, group * GROUP + 16 * row)
+    """A row of a group, see `GROUP_ROWS`."""
+    return load_f16(kept.groups, group * GROUP + LANES * row)
+
+
+@inlined
+def _offset(kept: Kept, group: int) -> Any:
+    """The offsets d of a group's means from the camera, in the world's axes [m]."""
+    return _row(kept, group, OFFSET), _row(kept, group, OFFSET + 1), _row(kept, group, OFFSET + 2)
 
 
 @inlined
 def _moment(out: Gradients, number: int) -> Any:
-    return load_f16(out.sums, MOMENTS[number] * 16)
+    """A moment of a group's gradient records."""
+    return load_f16(out.sums, MOMENTS[number] * LANES)
+
+
+@inlined
+def _channel(out: Gradients, number: int) -> Any:
+    """Derivatives by red, green, blue or depth of a group's records."""
+    return load_f16(out.sums, CHANNELS[number] * LANES)
 
 
 @inlined
 def _quaternion_gradient(q: Any, G: Any) -> Any:
-    """Derivatives by quaternions of any length of a loss whose derivatives by their rotations are G, row by row."""
+    """Derivatives by quaternions of any length of a loss whose derivatives by their rotations are G, row by row.
+
+    The rotation of the unit quaternion (w, v) is I + 2 (w [v]x + v v^T - |v|^2 I). Half its derivatives, with n the
+    vector of G - G^T and p_ij = G_ij + G_ji:
+
+        by w: v . n,   by v_i: sum over j != i of p_ij v_j - 2 v_i (trace G - G_ii) + w n_i.
+
+    Those by the given quaternion are projected to the tangent of the sphere, over its length.
+    """
     inverse = 1.0 / sqrt(fma(q[0], q[0], fma(q[1], q[1], fma(q[2], q[2], q[3] * q[3]))))
     w, x, y, z = q[0] * inverse, q[1] * inverse, q[2] * inverse, q[3] * inverse
+    # n = vector of G - G^T; p_ij = G_ij + G_ji.
     n0, n1, n2 = G[7] - G[5], G[2] - G[6], G[3] - G[1]
     p01, p02, p12 = G[1] + G[3], G[2] + G[6], G[5] + G[7]
     gw = fma(x, n0, fma(y, n1, z * n2))
@@ -86,12 +126,16 @@ def _quaternion_gradient(q: Any, G: Any) -> Any:
 
 @inlined
 def _add_pose(k: int, drawn: Any, value: Any, out: Gradients) -> None:
-    store_f16(out.pose, k * 16, load_f16(out.pose, k * 16) + where(drawn, value, 0.0))
+    """Add the drawn lanes of a value to those of number `k` of the pose."""
+    store_f16(out.pose, k * LANES, load_f16(out.pose, k * LANES) + where(drawn, value, 0.0))
 
 
 @inlined
 def _add_poses(drawn: Any, d: Any, g: Any, G: Any, w: Any, out: Gradients) -> None:
-    """Add derivatives by R_CW, of which `G` holds what the covariances give, and by the camera centre."""
+    """Add derivatives by R_CW, of which `G` holds what the covariances give, and by the camera centre.
+
+    (x, y, z) = R d gives g d^T to R, with g the derivatives by (x, y, z); d = mean - centre gives -w to the centre.
+    """
     _add_pose(0, drawn, fma(g[0], d[0], G[0]), out)
     _add_pose(1, drawn, fma(g[0], d[1], G[1]), out)
     _add_pose(2, drawn, fma(g[0], d[2], G[2]), out)
@@ -113,9 +157,9 @@ def _copy_features(group: int, row: int, weighty: int, out: Gradients) -> None:
     while weighty:
         lane = lowest_bit(weighty)
         weighty &= weighty - 1
-        source, target = (16 * group + lane) * out.record_size, row * size
+        source, target = (LANES * group + lane) * out.record_size, row * size
         row += 1
-        for k in range(0, size, 16):
+        for k in range(0, size, LANES):
             store_first(out.features, target + k, size - k, load_f16(out.records, source + FEATURES + k))
 
 
@@ -127,24 +171,26 @@ def _packed(lanes: Any, value: Any) -> Any:
 
 @inlined
 def _write_rows_of_three(rows: Singles, row: int, lanes: Any, a: Any, b: Any, c: Any) -> None:
+    """Write the columns (a, b, c) of the lanes of a mask as rows of three, from `row` on."""
     r0, r1, r2 = rows_of_three(_packed(lanes, a), _packed(lanes, b), _packed(lanes, c))
     store_f16(rows, 3 * row, r0)
-    store_f16(rows, 3 * row + 16, r1)
-    store_f16(rows, 3 * row + 32, r2)
+    store_f16(rows, 3 * row + LANES, r1)
+    store_f16(rows, 3 * row + 2 * LANES, r2)
 
 
 @inlined
 def _ask_for(group: int, kept: Kept, out: Gradients) -> None:
-    for k in range(0, GROUP, 16):
+    """Ask the cache for a group and its gradient records."""
+    for k in range(0, GROUP, LANES):
         prefetch(kept.groups, group * GROUP + k)
-    for lane in range(16):
-        prefetch(out.records, (16 * group + lane) * out.record_size)
+    for lane in range(LANES):
+        prefetch(out.records, (LANES * group + lane) * out.record_size)
 
 
 @inlined
 def _gradient_rows(group: int, out: Gradients) -> None:
     """Bring the first 16 numbers of a group's gradient records to one row each."""
-    transpose(out.records, 16 * group * out.record_size, out.record_size, out.sums, 0, 16)
+    transpose(out.records, LANES * group * out.record_size, out.record_size, out.sums, 0, LANES)
 
 
 @inlined
@@ -155,34 +201,44 @@ def _shape_gradients(
 
     Also returned: what the covariances add to the derivatives by R_CW, row by row.
     """
-    d = (_row(kept, group, 0), _row(kept, group, 1), _row(kept, group, 2))
-    x, y, z = to_camera(R, d)
+    # The forward pass once more, as in `project`.
+    x, y, z = to_camera(R, _offset(kept, group))
     inverse_z = 1.0 / z
     u, v = x * inverse_z, y * inverse_z
     uc, vc = clamped(optics, u, v)
-    q = (_row(kept, group, 3), _row(kept, group, 4), _row(kept, group, 5), _row(kept, group, 6))
+    q = (
+        _row(kept, group, QUATERNION),
+        _row(kept, group, QUATERNION + 1),
+        _row(kept, group, QUATERNION + 2),
+        _row(kept, group, QUATERNION + 3),
+    )
     Q = quaternion_matrix(q[0], q[1], q[2], q[3])
     E = image_rows(R, uc, vc)
     A = image_axes(E, Q)
     du, dv = inverse_z * optics.fx, inverse_z * optics.fy
-    s0, s1, s2 = _row(kept, group, 7), _row(kept, group, 8), _row(kept, group, 9)
+    s0, s1, s2 = _row(kept, group, SCALES), _row(kept, group, SCALES + 1), _row(kept, group, SCALES + 2)
     su0, su1, su2, sv0, sv1, sv2 = s0 * du, s1 * du, s2 * du, s0 * dv, s1 * dv, s2 * dv
     a = (A[0] * su0, A[1] * su1, A[2] * su2)
     b = (A[3] * sv0, A[4] * sv1, A[5] * sv2)
     sxx, sxy, syy, det = image_covariance(a, b)
+    # K, the inverse covariance.
     scale = 1.0 / det
     kxx, kxy, kyy = syy * scale, fnma(sxy, scale, f16(0.0)), sxx * scale
     m0, m1, m2 = _moment(out, 0), _moment(out, 1), _moment(out, 2)
     m3, m4, m5 = _moment(out, 3), _moment(out, 4), _moment(out, 5)
-    store_f16(out.opacities, row, _packed(lanes, m0 / _row(kept, group, 10)))
+    # dL / d opacity = m0 / opacity, dL / d mean_px = K (m1, m2).
+    store_f16(out.opacities, row, _packed(lanes, m0 / _row(kept, group, OPACITY)))
     gx, gy = fma(kxx, m1, kxy * m2), fma(kxy, m1, kyy * m2)
     store_f16(out.means_px, first, where(lanes, gx, 0.0))
     store_f16(out.means_px, out.stride + first, where(lanes, gy, 0.0))
+    # W = K M K, twice the derivatives by the covariance.
     p00, p01 = fma(kxx, m3, kxy * m4), fma(kxy, m3, kyy * m4)
     p10, p11 = fma(kxx, m4, kxy * m5), fma(kxy, m4, kyy * m5)
     wxx, wxy, wyy = fma(p00, kxx, p10 * kxy), fma(p00, kxy, p10 * kyy), fma(p01, kxy, p11 * kyy)
+    # covariance = sum of (a_k, b_k)^T (a_k, b_k): dL / d(a_k, b_k) = W (a_k, b_k).
     ga0, ga1, ga2 = fma(wxx, a[0], wxy * b[0]), fma(wxx, a[1], wxy * b[1]), fma(wxx, a[2], wxy * b[2])
     gb0, gb1, gb2 = fma(wxy, a[0], wyy * b[0]), fma(wxy, a[1], wyy * b[1]), fma(wxy, a[2], wyy * b[2])
+    # a_k = A_0k s_k du, b_k = A_1k s_k dv: by s_k, and below by A, which is E Q: g = (g0 g1 g2; g3 g4 g5).
     _write_rows_of_three(
         out.scales_m,
         row,
@@ -194,6 +250,7 @@ def _shape_gradients(
     # By ln(fx / z) and ln(fy / z), both of which move with -ln(z).
     g_zoom = fma(ga0, a[0], fma(ga1, a[1], ga2 * a[2])) + fma(gb0, b[0], fma(gb1, b[1], gb2 * b[2]))
     g0, g1, g2, g3, g4, g5 = ga0 * su0, ga1 * su1, ga2 * su2, gb0 * sv0, gb1 * sv1, gb2 * sv2
+    # By Q: E^T g; its columns are those of g.
     w0, w1, w2, w3 = _quaternion_gradient(
         q,
         (
@@ -204,9 +261,10 @@ def _shape_gradients(
     )  # fmt: skip
     h0, h1, h2, h3 = rows_of_four(_packed(lanes, w0), _packed(lanes, w1), _packed(lanes, w2), _packed(lanes, w3))
     store_f16(out.quats_wxyz, 4 * row, h0)
-    store_f16(out.quats_wxyz, 4 * row + 16, h1)
-    store_f16(out.quats_wxyz, 4 * row + 32, h2)
-    store_f16(out.quats_wxyz, 4 * row + 48, h3)
+    store_f16(out.quats_wxyz, 4 * row + LANES, h1)
+    store_f16(out.quats_wxyz, 4 * row + 2 * LANES, h2)
+    store_f16(out.quats_wxyz, 4 * row + 3 * LANES, h3)
+    # By E: g Q^T.
     e0, e1, e2 = (
         fma(Q[0], g0, fma(Q[1], g1, Q[2] * g2)),
         fma(Q[3], g0, fma(Q[4], g1, Q[5] * g2)),
@@ -217,13 +275,17 @@ def _shape_gradients(
         fma(Q[3], g3, fma(Q[4], g4, Q[5] * g5)),
         fma(Q[6], g3, fma(Q[7], g4, Q[8] * g5)),
     )
+    # E_0 = R_0 - uc R_2 and E_1 = R_1 - vc R_2: dL / duc = -(e0 e1 e2) . R_2, here without the sign, and so for vc.
     g_uc, g_vc = fma(e0, R[6], fma(e1, R[7], e2 * R[8])), fma(e3, R[6], fma(e4, R[7], e5 * R[8]))
     # A clamped tangent does not move with the mean.
     inside_u, inside_v = (u > optics.u_low) & (u < optics.u_high), (v > optics.v_low) & (v < optics.v_high)
+    # mean_px = (fx u + cx, fy v + cy).
     g_u = fma(gx, optics.fx, where(inside_u, 0.0 - g_uc, 0.0))
     g_v = fma(gy, optics.fy, where(inside_v, 0.0 - g_vc, 0.0))
-    g_depth = load_f16(out.sums, CHANNELS[3] * 16)
+    # u = x / z: dL / dx = g_u / z, dL / dz = -(g_u u + g_v v + g_zoom) / z and what the depth's plane gives.
+    g_depth = _channel(out, DEPTH_CHANNEL)
     g_z = fnma(fma(g_u, u, fma(g_v, v, g_zoom)), inverse_z, g_depth)
+    # By R through E: e for the first two rows, -(uc e_0 + vc e_1) for the third.
     t0, t1, t2 = fma(uc, e0, vc * e3), fma(uc, e1, vc * e4), fma(uc, e2, vc * e5)
     zero = f16(0.0)
     return (g_u * inverse_z, g_v * inverse_z, g_z), (e0, e1, e2, e3, e4, e5, zero - t0, zero - t1, zero - t2)
@@ -235,31 +297,43 @@ def _colour_gradients(cloud: Cloud, group: int, row: int, weighty: int, dense: b
     zero = f16(0.0)
     if cloud.sh_count == 0:
         return zero, zero, zero
-    coloured = load_i16(kept.groups, group * GROUP + 16 * COLOURED)
+    # Black is cut off at 0, where nothing moves it: bits 0, 1 and 2 say which channels are not.
+    coloured = load_i16(kept.groups, group * GROUP + LANES * COLOURED)
     g = (
-        where(has_bit(coloured, 1), load_f16(out.sums, CHANNELS[0] * 16), 0.0),
-        where(has_bit(coloured, 2), load_f16(out.sums, CHANNELS[1] * 16), 0.0),
-        where(has_bit(coloured, 4), load_f16(out.sums, CHANNELS[2] * 16), 0.0),
+        where(has_bit(coloured, 1), _channel(out, RED_CHANNEL), 0.0),
+        where(has_bit(coloured, 2), _channel(out, GREEN_CHANNEL), 0.0),
+        where(has_bit(coloured, 4), _channel(out, BLUE_CHANNEL), 0.0),
     )
-    d = (_row(kept, group, 0), _row(kept, group, 1), _row(kept, group, 2))
+    d = _offset(kept, group)
     inverse = 1.0 / sqrt(fma(d[0], d[0], fma(d[1], d[1], d[2] * d[2])))
     x, y, z = d[0] * inverse, d[1] * inverse, d[2] * inverse
     write_coefficient_gradients(cloud, group, (x, y, z), g, row, weighty, dense, kept, out)
     if cloud.sh_count == 1:
         return zero, zero, zero
+    # Derivatives of red by the offset's x, y, z, then those of green, then those of blue.
+    red, green, blue = DERIVATIVES, DERIVATIVES + 3, DERIVATIVES + 6
     return (
-        fma(g[0], _row(kept, group, 12), fma(g[1], _row(kept, group, 15), g[2] * _row(kept, group, 18))),
-        fma(g[0], _row(kept, group, 13), fma(g[1], _row(kept, group, 16), g[2] * _row(kept, group, 19))),
-        fma(g[0], _row(kept, group, 14), fma(g[1], _row(kept, group, 17), g[2] * _row(kept, group, 20))),
+        fma(g[0], _row(kept, group, red), fma(g[1], _row(kept, group, green), g[2] * _row(kept, group, blue))),
+        fma(
+            g[0],
+            _row(kept, group, red + 1),
+            fma(g[1], _row(kept, group, green + 1), g[2] * _row(kept, group, blue + 1)),
+        ),
+        fma(
+            g[0],
+            _row(kept, group, red + 2),
+            fma(g[1], _row(kept, group, green + 2), g[2] * _row(kept, group, blue + 2)),
+        ),
     )
 
 
 @inlined
 def _write_numbers(group: int, row: int, weighty: int, kept: Kept, out: Gradients) -> None:
+    """Write the indices of the Gaussians with weight of a group, from `row` on."""
     while weighty:
         lane = lowest_bit(weighty)
         weighty &= weighty - 1
-        out.numbers[row] = float_bits(kept.groups[group * GROUP + 16 * NUMBER + lane])
+        out.numbers[row] = float_bits(kept.groups[group * GROUP + LANES * NUMBER + lane])
         row += 1
 
 
@@ -281,13 +355,14 @@ def _group_gradients(
     _write_numbers(group, row, weighty, kept, out)
     g, G = _shape_gradients(optics, R, group, first, row, lanes, kept, out)
     c = _colour_gradients(cloud, group, row, weighty, dense, kept, out)
+    # By the means: R^T g and what the colours' dependence on direction gives.
     w = (
         fma(R[0], g[0], fma(R[3], g[1], fma(R[6], g[2], c[0]))),
         fma(R[1], g[0], fma(R[4], g[1], fma(R[7], g[2], c[1]))),
         fma(R[2], g[0], fma(R[5], g[1], fma(R[8], g[2], c[2]))),
     )
     _write_rows_of_three(out.means_m, row, lanes, w[0], w[1], w[2])
-    _add_poses(lanes, (_row(kept, group, 0), _row(kept, group, 1), _row(kept, group, 2)), g, G, w, out)
+    _add_poses(lanes, _offset(kept, group), g, G, w, out)
     if out.feature_size:
         _copy_features(group, row, weighty, out)
 
@@ -305,8 +380,8 @@ def project_gradients(view: PinholeView, cloud: Cloud, chunks: Chunks, dense: bo
         out: Gradient records, and where to write.
     """
     optics, R = optics_of(view), rotation_rows(view.R_CW)
-    for k in range(12):
-        store_f16(out.pose, k * 16, f16(0.0))
+    for k in range(POSE_NUMBERS):
+        store_f16(out.pose, k * LANES, f16(0.0))
     first, row = 0, 0
     for i in range(len(chunks.number)):
         for group in range(chunks.first_group[i], chunks.first_group[i] + chunks.group_count[i]):
@@ -315,7 +390,7 @@ def project_gradients(view: PinholeView, cloud: Cloud, chunks: Chunks, dense: bo
                 _ask_for(group + 2, kept, out)
             if out.touched[group]:
                 _gradient_rows(group, out)
-                weight = load_f16(out.sums, WEIGHT * 16)
+                weight = load_f16(out.sums, WEIGHT * LANES)
                 lanes = (weight > 0.0) & (lane_number() < count)
                 store_f16(out.weights, first, weight)
                 _group_gradients(optics, R, cloud, group, first, row, lanes, dense, kept, out)
@@ -335,7 +410,7 @@ def gather_sums(chunks: Chunks, kept: Kept, out: Gradients, begin: int, rows: Si
     for i in range(len(chunks.number)):
         for group in range(chunks.first_group[i], chunks.first_group[i] + chunks.group_count[i]):
             for lane in range(kept.lanes[group]):
-                place = (16 * group + lane) * out.record_size + begin
+                place = (LANES * group + lane) * out.record_size + begin
                 for k in range(rows.shape[1]):
                     rows[row, k] = out.records[place + k] if out.touched[group] else np.float32(0.0)
                 row += 1

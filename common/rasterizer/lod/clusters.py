@@ -6,6 +6,10 @@ over the original Gaussians, so that merging again and again loses nothing.
 Images are sampled with a dilation of `DILATION_PX2`: Gaussians smaller than a pixel are drawn larger, and so with more
 weight than they have. A merged Gaussian is to look like the dilated ones. All areas here are therefore those of
 Gaussians that are dilated for the size of a pixel at which they will be drawn.
+
+Legend: a cluster's weight W is the sum over its Gaussians of w = opacity * area; mean, colour and joint weights are
+sums of w times those of the Gaussians, over W, and the covariance is sum of w (S + x x^T) / W - mean mean^T with the
+Gaussians' covariances S and means x. Covariances have the entries xx, xy, xz, yy, yz, zz at 0 .. 5.
 """
 
 import math
@@ -25,6 +29,12 @@ Labels = npt.NDArray[np.int32]
 NEIGHBOURS = 8
 """Partners that are considered for a cluster: those with the nearest means."""
 COVER_STEP = 0.25
+"""Step of the integral of `_cover` in u = r^2 / 2."""
+XX, XY, XZ, YY, YZ, ZZ = 0, 1, 2, 3, 4, 5
+"""Places of a covariance."""
+LANE_BITS = 4
+LANES = 1 << LANE_BITS
+"""Gaussians per block of packed colours and normals: a row of each has a number of every one."""
 
 
 class Originals(NamedTuple):
@@ -111,8 +121,8 @@ def dilation_m2(pixel_m: float) -> float:
 @inlined
 def area_m2(c: Any, dilation: float) -> float:
     """Mean area of a dilated Gaussian over directions, up to a factor: root of the sum of its principal 2x2 minors."""
-    xx, yy, zz = c[0] + dilation, c[3] + dilation, c[5] + dilation
-    minors = xx * yy - c[1] * c[1] + xx * zz - c[2] * c[2] + yy * zz - c[4] * c[4]
+    xx, yy, zz = c[XX] + dilation, c[YY] + dilation, c[ZZ] + dilation
+    minors = xx * yy - c[XY] * c[XY] + xx * zz - c[XZ] * c[XZ] + yy * zz - c[YZ] * c[YZ]
     return math.sqrt(max(minors, 0.0))
 
 
@@ -133,6 +143,7 @@ def gather(
 
 @inlined
 def _add(originals: Originals, i: int, first: int, dilation: float, k: int, out: Clusters) -> None:
+    """Add Gaussian `i` to the sums of cluster `k`; means count from the region's first Gaussian."""
     c, mean, origin = originals.covariance_m2[i], originals.mean_m[i], originals.mean_m[first]
     area = area_m2(c, dilation)
     w = originals.opacity[i] * area
@@ -143,12 +154,12 @@ def _add(originals: Originals, i: int, first: int, dilation: float, k: int, out:
     m[0] += w * x
     m[1] += w * y
     m[2] += w * z
-    s[0] += w * (c[0] + x * x)
-    s[1] += w * (c[1] + x * y)
-    s[2] += w * (c[2] + x * z)
-    s[3] += w * (c[3] + y * y)
-    s[4] += w * (c[4] + y * z)
-    s[5] += w * (c[5] + z * z)
+    s[XX] += w * (c[XX] + x * x)
+    s[XY] += w * (c[XY] + x * y)
+    s[XZ] += w * (c[XZ] + x * z)
+    s[YY] += w * (c[YY] + y * y)
+    s[YZ] += w * (c[YZ] + y * z)
+    s[ZZ] += w * (c[ZZ] + z * z)
     for channel in range(3):
         out.colour[k, channel] += w * originals.colour[i, channel]
     for joint in range(originals.skin.shape[1]):
@@ -157,17 +168,19 @@ def _add(originals: Originals, i: int, first: int, dilation: float, k: int, out:
 
 @inlined
 def _finish(k: int, dilation: float, out: Clusters) -> None:
+    """Make means of the sums of cluster `k`."""
     inverse = 1.0 / out.weight[k]
     m, s = out.mean_m[k], out.covariance_m2[k]
     for axis in range(3):
         m[axis] *= inverse
         out.colour[k, axis] *= inverse
-    s[0] = max(s[0] * inverse - m[0] * m[0], 0.0)
-    s[1] = s[1] * inverse - m[0] * m[1]
-    s[2] = s[2] * inverse - m[0] * m[2]
-    s[3] = max(s[3] * inverse - m[1] * m[1], 0.0)
-    s[4] = s[4] * inverse - m[1] * m[2]
-    s[5] = max(s[5] * inverse - m[2] * m[2], 0.0)
+    # E[x x^T] - E[x] E[x]^T; rounding must not make variances negative.
+    s[XX] = max(s[XX] * inverse - m[0] * m[0], 0.0)
+    s[XY] = s[XY] * inverse - m[0] * m[1]
+    s[XZ] = s[XZ] * inverse - m[0] * m[2]
+    s[YY] = max(s[YY] * inverse - m[1] * m[1], 0.0)
+    s[YZ] = s[YZ] * inverse - m[1] * m[2]
+    s[ZZ] = max(s[ZZ] * inverse - m[2] * m[2], 0.0)
     for joint in range(out.skin.shape[1]):
         out.skin[k, joint] *= inverse
     out.area[k] = area_m2(s, dilation)
@@ -185,6 +198,7 @@ def _cover(opacity: float, layers: float) -> float:
     The cluster is taken for `layers` Gaussians of one opacity behind each other, each as large as the merged one:
     alpha = 1 - (1 - opacity exp(-u))^layers at the radius r with u = r^2 / 2. For one layer it is the opacity.
     """
+    # Midpoint rule in u: the area element r dr is du.
     total, u = 0.0, 0.5 * COVER_STEP
     density = opacity * layers
     while True:
@@ -242,9 +256,10 @@ def gather_colours(
     out[:] = 0.0
     for i in range(first, end):
         w = originals.opacity[i] * area_m2(originals.covariance_m2[i], dilation) / weight[label[i]]
-        place = (i >> 4) * rows * 16 + (i & 15)
+        # The block, then the row, then the lane of the Gaussian.
+        place = (i >> LANE_BITS) * rows * LANES + (i & (LANES - 1))
         for row in range(rows):
-            out[label[i], row] += w * packed[place + 16 * row]
+            out[label[i], row] += w * packed[place + LANES * row]
 
 
 @kernel
@@ -266,8 +281,9 @@ def gather_normals(
     out[:] = 0.0
     for i in range(first, end):
         w = originals.opacity[i] * area_m2(originals.covariance_m2[i], dilation)
-        place, k = (i >> 4) * 48 + (i & 15), label[i]
-        x, y, z = packed[place], packed[place + 16], packed[place + 32]
+        place, k = (i >> LANE_BITS) * (3 * LANES) + (i & (LANES - 1)), label[i]
+        x, y, z = packed[place], packed[place + LANES], packed[place + 2 * LANES]
+        # Both directions of an axis are the same normal: the one nearer to the sum so far is added.
         if x * out[k, 0] + y * out[k, 1] + z * out[k, 2] < 0.0:
             w = -w
         out[k, 0] += w * x

@@ -12,6 +12,9 @@ Floats = npt.NDArray[np.float64]
 Labels = npt.NDArray[np.int32]
 
 LONGEST_WAIT = 8
+"""Calls after which a cluster is looked at again at the latest."""
+_NEW, _TAKEN = -1, -2
+"""What `c.number` says while pairs are chosen: not in a pair, and the first one of a pair."""
 
 
 @inlined
@@ -35,6 +38,7 @@ def _find_neighbours(count: int, c: Clusters) -> None:
 
 @inlined
 def _insert(c: Clusters, k: int, other: int, distance2: float) -> None:
+    """Put a neighbour into the list of cluster `k`, which is sorted by distance; the last one falls out."""
     place = NEIGHBOURS - 1
     while place > 0 and c.distance2[k, place - 1] > distance2:
         c.distance2[k, place] = c.distance2[k, place - 1]
@@ -46,6 +50,7 @@ def _insert(c: Clusters, k: int, other: int, distance2: float) -> None:
 
 @inlined
 def _same_skin(i: int, j: int, tolerance: float, c: Clusters) -> bool:
+    """True if the joint weights of two clusters differ by at most the tolerance, summed over the joints."""
     total = 0.0
     for joint in range(c.skin.shape[1]):
         total += abs(c.skin[i, joint] - c.skin[j, joint])
@@ -76,6 +81,7 @@ def _find_partners(count: int, rule: MergeRule, wait: Integers, c: Clusters) -> 
 
 @inlined
 def _all_wait(count: int, wait: Integers) -> bool:
+    """True if no cluster of a region is to be looked at."""
     waiting = 0
     for k in range(count):
         waiting += 1 if wait[k] > 0 else 0
@@ -101,7 +107,7 @@ def _set_waits(count: int, tolerance: float, wait: Integers, c: Clusters) -> Non
 @inlined
 def _pair_up(count: int, tolerance: float, c: Clusters) -> int:
     """Merge pairs, cheapest first, each cluster once: new numbers in `c.number`, the new count back."""
-    c.number[:count] = -1
+    c.number[:count] = _NEW
     while True:
         best, best_cost = -1, np.inf
         for k in range(count):
@@ -111,9 +117,10 @@ def _pair_up(count: int, tolerance: float, c: Clusters) -> int:
             break
         other = c.partner[best]
         c.cost[best] = np.inf
-        if c.number[best] == -1 and c.number[other] == -1:
+        if c.number[best] == _NEW and c.number[other] == _NEW:
+            # The later one of the pair refers to the earlier one, which keeps its turn below.
             c.number[max(best, other)] = min(best, other)
-            c.number[min(best, other)] = -2
+            c.number[min(best, other)] = _TAKEN
             c.cost[other] = np.inf
     fresh = 0
     for k in range(count):

@@ -33,8 +33,16 @@ CHUNK = 256
 PIECE = 1 << 17
 """Gaussians that are packed at a time: a multiple of `CHUNK` that bounds the memory for intermediate results."""
 BLOCKS = CHUNK // 16
+"""Blocks of 16 Gaussians per chunk."""
+MEAN_X, MEAN_Y, MEAN_Z = 0, 1, 2
+"""Rows of a block's geometry, 16 numbers each: mean [m]."""
+COV_XX, COV_XY, COV_XZ, COV_YY, COV_YZ, COV_ZZ = 3, 4, 5, 6, 7, 8
+"""Covariance [m2]."""
+LOG2_OPACITY = 9
+REACH2 = 10
+"""Squared distance in sigmas at which alpha falls to 1/255: 2 ln(255 opacity); negative: padding."""
 GEOMETRY_ROWS = 11
-"""Mean (3), covariance xx xy xz yy yz zz (6), log2 opacity, squared reach in sigmas (negative: padding)."""
+"""Rows of a block's geometry."""
 POPULATED_BYTES_MAX = 1 << 28
 _MADV_POPULATE_READ = 22
 _NORMAL_FILE = "normal.npy"
@@ -145,7 +153,7 @@ def _pack_piece(cloud: GaussianCloud, step: float, centred: bool, scene: PackedS
     relative = means - centre[:, None] if centred else means
     terms = [_padded(covariances(cloud), chunks), *(_padded(term[:, None], chunks) for term in (log2_opacity, reach2))]
     rows = np.concatenate([relative, *terms], axis=2)
-    rows[~valid, -1] = -1.0
+    rows[~valid, REACH2] = -1.0
     scene.centre_m[here], scene.half_m[here], scene.reach_m[here] = centre, rounded_up(half), rounded_up(reach)
     scene.geometry[here] = _blocks(rows)
     if len(scene.sh):

@@ -1,4 +1,10 @@
-"""`planes.plane_features` and its derivatives, Gaussian by Gaussian."""
+"""`planes.plane_features` and its derivatives, Gaussian by Gaussian.
+
+Legend: n shortest axis, column k of the rotation R(q) of the unit quaternion q = (w, x, y, z); o = camera - mean [m];
+sign = -1 if n looks away from the camera, else 1. The features are sign n and sign (n . o). With a loss L:
+
+    dL / d mean = -sign L_d n,   dL / dn = sign (L_n + L_d o),   L_n and L_d being those by the features.
+"""
 
 import math
 
@@ -13,6 +19,7 @@ Point = npt.NDArray[np.float64]
 
 @inlined
 def _shortest(scales_m: Array, n: int) -> int:
+    """Number of a Gaussian's shortest axis, the first one of equals."""
     first = 1 if scales_m[n, 1] < scales_m[n, 0] else 0
     return 2 if scales_m[n, 2] < scales_m[n, first] else first
 
@@ -31,7 +38,7 @@ def _axis(k: int, w: float, x: float, y: float, z: float) -> tuple[float, float,
 def _axis_slopes(
     k: int, w: float, x: float, y: float, z: float, a: float, b: float, c: float
 ) -> tuple[float, float, float, float]:
-    """Derivatives by the quaternion of a loss whose derivatives by the column are a, b and c."""
+    """Derivatives by the quaternion of a loss whose derivatives by the column of `_axis` are (a, b, c)."""
     if k == 0:
         return (
             2.0 * (z * b - y * c),
@@ -113,6 +120,7 @@ def add_feature_slopes(
         nx, ny, nz = _axis(k, w, x, y, z)
         ox, oy, oz = camera_m[0] - means_m[n, 0], camera_m[1] - means_m[n, 1], camera_m[2] - means_m[n, 2]
         sign = -1.0 if nx * ox + ny * oy + nz * oz < 0.0 else 1.0
+        # sign L_d, and (a, b, c) = dL / dn.
         along = sign * by_features[i, 3]
         by_means[i, 0] -= along * nx
         by_means[i, 1] -= along * ny
@@ -121,6 +129,7 @@ def add_feature_slopes(
         b = sign * by_features[i, 1] + along * oy
         c = sign * by_features[i, 2] + along * oz
         dw, dx, dy, dz = _axis_slopes(k, w, x, y, z, a, b, c)
+        # The unit quaternion is q / |q|: what points along it changes nothing, the rest is divided by the length.
         inward = w * dw + x * dx + y * dy + z * dz
         by_quats[i, 0] += per_length * (dw - w * inward)
         by_quats[i, 1] += per_length * (dx - x * inward)

@@ -1,11 +1,20 @@
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # Triton's compiler reads the annotations of a kernel: only `tl.constexpr` may stand there.
-"""The Triton kernel that blends the sorted lists of tiles into images."""
+"""The Triton kernel that blends the sorted lists of tiles into images.
+
+A program blends a tile, a pixel per lane. Front to back, with a transmittance T = 1 at first (`light` in the code):
+
+    log2(alpha) = A dx^2 + B dx dy + C dy^2 + log2(opacity),   alpha at most 0.99, and 0 below 1/255
+    weight = alpha T,   colour += weight * record's colour,   T -= weight,   finished once T < 1e-4.
+
+Source: Kerbl et al., 3D Gaussian Splatting, 2023, section 6 and appendix C.
+"""
 
 import triton
 import triton.language as tl
 
 from readygo.common.rasterizer import constants
+from readygo.common.rasterizer.gpu.triton import project
 from readygo.common.rasterizer.gpu.triton.project import RECORD
 
 COLOUR_PLANES = 4
@@ -20,6 +29,15 @@ _DEPTH_PLANES = tl.constexpr(DEPTH_PLANES)
 _ALPHA_MAX = tl.constexpr(constants.ALPHA_MAX)
 _TRANSMITTANCE_MIN = tl.constexpr(constants.TRANSMITTANCE_MIN)
 _LOG2_ALPHA_MIN = tl.constexpr(constants.LOG2_ALPHA_MIN)
+_X, _Y = tl.constexpr(project.RECORD_X), tl.constexpr(project.RECORD_Y)
+_A, _B, _C = tl.constexpr(project.RECORD_A), tl.constexpr(project.RECORD_B), tl.constexpr(project.RECORD_C)
+_OPACITY, _DEPTH = tl.constexpr(project.RECORD_OPACITY), tl.constexpr(project.RECORD_DEPTH)
+_RED, _GREEN = tl.constexpr(project.RECORD_RED), tl.constexpr(project.RECORD_GREEN)
+_BLUE = tl.constexpr(project.RECORD_BLUE)
+_RECORD_NORMAL = tl.constexpr(project.RECORD_NORMAL)
+_LANE_BITS = tl.constexpr(project.LANE_BITS)
+_SLOT_MASK = tl.constexpr(0xFFFFFFFF)
+"""Bits of an entry that hold its slot."""
 _BATCH = tl.constexpr(32)
 """Entries between two looks at whether all pixels are finished."""
 
@@ -72,6 +90,7 @@ def blend(
         blue = tl.load(pixel + 2 * size, mask=inside, other=0.0)
         # Pixels outside of the image count as finished.
         light = tl.load(pixel + 3 * size, mask=inside, other=0.0)
+        # Where the planes of depths and of normals begin.
         deep = pixel + _COLOUR_PLANES * size
         turned = deep
         if DEPTH:
@@ -87,24 +106,26 @@ def blend(
         unfinished = 1
         while (first < count) & (unfinished != 0):
             for i in range(first, tl.minimum(first + _BATCH, count)):
-                slot = tl.load(source + i) & 0xFFFFFFFF
+                slot = tl.load(source + i) & _SLOT_MASK
                 r = records + slot * _RECORD
-                dx, dy = x - tl.load(r), y - tl.load(r + 1)
-                t = dx * (dx * tl.load(r + 2) + dy * tl.load(r + 3)) + (dy * dy * tl.load(r + 4) + tl.load(r + 5))
+                dx, dy = x - tl.load(r + _X), y - tl.load(r + _Y)
+                a, b, c = tl.load(r + _A), tl.load(r + _B), tl.load(r + _C)
+                t = dx * (dx * a + dy * b) + (dy * dy * c + tl.load(r + _OPACITY))
                 alpha = tl.where(t >= _LOG2_ALPHA_MIN, tl.minimum(tl.exp2(t), _ALPHA_MAX), 0.0)
                 weight = alpha * light
-                red += weight * tl.load(r + 6)
-                green += weight * tl.load(r + 7)
-                blue += weight * tl.load(r + 8)
+                red += weight * tl.load(r + _RED)
+                green += weight * tl.load(r + _GREEN)
+                blue += weight * tl.load(r + _BLUE)
                 if DEPTH:
-                    z = tl.load(r + 9)
+                    z = tl.load(r + _DEPTH)
                     # Not for finished pixels: a sky at 1.8 km would move even a weight of TRANSMITTANCE_MIN by 0.2 m.
                     depth += tl.where(light >= _TRANSMITTANCE_MIN, weight * z, 0.0)
+                    # The Gaussian that takes the transmittance below one half.
                     median = (light >= 0.5) & (light - weight < 0.5)
                     median_depth = tl.where(median, z, median_depth)
-                    median_owner = tl.where(median, tl.load(owners + (slot >> 8)).to(tl.float32), median_owner)
+                    median_owner = tl.where(median, tl.load(owners + (slot >> _LANE_BITS)).to(tl.float32), median_owner)
                 if NORMALS:
-                    n = record_normals + slot * 4
+                    n = record_normals + slot * _RECORD_NORMAL
                     normal_x += weight * tl.load(n)
                     normal_y += weight * tl.load(n + 1)
                     normal_z += weight * tl.load(n + 2)

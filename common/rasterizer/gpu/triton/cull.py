@@ -3,6 +3,8 @@
 """Triton kernels that find the chunks which each camera of a batch sees.
 
 Legend: B cameras, I instances of chunks per camera: the chunks of the scenes, then room for those of P humans; T tiles.
+Boxes of means have a middle (x, y, z) and half sizes (rx, ry, rz) along the axes of the camera's frame [m]; half sizes
+h in another frame become |R| h, entry by entry. u is a tangent x / z or y / z, its pixel is focal * u + centre.
 """
 
 import triton
@@ -20,6 +22,15 @@ _PAD_PX = tl.constexpr(2.0)
 _SLACK = tl.constexpr(1e-5)
 """Added to boxes for the rounding of float32 coordinates, in metres and relative to them."""
 _ALL = tl.constexpr(1e30)
+"""A bound that everything meets."""
+_VIEW = tl.constexpr(12)
+"""Numbers per camera: R_CW row by row, then p_WC."""
+_CENTRE = tl.constexpr(9)
+"""Where p_WC begins."""
+_JOINT = tl.constexpr(12)
+"""Numbers per transform of a joint: three rows of four."""
+_HUMAN = tl.constexpr(24 * 12)
+"""Numbers per human: the transforms of 24 joints."""
 
 
 @triton.jit
@@ -29,12 +40,15 @@ def _tile_range(low, high, z_low, z_high, reach, focal, centre, size, TILE_PX: t
     A Gaussian of radius `reach` at (u, depth z) reaches at most reach * sqrt(1 + u^2) / z from u, where u is clamped
     as in the projection.
     """
+    # Tangents of the image's borders, and the clamp of the projection.
     margin = _FOV_MARGIN * 0.5 * size / focal
     u_first, u_last = -(centre + _PAD_PX) / focal, (size - centre + _PAD_PX) / focal
     u_limit = tl.maximum(tl.abs(u_first), tl.abs(u_last)) + margin
     widest = reach * tl.sqrt(1.0 + u_limit * u_limit)
+    # Beyond a border at all depths: low - u_last z > widest where u_last z is largest, and so before the first column.
     beyond = (low - tl.where(u_last >= 0.0, u_last * z_high, u_last * z_low)) > widest
     before = (tl.where(u_first >= 0.0, u_first * z_low, u_first * z_high) - high) > widest
+    # Bounds of the tangents of the means, widened by the footprint at the nearest depth.
     u_low = low / tl.where(low >= 0.0, z_high, z_low)
     u_high = high / tl.where(high >= 0.0, z_low, z_high)
     u_widest = tl.minimum(tl.maximum(tl.abs(u_low), tl.abs(u_high)), u_limit)
@@ -94,11 +108,11 @@ def cull_scene(
     camera = tl.program_id(0)
     chunk = tl.program_id(1) * LANES + tl.arange(0, LANES)
     inside = chunk < chunk_count
-    view = views + camera * 12
+    view = views + camera * _VIEW
     # In float64, so that the coordinates of far places lose nothing.
-    dx = tl.load(centres + chunk * 3, mask=inside, other=0.0) - tl.load(view + 9)
-    dy = tl.load(centres + chunk * 3 + 1, mask=inside, other=0.0) - tl.load(view + 10)
-    dz = tl.load(centres + chunk * 3 + 2, mask=inside, other=0.0) - tl.load(view + 11)
+    dx = tl.load(centres + chunk * 3, mask=inside, other=0.0) - tl.load(view + _CENTRE)
+    dy = tl.load(centres + chunk * 3 + 1, mask=inside, other=0.0) - tl.load(view + _CENTRE + 1)
+    dz = tl.load(centres + chunk * 3 + 2, mask=inside, other=0.0) - tl.load(view + _CENTRE + 2)
     hx = tl.load(halves + chunk * 3, mask=inside, other=0.0)
     hy = tl.load(halves + chunk * 3 + 1, mask=inside, other=0.0)
     hz = tl.load(halves + chunk * 3 + 2, mask=inside, other=0.0)
@@ -176,7 +190,7 @@ def cull_humans(
         box = chunk * BOXES + k
         joint = tl.load(box_joints + box, mask=used, other=-1)
         valid = joint >= 0
-        A = transforms + human.to(tl.int64) * 288 + tl.maximum(joint, 0) * 12
+        A = transforms + human.to(tl.int64) * _HUMAN + tl.maximum(joint, 0) * _JOINT
         px = tl.load(box_centres + box * 3, mask=valid, other=0.0)
         py = tl.load(box_centres + box * 3 + 1, mask=valid, other=0.0)
         pz = tl.load(box_centres + box * 3 + 2, mask=valid, other=0.0)
@@ -257,6 +271,7 @@ def alive_in_box(sums, box, mask, COLUMNS: tl.constexpr):
     """Number of unfinished tiles in packed boxes of tiles; `sums` points to the camera's corner sums."""
     x0, y0 = box & 0xFF, (box >> 8) & 0xFF
     x1, y1 = ((box >> 16) & 0xFF) + 1, ((box >> 24) & 0xFF) + 1
+    # Sums over a rectangle from those above and left of its four corners (summed area table).
     stride: tl.constexpr = COLUMNS + 1
     inner = tl.load(sums + y1 * stride + x1, mask=mask, other=0) - tl.load(sums + y0 * stride + x1, mask=mask, other=0)
     return (

@@ -3,17 +3,21 @@
 """Triton kernels that spread projected Gaussians to lists per tile and sort each list by depth.
 
 An entry is depth bits << 32 | slot: sorted as a number it is sorted by depth, and equal depths by the Gaussian's place
-in the scene, so the order in which atomic counters fill the lists does not matter.
+in the scene, so the order in which atomic counters fill the lists does not matter. A rect is the tiles that a Gaussian
+touches, x0 | y0 << 8 | x1 << 16 | y1 << 24, both ends included.
 """
 
 import triton
 import triton.language as tl
 
-from readygo.common.rasterizer.gpu.triton.project import UNSEEN
+from readygo.common.rasterizer.gpu.triton.project import LANE_BITS, UNSEEN
 
 _UNSEEN = tl.constexpr(UNSEEN)
-_CHUNK = tl.constexpr(256)
+_CHUNK = tl.constexpr(1 << LANE_BITS)
+_DEPTH_SHIFT = tl.constexpr(32)
+"""Where an entry's depth bits begin."""
 _LAST = tl.constexpr(0x7FFFFFFFFFFFFFFF)
+"""Sorted behind every entry."""
 
 
 @triton.jit(do_not_specialize=["capacity", "entry_capacity", "instance_count"])
@@ -48,12 +52,13 @@ def bin_entries(
         seen = rect != _UNSEEN
         x0, y0 = rect & 0xFF, (rect >> 8) & 0xFF
         wide = ((rect >> 16) & 0xFF) - x0 + 1
+        # Tiles of each Gaussian's rect; below, each lane goes through its own, row by row.
         size = tl.where(seen, wide * (((rect >> 24) & 0xFF) - y0 + 1), 0)
         tile = first_tile + y0 * COLUMNS + x0
         entry = slot
         if WRITE:
             bits = tl.load(depths + slot, mask=seen, other=0.0).to(tl.int32, bitcast=True)
-            entry = (bits.to(tl.int64) << 32) | slot
+            entry = (bits.to(tl.int64) << _DEPTH_SHIFT) | slot
         column = tl.zeros_like(rect)
         for k in range(tl.max(size, axis=0)):
             due = k < size
@@ -62,6 +67,7 @@ def bin_entries(
             if WRITE:
                 target = tl.load(starts + tile, mask=due, other=0) + place
                 tl.store(entries + target, entry, mask=due & (target < entry_capacity))
+            # The next tile: one to the right, or the first one of the row below.
             column += 1
             at_end = column == wide
             tile += tl.where(at_end, COLUMNS + 1 - wide, 1)
@@ -111,13 +117,17 @@ def sort_lists(entries, spare, starts, counts, entry_capacity, in_spare, least, 
 
 @triton.jit
 def _merge_runs(source, target, width, count, lane, RUN: tl.constexpr):
-    """Merge runs of `width` entries two by two."""
+    """Merge runs of `width` entries two by two.
+
+    Place of a key = where its pair of runs begins + its place in its own run + the smaller entries of the other run.
+    """
     for first in range(0, count, RUN):
         i = first + lane
         inside = i < count
         key = tl.load(source + i, mask=inside, other=_LAST)
         run = first // width
         other = (run ^ 1) * width
+        # Bisection: how many entries of the other run, low..high, are smaller.
         low = tl.minimum(tl.zeros_like(i) + other, count)
         high = tl.minimum(low + width, count)
         begin = low
