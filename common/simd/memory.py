@@ -1,6 +1,10 @@
 """Loads, stores and shuffles of sixteen-lane values (see `types`); indices count array elements.
 
 There are no bounds checks: the caller guarantees that the lanes lie within the array.
+
+Legend: a shuffle takes lanes by number out of two vectors in a row, so that lane 16 is the second one's first; a
+quarter is 4 lanes, 128 bits, within which shuffles are cheap on every machine. The alignment of a load or store is that
+of its elements: arrays may begin anywhere. Bits of masks and sets: lane or element 0 is the lowest.
 """
 
 from typing import Any
@@ -185,7 +189,11 @@ def _joined(builder: Any, parts: list[Any], lanes: int) -> Any:
 
 
 def _columns_of_quarters(builder: Any, rows: list[Any]) -> list[Any]:
-    """The 4x4 matrices that the quarters of four vectors make, each transposed."""
+    """The 4x4 matrices that the quarters of four vectors make, each transposed.
+
+    Rows a b c d become a0 b0 a1 b1, c0 d0 c1 d1 (`low`) and a2 b2 a3 b3, c2 d2 c3 d3 (`high`), then a0 b0 c0 d0 and so
+    on.
+    """
     low, high = per_quarter(0, 16, 1, 17), per_quarter(2, 18, 3, 19)
     low_pair, high_pair = per_quarter(0, 1, 16, 17), per_quarter(2, 3, 18, 19)
     a, b, c, d = rows
@@ -207,6 +215,7 @@ def transpose(
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         def row(first: int, number: int, lane: int, vector: Any) -> Any:
+            # Arguments 0..2 are the source's array, index and stride, 3..5 the target's.
             array, begin, apart = args[first : first + 3]
             kinds = sig.args[first : first + 3]
             begin, apart = (
@@ -218,6 +227,8 @@ def transpose(
             of_begin = types.void(kinds[0], types.intp)
             return pointer_to(context, builder, of_begin, [array, begin], vector)
 
+        # Quarter q of vector `number` is row number + 4 q at the columns first .. first + 3. The 4x4 matrices of the
+        # quarters, transposed, are these four columns as a whole.
         for first in range(0, LANES, 4):
             rows = []
             for number in range(4):

@@ -5,6 +5,17 @@ no reassociation. Kernels that fuse a multiply and an add say so with `fma`. AVX
 the same bits; x86-64 machines without fused multiply-adds round twice (see `fuses_multiply_adds`).
 
 Shuffles and memory access are in `memory`.
+
+How it works: a value is one LLVM vector (<16 x float>, <16 x i32>, <16 x i1>), which LLVM splits into the registers of
+the machine: one of AVX-512, two of AVX2. An `@intrinsic` gets the types of its arguments from numba and returns its
+signature and a function that emits LLVM instructions; names there:
+
+    context, builder    numba's target context and llvmlite's builder of instructions
+    sig, args           numba types and LLVM values of the arguments; scalars among them are splatted to all lanes
+    splat               a scalar in every lane: put into lane 0 of an undefined vector, which is then shuffled
+    mask                one bit per lane; `mask_bits` makes an integer of it, lane 0 the lowest bit
+
+Source: LLVM language reference, https://llvm.org/docs/LangRef.html.
 """
 
 import operator
@@ -52,6 +63,8 @@ F16, I16, M16 = F16Type(), I16Type(), M16Type()
 
 
 def _register(vector_type: type, llvm_type: ir.Type) -> None:
+    """Tell numba that values of a type are LLVM vectors, passed around like numbers."""
+
     class Model(models.PrimitiveModel):
         def __init__(self, manager: Any, numba_type: Any) -> None:
             super().__init__(manager, numba_type, llvm_type)  # type: ignore[no-untyped-call]
@@ -232,6 +245,7 @@ def _choose(predicate: str, doc: str) -> Any:
     def function(typing_context: Any, a: Any, b: Any) -> Any:
         def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
             x, y = (as_f32(context, builder, kind, arg) for kind, arg in zip(sig.args, args, strict=True))
+            # x < y ? x : y is what MINPS and MAXPS do: an ordered comparison is false where either is NaN.
             return builder.select(builder.fcmp_ordered(predicate, x, y), x, y)
 
         return F16(a, b), emit

@@ -3,6 +3,10 @@
 Until then a sum is kept in as many parts as a register of this machine has lanes, so that a dozen of them fit into its
 registers: those of AVX2 hold eight, to which both halves of an F16 are added. Results of machines with other registers
 therefore differ by what rounding does.
+
+`totals` adds the lanes of sixteen sums at once. Adding two shuffles of a pair of vectors halves the lanes of both,
+which then share one vector: after four rounds every lane is a whole sum. A reduction of each alone would take four
+rounds each.
 """
 
 from typing import Any
@@ -104,7 +108,10 @@ def _lanes_of(size: int, *picks: int) -> list[int]:
 
 
 def _by_quarters(builder: Any, sums: list[Any]) -> Any:
-    """Merge as many sums as a register has quarters, a quarter of the lanes each."""
+    """Merge as many sums as a register has quarters, a quarter of the lanes each.
+
+    Halves (two sums) or quarters (four sums) of each are added, until each has 4 lanes, one after the other.
+    """
     if len(sums) == 2:
         return _merged(builder, sums[0], sums[1], _lanes_of(4, 0, 2), _lanes_of(4, 1, 3))
     ab, cd = (_merged(builder, sums[k], sums[k + 1], _lanes_of(8, 0, 2), _lanes_of(8, 1, 3)) for k in (0, 2))
@@ -120,11 +127,13 @@ def within_quarters(builder: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
         all_lanes = per_quarter(*lanes)[: 4 * len(quarters)]
         return [lane if lane < LANES else lane - LANES + a.type.count for lane in all_lanes]
 
+    # Per quarter: a0 + a2, b0 + b2, a1 + a3, b1 + b3, then the sums of a, b, c, d.
     ab, cd = (_merged(builder, *pair, pick(0, 16, 1, 17), pick(2, 18, 3, 19)) for pair in ((a, b), (c, d)))
     return _merged(builder, ab, cd, pick(0, 1, 16, 17), pick(2, 3, 18, 19))
 
 
 def _totals(builder: Any, sums: list[Any]) -> Any:
+    """The whole sums, sum n in lane `place_of(n)`; those that are missing to sixteen are zero."""
     zero = ir.Constant(_register(), None)
     sums = [*sums, *[zero] * (LANES - len(sums))]
     quarters = register_lanes() // 4

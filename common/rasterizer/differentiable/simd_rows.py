@@ -161,10 +161,12 @@ def _pick(builder: Any, sources: list[Any], places: list[tuple[int, int]]) -> An
 
 
 def _rows_to_columns_of_three(builder: Any, rows: list[Any]) -> list[Any]:
+    """Number k of lane n stands at place 3 n + k of the three vectors in a row."""
     return [_pick(builder, rows, [divmod(3 * lane + k, 16) for lane in range(16)]) for k in range(3)]
 
 
 def _columns_to_rows_of_three(builder: Any, columns: list[Any]) -> list[Any]:
+    """Place p of the three vectors in a row gets number p mod 3 of lane p / 3."""
     return [
         _pick(builder, columns, [((16 * k + lane) % 3, (16 * k + lane) // 3) for lane in range(16)]) for k in range(3)
     ]

@@ -11,6 +11,10 @@ from readygo.common.rasterizer.constants import ALPHA_MIN
 from readygo.common.rasterizer.packed.scene import (
     BLOCKS,
     CHUNK,
+    COV_XX,
+    COV_ZZ,
+    MEAN_X,
+    MEAN_Z,
     NORMAL_STEP,
     PackedScene,
     chunk_boxes,
@@ -60,9 +64,10 @@ def pack_avatar(avatar: Avatar) -> PackedAvatar:
     order = index[np.lexsort((morton_codes(avatar.cloud.means_m[index]), joints[index]))]
     weights = dense_weights(avatar)[order]
     scene = pack_sorted(avatar.cloud.select(order), centred=False, normals=True)
-    padded = np.zeros((scene.chunk_count * CHUNK, 24), dtype=np.float32)
+    padded = np.zeros((scene.chunk_count * CHUNK, JOINTS), dtype=np.float32)
     padded[: len(weights)] = weights
-    blocks = padded.reshape(-1, 16, 24)
+    # Per block of 16 the joints that move any of its Gaussians, in ascending order.
+    blocks = padded.reshape(-1, 16, JOINTS)
     block_index, joint = np.nonzero((blocks != 0).any(axis=1))
     box_start, box_joint, centre, half = _boxes(avatar.cloud.means_m[order].astype(np.float64), padded)
     return PackedAvatar(
@@ -94,10 +99,13 @@ def packed_shading(packed: PackedAvatar, joints_m: npt.NDArray[np.float32]) -> n
     """
     scene = packed.scene
     assert scene.normal is not None
+    # One row of numbers per Gaussian again.
     rows = scene.geometry.astype(np.float64).transpose(0, 1, 3, 2).reshape(-1, scene.geometry.shape[2])
     axes = scene.normal.transpose(0, 1, 3, 2).reshape(-1, 3).astype(np.float64) * NORMAL_STEP
     weights = chunk_weights(packed).reshape(-1, JOINTS)
-    normals = outward_normals(rows[:, :3], axes, flatness(rows[:, 3:9], axes), weights, joints_m)
+    normals = outward_normals(
+        rows[:, MEAN_X : MEAN_Z + 1], axes, flatness(rows[:, COV_XX : COV_ZZ + 1], axes), weights, joints_m
+    )
     steps = np.rint(normals / NORMAL_STEP).astype(np.int16)
     return np.ascontiguousarray(steps.reshape(-1, BLOCKS, 16, 3).transpose(0, 1, 3, 2))
 
@@ -133,7 +141,7 @@ def _boxes(
     chunks = len(weights) // CHUNK
     padded = np.zeros((chunks * CHUNK, 3))
     padded[: len(means_m)] = means_m
-    moved = (weights != 0).reshape(chunks, CHUNK, 24)
+    moved = (weights != 0).reshape(chunks, CHUNK, JOINTS)
     chunk, joint = np.nonzero(moved.any(axis=1))
     centre, half = chunk_boxes(padded.reshape(chunks, CHUNK, 3)[chunk], moved[chunk, :, joint])
     start = np.searchsorted(chunk, np.arange(chunks + 1)).astype(np.int64)

@@ -1,4 +1,8 @@
-"""A few Gaussians, packed again for every image: `pack_sorted` for clouds of degree 0 in one compiled pass."""
+"""A few Gaussians, packed again for every image: `pack_sorted` for clouds of degree 0 in one compiled pass.
+
+Legend: q = (w, x, y, z) quaternion, R(q) its rotation, s scales [m]; the columns of L = R diag(s) are the principal
+axes, the covariance is L L^T; reach2 = 2 ln(255 opacity), the squared distance in sigmas at which alpha falls to 1/255.
+"""
 
 import math
 
@@ -9,12 +13,23 @@ from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.spherical_harmonics import SH_C0
 from readygo.common.kernels import compiled
 from readygo.common.rasterizer.constants import ALPHA_MIN
-from readygo.common.rasterizer.packed.scene import BLOCKS, CHUNK, GEOMETRY_ROWS, PackedScene
+from readygo.common.rasterizer.packed.scene import (
+    BLOCKS,
+    CHUNK,
+    COV_XX,
+    GEOMETRY_ROWS,
+    LOG2_OPACITY,
+    MEAN_X,
+    REACH2,
+    PackedScene,
+)
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
 _NO_SH, _STEP = np.empty((0, BLOCKS, 3, 1, 16), dtype=np.int16), np.ones(1, dtype=np.float32)
+_LANES = 16
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+"""Entries of a covariance in the order of its rows, from `COV_XX` on."""
 
 
 def pack_few(cloud: GaussianCloud) -> PackedScene:
@@ -54,28 +69,29 @@ def _pack(
     colour: Singles,
 ) -> None:
     geometry[:] = 0.0
-    geometry[:, :, GEOMETRY_ROWS - 1] = -1.0
+    geometry[:, :, REACH2] = -1.0
     colour[:] = 0.0
     L, above = np.empty((3, 3)), np.float32(np.inf)
     for chunk in range(len(centre)):
         first, end = chunk * CHUNK, min((chunk + 1) * CHUNK, len(means))
         for axis in range(3):
             low, high = np.float64(means[first:end, axis].min()), np.float64(means[first:end, axis].max())
+            # A float32 number, so that `mean - centre` loses nothing for means near it; sizes are rounded up.
             middle = np.float64(np.float32(0.5 * (low + high)))
             centre[chunk, axis] = middle
             half[chunk, axis] = np.nextafter(np.float32(max(high - middle, middle - low)), above)
         farthest = 0.0
         for n in range(first, end):
-            out, lane = geometry[chunk, (n - first) // 16], n % 16
+            out, lane = geometry[chunk, (n - first) // _LANES], n % _LANES
             _fill_axes(quats[n], scales[n], L)
             log_opacity = math.log(np.float64(opacities[n]))
             reach2 = max(2.0 * (log_opacity - math.log(ALPHA_MIN)), 0.0)
             for axis in range(3):
-                out[axis, lane] = np.float64(means[n, axis]) - centre[chunk, axis]
-                colour[chunk, (n - first) // 16, axis, lane] = max(0.5 + SH_C0 * np.float64(sh[n, 0, axis]), 0.0)
+                out[MEAN_X + axis, lane] = np.float64(means[n, axis]) - centre[chunk, axis]
+                colour[chunk, (n - first) // _LANES, axis, lane] = max(0.5 + SH_C0 * np.float64(sh[n, 0, axis]), 0.0)
             for k, (i, j) in enumerate(_UPPER):
-                out[3 + k, lane] = L[i, 0] * L[j, 0] + L[i, 1] * L[j, 1] + L[i, 2] * L[j, 2]
-            out[9, lane], out[10, lane] = log_opacity / math.log(2.0), reach2
+                out[COV_XX + k, lane] = L[i, 0] * L[j, 0] + L[i, 1] * L[j, 1] + L[i, 2] * L[j, 2]
+            out[LOG2_OPACITY, lane], out[REACH2, lane] = log_opacity / math.log(2.0), reach2
             farthest = max(farthest, math.sqrt(reach2) * np.float64(scales[n].max()))
         reach[chunk] = np.nextafter(np.float32(farthest), above)
 

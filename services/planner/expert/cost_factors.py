@@ -1,4 +1,9 @@
-"""The expert's map: what driving over each cell costs, with the humans that it knows painted in."""
+"""The expert's map: what driving over each cell costs, with the humans that it knows painted in.
+
+Legend: (i, j) row and column of a cell, its centre at (ox + (j + 0.5) resolution, oy + (i + 0.5) resolution) [m]; a
+factor of `FREE` is free ground, twice that costs twice as much, 0 is blocked. A capsule is all that is nearer than its
+radius to the segment a..b.
+"""
 
 import math
 
@@ -30,6 +35,7 @@ def static_factor(clearance: Float64Array, blocked_m: float, *, wall_cost: float
 @compiled
 def segment_distance(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Distance of a point to a segment."""
+    # The nearest point is a + t (b - a), t = (p - a) . (b - a) / |b - a|^2, kept within 0..1.
     dx, dy = bx - ax, by - ay
     squared = dx * dx + dy * dy
     t = 0.0 if squared < 1e-12 else min(max(((x - ax) * dx + (y - ay) * dy) / squared, 0.0), 1.0)
@@ -48,6 +54,7 @@ def _paint_capsule(
     value: int,
     sloped: bool,
 ) -> None:
+    """Set the cells of a capsule to a factor, or raise them by what falls linearly from its middle to its rim."""
     height, width = factor.shape
     ax, ay, bx, by = ends
     i_first = max(0, math.floor((min(ay, by) - radius - oy) / resolution))

@@ -2,6 +2,15 @@
 
 Values are computed backwards over time on a coarse grid around the robot, for a robot that can move in any direction
 at once. They add to the static way to the goal what humans cost on top; infinite where every way out is closed.
+
+Legend: cell (a, b) is row and column of the coarse grid, whose middle cell (half, half) is around the robot; S the
+static way to the goal, N what humans cost per second, V_l the delay in layer l. From the last layer back, over the cell
+itself and its eight neighbours n with moved = 0, cell or sqrt(2) cell:
+
+    V_l = min over n of (V_l+1(n) + max(0, paid + S(n) - S)) + N layer_s,
+    paid = (moved + max(moved, layer_s speed)) / 2.
+
+`paid` is the cost of primitives: half by length, half by time.
 """
 
 import math
@@ -18,6 +27,11 @@ Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
 
 _CONTACT_COST = 100.0
+"""Cost per second of touching a human; twice that where both centres meet."""
+_DIAGONAL = 1.4142
+"""Length of a step to a diagonal neighbour, in cells."""
+_HALF_CELL = 0.4
+"""The part of a cell's side by which a robot in the cell may be nearer to a human than its middle."""
 LAYER_S = 0.25
 """Time between two layers, as near as steps come to it: in 0.25 s a robot of 1 m/s drives one cell of 0.25 m."""
 
@@ -55,6 +69,7 @@ def nearness_cost(squared: float, hard: float, width: float, weight: float) -> f
     if distance < hard:
         # There is always a least evil: contact is dear, the deeper the dearer.
         return weight + _CONTACT_COST * (2.0 - distance / hard)
+    # Falls with the square of the distance from the outer rim, from `weight` at contact to 0.
     nearness = 1.0 - (distance - hard) / width
     return weight * nearness * nearness
 
@@ -91,6 +106,7 @@ def fill_delays(grid: CostGrid, centre: tuple[float, float, float], humans: Huma
             delays[layers - 1, a, b] = 0.0 if static[a, b] < np.inf else np.inf
     near, best = np.empty((n, n)), np.empty(n)
     for layer in range(layers - 2, -1, -1):
+        # A robot drives one cell per layer: no more of the grid can be reached by then.
         reach = min(half, layer + 1)
         low, high = half - reach, half + reach + 1
         near[low:high, low:high] = 0.0
@@ -101,7 +117,7 @@ def fill_delays(grid: CostGrid, centre: tuple[float, float, float], humans: Huma
             best[:] = np.inf
             for da in range(-1, 2):
                 for db in range(-1, 2):
-                    moved = 0.0 if da == 0 and db == 0 else (cell if da == 0 or db == 0 else 1.4142 * cell)
+                    moved = 0.0 if da == 0 and db == 0 else (cell if da == 0 or db == 0 else _DIAGONAL * cell)
                     paid = 0.5 * moved + 0.5 * max(moved, layer_s * speed)
                     onward = static[a + da, low + db : high + db]
                     after = delays[layer + 1, a + da, low + db : high + db]
@@ -157,7 +173,7 @@ def _add_nearness(
     for m in range(len(expected)):
         ex, ey = expected[m, row, 0], expected[m, row, 1]
         # The robot may be anywhere in the cell.
-        contact, width = hard - 0.4 * cell, widths[m, row] + 0.4 * cell
+        contact, width = hard - _HALF_CELL * cell, widths[m, row] + _HALF_CELL * cell
         away = contact + width + cell
         a_first, a_last = math.floor((ey - away - centre[1]) / cell) + half, math.ceil((ey + away - centre[1]) / cell)
         b_first, b_last = math.floor((ex - away - centre[0]) / cell) + half, math.ceil((ex + away - centre[0]) / cell)

@@ -18,7 +18,19 @@ from readygo.common.maps import GridFrame
 from readygo.common.robot import RobotConfig
 from readygo.services.planner.expert.config import ExpertConfig
 from readygo.services.planner.expert.records import CostGrid, Goal
-from readygo.services.planner.expert.search_memory import Memory, SearchMemory, pop, push, slot_of
+from readygo.services.planner.expert.search_memory import (
+    COST,
+    PARENT,
+    PRIMITIVE,
+    YAW,
+    Memory,
+    SearchMemory,
+    X,
+    Y,
+    pop,
+    push,
+    slot_of,
+)
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
@@ -160,7 +172,7 @@ class HybridAStar:
         return Plan(
             xyyaw=xyyaw,
             speed_mps=rows[:, 3].copy(),
-            cost=float(memory.nodes[last, 3]),
+            cost=float(memory.nodes[last, COST]),
             expansion_count=self.expansion_count,
         )
 
@@ -194,9 +206,11 @@ def _search(
     rules: Rules,
     memory: Memory,
 ) -> tuple[int, int]:
-    """Last node (x, y, yaw, cost in `nodes`; parent, primitive in `links`) or -1, and the number of expansions.
+    """Last node or -1, and the number of expansions.
 
-    Places count from the corner of the grid; the search begins with `root_count` headings.
+    Places count from the corner of the grid; the search begins with `root_count` headings. f = g + weight * h: g is the
+    sum of the primitives' costs, each times the mean cost factor of its cells, and h the way to the goal on the grid. A
+    key is the cell and the heading.
     """
     factor, heuristic, resolution = grid
     offsets, sample_counts, costs, speeds = primitives
@@ -207,17 +221,24 @@ def _search(
     per_rad = heading_count / (2 * math.pi)
     count, waiting, expansions = 0, 0, 0
     for k in range(root_count):
+        # Turning in place comes before the drive, either way round.
         turn = k * 2 * math.pi / root_count
         cost = turn_cost * min(turn, 2 * math.pi - turn)
-        nodes[k, 0], nodes[k, 1], nodes[k, 2], nodes[k, 3] = start[0], start[1], (start[2] + turn) % (2 * math.pi), cost
-        links[k, 0], links[k, 1] = -1, -1
+        nodes[k, X], nodes[k, Y], nodes[k, YAW], nodes[k, COST] = (
+            start[0],
+            start[1],
+            (start[2] + turn) % (2 * math.pi),
+            cost,
+        )
+        links[k, PARENT], links[k, PRIMITIVE] = -1, -1
         waiting = push(heap_cost, heap_node, waiting, cost, k)
         count += 1
     while waiting > 0 and expansions < expansions_max:
         node = heap_node[0]
         waiting = pop(heap_cost, heap_node, waiting)
-        x, y, yaw, cost = nodes[node, 0], nodes[node, 1], nodes[node, 2], nodes[node, 3]
+        x, y, yaw, cost = nodes[node, X], nodes[node, Y], nodes[node, YAW], nodes[node, COST]
         if node >= root_count:
+            # A better node of this key came after it: this one is stale.
             cell = int(y / resolution) * width + int(x / resolution)
             key = cell * heading_count + int(yaw * per_rad) % heading_count
             if table_node[slot_of(key, stamp, table_key, table_stamp)] != node:
@@ -231,6 +252,7 @@ def _search(
             mean_factor = _drive_cost(factor, resolution, x, y, c, s, offsets[p], samples)
             if mean_factor < 0:
                 continue
+            # Where the primitive ends: its last offset, turned by the node's heading.
             end = offsets[p, samples - 1]
             xx, yy = x + c * end[0] - s * end[1], y + s * end[0] + c * end[1]
             i, j = int(yy / resolution), int(xx / resolution)
@@ -238,16 +260,17 @@ def _search(
                 continue
             new_yaw = (yaw + end[2]) % (2 * math.pi)
             new_cost = cost + costs[p] * mean_factor
-            if links[node, 0] >= 0 and speeds[p] * speeds[links[node, 1]] < 0:
+            # A change of gear.
+            if links[node, PARENT] >= 0 and speeds[p] * speeds[links[node, PRIMITIVE]] < 0:
                 new_cost += gear_cost
             key = (i * width + j) * heading_count + int(new_yaw * per_rad) % heading_count
             slot = slot_of(key, stamp, table_key, table_stamp)
-            if table_stamp[slot] == stamp and nodes[table_node[slot], 3] <= new_cost:
+            if table_stamp[slot] == stamp and nodes[table_node[slot], COST] <= new_cost:
                 continue
             if count >= len(nodes):
                 return -1, expansions
-            nodes[count, 0], nodes[count, 1], nodes[count, 2], nodes[count, 3] = xx, yy, new_yaw, new_cost
-            links[count, 0], links[count, 1] = node, p
+            nodes[count, X], nodes[count, Y], nodes[count, YAW], nodes[count, COST] = xx, yy, new_yaw, new_cost
+            links[count, PARENT], links[count, PRIMITIVE] = node, p
             table_stamp[slot], table_key[slot], table_node[slot] = stamp, key, count
             waiting = push(heap_cost, heap_node, waiting, new_cost + metres * heuristic[i, j], count)
             count += 1
@@ -260,17 +283,17 @@ def _trace(node: int, memory: Memory, primitives: Primitives, points: Float64Arr
     nodes, links, _, _, _, _, _, _ = memory
     offsets, sample_counts, _, speeds = primitives
     at = len(points)
-    while links[node, 0] >= 0 and at > offsets.shape[1]:
-        parent, p = links[node, 0], links[node, 1]
-        c, s = math.cos(nodes[parent, 2]), math.sin(nodes[parent, 2])
+    while links[node, PARENT] >= 0 and at > offsets.shape[1]:
+        parent, p = links[node, PARENT], links[node, PRIMITIVE]
+        c, s = math.cos(nodes[parent, YAW]), math.sin(nodes[parent, YAW])
         for k in range(sample_counts[p] - 1, -1, -1):
             at -= 1
-            points[at, 0] = nodes[parent, 0] + c * offsets[p, k, 0] - s * offsets[p, k, 1]
-            points[at, 1] = nodes[parent, 1] + s * offsets[p, k, 0] + c * offsets[p, k, 1]
-            points[at, 2] = nodes[parent, 2] + offsets[p, k, 2]
+            points[at, 0] = nodes[parent, X] + c * offsets[p, k, 0] - s * offsets[p, k, 1]
+            points[at, 1] = nodes[parent, Y] + s * offsets[p, k, 0] + c * offsets[p, k, 1]
+            points[at, 2] = nodes[parent, YAW] + offsets[p, k, 2]
             points[at, 3] = speeds[p]
         node = parent
     at -= 1
-    points[at, 0], points[at, 1], points[at, 2] = nodes[node, 0], nodes[node, 1], nodes[node, 2]
+    points[at, 0], points[at, 1], points[at, 2] = nodes[node, X], nodes[node, Y], nodes[node, YAW]
     points[at, 3] = points[at + 1, 3] if at + 1 < len(points) else 0.0
     return len(points) - at

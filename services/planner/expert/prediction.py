@@ -22,9 +22,12 @@ WINDOW_S = 0.2
 _TURN_FADES_S = 1.0
 """How long a turn takes to fade [s]."""
 _KEEP_OFF_M = 0.4
+"""Clearance that humans keep to walls [m]."""
 _LOOK_M = 0.8
+"""How far ahead walls deflect [m]."""
 _DEFLECTION_RAD = math.radians(10.0)
 _DEFLECTION_COUNT = 10
+"""Turns to either side that are tried, so far apart."""
 _TURN_STEP_MAX_RAD = 0.15
 """Largest turn in `DT_S` [rad]."""
 _WALKING_MPS = 0.2
@@ -42,6 +45,7 @@ def window_steps(dt_s: float) -> int:
 
 @compiled
 def _keeps_off(clearance: Float64Array, place: tuple[float, float, float], x: float, y: float, heading: float) -> bool:
+    """True if the way ahead keeps off the walls; `place` is the map's corner x, y [m] and its resolution [m]."""
     c, s = math.cos(heading), math.sin(heading)
     for k in range(1, 4):
         i = math.floor((y + s * _LOOK_M * k / 3 - place[1]) / place[2])
@@ -73,6 +77,11 @@ def _predict(
     window_max: int,
     out: Float64Array,
 ) -> None:
+    """Fill the positions after 1, 2, .. steps; arguments as of `predict_walk`.
+
+    The chord of the last `window` steps gives stride and heading, the angle between it and the chord before it the turn
+    per step. A chord's heading is that of its middle, so half a window of turning is added.
+    """
     last = len(views) - 1
     x, y = views[last, 0], views[last, 1]
     window = min(window_max, last)
@@ -123,6 +132,7 @@ def predict_walk(
 
 @compiled
 def _field_at(field: Int32Array, place: tuple[float, float, float], x: float, y: float) -> int:
+    """Value of the cell at a place [m], `UNREACHED` off the map."""
     i, j = math.floor((y - place[1]) / place[2]), math.floor((x - place[0]) / place[2])
     if i < 0 or j < 0 or i >= field.shape[0] or j >= field.shape[1]:
         return UNREACHED

@@ -1,4 +1,12 @@
-"""What walls and humans add to the cost of a timed primitive."""
+"""What walls and humans add to the cost of a timed primitive.
+
+Legend: a primitive from (x, y) with the heading (c, s) = (cos, sin) is, at its row (rx, ry), at the point
+
+    p = (x + c rx - s ry, y + s rx + c ry).
+
+It is checked after every `CHECK_STEPS` steps: check n at row (n + 1) `CHECK_STEPS` - 1. Row k of `humans.expected_m` is
+where they will be k + 1 steps from now.
+"""
 
 import math
 
@@ -18,6 +26,8 @@ UInt8Array = npt.NDArray[np.uint8]
 CHECK_STEPS = 2
 """Steps between two checks of a primitive against walls and humans."""
 _ROUNDING_M = 1e-6
+_HALF_DIAGONAL = 0.71
+"""Half the diagonal of a cell, in cells: how far a point of a cell may be from its centre."""
 
 
 @compiled
@@ -79,7 +89,7 @@ def wall_cost(
     """
     height, width = factor.shape
     occupied, clearance, _, _, resolution = obstacles
-    free = radius + 0.71 * resolution
+    free = radius + _HALF_DIAGONAL * resolution
     total, checks = 0, 0
     for k in range(CHECK_STEPS - 1, len(rows), CHECK_STEPS):
         px = place[0] + heading[0] * rows[k, 0] - heading[1] * rows[k, 1]
@@ -89,11 +99,12 @@ def wall_cost(
         i, j = int(py / resolution), int(px / resolution)
         if i >= height or j >= width or factor[i, j] == 0:
             return -1.0
-        # Half a cell's diagonal covers the offset of the point from its cell's centre.
+        # Cells with more clearance than this need no look at their surroundings.
         if clearance[i, j] <= free and disc_meets_cells(occupied, 0.0, 0.0, resolution, px, py, radius):
             return -1.0
         total += factor[i, j] - FREE
         checks += 1
+    # Length times (mean cost factor - 1).
     return length * total / (FREE * checks)
 
 

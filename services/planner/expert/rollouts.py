@@ -2,6 +2,10 @@
 
 Steering law: Coulter, Implementation of the pure pursuit path tracking algorithm, CMU-RI-TR-92-01. Evasion: Fox,
 Burgard and Thrun, The dynamic window approach to collision avoidance, IEEE RAM 4 (1997).
+
+Legend: a state is x, y [m], yaw [rad], v [m/s], w [rad/s]; rows of a path are x, y, yaw, speed, negative backwards.
+Pure pursuit: with the target at (ahead, left) in the robot's axes, the arc through it that begins along the heading has
+the curvature 2 left / (ahead^2 + left^2), and w = v * curvature.
 """
 
 import math
@@ -30,6 +34,12 @@ _CREEP_MPS = 0.15
 """Speed at which a path is left for a stretch that leads the other way [m/s]."""
 _ARRIVED_M = 0.08
 """So near its end has the robot done such a stretch [m]."""
+_HALF_DIAGONAL = 0.71
+"""Half the diagonal of a cell, in cells: how far a point of a cell may be from its centre."""
+_SQUARED_MIN_M2 = 0.04
+"""Targets count as at least 0.2 m away, which bounds the curvature."""
+_OVERLAP_M = 0.3
+"""Added to the overlap with a human of an evasion, of which every metre costs 20 [m]."""
 
 
 @compiled
@@ -38,6 +48,7 @@ def slow_ahead(path: Float64Array, deceleration_mps2: float) -> None:
     for k in range(len(path) - 2, -1, -1):
         gap = math.sqrt((path[k + 1, 0] - path[k, 0]) ** 2 + (path[k + 1, 1] - path[k, 1]) ** 2)
         after = _CREEP_MPS if path[k, 3] * path[k + 1, 3] < 0 else path[k + 1, 3]
+        # v^2 = v_after^2 + 2 deceleration * gap.
         most = math.sqrt(after**2 + 2 * deceleration_mps2 * gap)
         path[k, 3] = max(min(path[k, 3], most), -most)
 
@@ -84,6 +95,7 @@ def _pursue(
     w_max = limits[1]
     target = len(path) - 1
     gear = -1.0 if path[progress, 3] < 0 else 1.0
+    # The target: the first point beyond the look-ahead, or the last one of this gear.
     for k in range(progress, len(path)):
         if gear * path[k, 3] < 0:
             target = k - 1
@@ -95,11 +107,12 @@ def _pursue(
     dx, dy = path[target, 0] - x, path[target, 1] - y
     ahead, left = c * dx + s * dy, c * dy - s * dx
     bearing = math.atan2(gear * left, gear * ahead)
-    curvature = 2 * left / max(ahead * ahead + left * left, 0.04)
+    curvature = 2 * left / max(ahead * ahead + left * left, _SQUARED_MIN_M2)
     wanted = scale * path[progress, 3]
     if abs(bearing) > _TURN_FIRST_RAD:
         wanted = 0.0
     elif abs(curvature) > 1e-6:
+        # Slowly enough for |w| = |v curvature| to stay below its limit.
         wanted = gear * min(abs(wanted), 0.95 * w_max / abs(curvature))
     v, _ = limited(wanted, 0.0, state, limits)
     # At rest the robot turns towards the path; while it drives, it steers along the arc to the target.
@@ -120,8 +133,11 @@ def meets(state: State, obstacles: Obstacles, radius: float) -> bool:
     """True if a disc at a state meets an obstacle."""
     occupied, clearance, ox, oy, resolution = obstacles
     i, j = math.floor((state[1] - oy) / resolution), math.floor((state[0] - ox) / resolution)
-    if 0 <= i < occupied.shape[0] and 0 <= j < occupied.shape[1] and clearance[i, j] > radius + 0.71 * resolution:
-        # Half a cell's diagonal covers the offset of the point from its cell's centre.
+    if (
+        0 <= i < occupied.shape[0]
+        and 0 <= j < occupied.shape[1]
+        and clearance[i, j] > radius + _HALF_DIAGONAL * resolution
+    ):
         return False
     return disc_meets_cells(occupied, ox, oy, resolution, state[0], state[1], radius)
 
@@ -242,11 +258,12 @@ def choose_evasion(
             steps, gap, to_go = try_arc(v, w, state, limits, around, to_goal)
             if steps < FREE_RUN:
                 continue
+            # Way to the goal, change of turning, and humans nearer than `wide`.
             score = -min(to_go, 1e3) - 0.1 * abs(w - state[4]) / limits[1]
             if gap < wide:
                 score -= 4.0 * (wide - gap) / wide
             if gap < 0:
-                score -= 20.0 * (0.3 - gap)
+                score -= 20.0 * (_OVERLAP_M - gap)
             if score > best:
                 best, found, best_v, best_w = score, True, v, w
     v, w = limited(best_v, best_w, state, limits)

@@ -1,4 +1,8 @@
-"""Working memory of searches over poses: nodes, a heap of those that wait, a table of the best node per key."""
+"""Working memory of searches over poses: nodes, a heap of those that wait, a table of the best node per key.
+
+The heap is binary: the children of entry k are 2 k + 1 and 2 k + 2, and no child costs less than its parent. A node
+that a better one of its key has replaced stays in the heap; searches skip it when it comes to the top.
+"""
 
 from typing import NamedTuple
 
@@ -10,6 +14,16 @@ from readygo.common.kernels import compiled
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
 Int64Array = npt.NDArray[np.int64]
+
+
+X, Y, YAW, COST = 0, 1, 2, 3
+"""Places in a node."""
+PARENT, PRIMITIVE = 0, 1
+"""Places in its links; the root's parent is -1."""
+_HASH = -7046029254386353131
+"""2^64 over the golden ratio, as a signed number."""
+_HASH_SHIFT = 29
+"""Brings the upper bits of the product, the better mixed ones, down to those that number the slots."""
 
 
 class Memory(NamedTuple):
@@ -62,6 +76,7 @@ class SearchMemory:
 @compiled
 def push(costs: Float64Array, nodes: Int32Array, count: int, cost: float, node: int) -> int:
     """Put an entry into a heap of `count` entries; returns their new number."""
+    # Dearer parents move down until the entry's place is found.
     k = count
     while k > 0:
         parent = (k - 1) >> 1
@@ -77,6 +92,7 @@ def push(costs: Float64Array, nodes: Int32Array, count: int, cost: float, node: 
 def pop(costs: Float64Array, nodes: Int32Array, count: int) -> int:
     """Remove the cheapest entry, which the caller has read from the top."""
     count -= 1
+    # The last entry fills the hole at the top: cheaper children move up until its place is found.
     cost, node = costs[count], nodes[count]
     k = 0
     while True:
@@ -97,8 +113,9 @@ def pop(costs: Float64Array, nodes: Int32Array, count: int) -> int:
 def slot_of(key: int, stamp: int, table_keys: Int64Array, table_stamps: Int32Array) -> int:
     """Table slot of a key: where it is, or where it would be put (open addressing, Fibonacci hashing)."""
     mask = len(table_keys) - 1
-    mixed = key * -7046029254386353131
-    slot = (mixed ^ (mixed >> 29)) & mask
+    mixed = key * _HASH
+    slot = (mixed ^ (mixed >> _HASH_SHIFT)) & mask
+    # Slots that other searches wrote count as empty.
     while table_stamps[slot] == stamp and table_keys[slot] != key:
         slot = (slot + 1) & mask
     return slot

@@ -3,6 +3,14 @@
 Nodes keep pose, command and time; one node per place, heading, speed and half second survives. Waiting and turning in
 place are primitives like any other. Sources: Dolgov et al., IJRR 29 (2010), for the search over poses; Silver,
 Cooperative pathfinding, AIIDE 2005, for reserving cells in time.
+
+Legend: places (x, y) [m] count from the map's corner; (i, j) is the row and column of a cell. A primitive q has K rows
+of x, y, yaw relative to its start, v, w, one per step; depth counts primitives from the start, so that a node's time is
+depth * K steps. A group is the primitives that may follow a command, speed level * turn levels + turn level. Costs are
+metres at full speed: f = g + weight * h with
+
+    g = sum over primitives of (own cost + what walls and humans add),
+    h = way to the goal + what turning towards it costs + delay by humans.
 """
 
 import math
@@ -19,17 +27,33 @@ from readygo.services.planner.expert.config import PRIMITIVES_MAX, ExpertConfig
 from readygo.services.planner.expert.delay import LAYER_S, Delays, delay_at, fill_delays
 from readygo.services.planner.expert.primitive_cost import check_reaches, find_near, human_cost, wall_cost
 from readygo.services.planner.expert.records import CostGrid, Goal, HumansAhead, Obstacles, State
-from readygo.services.planner.expert.search_memory import Memory, SearchMemory, pop, push, slot_of
+from readygo.services.planner.expert.search_memory import (
+    COST,
+    PARENT,
+    PRIMITIVE,
+    YAW,
+    Memory,
+    SearchMemory,
+    X,
+    Y,
+    pop,
+    push,
+    slot_of,
+)
 from readygo.services.planner.expert.timed_primitives import PrimitiveTable, make_timed_primitives
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
 UInt8Array = npt.NDArray[np.uint8]
 
+_DEPTH, _GROUP = 2, 3
+"""Places in a node's links, after parent and primitive."""
 _TABLE_SIZE = 1 << 16
 _KEY_CELL_M = 0.1
+"""Side of the places of which one node each survives [m]."""
 _DEPTHS = PRIMITIVES_MAX + 1
 _SLOPE_CELLS = 3
+"""Cells on each side over which the direction to the goal is taken."""
 _DRIVEN_TURN_RAD, _DRIVEN_TURN_S = 0.6, 1.5
 """Driving on mends a heading that is away from the way by so much, and no more than the robot turns in so long."""
 
@@ -75,7 +99,7 @@ class SpaceTimeSearch:
             goal_tolerance_m: A plan that comes this near to the goal need not last longer [m].
         """
         self._primitives = make_timed_primitives(robot, config)
-        self._memory = SearchMemory(config.timed_expansions_max * 16 + 64, 4, _TABLE_SIZE)
+        self._memory = SearchMemory(config.timed_expansions_max * 16 + 64, _GROUP + 1, _TABLE_SIZE)
         horizon_s = config.oracle_prediction_s if config.oracle else config.timed_prediction_s
         self._rules = Rules(
             radius_m=robot.radius_m + config.tracking_margin_m,
@@ -148,17 +172,18 @@ class SpaceTimeSearch:
         )
         if found <= 0:
             return None
-        rows = np.empty((int(memory.links[found, 2]) * self._primitives.steps + 1, 5))
+        rows = np.empty((int(memory.links[found, _DEPTH]) * self._primitives.steps + 1, 5))
         rows[0] = state
         _trace(found, memory, self._primitives.table.rows, (ox, oy), rows)
-        x, y = float(memory.nodes[found, 0]), float(memory.nodes[found, 1])
+        x, y = float(memory.nodes[found, X]), float(memory.nodes[found, Y])
         left = float(heuristic[int(y / resolution), int(x / resolution)]) * resolution / UNITS_PER_CELL
-        return TimedPlan(rows=rows, cost=float(memory.nodes[found, 3]) + left)
+        return TimedPlan(rows=rows, cost=float(memory.nodes[found, COST]) + left)
 
 
 @compiled
 def _key(x: float, y: float, yaw: float, counts: tuple[int, int, int], depth: int, speed: int) -> int:
     """What nodes share of which one survives; `counts` are columns, headings, and more than there are speeds."""
+    # Mixed radix: row, column, heading, depth, speed.
     columns, heading_count, speed_count = counts
     heading = int(yaw * (heading_count / (2 * math.pi)))
     if heading >= heading_count:
@@ -178,6 +203,7 @@ def _wrapped(yaw: float) -> float:
 @compiled
 def _turn_left(heuristic: Int32Array, i: int, j: int, yaw: float, driven_rad: float) -> float:
     """By how much a heading is away from the way to the goal, beyond what driving on can mend [rad]."""
+    # Central differences of the distances point down to the goal.
     reach = _SLOPE_CELLS
     if i < reach or j < reach or i + reach >= heuristic.shape[0] or j + reach >= heuristic.shape[1]:
         return 0.0
@@ -195,6 +221,7 @@ def _turn_left(heuristic: Int32Array, i: int, j: int, yaw: float, driven_rad: fl
                     best, dx, dy = near, b, a
         if dx == 0 and dy == 0:
             return 0.0
+    # The difference of both directions, in -pi .. pi.
     away = (math.atan2(dy, dx) - yaw + math.pi) % (2 * math.pi) - math.pi
     return max(0.0, abs(away) - driven_rad)
 
@@ -212,8 +239,8 @@ def _search(
 ) -> tuple[int, int]:
     """Last node of the plan or -1, and the number of expansions.
 
-    `nodes` holds x, y, yaw, cost; `links` parent, primitive, depth, group of primitives that may follow. `traffic` is
-    who is in the way, and how long that holds the robot up.
+    Links are parent, primitive, depth, and the group of primitives that may follow. `traffic` is who is in the way, and
+    how long that holds the robot up.
     """
     factor, heuristic, resolution = grid
     rows, costs, lengths, ends, first = primitives
@@ -225,8 +252,9 @@ def _search(
     metres = resolution / UNITS_PER_CELL
     columns = int(factor.shape[1] * resolution / _KEY_CELL_M) + 2
     speeds, counts = ends // turn_levels, (columns, heading_count, len(first))
-    nodes[0, 0], nodes[0, 1], nodes[0, 2], nodes[0, 3] = start[0], start[1], start[2] % (2 * math.pi), 0.0
-    links[0, 0], links[0, 1], links[0, 2], links[0, 3] = -1, -1, 0, len(first) - 2
+    nodes[0, X], nodes[0, Y], nodes[0, YAW], nodes[0, COST] = start[0], start[1], start[2] % (2 * math.pi), 0.0
+    # The last group is that of the robot's present command.
+    links[0, PARENT], links[0, PRIMITIVE], links[0, _DEPTH], links[0, _GROUP] = -1, -1, 0, len(first) - 2
     waiting = push(heap_cost, heap_node, 0, 0.0, 0)
     count, expansions = 1, 0
     reaches = check_reaches(rows)
@@ -235,14 +263,16 @@ def _search(
     while waiting > 0 and expansions < expansions_max:
         node = heap_node[0]
         waiting = pop(heap_cost, heap_node, waiting)
-        x, y, yaw, cost = nodes[node, 0], nodes[node, 1], nodes[node, 2], nodes[node, 3]
-        depth, group = links[node, 2], links[node, 3]
+        x, y, yaw, cost = nodes[node, X], nodes[node, Y], nodes[node, YAW], nodes[node, COST]
+        depth, group = links[node, _DEPTH], links[node, _GROUP]
         if node > 0:
+            # A better node of this key came after it: this one is stale.
             key = _key(x, y, yaw, counts, depth, group // turn_levels)
             if table_node[slot_of(key, stamp, table_key, table_stamp)] != node:
                 continue
             if depth >= depth_max or (x - goal[0]) ** 2 + (y - goal[1]) ** 2 < goal[2] * goal[2]:
                 return node, expansions
+            # The plan, should the search end early: the deepest node, of those the nearest to the goal.
             left = heuristic[int(y / resolution), int(x / resolution)] * metres
             if depth > best_depth or (depth == best_depth and left < best_left):
                 best, best_depth, best_left = node, depth, left
@@ -250,6 +280,7 @@ def _search(
         find_near(humans, (x, y), depth * steps, reaches, near, near_counts)
         c, s = math.cos(yaw), math.sin(yaw)
         for q in range(first[group], first[group + 1]):
+            # Where the primitive ends: its last row, turned by the node's heading.
             end = rows[q, steps - 1]
             xx, yy = x + c * end[0] - s * end[1], y + s * end[0] + c * end[1]
             if xx < 0.0 or yy < 0.0:
@@ -262,7 +293,8 @@ def _search(
             slot = slot_of(key, stamp, table_key, table_stamp)
             known = table_stamp[slot] == stamp
             new_cost = cost + costs[q]
-            if known and nodes[table_node[slot], 3] <= new_cost:
+            # Asked again after each part of the cost: the later ones take longer to compute.
+            if known and nodes[table_node[slot], COST] <= new_cost:
                 continue
             delay = 0.0
             if len(expected) > 0:
@@ -270,12 +302,13 @@ def _search(
                 if delay == np.inf:
                     continue
             extra = wall_cost(factor, obstacles, radius, (x, y), (c, s), rows[q], lengths[q])
-            if extra < 0.0 or (known and nodes[table_node[slot], 3] <= new_cost + extra):
+            if extra < 0.0 or (known and nodes[table_node[slot], COST] <= new_cost + extra):
                 continue
             extra += human_cost((x, y), (c, s), rows[q], humans, depth * steps, near, near_counts)
             new_cost += extra
-            if known and nodes[table_node[slot], 3] <= new_cost:
+            if known and nodes[table_node[slot], COST] <= new_cost:
                 continue
+            # h: a robot that reverses may also turn its back to the goal, and pay for each metre.
             way = heuristic[i, j] * metres
             turn = turn_cost * _turn_left(heuristic, i, j, new_yaw, driven_turn)
             if reverse_cost < np.inf:
@@ -284,8 +317,9 @@ def _search(
             left = way + turn + delay
             if count >= len(nodes):
                 return best, expansions
-            nodes[count, 0], nodes[count, 1], nodes[count, 2], nodes[count, 3] = xx, yy, new_yaw, new_cost
-            links[count, 0], links[count, 1], links[count, 2], links[count, 3] = node, q, depth + 1, ends[q]
+            nodes[count, X], nodes[count, Y], nodes[count, YAW], nodes[count, COST] = xx, yy, new_yaw, new_cost
+            links[count, PARENT], links[count, PRIMITIVE] = node, q
+            links[count, _DEPTH], links[count, _GROUP] = depth + 1, ends[q]
             table_stamp[slot], table_key[slot], table_node[slot] = stamp, key, count
             waiting = push(heap_cost, heap_node, waiting, new_cost + weight * left, count)
             count += 1
@@ -299,14 +333,14 @@ def _trace(
     """Fill `rows`, the first of which is there, with the primitives that lead to a node."""
     nodes, links, _, _, _, _, _, _ = memory
     steps = primitives.shape[1]
-    while links[node, 0] >= 0:
-        parent, q = links[node, 0], links[node, 1]
-        c, s = math.cos(nodes[parent, 2]), math.sin(nodes[parent, 2])
-        at = links[parent, 2] * steps + 1
+    while links[node, PARENT] >= 0:
+        parent, q = links[node, PARENT], links[node, PRIMITIVE]
+        c, s = math.cos(nodes[parent, YAW]), math.sin(nodes[parent, YAW])
+        at = links[parent, _DEPTH] * steps + 1
         for k in range(steps):
             ahead, left = primitives[q, k, 0], primitives[q, k, 1]
-            rows[at + k, 0] = nodes[parent, 0] + c * ahead - s * left + origin[0]
-            rows[at + k, 1] = nodes[parent, 1] + s * ahead + c * left + origin[1]
-            rows[at + k, 2] = nodes[parent, 2] + primitives[q, k, 2]
+            rows[at + k, 0] = nodes[parent, X] + c * ahead - s * left + origin[0]
+            rows[at + k, 1] = nodes[parent, Y] + s * ahead + c * left + origin[1]
+            rows[at + k, 2] = nodes[parent, YAW] + primitives[q, k, 2]
             rows[at + k, 3], rows[at + k, 4] = primitives[q, k, 3], primitives[q, k, 4]
         node = parent

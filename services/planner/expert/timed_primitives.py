@@ -2,6 +2,13 @@
 
 Speeds and turn rates lie on levels that one primitive can bridge within the robot's limits, so that a chain of
 primitives is a sequence of commands that the robot executes exactly.
+
+Legend: (v, w) speed [m/s] and turn rate [rad/s]. A step of dt at (v, w) is an arc of radius v / w:
+
+    x += v / w (sin(yaw + w dt) - sin yaw),   y -= v / w (cos(yaw + w dt) - cos yaw).
+
+The cost of a primitive, in metres at full speed, is the mean of its length and of what full speed drives in its time,
+and what steering, swerving, driving backwards and changing gear add.
 """
 
 import math
@@ -155,6 +162,7 @@ def _fill_group(v: float, w: float, rules: Rules, begin: int, table: PrimitiveTa
                 continue
             q = begin + count
             lengths[q], back, turned = _drive(v, w, v_levels[a], w_levels[b], limits, rows[q])
+            # (length + duration v_max) / 2 + v_max (steering |turned| + swerving |change of w|) / w_max.
             costs[q] = 0.5 * (lengths[q] + duration * v_max)
             costs[q] += v_max * (steering_cost * turned + swerve_cost * abs(w_levels[b] - w)) / w_max
             if v_levels[a] < 0.0 or v < 0.0:

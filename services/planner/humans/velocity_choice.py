@@ -1,4 +1,14 @@
-"""How a human yields: the velocity of a fan around the wanted one that costs least, compiled."""
+"""How a human yields: the velocity of a fan around the wanted one that costs least, compiled.
+
+Legend: u a velocity of the fan, w the wanted one, v the present one [m/s]; a disc d at the offset (dx, dy) moves at
+v_d, its relative velocity is v_d - u; t_d is the time until it is nearer than the distance of contact and `_ROOM_M`, H
+= `_HORIZON_S`. Of the velocities at which the human meets no wall for 0.6 s the one with the smallest cost is taken:
+
+    |u - w| + 0.15 |u - v| + sum over the discs in view of 2 max(0, 1 - t_d / H),
+
+and for discs that are too near already 2 times the speed at which they come nearer. Source of choosing velocities by
+the time to collision: van den Berg, Lin, Manocha, Reciprocal velocity obstacles, ICRA 2008.
+"""
 
 import math
 from typing import NamedTuple
@@ -19,12 +29,24 @@ UInt8Array = npt.NDArray[np.uint8]
 _BEHIND_M = 0.35
 """The drawn row waits for a human who is farther from it than this [m]."""
 _HORIZON_S = 3.0
+"""Contacts later than this cost nothing [s]."""
 _ROOM_M = 0.3
 """Distance that humans try to keep beyond touching [m]; with less, a run that differs a little ends in a collision."""
 _ACCELERATION_MPS2 = 2.0
 _SHARES = np.array([1.0, 0.75, 0.5, 0.25, 0.0])
+"""Speeds of the fan, as shares of the wanted one."""
 _TURNS_RAD = np.radians(np.array([0.0, 15.0, -15.0, 30.0, -30.0, 50.0, -50.0, 75.0, -75.0]))
+"""Directions of the fan, from that of the target; of equal costs the first one wins."""
+_ASIDE_MPS = 0.6
+"""Speed at which a human may step aside, however slow it wants to be."""
 _HURRY_COST, _CHANGE_COST = 2.0, 0.15
+"""Cost of an immediate contact, and of a change of velocity by 1 m/s [m/s]."""
+_WALL_ROOM_M, _WALL_ROOM_MIN_M = 0.06, 0.03
+"""Distance to walls that chosen velocities keep, and that every step keeps, beyond the radius [m]."""
+_CHECKS, _CHECK_S = 4, 0.15
+"""Velocities are checked against walls at so many times, so far apart [s]."""
+_X, _Y, _VX, _VY, _CONTACT = 0, 1, 2, 3, 4
+"""Places in a disc."""
 
 _contact_s = compiled(time_to_contact_s)
 
@@ -94,7 +116,8 @@ def next_place(wish: Wish, discs: Float64Array, sight: Sight, cells: Cells, radi
         px, py = heading[0], heading[1]
     else:
         px, py = px / distance, py / distance
-    top = max(wanted, 0.6)
+    # (px, py): the direction of the target.
+    top = max(wanted, _ASIDE_MPS)
     best, vx, vy = np.inf, 0.0, 0.0
     for turn in _TURNS_RAD:
         c, s = math.cos(turn), math.sin(turn)
@@ -103,14 +126,14 @@ def next_place(wish: Wish, discs: Float64Array, sight: Sight, cells: Cells, radi
             speed = share * (wanted if turn == 0.0 else top)
             ux, uy = speed * (c * px - s * py), speed * (s * px + c * py)
             cost = _cost(here, ux, uy, velocity, (wanted * px, wanted * py), discs, seen)
-            if cost < best and _is_free(here, ux, uy, cells, radius + 0.06):
+            if cost < best and _is_free(here, ux, uy, cells, radius + _WALL_ROOM_M):
                 best, vx, vy = cost, ux, uy
     # Humans change speed gradually.
     ax, ay = vx - velocity[0], vy - velocity[1]
     scale = min(1.0, _ACCELERATION_MPS2 * DT_S / max(math.sqrt(ax * ax + ay * ay), 1e-9))
     x, y = here[0] + (velocity[0] + scale * ax) * DT_S, here[1] + (velocity[1] + scale * ay) * DT_S
     occupied, _, ox, oy, res = cells
-    if disc_meets_cells(occupied, ox, oy, res, x, y, radius + 0.03):
+    if disc_meets_cells(occupied, ox, oy, res, x, y, radius + _WALL_ROOM_MIN_M):
         x, y = here[0], here[1]
     return np.array([x, y])
 
@@ -121,15 +144,15 @@ def _seen(here: Float64Array, heading: Float64Array, discs: Float64Array, sight:
     _, free, ox, oy, res = cells
     seen = np.zeros(len(discs), np.bool_)
     for d in range(len(discs)):
-        dx, dy = discs[d, 0] - here[0], discs[d, 1] - here[1]
+        dx, dy = discs[d, _X] - here[0], discs[d, _Y] - here[1]
         away = max(math.sqrt(dx * dx + dy * dy), 1e-9)
         inside = away <= sight.range_m and dx * heading[0] + dy * heading[1] >= sight.cos_half_cone * away
         seen[d] = inside and line_is_free(
             free,
             (here[1] - oy) / res,
             (here[0] - ox) / res,
-            (discs[d, 1] - oy) / res,
-            (discs[d, 0] - ox) / res,
+            (discs[d, _Y] - oy) / res,
+            (discs[d, _X] - ox) / res,
             1,
         )
     return seen
@@ -151,9 +174,9 @@ def _cost(
     for d in range(len(discs)):
         if not seen[d]:
             continue
-        dx, dy = discs[d, 0] - here[0], discs[d, 1] - here[1]
-        vx, vy = discs[d, 2] - ux, discs[d, 3] - uy
-        contact = discs[d, 4] + _ROOM_M
+        dx, dy = discs[d, _X] - here[0], discs[d, _Y] - here[1]
+        vx, vy = discs[d, _VX] - ux, discs[d, _VY] - uy
+        contact = discs[d, _CONTACT] + _ROOM_M
         away = math.sqrt(dx * dx + dy * dy)
         if away <= contact:
             # Too near already: what opens the gap costs nothing.
@@ -167,12 +190,12 @@ def _cost(
 
 @compiled
 def _is_free(here: Float64Array, ux: float, uy: float, cells: Cells, radius: float) -> bool:
-    """True if a disc can move at a velocity for 0.6 s; standing is always possible."""
+    """True if a disc can move at a velocity for `_CHECKS` times `_CHECK_S`; standing is always possible."""
     if ux == 0.0 and uy == 0.0:
         return True
     occupied, _, ox, oy, res = cells
-    for k in range(1, 5):
-        x, y = here[0] + 0.15 * k * ux, here[1] + 0.15 * k * uy
+    for k in range(1, _CHECKS + 1):
+        x, y = here[0] + _CHECK_S * k * ux, here[1] + _CHECK_S * k * uy
         if disc_meets_cells(occupied, ox, oy, res, x, y, radius):
             return False
     return True
