@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.arrays import dtype_of
+from readygo.common.array_files import dtype_of
 from readygo.common.errors import ReadygoError
 from readygo.common.files import open_regular
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.arrays import load_npz
+from readygo.common.array_files import load_npz
 from readygo.common.avatars.avatar import SMPL_PARENTS, Avatar
 from readygo.common.errors import AvatarError
 from readygo.common.files import unfinished

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.arrays import load_npz
+from readygo.common.array_files import load_npz
 from readygo.common.errors import ReadygoError, SceneError
 from readygo.common.files import unfinished
 from readygo.common.gaussians.irradiance import HARMONICS, add_radiance, irradiance_matrix

@@ -17,7 +17,7 @@ import msgpack
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.arrays import NUMBERS
+from readygo.common.array_files import NUMBERS
 from readygo.common.errors import MessageError
 
 Message = TypeVar("Message")

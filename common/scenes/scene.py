@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.arrays import load_npy
+from readygo.common.array_files import load_npy
 from readygo.common.camera.captured import CapturedViews, load_views
 from readygo.common.documents import read_json
 from readygo.common.errors import SceneError

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.arrays import load_npz
+from readygo.common.array_files import load_npz
 from readygo.common.avatars.importers.assemble import CanonicalHuman
 from readygo.common.avatars.importers.joints import rotations_to_tpose
 from readygo.common.errors import AvatarError

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.arrays import load_npz
+from readygo.common.array_files import load_npz
 from readygo.common.avatars.avatar import Avatar
 from readygo.common.avatars.importers.assemble import CanonicalHuman, assembled
 from readygo.common.avatars.importers.gaussian_human import gaussian_human

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.arrays import map_npy
+from readygo.common.array_files import map_npy
 from readygo.common.documents import read_json
 from readygo.common.errors import ReadygoError, SceneError
 from readygo.common.files import unfinished, unfinished_folder

@@ -11,7 +11,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from readygo.common.arrays import load_npy
+from readygo.common.array_files import load_npy
 from readygo.common.documents import read_json
 from readygo.common.errors import ConfigError
 from readygo.common.files import read_regular

@@ -18,7 +18,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from readygo.common.arrays import load_npz
+from readygo.common.array_files import load_npz
 from readygo.common.avatars import SMPL_PARENTS
 from readygo.common.errors import ConfigError
 from readygo.common.frames import yup_from_zup, zup_from_yup

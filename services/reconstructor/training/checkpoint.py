@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.arrays import load_npz
+from readygo.common.array_files import load_npz
 from readygo.common.documents import parse_json
 from readygo.common.errors import RunError
 from readygo.common.files import unfinished
