@@ -50,9 +50,10 @@ SPREAD = 0.3
 """Growth of a shadow with the height of the sole."""
 _HALF_WIDTH_M = 0.035
 """How far a foot reaches to its sides."""
-_SHADOW_ROWS = ((-0.09, 0.05, 0.09), (-0.045, 0.032, 0.22), (0.0, 0.032, 0.22), (0.045, 0.032, 0.22), (0.09, 0.05, 0.09))
-"""Rows of Gaussians along a foot: place to its left [m], standard deviation [m], opacity on the ground."""
-_SHADOWS_ALONG = 7
+_ROWS = ((-0.09, 0.05, 0.09), (-0.045, 0.032, 0.22), (0.0, 0.032, 0.22), (0.045, 0.032, 0.22), (0.09, 0.05, 0.09))
+"""Rows of a shadow's Gaussians along a foot: place to its left [m], standard deviation [m], opacity on the ground."""
+_ALONG = 7
+"""Gaussians in each row."""
 _PULL_STEPS = round(PULL_M / PULL_BESIDE_M)
 _DARK_SH = np.float32(-0.5 / SH_C0)
 """SH coefficient of black."""
@@ -120,7 +121,7 @@ def shadow_cloud(feet: Floats, floor: FloorMap, p_WC: Floats) -> GaussianCloud |
         p_WC: The camera in the world [m], shape (3,).
     """
     feet = feet.reshape(-1, 2, 3)
-    room = len(feet) * _SHADOWS_ALONG * len(_SHADOW_ROWS)
+    room = len(feet) * _ALONG * len(_ROWS)
     means, scales = np.empty((room, 3), dtype=np.float32), np.empty((room, 3), dtype=np.float32)
     opacities, frame = np.empty(room, dtype=np.float32), floor.frame
     grid = floor.height_m, frame.origin_x_m, frame.origin_y_m, frame.resolution_m
@@ -210,10 +211,10 @@ def _fill_shadows(
     for foot in range(len(feet)):
         wx, wy = feet[foot, 1, 0] - feet[foot, 0, 0], feet[foot, 1, 1] - feet[foot, 0, 1]
         length = math.sqrt(wx * wx + wy * wy)
-        for k in range(_SHADOWS_ALONG):
-            share = k / (_SHADOWS_ALONG - 1)
+        for k in range(_ALONG):
+            share = k / (_ALONG - 1)
             sole_m = feet[foot, 0, 2] + share * (feet[foot, 1, 2] - feet[foot, 0, 2])
-            for left_m, sigma_m, opacity in _SHADOW_ROWS:
+            for left_m, sigma_m, opacity in _ROWS:
                 x = feet[foot, 0, 0] + share * wx - left_m * wy / length
                 y = feet[foot, 0, 1] + share * wy + left_m * wx / length
                 ground_m = bilinear(floor_m, origin_x_m, origin_y_m, resolution_m, x, y)
