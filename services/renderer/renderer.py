@@ -72,10 +72,9 @@ class Renderer:
         self.rasterizers: dict[str, Rasterizer] = {}
         """The rasterizer of each camera; cameras of equal pinholes share one."""
         for name, pinhole in self.pinholes.items():
-            alike = (other for other in self.rasterizers if _draws_like(self.pinholes[other], pinhole))
-            shared = next(alike, None)
+            alike = next((other for other in self.rasterizers if _draws_like(self.pinholes[other], pinhole)), None)
             self.rasterizers[name] = (
-                _scene_rasterizer(scene, avatars, pinhole, config) if shared is None else self.rasterizers[shared]
+                _scene_rasterizer(scene, avatars, pinhole, config) if alike is None else self.rasterizers[alike]
             )
         self._light = scene_light(scene, config)
         self._people: OrderedDict[str, tuple[HumanMotion, ...]] = OrderedDict()
@@ -137,13 +136,24 @@ class Renderer:
             name: The camera's name; empty for the first one.
             episode: The episode, or a text that stands for one.
         """
-        key = name, episode
-        if key not in self._cameras:
-            self._cameras[key] = self._drawn_camera(name, episode)
+        if (name, episode) not in self._cameras:
+            robot = self.robot if isinstance(episode, str) else robot_of_episode(self.robot, episode)
+            camera, key = camera_on(robot, name), sensor_key(episode, name)
+            config = self.config.sensor.drawn(camera, sensor_rng(key))
+            same_view = camera.horizontal_fov_deg == camera_on(self.robot, name).horizontal_fov_deg
+            self._cameras[name, episode] = EpisodeCamera(
+                name=name,
+                config=config,
+                shutter=make_shutter(config, self.config.sub_frames, self.robot.clock.dt_s),
+                gain=exposure_gain(config),
+                key=key,
+                remap=self._remap(name, config),
+                K_px=None if same_view else camera.K_px,
+            )
             while len(self._cameras) > EPISODE_CAMERAS_KEPT * len(self.rasterizers):
                 self._cameras.popitem(last=False)
-        self._cameras.move_to_end(key)
-        return self._cameras[key]
+        self._cameras.move_to_end((name, episode))
+        return self._cameras[name, episode]
 
     def remember(self, people: Humans) -> None:
         """Keep humans for later requests.
@@ -176,21 +186,6 @@ class Renderer:
     def _with_depth(self, images: Images) -> Images:
         """The images with the depth that the settings ask for as their depth, where there is one."""
         return dataclasses.replace(images, depth_m=images.median_depth_m) if self.config.depth == "median" else images
-
-    def _drawn_camera(self, name: str, episode: EpisodeKey | str) -> EpisodeCamera:
-        robot = self.robot if isinstance(episode, str) else robot_of_episode(self.robot, episode)
-        camera, key = camera_on(robot, name), sensor_key(episode, name)
-        config = self.config.sensor.drawn(camera, sensor_rng(key))
-        same_view = camera.horizontal_fov_deg == camera_on(self.robot, name).horizontal_fov_deg
-        return EpisodeCamera(
-            name=name,
-            config=config,
-            shutter=make_shutter(config, self.config.sub_frames, self.robot.clock.dt_s),
-            gain=exposure_gain(config),
-            key=key,
-            remap=self._remap(name, config),
-            K_px=None if same_view else camera.K_px,
-        )
 
     def _remap(self, name: str, config: CameraConfig) -> Remap | None:
         """The way through a camera's lens, made once for episodes of the same lens; None without a lens."""
