@@ -1,6 +1,5 @@
 """Simulated capture: the images that a hand-held phone records of a scene with a marker, and the ground truth."""
 
-import dataclasses
 import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -16,20 +15,15 @@ from readygo.apps.capture.ground import Ground, walking_ground
 from readygo.apps.capture.marker import FloorMarker, MarkedRasterizer, lay_down
 from readygo.apps.capture.truth import truth_path, write_truth
 from readygo.apps.capture.walk import Sway, Walk, plan_walk
-from readygo.common.camera import CameraConfig, SensorConfig
+from readygo.common.camera import CameraConfig
 from readygo.common.drawing.film import CODECS, write_film
 from readygo.common.errors import ConfigError, SceneError
 from readygo.common.files import unfinished_folder
-from readygo.common.robot.kinematics import DT_S
+from readygo.common.robot import RobotConfig
 from readygo.common.scenes import Scene
 from readygo.services.reconstructor.frames.video import write_jpeg
 from readygo.services.reconstructor.marker_sheet import Sheet, marker_sheet
-from readygo.services.renderer.capture import Capture, Shot, pinhole_of
-from readygo.services.renderer.config import RendererConfig
-from readygo.services.renderer.drawing import make_drawing
-from readygo.services.renderer.sensor.light import exposure_gain
-from readygo.services.renderer.sensor.motion import Moment
-from readygo.services.renderer.sensor.streams import SensorStream
+from readygo.services.renderer import Renderer, RendererConfig, Shot
 
 Rgb = npt.NDArray[np.uint8]
 _PAGES = ("A3", "A2")
@@ -102,41 +96,28 @@ def _sheet(config: CaptureConfig) -> Sheet:
 
 def pictures(filming: Filming) -> Iterator[Rgb]:
     """Frames of the capture, sRGB, shape (H, W, 3) each; deterministic for a plan."""
-    capture = _capture(filming)
-    plain = capture.camera_of(SensorStream.of_humans(f"capture {filming.config.seed}"))
-    for number, exposure_ev in enumerate(filming.exposures_ev.tolist()):
-        config = dataclasses.replace(filming.camera, exposure_ev=exposure_ev)
-        camera = dataclasses.replace(plain, config=config, gain=exposure_gain(config))
-        shot = Shot(camera=camera, moment_at=_moments(filming, number), step=number)
-        (images,) = capture.take([shot])
-        yield images.rgb
-
-
-def _capture(filming: Filming) -> Capture:
-    pinhole = pinhole_of(SensorConfig(), filming.camera)
-    config = RendererConfig(human_light=False, outputs=("rgb", "median_depth"))
-    drawing = make_drawing(filming.scene, {}, pinhole, config)
+    robot, config = RobotConfig(camera=filming.camera), filming.config
+    settings = RendererConfig(human_light=False, outputs=("rgb", "median_depth"), sub_frames=config.sub_frames or 2)
+    renderer = Renderer(filming.scene, {}, robot, settings)
     if filming.marker is not None:
-        marked = MarkedRasterizer(drawing.rasterizer, pinhole, filming.marker)
-        drawing = dataclasses.replace(drawing, rasterizer=marked)
-    return Capture(
-        drawing=drawing,
-        pinhole=pinhole,
-        sensor=SensorConfig(),
-        camera=filming.camera,
-        sub_frames=filming.config.sub_frames or 2,
-    )
+        renderer.rasterizers[""] = MarkedRasterizer(renderer.rasterizers[""], renderer.pinholes[""], filming.marker)
+    shots = [
+        Shot(
+            step=number,
+            pose_at=_poses(filming, number, robot.clock.dt_s),
+            episode=f"capture {config.seed}",
+            exposure_ev=exposure_ev,
+        )
+        for number, exposure_ev in enumerate(filming.exposures_ev.tolist())
+    ]
+    for views in renderer.render(shots):
+        yield views[""].rgb
 
 
-def _moments(filming: Filming, number: int) -> Callable[[float], Moment]:
-    """The moments around a frame; the shutter counts in steps of the simulation."""
+def _poses(filming: Filming, number: int, dt_s: float) -> Callable[[object, float], npt.NDArray[np.float64]]:
+    """Poses of the camera around a frame; the shutter counts in steps of the simulation, which last `dt_s` [s]."""
     time_s = float(filming.times_s[number])
-
-    def moment_at(step: float) -> Moment:
-        pose = filming.walk.pose_at(time_s + (step - number) * DT_S)
-        return Moment(T_world_camera=pose, humans=(), step=step)
-
-    return moment_at
+    return lambda _, step: filming.walk.pose_at(time_s + (step - number) * dt_s)
 
 
 def film(filming: Filming, out: Path, heard: Callable[[int], None]) -> Path:

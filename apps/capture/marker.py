@@ -18,7 +18,7 @@ from readygo.common.images.images import FIELDS, Images
 from readygo.common.maps import FloorMap
 from readygo.common.rasterizer.interface import PinholeCamera, Rasterizer, View
 from readygo.services.reconstructor.marker_sheet import Sheet
-from readygo.services.renderer.sensor.light import LIGHT_ONE, byte_of_light, light_of_byte
+from readygo.services.renderer import LIGHT_ONE, byte_of_light, light_of_byte
 
 Floats = npt.NDArray[np.float64]
 

@@ -51,7 +51,7 @@ from readygo.services.evaluator import (
     summary_table,
 )
 from readygo.services.planner.humans.mixes import MixName
-from readygo.services.renderer.sensor.recipes import SensorName
+from readygo.services.renderer import SensorName
 
 TaskName = Literal["static", "dynamic", "reactive"]
 Show = Callable[[EpisodeRecord], None]

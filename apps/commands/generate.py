@@ -41,7 +41,7 @@ from readygo.common.messages import RunSpec, Split, StatusReply
 from readygo.common.policy import load_spec
 from readygo.common.robot import load_robot
 from readygo.services.planner.humans.mixes import MixName
-from readygo.services.renderer.sensor.recipes import SensorName
+from readygo.services.renderer import SensorName
 
 Detail = Literal["exact", "lod"]
 Place = Literal["local", "slurm", "hosts"]

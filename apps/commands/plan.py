@@ -33,8 +33,7 @@ from readygo.services.planner.explain.numbers import Numbers, run_numbers, scena
 from readygo.services.planner.explain.picture import Look, draw_episode, draw_run
 from readygo.services.planner.humans.mixes import MixName
 from readygo.services.planner.humans.scenario_file import load_scenarios, save_scenarios
-from readygo.services.renderer import Renderer
-from readygo.services.renderer.sensor.recipes import SensorName
+from readygo.services.renderer import Renderer, SensorName
 
 if TYPE_CHECKING:
     from readygo.apps.pictures.plan_film import RobotView

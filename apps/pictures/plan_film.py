@@ -13,9 +13,7 @@ from readygo.services.planner import RobotPlanner
 from readygo.services.planner.explain.journal import DrivenRun
 from readygo.services.planner.explain.picture import episode_view
 from readygo.services.planner.explain.picture_layers import draw_knowledge, draw_superseded
-from readygo.services.renderer import Renderer
-from readygo.services.renderer.renderer import recorded_images, robot_views, view_image
-from readygo.services.renderer.samples import episode_shots
+from readygo.services.renderer import Renderer, episode_shots, view_image
 
 PIXELS_PER_M = 80
 GIVEN_UP_S = 1.0
@@ -48,19 +46,17 @@ class RobotView:
         Raises:
             AvatarError: If a human wears an avatar that is not loaded.
         """
-        self._names = tuple(dict.fromkeys((*recorded_images(renderer), *sees)))
+        self._names = tuple(dict.fromkeys((*renderer.recorded_images, *sees)))
         self._renderer, self._width_px = renderer, width_px
         self._rows = shown_images(self._names, renderer.robot)
-        self._shots = {
-            name: episode_shots(renderer, scenario, motions, trajectory, capture)
-            for name, capture in renderer.captures.items()
-        }
+        xyyaw = trajectory.xyyaw
+        self._shots = episode_shots(renderer, scenario.episode, motions, xyyaw, range(len(xyyaw)))
         self.alone = self._rows == ALONE
         """True for one image at its size; several images are enlarged and have captions."""
 
     def __call__(self, step: int) -> Picture:
         """Render the images of a step."""
-        (views,) = robot_views(self._renderer, lambda capture: (self._shots[capture.name](step),), self._names)
+        (views,) = self._renderer.render([self._shots[step]], self._names)
         if self.alone:
             return views[""].rgb
         images = {name: view_image(views, name) for row in self._rows for name in row}

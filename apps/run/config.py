@@ -23,8 +23,7 @@ from readygo.services.planner.expert.config import ExpertConfig
 from readygo.services.planner.humans.config import HumanPlannerConfig
 from readygo.services.planner.humans.mixes import MIXES, MixName
 from readygo.services.recorder.config import RecorderConfig
-from readygo.services.renderer.config import RendererConfig
-from readygo.services.renderer.sensor.recipes import SENSOR_RECIPES, SensorName
+from readygo.services.renderer import SENSOR_RECIPES, RendererConfig, SensorName
 
 _NOT_OF_RUNS = ("learn",)
 """Sections of a configuration file that runs ignore: `readygo learn` reads them."""

@@ -43,9 +43,8 @@ from readygo.services.evaluator.scores import (
 )
 from readygo.services.planner.humans.mixes import MixName
 from readygo.services.planner.service import attach as attach_planner
-from readygo.services.renderer import Renderer
-from readygo.services.renderer.sensor.recipes import SensorName
-from readygo.services.renderer.service import attach as attach_renderer
+from readygo.services.renderer import Renderer, SensorName
+from readygo.services.renderer import attach as attach_renderer
 
 CameraName = Literal["policy", "robot"]
 

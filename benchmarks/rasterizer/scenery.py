@@ -25,7 +25,7 @@ from readygo.common.robot import CameraConfig
 from readygo.common.robot.kinematics import DT_S
 from readygo.common.scenes import Scene
 from readygo.services.animator import skeleton_of, walk
-from readygo.services.renderer.drawing import pack_folder, static_clouds
+from readygo.services.renderer import pack_folder, static_clouds
 
 TURN_RAD = 0.01
 """The camera's turn per image: 0.2 rad/s at 20 Hz."""

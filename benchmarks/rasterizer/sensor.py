@@ -24,11 +24,7 @@ from readygo.common.avatars import Avatar
 from readygo.common.messages import HumanMotion, Motion
 from readygo.common.robot import CameraConfig, RobotConfig, step_unicycle
 from readygo.common.scenes import Scene, load_scene
-from readygo.services.renderer import Renderer, RendererConfig
-from readygo.services.renderer.capture import Shot
-from readygo.services.renderer.sensor.motion import Timeline
-from readygo.services.renderer.sensor.recipes import sensor_phone_like
-from readygo.services.renderer.sensor.streams import SensorStream
+from readygo.services.renderer import SENSOR_RECIPES, Renderer, RendererConfig, Shot, path_poses
 
 LIGHT = "human light"
 FEET = "feet on floor"
@@ -84,15 +80,15 @@ def main(
     setting = replace(open_setting(job), camera=camera)
     loaded, people = load_scene(scene), {one.name: one for one in setting.avatars}
     renderers = {name: _renderer(name, loaded, people, camera) for name in OPTICS}
-    timelines = [_timeline(setting, place) for place in setting.places]
+    shots = [_shot(setting, place) for place in setting.places]
     frame_s = {name: 0.0 for name in OPTICS}
-    for timeline in timelines:
+    for shot in shots:
         best = {name: math.inf for name in OPTICS}
         for _ in range(runs):
             for name, renderer in renderers.items():
-                drawn = renderer.capture.camera_of(SensorStream((1, 2)))
+                renderer.episode_camera("", shot.episode)
                 begin_s = time.thread_time()
-                list(renderer.capture.take([Shot(camera=drawn, moment_at=timeline.at, step=STEPS - 2)]))
+                list(renderer.render([shot]))
                 best[name] = min(best[name], time.thread_time() - begin_s)
         for name, seconds in best.items():
             frame_s[name] += seconds / views
@@ -100,7 +96,7 @@ def main(
         print(json.dumps({"frame_ms": {name: 1e3 * seconds for name, seconds in frame_s.items()}}))
         return
     for name, seconds in frame_s.items():
-        pinhole = renderers[name].capture.pinhole
+        pinhole = renderers[name].pinholes[""]
         print(f"{name:36} {1e3 * seconds:7.1f} ms   drawn at {pinhole.height_px}x{pinhole.width_px} px")
 
 
@@ -109,11 +105,11 @@ def _renderer(name: str, scene: Scene, people: Mapping[str, Avatar], camera: Cam
     config = RendererConfig(contact_shadow=shadow, feet_on_floor=shadow or name == FEET, human_light=name == LIGHT)
     camera = replace(camera, **OPTICS[name])
     if name in (PHONE, SHADED_PHONE):
-        camera, config = sensor_phone_like(camera, config)
+        camera, config = SENSOR_RECIPES["sensor_phone_like"](camera, config)
     return Renderer(scene, people, RobotConfig(camera=camera), config)
 
 
-def _timeline(setting: Setting, place: Place) -> Timeline:
+def _shot(setting: Setting, place: Place) -> Shot:
     """A robot that turns at a place, and people who walk on from where they stand at its middle step."""
     rows = [(place.x_m, place.y_m, place.yaw_rad)]
     for _ in range(STEPS):
@@ -129,7 +125,7 @@ def _timeline(setting: Setting, place: Place) -> Timeline:
         )
         for number, avatar in enumerate(setting.avatars)
     )
-    return Timeline(xyyaw=np.array(rows), humans=humans, floor=setting.scenery.floor, camera=setting.camera)
+    return Shot(step=STEPS - 2, pose_at=path_poses(np.array(rows), setting.scenery.floor), humans=humans)
 
 
 if __name__ == "__main__":

@@ -29,12 +29,11 @@ from readygo.common.images.images import Images
 from readygo.common.maps.distance import clearance_m
 from readygo.common.maps.occupancy import OccupancyMap
 from readygo.common.rasterizer.interface import View
+from readygo.common.robot import RobotConfig
 from readygo.common.scenes import Scene, load_scene
 from readygo.common.scenes.filmed import FILMED_MIN
 from readygo.services.reconstructor.similarity import Similarity, umeyama
-from readygo.services.renderer import RendererConfig
-from readygo.services.renderer.capture import pinhole_of
-from readygo.services.renderer.drawing import make_drawing
+from readygo.services.renderer import Renderer, RendererConfig
 
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
@@ -71,11 +70,12 @@ def depth_errors(filmed: Scene, found: Scene, pairs: list[tuple[Floats, Floats]]
     off: dict[str, list[Floats]] = {name: [] for name in ("floor", "wall", "floor_centre", "wall_centre")}
     camera = CameraConfig(height_px=HEIGHT_PX, width_px=WIDTH_PX, horizontal_fov_deg=HFOV_DEG)
     config = RendererConfig(human_light=False, feet_on_floor=False, outputs=OUTPUTS)
-    drawings = [make_drawing(scene, {}, pinhole_of(config.sensor, camera), config) for scene in (filmed, found)]
+    robot = RobotConfig(camera=camera)
+    rasterizers = [Renderer(scene, {}, robot, config).rasterizers[""] for scene in (filmed, found)]
     for there in pairs:
         true, ours = (
-            drawing.rasterizer.render([View(T_world_camera=T)], OUTPUTS)[0]
-            for drawing, T in zip(drawings, there, strict=True)
+            rasterizer.render([View(T_world_camera=T)], OUTPUTS)[0]
+            for rasterizer, T in zip(rasterizers, there, strict=True)
         )
         assert ours.median_depth_m is not None
         for kind, depth_m in (("", plane_depths(found.cloud, there[1], camera)), ("_centre", ours.median_depth_m)):

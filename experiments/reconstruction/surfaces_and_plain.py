@@ -35,13 +35,12 @@ from readygo.common.errors import SceneError
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.files import read_gaussians
 from readygo.common.rasterizer.interface import View
+from readygo.common.robot import RobotConfig
 from readygo.common.scenes import Scene, load_scene
 from readygo.services.reconstructor.poses.colmap import pinhole_views
 from readygo.services.reconstructor.training.config import GaussiansConfig, preset
 from readygo.services.reconstructor.training.train import CLOUD_FILE, TrainingProgress, train_gaussians
-from readygo.services.renderer import RendererConfig
-from readygo.services.renderer.capture import pinhole_of
-from readygo.services.renderer.drawing import make_drawing
+from readygo.services.renderer import Renderer, RendererConfig
 
 
 def main(
@@ -103,7 +102,7 @@ def plane_errors(filmed: Scene, cloud: GaussianCloud, pairs: list[tuple[Floats, 
     """Median and 90th percentile of the depths' errors on floor and walls [m]."""
     camera = CameraConfig(height_px=HEIGHT_PX, width_px=WIDTH_PX, horizontal_fov_deg=HFOV_DEG)
     config = RendererConfig(human_light=False, feet_on_floor=False, outputs=OUTPUTS)
-    rasterizer = make_drawing(filmed, {}, pinhole_of(config.sensor, camera), config).rasterizer
+    rasterizer = Renderer(filmed, {}, RobotConfig(camera=camera), config).rasterizers[""]
     parts = [
         off_surfaces(
             rasterizer.render([View(T_world_camera=true)], OUTPUTS)[0], true, plane_depths(cloud, ours, camera)

@@ -11,11 +11,9 @@ from readygo.common.episode.goal import goal_pose
 from readygo.common.episode.loop import Observer
 from readygo.common.images.names import RGB
 from readygo.common.policy.sight import robot_sight
-from readygo.services.renderer.capture import Capture, Shot
 from readygo.services.renderer.looks import goal_view
-from readygo.services.renderer.renderer import Renderer, episode_camera, recorded_images, robot_views, view_image
-from readygo.services.renderer.samples import Picture, encode_picture
-from readygo.services.renderer.sensor.motion import Timeline
+from readygo.services.renderer.renderer import Renderer, view_image
+from readygo.services.renderer.samples import Picture, encode_picture, episode_shots
 
 
 class LiveCamera(Observer):
@@ -33,7 +31,7 @@ class LiveCamera(Observer):
             image_every: Steps from image to image; those of the robot's camera by default.
         """
         self._renderer, self._sees = renderer, sees
-        self._names = tuple(dict.fromkeys((*recorded_images(renderer), *sees)))
+        self._names = tuple(dict.fromkeys((*renderer.recorded_images, *sees)))
         clock = renderer.robot.clock
         self.image_every = clock.image_every if image_every is None else image_every
         """Steps from image to image."""
@@ -56,11 +54,13 @@ class LiveCamera(Observer):
         step = simulation.step
         if step % self.image_every:
             return
-        (views,) = robot_views(self._renderer, lambda capture: self._shots(capture, simulation), self._names)
+        episode, path = simulation.scenario.episode, simulation.path_xyyaw(0, step)
+        shots = episode_shots(self._renderer, episode, simulation.motions, path, [step])
+        (views,) = self._renderer.render(shots, self._names)
         self.pictures[step] = encode_picture(views, self._renderer.config)
         drawn = {name: view_image(views, name) for name in self._sees}
-        episode_id = simulation.scenario.episode.episode_id
-        self._waiting.append((step, robot_sight(drawn, self._sees, self._renderer.robot, episode_id, step)))
+        sight = robot_sight(drawn, self._sees, self._renderer.robot, episode.episode_id, step)
+        self._waiting.append((step, sight))
         self._drop_older(step)
 
     def arrives(self, simulation: EpisodeSimulation) -> bool:
@@ -82,13 +82,3 @@ class LiveCamera(Observer):
         """Forget the images before the one that has reached the driver by a step."""
         while len(self._waiting) > 1 and self._waiting[1][0] <= step - self._late_steps:
             self._waiting.popleft()
-
-    def _shots(self, capture: Capture, simulation: EpisodeSimulation) -> tuple[Shot, ...]:
-        camera = episode_camera(self._renderer, capture, simulation.scenario.episode)
-        timeline = Timeline(
-            xyyaw=simulation.path_xyyaw(0, simulation.step),
-            humans=simulation.motions.humans,
-            floor=self._renderer.scene.maps.floor,
-            camera=camera.config,
-        )
-        return (Shot(camera=camera, moment_at=timeline.at, step=simulation.step),)

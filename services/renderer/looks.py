@@ -6,15 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.camera import CameraConfig
 from readygo.common.episode import EpisodeConfig
 from readygo.common.images.clarity import CLARITY_OUTPUTS, coverage, sharpness
+from readygo.common.images.names import RGB
 from readygo.common.messages import EpisodeKey
-from readygo.services.renderer.capture import MomentAt, Shot
-from readygo.services.renderer.encoding import encode_image
-from readygo.services.renderer.renderer import Renderer, episode_camera
-from readygo.services.renderer.sensor.motion import Moment
-from readygo.services.renderer.sensor.streams import SensorStream
+from readygo.services.renderer.camera import Shot, path_poses
+from readygo.services.renderer.renderer import Renderer
+from readygo.services.renderer.samples import encode_image
 
 LOOKS_PER_EPISODE = 5
 BLURRED, BARE = "blurred view", "too little in view"
@@ -46,23 +44,12 @@ def look_around(
     Raises:
         RunError: If the renderer's backend makes no depths.
     """
-    if episode is None:
-        camera = renderer.capture.camera_of(SensorStream.of_humans(""))
-    else:
-        camera = episode_camera(renderer, renderer.capture, episode)
-    shots = (Shot(camera=camera, moment_at=_still(renderer, camera.config, pose), step=0) for pose in xyyaw)
-    for pose, images in zip(xyyaw, renderer.capture.take(shots, CLARITY_OUTPUTS), strict=True):
+    shots = [_shot(renderer, pose, episode) for pose in xyyaw]
+    for pose, images in zip(xyyaw, renderer.draw("", shots, CLARITY_OUTPUTS), strict=True):
         x_m, y_m, yaw_rad = (float(value) for value in pose)
         yield Look(
             xyyaw=(x_m, y_m, yaw_rad), rgb=images.rgb, sharpness=sharpness(images.rgb), coverage=coverage(images)
         )
-
-
-def _still(renderer: Renderer, camera: CameraConfig, pose: npt.NDArray[np.float64]) -> MomentAt:
-    x_m, y_m, yaw_rad = (float(value) for value in pose)
-    T_world_camera = camera.T_world_camera(x_m, y_m, yaw_rad, renderer.scene.maps.floor.at(x_m, y_m))
-    moment = Moment(T_world_camera=T_world_camera, humans=(), step=0)
-    return lambda _: moment
 
 
 def goal_view(renderer: Renderer, episode: EpisodeKey, xyyaw: tuple[float, float, float]) -> npt.NDArray[np.uint8]:
@@ -73,9 +60,7 @@ def goal_view(renderer: Renderer, episode: EpisodeKey, xyyaw: tuple[float, float
         episode: Whose camera looks.
         xyyaw: How the robot stands at the goal: x, y [m], yaw [rad].
     """
-    camera = episode_camera(renderer, renderer.capture, episode)
-    shot = Shot(camera=camera, moment_at=_still(renderer, camera.config, np.array(xyyaw)), step=0)
-    (images,) = renderer.capture.take((shot,))
+    (images,) = renderer.draw("", [_shot(renderer, np.array(xyyaw), episode)], (RGB,))
     return images.rgb
 
 
@@ -102,3 +87,8 @@ def unclear(renderer: Renderer, episode: EpisodeKey, xyyaw: npt.NDArray[np.float
     if np.median([look.sharpness for look in looks]) < config.sharpness_min:
         return BLURRED
     return BARE if np.median([look.coverage for look in looks]) < config.coverage_min else ""
+
+
+def _shot(renderer: Renderer, pose: npt.NDArray[np.float64], episode: EpisodeKey | None) -> Shot:
+    """What a robot sees that stands at a pose x, y [m], yaw [rad], shape (3,)."""
+    return Shot(step=0, pose_at=path_poses(pose[None], renderer.scene.maps.floor), episode=episode or "", still=True)

@@ -1,8 +1,8 @@
-"""The samples of whole episodes: what is drawn, measured and known at each step."""
+"""The samples of whole episodes: what is drawn, encoded, measured and known at each step."""
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -10,26 +10,38 @@ import numpy.typing as npt
 
 from readygo.common.avatars import human_labels
 from readygo.common.episode.robot import drawn_of_episode
+from readygo.common.errors import RunError
 from readygo.common.frames import goal_in_robot_frame
+from readygo.common.images.files import encode_output
 from readygo.common.images.images import Images
-from readygo.common.images.names import GOAL_IMAGE
+from readygo.common.images.names import GOAL_IMAGE, RGB, image_name
 from readygo.common.messages import (
     Driver,
     EpisodeHeader,
+    EpisodeKey,
     EpisodeMotions,
-    HumanLabels,
     HumanMotion,
     RobotTrajectory,
     Sample,
     Scenario,
     sample_crc32,
 )
-from readygo.services.renderer.calibration import calibrations
-from readygo.services.renderer.capture import Capture, Shot
+from readygo.services.renderer.camera import Shot, calibrations, path_poses
 from readygo.services.renderer.config import RendererConfig
-from readygo.services.renderer.encoding import encode_image, encode_outputs
-from readygo.services.renderer.renderer import Renderer, episode_camera, recorded_images, robot_views
-from readygo.services.renderer.sensor.motion import Timeline
+from readygo.services.renderer.renderer import Renderer
+
+
+class Picture(NamedTuple):
+    """Encoded images that are recorded at one time."""
+
+    image: bytes
+    """The first camera's encoded rgb."""
+    outputs: dict[str, bytes]
+    """The further images by name."""
+
+
+NO_PICTURE = Picture(image=b"", outputs={})
+"""The picture of a sample without images."""
 
 
 def episode_header(
@@ -62,26 +74,26 @@ def episode_header(
 
 def episode_shots(
     renderer: Renderer,
-    scenario: Scenario,
+    episode: EpisodeKey,
     motions: EpisodeMotions,
-    trajectory: RobotTrajectory,
-    capture: Capture | None = None,
-) -> Callable[[int], Shot]:
-    """The shot of each step of an episode: what its camera stands before, the first one unless another is given.
+    xyyaw: npt.NDArray[np.float64],
+    steps: Iterable[int],
+) -> list[Shot]:
+    """Shots of an episode, as they are recorded.
+
+    Args:
+        renderer: Scene, avatars and cameras.
+        episode: The episode.
+        motions: How the humans move; after its last row a motion is held.
+        xyyaw: The robot at each step from the first one on: x, y [m], yaw [rad], shape (T, 3).
+        steps: Steps of the shots.
 
     Raises:
         AvatarError: If a human wears an avatar that is not loaded.
     """
     renderer.check_avatars(motions.humans)
-    capture = capture or renderer.capture
-    camera = episode_camera(renderer, capture, scenario.episode)
-    timeline = Timeline(
-        xyyaw=trajectory.xyyaw,
-        humans=motions.humans,
-        floor=renderer.scene.maps.floor,
-        camera=camera.config,
-    )
-    return lambda step: Shot(camera=camera, moment_at=timeline.at, step=step)
+    pose_at = path_poses(xyyaw, renderer.scene.maps.floor)
+    return [Shot(step=step, pose_at=pose_at, humans=motions.humans, episode=episode) for step in steps]
 
 
 def episode_samples(
@@ -99,36 +111,12 @@ def episode_samples(
         AvatarError: If a human wears an avatar that is not loaded.
     """
     count, every = len(trajectory.xyyaw), renderer.robot.clock.image_every
-
-    def shots_of(capture: Capture) -> Iterator[Shot]:
-        return map(episode_shots(renderer, scenario, motions, trajectory, capture), range(0, count, every))
-
-    drawn = robot_views(renderer, shots_of, recorded_images(renderer))
+    shots = episode_shots(renderer, scenario.episode, motions, trajectory.xyyaw, range(0, count, every))
+    drawn = renderer.render(shots, renderer.recorded_images)
     pictures = (
         encode_picture(next(drawn), renderer.config) if step % every == 0 else NO_PICTURE for step in range(count)
     )
     yield from described_samples(renderer, scenario, motions, trajectory, pictures)
-
-
-class Picture(NamedTuple):
-    """Encoded images that are recorded at one time."""
-
-    image: bytes
-    """The first camera's encoded rgb."""
-    outputs: dict[str, bytes]
-    """The further images by name."""
-
-
-NO_PICTURE = Picture(image=b"", outputs={})
-"""The picture of a sample without images."""
-
-
-def encode_picture(views: Mapping[str, Images], config: RendererConfig) -> Picture:
-    """The files of what the cameras show."""
-    outputs: dict[str, bytes] = {}
-    for camera, images in views.items():
-        outputs |= encode_outputs(images, config, camera)
-    return Picture(encode_image(views[""].rgb, config), outputs)
 
 
 def described_samples(
@@ -139,39 +127,33 @@ def described_samples(
     pictures: Iterable[Picture],
 ) -> Iterator[Sample]:
     """One sample for each row of a trajectory and the picture that was taken there; see `episode_samples`."""
+    floor = renderer.scene.maps.floor
     for step, picture in enumerate(pictures):
-        yield _sample(renderer, scenario, motions, trajectory, step, picture)
-
-
-def _sample(
-    renderer: Renderer,
-    scenario: Scenario,
-    motions: EpisodeMotions,
-    trajectory: RobotTrajectory,
-    step: int,
-    picture: Picture,
-) -> Sample:
-    x_m, y_m, yaw_rad = (float(value) for value in trajectory.xyyaw[step])
-    floor_m = renderer.scene.maps.floor.at(x_m, y_m)
-    humans = tuple(_human_xyzyaw(renderer, human, step) for human in motions.humans)
-    return Sample(
-        seq=step,
-        crc32=sample_crc32(picture.image, picture.outputs),
-        time_ns=renderer.robot.clock.time_ns(step),
-        image=picture.image,
-        action_v_mps=float(trajectory.actions[step, 0]),
-        action_w_radps=float(trajectory.actions[step, 1]),
-        goal_xy_robot_m=goal_in_robot_frame(x_m, y_m, yaw_rad, scenario.goal_xy_m),
-        robot_xyzyaw=(x_m, y_m, floor_m, yaw_rad),
-        humans_xyzyaw=humans,
-        human_distance_m=float(trajectory.human_distance_m[step]),
-        time_to_collision_s=float(trajectory.time_to_collision_s[step]),
-        human_visible=bool(trajectory.human_visible[step]),
-        expert_cost=float(trajectory.expert_cost[step]),
-        replanned=bool(trajectory.replanned[step]),
-        outputs=picture.outputs,
-        labels=_labels(renderer, motions, step, humans),
-    )
+        x_m, y_m, yaw_rad = (float(value) for value in trajectory.xyyaw[step])
+        humans = tuple(_human_xyzyaw(renderer, human, step) for human in motions.humans)
+        labels = tuple(
+            human_labels(renderer.label_models[human.avatar], human.motion, step, facing_rad)
+            for human, (_, _, _, facing_rad) in zip(motions.humans, humans, strict=True)
+            if renderer.config.labels
+        )
+        yield Sample(
+            seq=step,
+            crc32=sample_crc32(picture.image, picture.outputs),
+            time_ns=renderer.robot.clock.time_ns(step),
+            image=picture.image,
+            action_v_mps=float(trajectory.actions[step, 0]),
+            action_w_radps=float(trajectory.actions[step, 1]),
+            goal_xy_robot_m=goal_in_robot_frame(x_m, y_m, yaw_rad, scenario.goal_xy_m),
+            robot_xyzyaw=(x_m, y_m, floor.at(x_m, y_m), yaw_rad),
+            humans_xyzyaw=humans,
+            human_distance_m=float(trajectory.human_distance_m[step]),
+            time_to_collision_s=float(trajectory.time_to_collision_s[step]),
+            human_visible=bool(trajectory.human_visible[step]),
+            expert_cost=float(trajectory.expert_cost[step]),
+            replanned=bool(trajectory.replanned[step]),
+            outputs=picture.outputs,
+            labels=labels,
+        )
 
 
 def with_goal_image(samples: Iterable[Sample], file: bytes) -> Iterator[Sample]:
@@ -184,15 +166,38 @@ def with_goal_image(samples: Iterable[Sample], file: bytes) -> Iterator[Sample]:
             yield sample
 
 
-def _labels(
-    renderer: Renderer, motions: EpisodeMotions, step: int, humans: Sequence[tuple[float, float, float, float]]
-) -> tuple[HumanLabels, ...]:
-    if not renderer.config.labels:
-        return ()
-    return tuple(
-        human_labels(renderer.label_models[human.avatar], human.motion, step, yaw_rad)
-        for human, (_, _, _, yaw_rad) in zip(motions.humans, humans, strict=True)
-    )
+def encode_picture(views: Mapping[str, Images], config: RendererConfig) -> Picture:
+    """The files of what the cameras show, as `readygo.common.images.files` describes them.
+
+    Args:
+        views: Images of each camera, by its name.
+        config: Which images are recorded; of cameras besides the first one the rgb is among the outputs.
+
+    Raises:
+        RunError: If a view lacks one of them.
+    """
+    outputs: dict[str, bytes] = {}
+    for camera, images in views.items():
+        if camera:
+            outputs[image_name(camera, RGB)] = encode_image(images.rgb, config)
+        try:
+            outputs |= {image_name(camera, name): encode_output(images, name) for name in config.outputs if name != RGB}
+        except ValueError as error:
+            raise RunError(f"The {config.backend} backend cannot do that: {error}") from error
+    return Picture(encode_image(views[""].rgb, config), outputs)
+
+
+def encode_image(rgb: npt.NDArray[np.uint8], config: RendererConfig) -> bytes:
+    """An sRGB image, shape (H, W, 3), as a JPEG or PNG file."""
+    import cv2
+
+    bgr = np.ascontiguousarray(rgb[..., ::-1])
+    if config.image_format == "jpeg":
+        done, encoded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, config.jpeg_quality])
+    else:
+        done, encoded = cv2.imencode(".png", bgr)
+    assert done
+    return bytes(encoded)
 
 
 def _human_xyzyaw(renderer: Renderer, human: HumanMotion, step: int) -> tuple[float, float, float, float]:

@@ -11,7 +11,7 @@ from readygo.common.errors import ConfigError
 from readygo.common.messages import Split
 from readygo.common.robot import RobotConfig
 from readygo.services.renderer import RendererConfig
-from readygo.services.renderer.sensor.recipes import sensor_phone_like
+from readygo.services.renderer.config import sensor_phone_like
 
 
 def written(folder: Path, text: str) -> Path:

@@ -2,26 +2,64 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+import numpy.typing as npt
+
 from readygo.common.images.images import Images
 from readygo.common.messages import HumanMotion
-from readygo.services.renderer.capture import Capture, EpisodeCamera, MomentAt, Shot
-from readygo.services.renderer.drawing import Drawing, Pose
+from readygo.common.rasterizer.interface import Rasterizer, View
+from readygo.services.renderer import Renderer, Shot
+from readygo.services.renderer.camera import PoseAt
 
 
 def drawn(
-    drawing: Drawing,
-    T_world_camera: Pose,
+    renderer: Renderer,
+    T_world_camera: npt.NDArray[np.float64],
     humans: Sequence[HumanMotion],
-    step: float,
-    outputs: Sequence[str] = ("rgb",),
+    step: int,
+    outputs: tuple[str, ...] = ("rgb",),
 ) -> Images:
-    """What the rasterizer makes of one view."""
-    return drawing.rasterizer.render([drawing.view(T_world_camera, humans, step)], outputs)[0]
+    """What the first camera shows of one view in which nothing moves."""
+    return taken(renderer, lambda *_: T_world_camera, step, outputs, humans=humans, still=True)
 
 
 def taken(
-    capture: Capture, camera: EpisodeCamera, moment_at: MomentAt, step: int, outputs: tuple[str, ...] = ("rgb",)
+    renderer: Renderer,
+    pose_at: PoseAt,
+    step: int,
+    outputs: tuple[str, ...] = ("rgb",),
+    *,
+    humans: Sequence[HumanMotion] = (),
+    still: bool = False,
 ) -> Images:
-    """What the sensor makes of one frame."""
-    (images,) = capture.take([Shot(camera=camera, moment_at=moment_at, step=step)], outputs)
+    """What the first camera records at one step."""
+    shot = Shot(step=step, pose_at=pose_at, humans=tuple(humans), still=still)
+    (images,) = renderer.draw("", [shot], outputs)
     return images
+
+
+class Watched:
+    """A rasterizer that keeps the views that it draws, and their images."""
+
+    views_at_once = 1
+
+    def __init__(self, rasterizer: Rasterizer) -> None:
+        self.rasterizer, self.views, self.images = rasterizer, [], []
+
+    def render(self, views: Sequence[View], outputs: Sequence[str] = ("rgb",)) -> Images:
+        images = self.rasterizer.render(views, outputs)
+        self.views += views
+        self.images += [images[number] for number in range(len(views))]
+        return images
+
+
+def view_of(
+    renderer: Renderer, T_world_camera: npt.NDArray[np.float64], humans: Sequence[HumanMotion], step: float
+) -> View:
+    """What the first camera's rasterizer draws of one view in which nothing moves."""
+    rasterizer = renderer.rasterizers[""]
+    renderer.rasterizers[""] = watched = Watched(rasterizer)
+    drawn(renderer, T_world_camera, humans, step)
+    renderer.rasterizers[""] = rasterizer
+    (view,) = watched.views
+    return view

@@ -21,7 +21,7 @@ def rendered(scene: Scene, avatars: dict[str, Avatar], detail: str) -> np.ndarra
     root = np.array([[2.5, 0.0, 0.95]], dtype=np.float32)
     motion = Motion(root_m=root, pose_axis_angle=np.zeros((1, 24, 3), dtype=np.float32))
     T = ROBOT.camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
-    return drawn(renderer.drawing, T, [HumanMotion(avatar=name, motion=motion)], 0).rgb
+    return drawn(renderer, T, [HumanMotion(avatar=name, motion=motion)], 0).rgb
 
 
 def test_lod_is_not_the_exact_image_but_much_like_it(scene: Scene, avatars: dict[str, Avatar]) -> None:
@@ -66,7 +66,7 @@ def test_renderer_holds_no_gaussians_of_its_avatars(
     assert [len(avatar.cloud) for avatar in other.skeletons.values()] == [0] * len(avatars)
     assert all(len(avatar.cloud) for avatar in avatars.values())
     T = ROBOT.camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
-    assert not np.array_equal(drawn(other.drawing, T, [human], 1).rgb, drawn(renderer.drawing, T, [human], 1).rgb)
+    assert not np.array_equal(drawn(other, T, [human], 1).rgb, drawn(renderer, T, [human], 1).rgb)
 
 
 @pytest.mark.parametrize(("settings", "message"), [

@@ -10,8 +10,14 @@ from readygo.common.episode.loop import EpisodeRun
 from readygo.common.errors import AvatarError
 from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.messages import EpisodeMotions, HumanMotion, Humans, RenderRequest, RenderView
-from readygo.services.renderer import LiveCamera, Renderer, RendererConfig, episode_samples, handle_render
-from readygo.services.renderer.sensor.recipes import SENSOR_RECIPES
+from readygo.services.renderer import (
+    SENSOR_RECIPES,
+    LiveCamera,
+    Renderer,
+    RendererConfig,
+    episode_samples,
+    handle_render,
+)
 from tests.services.renderer.wearers import ROBOT
 
 

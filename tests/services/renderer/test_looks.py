@@ -25,7 +25,7 @@ def test_a_look_is_the_view_without_people(renderer: Renderer) -> None:
 
 
 def test_nothing_is_drawn_unless_somebody_asks(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(renderer.capture.drawing.rasterizer, "render", None)
+    monkeypatch.setattr(renderer.rasterizers[""], "render", None)
     assert unclear(renderer, EPISODE, WAY, EpisodeConfig()) == ""
 
 

@@ -12,7 +12,7 @@ from readygo.common.images.images import OUTPUTS, Images
 from readygo.common.messages import EpisodeMotions, HumanMotion, Humans, RenderView, sample_crc32
 from readygo.common.rasterizer.interface import Rasterizer
 from readygo.services.renderer import Renderer, RendererConfig, episode_header, episode_samples
-from readygo.services.renderer.samples import Picture, described_samples, facing_yaw
+from readygo.services.renderer.samples import Picture, described_samples, encode_image, encode_picture, facing_yaw
 from tests.services.renderer.asking import render
 from tests.services.renderer.pictures import drawn
 from tests.services.renderer.wearers import wearers
@@ -56,7 +56,7 @@ def test_jpeg_is_close_to_the_image(renderer: Renderer, episode) -> None:
     assert sample.image[:2] == b"\xff\xd8"
     image = cv2.imdecode(np.frombuffer(sample.image, dtype=np.uint8), cv2.IMREAD_COLOR)[..., ::-1].astype(int)
     pose = renderer.robot.camera.T_world_camera(0, 0, 0, renderer.scene.maps.floor.at(0, 0))
-    exact = drawn(renderer.drawing, pose, motions.humans, 0).rgb
+    exact = drawn(renderer, pose, motions.humans, 0).rgb
     assert np.abs(image - exact).mean() < 6
 
 
@@ -124,15 +124,14 @@ class AllImages:
 
 def with_outputs(renderer: Renderer, *outputs: str, **settings: str) -> Renderer:
     changed = Renderer(renderer.scene, wearers(), renderer.robot, RendererConfig(outputs=outputs, **settings))
-    drawing = replace(changed.drawing, rasterizer=AllImages(renderer.drawing.rasterizer))
-    changed.capture = replace(changed.capture, drawing=drawing)
+    changed.rasterizers[""] = AllImages(renderer.rasterizers[""])
     return changed
 
 
 def test_samples_hold_the_outputs_that_the_config_asks_for(renderer: Renderer, episode) -> None:
     rich = with_outputs(renderer, "rgb", "depth", "mask")
     samples = list(episode_samples(rich, *episode))
-    assert rich.capture.drawing.rasterizer.asked == {("rgb", "median_depth", "mask")}
+    assert rich.rasterizers[""].asked == {("rgb", "median_depth", "mask")}
     for step, sample in enumerate(samples):
         assert sample.intact
         assert list(sample.outputs) == ["depth", "mask"]
@@ -145,7 +144,7 @@ def test_samples_hold_the_outputs_that_the_config_asks_for(renderer: Renderer, e
 def test_depth_is_the_mean_where_the_config_says_so_and_both_can_be_recorded(renderer: Renderer, episode) -> None:
     rich = with_outputs(renderer, "rgb", "depth", "median_depth", depth="mean")
     sample = next(episode_samples(rich, *episode))
-    assert rich.capture.drawing.rasterizer.asked == {("rgb", "depth", "median_depth")}
+    assert rich.rasterizers[""].asked == {("rgb", "depth", "median_depth")}
     assert list(sample.outputs) == ["depth", "median_depth"]
     assert (decode_output("depth", sample.outputs["depth"]) == 2.0).all()
     assert (decode_output("median_depth", sample.outputs["median_depth"]) == 1.0).all()
@@ -230,3 +229,43 @@ def test_every_number_of_a_crooked_episode_is_in_its_sample(renderer: Renderer, 
         assert human[:3] == pytest.approx((human_x, human_y, floor.at(human_x, human_y)))
         assert human[3] == facing_yaw(motion.pose_axis_angle[row, 0])
         assert sample.labels[0].box[6] == pytest.approx(human[3])
+
+
+RAMP = np.stack([*np.meshgrid(np.arange(0, 256, 8), np.arange(0, 256, 16)), np.full((16, 32), 40)], axis=-1)
+RGB = RAMP.astype(np.uint8)
+
+
+def decoded(data: bytes) -> np.ndarray:
+    return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+
+
+def test_png_is_the_image_with_red_first() -> None:
+    data = encode_image(RGB, RendererConfig(image_format="png"))
+    assert data.startswith(b"\x89PNG")
+    assert np.array_equal(decoded(data), RGB)
+
+
+def test_jpeg_is_near_the_image_and_nearer_and_larger_with_more_quality() -> None:
+    low, high = (encode_image(RGB, RendererConfig(jpeg_quality=quality)) for quality in (20, 95))
+    assert high.startswith(b"\xff\xd8")
+    errors = [np.abs(decoded(data).astype(int) - RGB).mean() for data in (low, high)]
+    assert errors[1] < errors[0]
+    assert errors[1] < 6
+    assert len(low) < len(high)
+
+
+def test_outputs_are_those_of_the_config_besides_rgb() -> None:
+    depth_m = np.full((1, 4, 5), 2.5, np.float32)
+    images = Images(rgb=np.zeros((1, 4, 5, 3), np.uint8), depth_m=depth_m, mask=np.ones((1, 4, 5), np.uint8))[0]
+    assert encode_picture({"": images}, RendererConfig()) == (encode_image(images.rgb, RendererConfig()), {})
+    config = RendererConfig(outputs=("rgb", "depth"))
+    files = encode_picture({"": images, "left": images}, config).outputs
+    assert list(files) == ["depth", "left.rgb", "left.depth"]
+    assert files["left.rgb"] == encode_image(images.rgb, config)
+    assert np.array_equal(decode_output("depth", files["depth"]), depth_m[0])
+
+
+def test_output_that_was_not_drawn_is_refused_with_the_backends_name() -> None:
+    images = Images(rgb=np.zeros((1, 4, 5, 3), np.uint8))[0]
+    with pytest.raises(RunError, match=r"^The reference backend cannot do that: .*normal"):
+        encode_picture({"": images}, RendererConfig(backend="reference", outputs=("rgb", "normal")))

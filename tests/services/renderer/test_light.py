@@ -2,18 +2,11 @@ import numpy as np
 import pytest
 
 from readygo.common.camera import CameraConfig
-from readygo.services.renderer.sensor.light import (
-    TIME_ONE,
-    LightSum,
-    byte_of_light,
-    exposure_gain,
-    light_of_byte,
-    normal_of_word,
-)
-from readygo.services.renderer.sensor.streams import SensorStream
+from readygo.services.renderer.camera import TIME_ONE, exposure_gain, sensor_rng
+from readygo.services.renderer.light import add_light, byte_of_light, light_of_byte, normal_of_word, to_srgb
 
 H, W = 64, 96
-STREAM = SensorStream((1, 2))
+KEY = (1, 2)
 
 
 def camera(**light: float) -> CameraConfig:
@@ -21,9 +14,9 @@ def camera(**light: float) -> CameraConfig:
 
 
 def developed(image: np.ndarray, taken_by: CameraConfig, step: int = 0) -> np.ndarray:
-    light = LightSum(*image.shape[:2])
-    light.add(image[None], None, np.full(image.shape[0], TIME_ONE, dtype=np.int64))
-    return light.developed(taken_by, exposure_gain(taken_by), STREAM.of_frame(step))
+    light = np.zeros(image.shape, np.int64)
+    add_light(light, image[None], None, np.full(image.shape[0], TIME_ONE, dtype=np.int64))
+    return to_srgb(light, taken_by, exposure_gain(taken_by), sensor_rng(KEY, step))
 
 
 def grey(byte: int) -> np.ndarray:
@@ -88,14 +81,11 @@ def test_table_of_deviates_is_a_standard_normal() -> None:
 
 
 def test_light_adds_up_over_time_and_not_bytes() -> None:
-    light = LightSum(H, W)
+    light = np.zeros((H, W, 3), np.int64)
     half = np.full(H, TIME_ONE // 2, dtype=np.int64)
-    light.add(grey(0)[None], None, half)
-    light.add(grey(255)[None], None, half)
-    image = light.developed(camera(), np.ones((H, W)), STREAM.of_frame(0))
-    assert (image == 188).all()
-    light.clear()
-    assert (light.developed(camera(), np.ones((H, W)), STREAM.of_frame(0)) == 0).all()
+    add_light(light, grey(0)[None], None, half)
+    add_light(light, grey(255)[None], None, half)
+    assert (to_srgb(light, camera(), np.ones((H, W)), sensor_rng(KEY, 0)) == 188).all()
 
 
 def test_crooked_camera_develops_as_it_did(golden_figures) -> None:

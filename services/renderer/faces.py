@@ -10,12 +10,14 @@ Legend: (x, y) = point of a ray on the camera's plane z = 1; (fu, fv) = on the f
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from readygo.common.camera.lens import Lens
 from readygo.common.errors import ConfigError
+from readygo.common.images.images import Images
 from readygo.common.kernels import compiled
 
 Floats = npt.NDArray[np.float64]
@@ -171,6 +173,42 @@ def make_remap(lens: Lens, faces: Faces) -> Remap:
         face=face.astype(np.int8).reshape(height, width),
         depth_factor=(1.0 / _along_axis(xy, place)).reshape(height, width),
     )
+
+
+def face_poses(T_world_camera: Floats, remap: Remap | None) -> list[Floats]:
+    """Poses of the cameras that draw the faces, shape (4, 4) each; without a lens that of the camera itself."""
+    if remap is None:
+        return [T_world_camera]
+    poses = []
+    for face in remap.faces:
+        pose = T_world_camera.copy()
+        for k, axis in enumerate(R_FACE_CAMERA[face]):
+            pose[:3, k] = axis[0] * T_world_camera[:3, 0] + axis[1] * T_world_camera[:3, 1]
+            pose[:3, k] += axis[2] * T_world_camera[:3, 2]
+        poses.append(pose)
+    return poses
+
+
+def look_up(faces: Sequence[Images], remap: Remap | None) -> Images:
+    """Images of the faces at the centres of the distorted image's pixels.
+
+    Depth becomes that along the camera's optical axis, and normals turn from the faces' frames into the camera's.
+    """
+    if remap is None:
+        return faces[0]
+    values: dict[str, npt.NDArray[Any]] = {}
+    for name in faces[0].arrays():
+        stacked = np.stack([getattr(face, name) for face in faces])
+        value = stacked.reshape(-1, *stacked.shape[3:])[remap.nearest]
+        if name in ("depth_m", "median_depth_m"):
+            value = (value * remap.depth_factor).astype(np.float32)
+        elif name == "normal":
+            R = R_FACE_CAMERA[list(remap.faces)][remap.face].astype(np.float32)
+            n = value
+            turned = [R[..., 0, i] * n[..., 0] + R[..., 1, i] * n[..., 1] + R[..., 2, i] * n[..., 2] for i in range(3)]
+            value = np.stack(turned, axis=-1).astype(np.float32)
+        values[name] = value
+    return Images(**values)
 
 
 def _grid(height_px: int, width_px: int, stride: int) -> Floats:

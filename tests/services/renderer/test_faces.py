@@ -6,7 +6,9 @@ import pytest
 from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.camera.lens import make_lens
 from readygo.services.renderer import RendererConfig
-from readygo.services.renderer.sensor.faces import (
+from readygo.services.renderer.camera import TIME_ONE
+from readygo.services.renderer.config import sensor_phone_like
+from readygo.services.renderer.faces import (
     OVERSAMPLING,
     R_FACE_CAMERA,
     WEIGHT_ONE,
@@ -14,8 +16,7 @@ from readygo.services.renderer.sensor.faces import (
     make_remap,
     plan_faces,
 )
-from readygo.services.renderer.sensor.light import TIME_ONE, LightSum, byte_of_light, light_of_byte
-from readygo.services.renderer.sensor.recipes import sensor_phone_like
+from readygo.services.renderer.light import add_light, byte_of_light, light_of_byte, to_srgb
 
 CAMERA = CameraConfig(height_px=72, width_px=128)
 WIDE = replace(CAMERA, distortion="fisheye", k1=0.02, horizontal_fov_deg=145.0)
@@ -47,9 +48,9 @@ def test_smooth_world_is_seen_through_the_lens(camera: CameraConfig) -> None:
         return 0.5 + 0.4 * np.sin(3.0 * rays + (0.3, 1.0, 2.0))
 
     images = np.stack([byte_of_light()[np.rint(light(directions(faces, k)) * 65535).astype(int)] for k in remap.faces])
-    total = LightSum(camera.height_px, camera.width_px)
-    total.add(images, remap, np.full(camera.height_px, TIME_ONE, dtype=np.int64))
-    seen = total.developed(CameraConfig(), np.ones((camera.height_px, camera.width_px)), np.random.default_rng(0))
+    total = np.zeros((camera.height_px, camera.width_px, 3), np.int64)
+    add_light(total, images, remap, np.full(camera.height_px, TIME_ONE, dtype=np.int64))
+    seen = to_srgb(total, CameraConfig(), np.ones((camera.height_px, camera.width_px)), np.random.default_rng(0))
     assert np.abs(light_of_byte()[seen] / 65535 - light(lens_directions(lens))).max() < 0.01
 
 

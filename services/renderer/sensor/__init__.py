@@ -1,1 +1,0 @@
-"""What a camera's lens, shutter and sensor do to an image."""
