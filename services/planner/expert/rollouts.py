@@ -30,6 +30,10 @@ _CREEP_MPS = 0.15
 """Speed at which a path is left for a stretch that leads the other way [m/s]."""
 _ARRIVED_M = 0.08
 """So near its end has the robot done such a stretch [m]."""
+TRACKING_MARGIN_M = 0.01
+"""Free space around the disc that runs and plans keep [m]."""
+EVASION_GAP_M = 0.4
+"""Free space that evading aims at [m]."""
 
 
 @compiled
