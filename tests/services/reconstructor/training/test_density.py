@@ -43,11 +43,13 @@ def changed_by(
     return gaussians.changed(changed_density(gaussians.values, seen, config, extent_m, rng))
 
 
-CONFIG = DensityConfig(gradient_min=1.0, count_max=100, split_scale=0.05)
+CONFIG = DensityConfig(gradient_min=1.0, count_max=100)
 
 
 def test_small_ones_that_want_to_move_are_cloned() -> None:
-    changed = changed_by(some_gaussians(4), sightings([0, 2, 0, 3]), CONFIG, 1.0, np.random.default_rng(0))
+    changed = changed_by(
+        some_gaussians(4, scale_m=0.005), sightings([0, 2, 0, 3]), CONFIG, 1.0, np.random.default_rng(0)
+    )
     assert len(changed) == 6
     assert len(np.unique(changed.values["means_m"], axis=0)) == 4 + 2
 
@@ -147,7 +149,7 @@ def test_noise_moves_faint_ones_alone() -> None:
 def test_needles_are_shortened_to_a_ratio_of_their_middle_axis() -> None:
     gaussians = some_gaussians(3)
     gaussians.values["log_scales"][:] = np.log([[0.01, 0.5, 0.02], [0.2, 0.001, 0.1], [0.03, 0.03, 0.03]])
-    limit_stretch(gaussians, 4.0)
+    limit_stretch(gaussians)
     assert gaussians.scales_m == pytest.approx(
-        np.array([[0.01, 0.08, 0.02], [0.2, 0.001, 0.1], [0.03, 0.03, 0.03]]), rel=1e-5
+        np.array([[0.01, 0.4, 0.02], [0.2, 0.001, 0.1], [0.03, 0.03, 0.03]]), rel=1e-5
     )
