@@ -14,7 +14,6 @@ from readygo.common.messages import Driver
 from readygo.common.robot.command_grid import HUMAN, OBSTACLE, UNKNOWN_RISK
 from readygo.common.robot.command_grid import mirrored as mirrored_commands
 from readygo.services.trainer import objective as objective_module
-from readygo.services.trainer import objective as objectives
 from readygo.services.trainer import views, with_overrides
 from readygo.services.trainer.episodes import read_episodes
 from readygo.services.trainer.goals import own_goals
@@ -35,8 +34,8 @@ def _undisturbed(monkeypatch):
     for module, name in (
         (views, "MIRRORED"),
         (views, "PHOTOMETRIC"),
-        (objectives, "PREVIOUS_NOISE"),
-        (objectives, "PREVIOUS_DROPOUT"),
+        (objective_module, "PREVIOUS_NOISE"),
+        (objective_module, "PREVIOUS_DROPOUT"),
     ):
         monkeypatch.setattr(module, name, 0.0)
 
@@ -91,7 +90,7 @@ def test_previous_action_is_withheld_as_often_as_asked(show, monkeypatch):
     shown, part, objective = show(motion="command")
     assert (shown.motion[:, 2] == 1).all()
     assert (objective.plain(part.table, part.frames, SAMPLES, withheld=True).motion == 0).all()
-    monkeypatch.setattr(objectives, "PREVIOUS_DROPOUT", 1.0)
+    monkeypatch.setattr(objective_module, "PREVIOUS_DROPOUT", 1.0)
     assert (show(motion="command")[0].motion == 0).all()
 
 
@@ -182,7 +181,7 @@ def crooked(request, tmp_path_factory):
             light=draw_light(2, 0.0, np.random.default_rng(0)),
         )  # fmt: skip
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(objective_module, "draw_views", lambda *_: view)
+            patch.setattr(objective_module, "draw_views", lambda *_, **__: view)
             return objective.training(table, part.frames, samples, np.random.default_rng(0))
 
     return SimpleNamespace(robot=robot, config=config, recorded=recorded, samples=samples, show=show, table=table)
@@ -273,7 +272,7 @@ def test_pictures_of_goals_are_not_turned_with_the_robot(source, monkeypatch):
     objective = Objective(source.robot, config, timing_of(source.robot, config), torch.float32)
 
     def show(yaw_rad):
-        def views(turnable, *_):
+        def views(turnable, *_, mirrors):
             count = len(turnable)
             return View(
                 yaws_rad=np.full(count, yaw_rad), shifts_px=np.tile([2, -3], (count, 1)),
