@@ -38,6 +38,7 @@ from readygo.services.recorder.shards import Shards
 _log = logging.getLogger(__name__)
 
 COORDINATOR_TIMEOUT_S = 3.0
+"""Longest wait for a reply of the coordinator [s]."""
 RECONCILE_S = 10.0
 """How often the recorder asks which grants it holds: a grant whose answer came too late is answered for [s]."""
 FULL_S = 1.0

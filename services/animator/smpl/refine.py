@@ -28,12 +28,12 @@ POSE_COUNT = 69
 _TOES = (10, 11)
 GMOF_SIGMA_M = 0.1
 """Joint errors well above this count as outliers (Geman-McClure)."""
-JOINTS_WEIGHT = 600.0**2 / 100.0**2
+JOINTS_WEIGHT, SMOOTH_WEIGHT, PRIOR_WEIGHT, LIMITS_WEIGHT = 600.0**2 / 100.0**2, 0.1, 0.001, 0.5
 """Weights of the terms: errors in metres and radians, squared, averaged over frames."""
-SMOOTH_WEIGHT, PRIOR_WEIGHT, LIMITS_WEIGHT = 0.1, 0.001, 0.5
 START_WEIGHT = 0.002
-"""Pull to the rotations of the start, without a mixture."""
+"""Weight of the pull to the rotations of the start, without a mixture."""
 ITERATIONS = 60
+"""Of L-BFGS."""
 _PRIOR_KEYS = ("means", "covars", "weights")
 _REMEDY = "give SMPLify's gmm_08.pkl"
 _PRIOR_BYTES_MAX = 2**24

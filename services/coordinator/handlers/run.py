@@ -23,6 +23,7 @@ from readygo.common.messages.fleet import FleetReply, FleetRequest
 from readygo.services.coordinator.coordinator import Coordinator
 
 BLOB_CHUNK_BYTES = 1_000_000
+"""Largest part of a blob in one reply."""
 CANCELLED = "The run was cancelled; run the same command again to resume."
 
 

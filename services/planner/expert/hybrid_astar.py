@@ -33,7 +33,9 @@ TURN_COST_M = 0.8
 _HEURISTIC_WEIGHT = 1.5
 """1.0 searches for the cheapest path, more is faster."""
 _HEADING_COUNT = 72
+"""Headings that are told apart in a cell: 5 degrees each."""
 _EXPANSIONS_MAX = 10_000
+"""Expansions after which a search gives up."""
 _SAMPLE_M = 0.05
 _TURN_MIN_RAD = 0.35
 """A primitive lasts until the robot has turned this far: one that turns less ends among the cells and headings of the

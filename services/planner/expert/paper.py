@@ -39,6 +39,7 @@ _BUFFER_M = 0.25
 _REPLAN_PERIOD_S = 0.5
 """Time after which a path is planned again [s]."""
 _REPLAN_INTERVAL_MIN_S = 0.1
+"""Least time between two replans [s]."""
 _REPLAN_DISTANCE_M = 1.5
 """A human this near to the path ahead triggers a replan [m]."""
 _REPLAN_LOOKAHEAD_S = 2.0

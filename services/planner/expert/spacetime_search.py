@@ -30,7 +30,9 @@ UInt8Array = npt.NDArray[np.uint8]
 _HEURISTIC_WEIGHT = 1.2
 """1.0 searches for the cheapest plan, more is faster."""
 _HEADING_COUNT = 36
+"""Headings that are told apart in a cell, at least: 10 degrees each."""
 _EXPANSIONS_MAX = 1000
+"""Expansions after which a search takes the best plan so far."""
 _TABLE_SIZE = 1 << 16
 _KEY_CELL_M = 0.1
 _DEPTHS = 64

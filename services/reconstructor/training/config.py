@@ -17,20 +17,28 @@ class DensityConfig:
     """`gradients` adds them where the absolute gradients of their projected means are large (AbsGS); `mcmc` keeps to a
     budget that grows to `count_max`, moves dead ones and adds noise (Kheradmand et al., 3DGS as MCMC, 2024)."""
     count_max: Annotated[int, Range(low=100)] = 150_000
-    absolute: bool = True
-    """Look at the pixels' absolute gradients; else at their sum, which hides what pulls both ways."""
-    gradient_min: Annotated[float, Range(low=0.0)] = 8e-4
-    """Mean gradient of the projected mean from which on a Gaussian is cloned or split, for an image of 2x2
-    units."""
-    opacity_min: Annotated[float, Range(low=0.0, high=1.0)] = 0.005
-    """Fainter ones are removed or moved."""
+    weak_texture: bool = False
+    """True for places with bare walls: nothing is split for its absolute gradients, faint Gaussians go early."""
     growth: Annotated[float, Range(low=0.0)] = 0.05
     """Share of Gaussians that `mcmc` adds each time."""
 
     @property
     def needs_absolute(self) -> bool:
-        """Whether anything is decided by absolute gradients."""
-        return self.absolute and self.method == "gradients"
+        """Whether pixels' absolute gradients decide; else their sum does, which hides what pulls both ways."""
+        return not self.weak_texture and self.method == "gradients"
+
+    @property
+    def gradient_min(self) -> float:
+        """Mean gradient of the projected mean from which on a Gaussian is cloned or split, for an image of 2x2 units.
+
+        Source: AbsGS for absolute gradients; 3DGS for their sum.
+        """
+        return 2e-4 if self.weak_texture else 8e-4
+
+    @property
+    def opacity_min(self) -> float:
+        """Fainter ones are removed or moved."""
+        return 0.05 if self.weak_texture else 0.005
 
     def __post_init__(self) -> None:
         check_ranges(self)
@@ -84,9 +92,8 @@ class GaussiansConfig:
 
 
 def weak_texture(settings: GaussiansConfig) -> GaussiansConfig:
-    """Settings for places with bare walls: nothing is split for its absolute gradients, faint Gaussians go early."""
-    density = replace(settings.density, absolute=False, gradient_min=2e-4, opacity_min=0.05)
-    return replace(settings, density=density)
+    """Settings for places with bare walls."""
+    return replace(settings, density=replace(settings.density, weak_texture=True))
 
 
 def preset(name: Preset) -> GaussiansConfig:

@@ -20,6 +20,7 @@ SLOWER, FASTER = 0.75, 1.3
 _CROSSING_FRACTIONS = (0.3, 0.7)
 """Shares of the robot's path between which it is crossed."""
 _CROSSING_ANGLES_RAD = (math.radians(45.0), math.radians(135.0))
+"""Angles to the robot's path between which it is crossed [rad]."""
 _MEETING_JITTER_S = 0.5
 """Standard deviation of the time between robot and human at the crossing [s]."""
 _PARALLEL_OFFSET_M = 1.0

@@ -24,7 +24,7 @@ from tests.services.reconstructor.training.conftest import VIEWS, true_gaussians
 
 Write = Callable[[Path], Path]
 PLAIN = GaussiansConfig(steps=40, sh_degree=0)
-SUMS = replace(PLAIN, density=replace(PLAIN.density, absolute=False))
+SUMS = replace(PLAIN, density=replace(PLAIN.density, weak_texture=True))
 MCMC = replace(PLAIN, density=replace(PLAIN.density, method="mcmc"))
 SURFACES = replace(PLAIN, geometry=GeometryConfig(enabled=True, noise_px=3.0, flatten=10.0))
 KINDS = pytest.mark.parametrize("settings", [PLAIN, SUMS, MCMC, SURFACES], ids=["plain", "sums", "mcmc", "surfaces"])
@@ -175,7 +175,7 @@ def test_whole_training_goes_on_where_it_was_interrupted_and_scores_like_the_cpu
 ) -> None:
     posed = write_posed(tmp_path / "posed")
     geometry = replace(settings.geometry, flatten=1.0)
-    density = replace(settings.density, count_max=200, gradient_min=1e-3)
+    density = replace(settings.density, count_max=200)
     small = replace(settings, hold_out=5, density=density, geometry=geometry)
     on_cpu = train_gaussians(posed, tmp_path / "cpu", small, lambda _: None)
     monkeypatch.setattr(cuda, "cuda_engine", in_cuda)

@@ -43,7 +43,7 @@ def changed_by(
     return gaussians.changed(changed_density(gaussians.values, seen, config, extent_m, rng))
 
 
-CONFIG = DensityConfig(gradient_min=1.0, count_max=100)
+CONFIG = DensityConfig(count_max=100)
 
 
 def test_small_ones_that_want_to_move_are_cloned() -> None:
@@ -70,7 +70,7 @@ def test_faint_and_huge_ones_go() -> None:
 
 
 def test_those_that_want_it_most_are_added_within_the_budget() -> None:
-    config = DensityConfig(gradient_min=1.0, count_max=101)
+    config = DensityConfig(count_max=101)
     gaussians = some_gaussians(100)
     changed = changed_by(gaussians, sightings([*np.linspace(2, 3, 100)]), config, 1.0, np.random.default_rng(0))
     assert len(changed) == 101
@@ -108,7 +108,7 @@ def test_what_is_made_faint_is_moved_within_a_budget_and_else_removed(
 
 @pytest.mark.parametrize("method", ["mcmc", "gradients"])
 def test_state_stays_with_those_that_are_not_changed(method: Literal["mcmc", "gradients"]) -> None:
-    config = DensityConfig(method=method, gradient_min=1.0, growth=0.3)
+    config = DensityConfig(method=method, growth=0.3)
     gaussians = some_gaussians(6)
     gaussians.values["logits"][5] = -8.0
     gaussians.updates[:] = np.arange(1, 7)

@@ -25,7 +25,7 @@ SETTINGS = GaussiansConfig(
     steps=40,
     hold_out=5,
     sh_degree=1,
-    density=DensityConfig(count_max=200, gradient_min=1e-3),
+    density=DensityConfig(count_max=200),
 )
 MCMC = replace(SETTINGS, density=replace(SETTINGS.density, method="mcmc"))
 SURFACES = replace(SETTINGS, geometry=GeometryConfig(enabled=True, flatten=1.0))
