@@ -116,15 +116,7 @@ def narrow(settings: RunConfig) -> RunConfig:
     return replace(
         settings,
         episode=replace(settings.episode, goal_distance_min_m=1.5, goal_distance_max_m=4.0, human_count_max=1),
-        human_planner=replace(
-            settings.human_planner,
-            clearance_m=0.26,
-            route_clearance_m=0.28,
-            preferred_clearance_m=0.4,
-            start_distance_min_m=1.0,
-            parked_distance_min_m=0.8,
-            start_peace_s=1.0,
-        ),
+        human_planner=replace(settings.human_planner, spacing="narrow"),
     )
 
 

@@ -26,8 +26,6 @@ class LearnConfig:
     """Share of the budget from one measurement on the split val to the next."""
     val_share: Annotated[float, Range(above=0.0, high=0.5)] = 0.15
     """Most time that these measurements may take, as a share of the time between them."""
-    val_episodes_max: Annotated[int, Range(low=1)] = 50
-    """Most episodes per task of one measurement."""
     patience: Share = 0.5
     """Training ends when the success rate has not risen for this share of the budget."""
     images: tuple[str, ...] = (RGB,)

@@ -35,6 +35,8 @@ EPISODE_S = 1.5
 """Assumed time of an episode before the first measurement [s]."""
 SPLIT_S = 30.0
 """Training time after which measured rates determine the division of the cores [s]."""
+VAL_EPISODES_MAX = 50
+"""Most episodes per task of one measurement."""
 CANDIDATES = 3
 """Number of offered policies that stay for measurements, besides the best one."""
 EPISODES_HZ = 5.0
@@ -171,7 +173,7 @@ class Supervisor:
         if offered is None or not due or fraction >= 1 or (done and done[-1].policy == offered.sha256):
             return
         seconds = self._plan.learn.val_share * (fraction - latest) / max(fraction, 1e-9) * self._spent_s
-        episodes = episodes_to_measure(seconds, self._episode_s, self._plan.learn.val_episodes_max)
+        episodes = episodes_to_measure(seconds, self._episode_s, VAL_EPISODES_MAX)
 
         def measure(check: Callable[[], None]) -> Measured:
             def report(name: str, record: EpisodeRecord) -> None:
@@ -265,7 +267,7 @@ class Supervisor:
             )
         sha256, training = policy_sha256(plan.policy), read_training(plan.policy)
         share_s = plan.learn.val_share * self._spent_s
-        episodes = episodes_to_measure(share_s, self._episode_s, plan.learn.val_episodes_max)
+        episodes = episodes_to_measure(share_s, self._episode_s, VAL_EPISODES_MAX)
         measured = self._measuring.val(plan.policy, sha256, episodes, 1.0)
         rows = [*self.measurements, measured.measurement]
         before = self.points[-1] if self.points else None

@@ -110,7 +110,6 @@ def write_trainer_config(plan: Plan, threads: int) -> Path:
         *samples,
         f"seed = {plan.seed}",
         f"threads = {threads}",
-        "[live]",
         f"offer_every_s = {max(OFFER_MIN_S, 60 * budget.minutes / OFFERS)!r}",
         "[network]",
         f"images = {json.dumps(plan.learn.images)}",

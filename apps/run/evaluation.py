@@ -33,6 +33,7 @@ from readygo.services.evaluator import (
     handle_evaluate,
     summary_mapping,
 )
+from readygo.services.evaluator.handlers import RENDERER
 from readygo.services.evaluator.results import METHODS
 from readygo.services.evaluator.scores import (
     compare_all,
@@ -165,19 +166,18 @@ def make_evaluator(
         PolicyError: If the policy was trained with a different camera.
     """
     bus, config = InProcessBus(), world.config
-    settings = evaluator_config or EvaluatorConfig()
     humans = world.human_planner(react=False)
     attach_planner(bus, humans, world.robot_planner)
     attach_animator(bus, world.animator())
     if renderer is not None:
-        attach_renderer(bus, renderer, settings.renderer)
+        attach_renderer(bus, renderer, RENDERER)
     return Evaluator(
         bus=bus,
         robot=config.robot,
         robot_map=world.scene.maps.robot,
         floor=world.scene.maps.floor,
         episode_config=config.episode,
-        config=settings,
+        config=evaluator_config or EvaluatorConfig(),
         policy=policy,
         camera=camera,
         drivers=named_methods(world) if methods is None else methods,

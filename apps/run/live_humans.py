@@ -37,7 +37,6 @@ def live_simulations(world: World, planner: HumanPlanner) -> Callable[[MatchedEp
             planner.human_map,
             robot.radius_m + config.episode.human_radius_m,
             config.episode,
-            config.human_planner,
         )
         figures = [RetimedWalk(at_rate(human.motion, RATE_HZ), maps.floor) for human in episode.motions.humans]
         return ReactiveSimulation(

@@ -9,6 +9,7 @@ from readygo.apps.run.custom_method import custom_method
 from readygo.apps.run.world import World
 from readygo.common.episode.loop import Driver
 from readygo.common.errors import PolicyError
+from readygo.common.maps.occupancy import GROUND_CLEARANCE_M
 from readygo.common.maps.ros_map import load_unknown_cells
 from readygo.common.policy import check_policy_camera, check_policy_limits, load_policy
 from readygo.common.policy.artifact import SPEC_FILE
@@ -84,10 +85,10 @@ def _custom(name: str) -> MakeDriver:
 
 
 def _splat_map(world: World) -> SplatMap:
-    maps, config = world.scene.maps, world.scene.maps.config
+    maps = world.scene.maps
     unknown = load_unknown_cells(maps.folder / ROBOT_MAP_FILE)
     return SplatMap(
-        world.scene.cloud, maps.floor, maps.robot.frame, unknown, world.config.robot.widest, config.ground_clearance_m
+        world.scene.cloud, maps.floor, maps.robot.frame, unknown, world.config.robot.widest, GROUND_CLEARANCE_M
     )
 
 

@@ -15,6 +15,7 @@ from readygo.common.maps import clearance_m, farthest_m, free_components
 from readygo.common.messages import FileRef, RunSpec, Split
 from readygo.common.scenes import Scene
 from readygo.common.scenes.findings import goals_line
+from readygo.services.planner.expert.config import CELL_MARGIN_M
 from readygo.services.planner.humans.scenario_file import load_scenarios, read_text, text_hash
 
 
@@ -90,7 +91,7 @@ def _with_weights_named(config: RunConfig) -> RunConfig:
 
 def _refuse_without_room(scene: Scene, config: RunConfig) -> None:
     robot_map, radius_m = scene.maps.robot, config.robot.widest.planning_radius_m
-    labels, _ = free_components(clearance_m(robot_map) > radius_m + config.expert.cell_margin_m)
+    labels, _ = free_components(clearance_m(robot_map) > radius_m + CELL_MARGIN_M)
     reach_m = farthest_m(labels, robot_map.frame.resolution_m)
     if line := goals_line(reach_m, config.episode.goal_distance_min_m, radius_m):
         raise RunError(f"Scene {scene.name}: {line}")

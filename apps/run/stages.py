@@ -158,7 +158,7 @@ def _drive(world: World, bus: Bus) -> Work:
             camera = LiveCamera(renderer, loaded.spec.inputs.images, every)
             policy = PolicyDriver(loaded, camera, hold_steps)
         elif disturbs(episode, config.driver.disturbed):
-            disturbance = Disturbance(episode, config.driver, simulation.robot)
+            disturbance = Disturbance(episode, simulation.robot)
         expert = planner.expert(scenario, motions)
         driven = drive(simulation, expert, weigher, policy, disturbance, camera=camera, image_every=every)
         if reason := unclear(renderer, episode, driven.trajectory.xyyaw, config.episode):

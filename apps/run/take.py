@@ -56,7 +56,6 @@ class Takes:
             config.robot,
             config.episode,
             config.human_planner,
-            cell_margin_m=config.expert.cell_margin_m,
             scenarios=scenarios,
             make_expert=self.robot_planner.expert,
         )

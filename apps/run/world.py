@@ -103,7 +103,6 @@ class World:
             config.robot,
             config.episode,
             humans,
-            cell_margin_m=config.expert.cell_margin_m,
             scenarios=self._scenarios(),
             make_expert=self.robot_planner.expert if humans.reactive else None,
         )

@@ -120,11 +120,7 @@ class Course:
         self.job, self.robot = job, RobotConfig()
         self.episode, human_config = MIXES[job.people](EpisodeConfig(), HumanPlannerConfig())
         self.maps, avatars = open_maps(job.source), load_avatars()
-        # Whether a scenario exists does not depend on the modes asked for.
-        cell_margin_m = expert_recipe("paper").cell_margin_m
-        self.human_planner = HumanPlanner(
-            self.maps, sorted(avatars), self.robot, self.episode, human_config, cell_margin_m=cell_margin_m
-        )
+        self.human_planner = HumanPlanner(self.maps, sorted(avatars), self.robot, self.episode, human_config)
         self.robot_planners = {
             mode: RobotPlanner(self.maps, avatars, self.robot, self.episode, expert_recipe(mode)) for mode in job.modes
         }

@@ -41,7 +41,6 @@ def measure(scene: str, people: MixName, count: int, seed: int, *, reactive: boo
         config.robot,
         config.episode,
         human_config,
-        cell_margin_m=config.expert.cell_margin_m,
         make_expert=expert.expert,
     )
     for index in range(WARM_UP):

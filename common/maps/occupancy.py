@@ -28,6 +28,12 @@ STEP_M = 0.05
 """Something stands where the ground that is seen rises by more than this more steeply than ground does [m]: low boxes,
 whose Gaussians are not higher than rough ground. A box 0.3 m wide and 0.1 m high has 0.051 m in a flat; of the rough
 ground in a camp site 9 % of the area has more, of that in a flat none."""
+OPACITY_MIN = 0.2
+"""Fainter Gaussians are haze and occupy nothing."""
+GROUND_CLEARANCE_M = 0.10
+"""Lower things count as floor [m]."""
+SLOPE_MAX = 0.35
+"""Steeper floor (rise over run) is blocked."""
 RAIL_TOP_M = 1.3
 RAIL_WIDTH_M = 0.4
 RAIL_LENGTH_M = 0.8
@@ -44,14 +50,8 @@ class MapConfig:
     """Edge of cells and voxels [m]."""
     opacity_threshold: float = 0.5
     """A voxel is occupied if the opacities of the Gaussians that touch it sum up to more than this."""
-    opacity_min: float = 0.2
-    """Fainter Gaussians are haze and occupy nothing."""
-    ground_clearance_m: float = 0.10
-    """Lower things count as floor [m]."""
     robot_height_m: float = 0.6
     human_height_m: float = 1.9
-    slope_max: float = 0.35
-    """Steeper floor (rise over run) is blocked."""
     close_coarse: bool = False
     """True blocks ground that was not filmed: where huge Gaussians stand for it."""
     close_unfilmed: bool = True
@@ -60,11 +60,11 @@ class MapConfig:
     def __post_init__(self) -> None:
         if not 0.01 <= self.resolution_m <= 1.0:
             raise ValueError(f"resolution_m must be 0.01..1, got {self.resolution_m}.")
-        if not self.opacity_threshold > 0 or not self.slope_max > 0:
-            raise ValueError("opacity_threshold and slope_max must be positive.")
-        if not 0 <= self.ground_clearance_m < min(self.robot_height_m, self.human_height_m):
+        if not self.opacity_threshold > 0:
+            raise ValueError(f"opacity_threshold must be positive, got {self.opacity_threshold}.")
+        if not min(self.robot_height_m, self.human_height_m) > GROUND_CLEARANCE_M:
             raise ValueError(
-                f"ground_clearance_m {self.ground_clearance_m} must be below the heights of robot and human, "
+                f"heights of robot and human must be above {GROUND_CLEARANCE_M} m, below which things are floor, got "
                 f"{self.robot_height_m} and {self.human_height_m}."
             )
 
@@ -113,7 +113,7 @@ def plan_scene(cloud: GaussianCloud, config: MapConfig, cameras_m: npt.NDArray[n
     steps = (estimate.step_m > STEP_M).repeat(FLOOR_CELLS, axis=0).repeat(FLOOR_CELLS, axis=1)
     phantoms = _phantoms(robot | human, steps | standing.low | standing.robot | standing.waist | standing.human)
     robot, human = robot & ~phantoms, human & ~phantoms
-    closed = ~_walkable(estimate, config.slope_max)
+    closed = ~_walkable(estimate)
     ground = ground_detail(cloud, estimate.floor, estimate.supported)
     coarse, blurred = (
         part.repeat(FLOOR_CELLS, axis=0).repeat(FLOOR_CELLS, axis=1) for part in (ground.coarse, ground.blurred)
@@ -132,13 +132,13 @@ def plan_scene(cloud: GaussianCloud, config: MapConfig, cameras_m: npt.NDArray[n
     )
 
 
-def _walkable(estimate: FloorEstimate, slope_max: float) -> npt.NDArray[np.bool_]:
+def _walkable(estimate: FloorEstimate) -> npt.NDArray[np.bool_]:
     """Map cells with floor that is not too steep."""
     height, cell_m = estimate.floor.height_m.astype(np.float64), estimate.floor.frame.resolution_m
     padded = np.pad(height, 1, mode="edge")
     rise_x = (padded[1:-1, 2:] - padded[1:-1, :-2]) / (2 * cell_m)
     rise_y = (padded[2:, 1:-1] - padded[:-2, 1:-1]) / (2 * cell_m)
-    walkable = estimate.supported & (rise_x * rise_x + rise_y * rise_y <= slope_max * slope_max)
+    walkable = estimate.supported & (rise_x * rise_x + rise_y * rise_y <= SLOPE_MAX * SLOPE_MAX)
     return walkable.repeat(FLOOR_CELLS, axis=0).repeat(FLOOR_CELLS, axis=1)
 
 
@@ -153,7 +153,7 @@ def _stand(cloud: GaussianCloud, estimate: FloorEstimate, config: MapConfig) -> 
     """The Gaussians that stand on the floor: their centres are higher over what is seen of it than counts as floor."""
     relief = FloorMap(frame=estimate.floor.frame, height_m=estimate.relief_m.astype(np.float32))
     height_m = cloud.means_m[:, 2] - relief.at_many(cloud.means_m[:, :2].astype(np.float64))
-    standing: npt.NDArray[np.bool_] = height_m > config.ground_clearance_m
+    standing: npt.NDArray[np.bool_] = height_m > GROUND_CLEARANCE_M
     return standing
 
 
@@ -185,7 +185,7 @@ class _Bands:
 
 def _occupied_bands(cloud: GaussianCloud, frame: GridFrame, shape: tuple[int, int], config: MapConfig) -> _Bands:
     """Voxelise a cloud whose heights are relative to the floor, in bands of rows that fit into memory."""
-    cell_m, bottom_m = config.resolution_m, config.ground_clearance_m
+    cell_m, bottom_m = config.resolution_m, GROUND_CLEARANCE_M
     low, robot, rail, human = (
         math.ceil((top_m - bottom_m) / cell_m - 1e-6)
         for top_m in (bottom_m + LOW_BAND_M, config.robot_height_m, RAIL_TOP_M, config.human_height_m)
@@ -193,7 +193,7 @@ def _occupied_bands(cloud: GaussianCloud, frame: GridFrame, shape: tuple[int, in
     layers = max(low, robot, rail, human)
     reach = cloud.scales_m.max(axis=1)
     z, y = cloud.means_m[:, 2], cloud.means_m[:, 1]
-    solid = (z + reach > bottom_m) & (z - reach < bottom_m + layers * cell_m) & (cloud.opacities >= config.opacity_min)
+    solid = (z + reach > bottom_m) & (z - reach < bottom_m + layers * cell_m) & (cloud.opacities >= OPACITY_MIN)
     bands = np.zeros((4, *shape), np.bool_)
     rows_per_band = max(1, VOXELS_PER_BAND // (layers * shape[1]))
     for row in range(0, shape[0], rows_per_band):

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.kernels import compiled
 from readygo.common.maps.grid import FloorMap, GridFrame, OccupancyMap
-from readygo.common.maps.occupancy import VOXELS_PER_BAND, MapConfig
+from readygo.common.maps.occupancy import OPACITY_MIN, VOXELS_PER_BAND, MapConfig
 from readygo.common.maps.voxels import opacity_sums
 
 BOTTOM_M, TOP_M = 0.4, 1.9
@@ -80,7 +80,7 @@ def sight_of_cloud(
     per_bit = math.ceil(layers / BITS)
     z = cloud.means_m[:, 2] - floor.at_many(cloud.means_m[:, :2].astype(np.float64)).astype(np.float32)
     y, reach = cloud.means_m[:, 1], cloud.scales_m.max(axis=1)
-    solid = (z + reach > BOTTOM_M) & (z - reach < BOTTOM_M + layers * cell_m) & (cloud.opacities >= config.opacity_min)
+    solid = (z + reach > BOTTOM_M) & (z - reach < BOTTOM_M + layers * cell_m) & (cloud.opacities >= OPACITY_MIN)
     raised = replace(cloud, means_m=np.column_stack([cloud.means_m[:, :2], z]))
     opaque = np.zeros(shape, np.uint32)
     rows_per_band = max(1, VOXELS_PER_BAND // (layers * shape[1]))

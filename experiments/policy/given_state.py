@@ -51,14 +51,14 @@ from readygo.common.messages import (
     Split,
 )
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.command_grid import COMMAND_COUNT, SPEED_SHARES, TURN_SHARES
+from readygo.common.robot.command_grid import COMMAND_COUNT
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.animator import handle_animate
 from readygo.services.driver import Drive, RiskMap, drive
 from readygo.services.planner import Expert, handle_human_plan
 from readygo.services.trainer import best_recipe
 from readygo.services.trainer.config import NetworkConfig
-from readygo.services.trainer.model import bins_of, weigh
+from readygo.services.trainer.model import CAUTION, bins_of, weigh
 from readygo.services.trainer.objective import risks_loss
 
 HUMANS, HUMAN_WIDTH = 2, 7
@@ -80,20 +80,15 @@ Episode = tuple[Scenario, EpisodeMotions]
 class Course:
     """A scene with its episodes, and the expert in it."""
 
-    def __init__(self, scene: str, avatars: Path | None, seed: int, timed_margin_m: float | None) -> None:
+    def __init__(self, scene: str, avatars: Path | None, seed: int) -> None:
         """Open the scene.
 
         Args:
             scene: Scene bundle, "embedded", or "embedded:SEED".
             avatars: Avatar file or folder of them; None takes the embedded ones.
             seed: Seed of the episodes.
-            timed_margin_m: How far the expert stays away from humans [m]; None as in its recipe.
         """
         config = RunConfig()
-        if timed_margin_m is not None:
-            config = dataclasses.replace(
-                config, expert=dataclasses.replace(config.expert, timed_margin_m=timed_margin_m)
-            )
         spec = make_spec(open_scene(scene), avatars, config, seed=seed, split=Split.TRAIN, static=False)
         world = World(spec)
         self.planner, self._seed = world.robot_planner, seed
@@ -152,14 +147,14 @@ class Learner:
 
         Args:
             output: Kind of output, as `NetworkConfig.output`.
-            caution: Risk coefficient, as `NetworkConfig.caution`; may be changed at any time.
+            caution: Risk coefficient, as `CAUTION` of the trainer; may be changed at any time.
             robot: Whose limits are the units of commands.
             seed: Seed of weights and batches.
         """
         torch.manual_seed(seed)
         self.weighed, self.caution = output == "weighed", caution
-        config = NetworkConfig(output=output, v_bins=len(SPEED_SHARES), w_bins=len(TURN_SHARES))
-        self.bins = bins_of(config, robot)
+        # All outputs but "regression" share the grid of commands whose risks are known.
+        self.bins = bins_of(NetworkConfig(output=output if output == "regression" else "weighed"), robot)
         answers = COMMAND_COUNT * (3 if self.weighed else 1) if self.bins else 2
         widths = (RAYS + 7 + HUMANS * HUMAN_WIDTH, *WIDTHS)
         layers = [layer for pair in itertools.pairwise(widths) for layer in (nn.Linear(*pair), nn.ReLU())]
@@ -290,9 +285,8 @@ def main() -> None:
     parser.add_argument("scene", help='scene bundle, "embedded" or "embedded:SEED"')
     parser.add_argument("--avatars", type=Path)
     parser.add_argument("--output", choices=("regression", "bins", "weighed"), default="weighed")
-    parser.add_argument("--caution", type=float, default=best_recipe().network.caution, help="while it learns")
+    parser.add_argument("--caution", type=float, default=CAUTION, help="while it learns")
     parser.add_argument("--drive-caution", type=float, nargs="+", help="when it is measured; as it learned by default")
-    parser.add_argument("--timed-margin-m", type=float, help="of the expert, from humans")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--samples", type=int, default=15_000, help="per round")
     parser.add_argument("--steps", type=int, default=1500, help="of the optimizer per round")
@@ -300,7 +294,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     torch.set_num_threads(1)
-    course = Course(arguments.scene, arguments.avatars, arguments.seed, arguments.timed_margin_m)
+    course = Course(arguments.scene, arguments.avatars, arguments.seed)
     episodes = list(itertools.islice(course.episodes(Split.VAL), arguments.episodes))
     print(json.dumps({"driver": "expert", **scores(course, None, episodes)}), flush=True)
     learner = Learner(arguments.output, arguments.caution, course.planner.robot, arguments.seed)

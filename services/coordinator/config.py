@@ -19,24 +19,11 @@ class CoordinatorConfig:
     """A lease ends this long after its claim or latest renewal [s]."""
     plan_ahead: int = 64
     """Planning pauses while this many episodes are between planning and the shards, or two for each process there."""
-    failures_max: int = 3
-    """Workers' errors on one episode before it is set aside."""
-    deaths_max: int = 8
-    """Workers that may end while they hold one and the same episode before it is set aside."""
-    aside_max: int = 3
-    """The run fails after this many episodes were set aside if fewer are recorded."""
-    rejections_max: int = 200
-    """The run fails after this many rejections if fewer than one index in 20 was accepted."""
-    absent_s: float = 60.0
-    """Status reports a stage that has had no worker for this time [s]."""
-    inline_bytes: int = 16_000
-    """Results up to this size travel in the claim's reply; larger ones are fetched as blobs."""
-    blob_chunk_bytes: int = 1_000_000
 
     def __post_init__(self) -> None:
-        names = ("lease_s", "plan_ahead", "failures_max", "deaths_max", "aside_max", "rejections_max", "absent_s")
-        if wrong := [name for name in names if not getattr(self, name) > 0]:
-            raise ValueError(f"{wrong[0]} must be positive, got {getattr(self, wrong[0])}.")
+        for name in ("lease_s", "plan_ahead"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be positive, got {getattr(self, name)}.")
         if not -PRIORITY_MAX <= self.priority <= PRIORITY_MAX:
             raise ValueError(f"priority must be {-PRIORITY_MAX}..{PRIORITY_MAX}, got {self.priority}.")
         if not self.recorders or len(set(self.recorders)) != len(self.recorders):

@@ -6,6 +6,11 @@ from readygo.services.coordinator.coordinator import Coordinator
 
 log = logging.getLogger(__name__)
 
+ASIDE_MAX = 3
+"""The run fails after this many episodes were set aside if fewer are recorded."""
+REJECTIONS_MAX = 200
+"""The run fails after this many rejections if fewer than one index in 20 was accepted."""
+
 
 def set_aside(coordinator: Coordinator, index: int, reason: str) -> None:
     """Give an episode up that fails again and again; a run in which most do ends with the reason."""
@@ -14,7 +19,7 @@ def set_aside(coordinator: Coordinator, index: int, reason: str) -> None:
     where = coordinator.set_aside(index, reason, data)
     log.warning("episode %d is set aside: %s%s", index, reason, where)
     aside, committed = coordinator.ledger.census.aside(), coordinator.ledger.census.committed()[0]
-    if aside >= coordinator.config.aside_max and aside > committed:
+    if aside >= ASIDE_MAX and aside > committed:
         coordinator.failed = f"{aside} episodes were set aside, the last one is {index}: {reason}{where}"
         return
     coordinator.ledger.open_episodes(coordinator.wanted)
@@ -26,7 +31,7 @@ def after_rejection(coordinator: Coordinator) -> None:
     accepted = coordinator.ledger.census.committed()[0] + coordinator.ledger.census.waiting_at(
         coordinator.spec.stages[-1]
     )
-    if rejected >= coordinator.config.rejections_max and rejected > 20 * accepted:
+    if rejected >= REJECTIONS_MAX and rejected > 20 * accepted:
         reasons = ", ".join(f"{reason} ({count})" for reason, count in coordinator.ledger.census.rejections().items())
         coordinator.failed = f"{rejected} indices were rejected and {accepted} accepted: {reasons}."
         return

@@ -5,6 +5,11 @@ from readygo.services.coordinator.coordinator import LEDGER, Coordinator
 from readygo.services.coordinator.giving_up import set_aside
 from readygo.services.coordinator.protocol import Holder
 
+ABSENT_S = 60.0
+"""Status reports a stage that has had no worker for this time [s]."""
+DEATHS_MAX = 8
+"""Workers that may end while they hold one and the same episode before it is set aside."""
+
 
 def note_absent(coordinator: Coordinator) -> None:
     """Report stages that episodes wait for and that no present process does; call it regularly."""
@@ -15,7 +20,7 @@ def note_absent(coordinator: Coordinator) -> None:
             f"{waiting} episodes wait for stage {stage.name}, and no {stage.role} is there; "
             f"`readygo worker {stage.role}` starts one."
         )
-        coordinator.note_trouble(f"absence of {stage.name}", words if absent_s > coordinator.config.absent_s else "")
+        coordinator.note_trouble(f"absence of {stage.name}", words if absent_s > ABSENT_S else "")
 
 
 def requeue_lost(coordinator: Coordinator, *, holder: Holder | None = None) -> bool:
@@ -42,6 +47,6 @@ def _requeue_expired(coordinator: Coordinator) -> int:
 def _requeue_holder(coordinator: Coordinator, holder: Holder) -> int:
     ended = coordinator.ledger.requeue_holder(holder)
     for index, deaths in ended:
-        if deaths >= coordinator.config.deaths_max:
+        if deaths >= DEATHS_MAX:
             set_aside(coordinator, index, f"{deaths} workers ended while they held it")
     return len(ended)

@@ -19,13 +19,6 @@ class DriverConfig:
     None takes every image of it."""
     disturbed: float = 0.0
     """Share of the expert's episodes in which it is disturbed, 0..1."""
-    push: float = 0.5
-    """Standard deviation of the pushes, as a multiple of the largest changes of speed and yaw rate that the robot can
-    make: what is above 1 it cannot resist."""
-    push_time_s: float = 0.5
-    """How long a push lasts: the correlation time of an Ornstein-Uhlenbeck process [s]."""
-    late_max_s: float = 0.3
-    """The robot does now what the expert planned for now this long ago at most; drawn per episode [s]."""
 
     def image_every(self, clock: Clock) -> int:
         """Steps of a robot's clock from picture to picture.
@@ -43,7 +36,3 @@ class DriverConfig:
     def __post_init__(self) -> None:
         if not 0.0 <= self.disturbed <= 1.0:
             raise ValueError(f"disturbed must be 0..1, got {self.disturbed}.")
-        if not (0.0 <= self.push <= 10.0 and 0.05 <= self.push_time_s <= 60.0):
-            raise ValueError(f"push must be 0..10 and push_time_s 0.05..60, got {self.push} and {self.push_time_s}.")
-        if not 0.0 <= self.late_max_s <= 1.0:
-            raise ValueError(f"late_max_s must be 0..1, got {self.late_max_s}.")

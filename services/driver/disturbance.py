@@ -8,27 +8,44 @@ import numpy as np
 from readygo.common.episode.streams import Purpose, episode_rng
 from readygo.common.messages import EpisodeKey
 from readygo.common.robot import RobotConfig
-from readygo.services.driver.config import DriverConfig
+
+PUSH = 0.5
+"""Standard deviation of the pushes, as a multiple of the largest changes of speed and yaw rate that the robot can make:
+it cannot resist what is above 1. Measured in the README, like the next two."""
+PUSH_TIME_S = 0.5
+"""Correlation time of the pushes, an Ornstein-Uhlenbeck process [s]."""
+LATE_MAX_S = 0.3
+"""The robot does now what the expert planned for now this long ago at most; drawn per episode [s]."""
 
 
 class Disturbance:
     """What comes between the expert and the robot in one episode; the same numbers for the same episode."""
 
-    def __init__(self, episode: EpisodeKey, config: DriverConfig, robot: RobotConfig) -> None:
+    def __init__(
+        self,
+        episode: EpisodeKey,
+        robot: RobotConfig,
+        *,
+        push: float = PUSH,
+        push_time_s: float = PUSH_TIME_S,
+        late_max_s: float = LATE_MAX_S,
+    ) -> None:
         """Draw how late the commands are.
 
         Args:
             episode: Its stream is drawn from.
-            config: How strong and how late.
             robot: Whose limits pushes are measured by.
+            push: Standard deviation of the pushes, see `PUSH`.
+            push_time_s: Their correlation time [s].
+            late_max_s: Largest delay of commands [s].
         """
         self._rng = _rng(episode)
         # The draw of `disturbs`.
         self._rng.random()
         clock = robot.clock
-        self._late_steps = int(self._rng.integers(0, clock.steps(config.late_max_s) + 1))
-        self._keep = math.exp(-clock.dt_s / config.push_time_s)
-        self._noise = config.push * math.sqrt(1.0 - self._keep * self._keep)
+        self._late_steps = int(self._rng.integers(0, clock.steps(late_max_s) + 1))
+        self._keep = math.exp(-clock.dt_s / push_time_s)
+        self._noise = push * math.sqrt(1.0 - self._keep * self._keep)
         self._change = robot.a_max_mps2 * clock.dt_s, robot.alpha_max_radps2 * clock.dt_s
         self._push = (0.0, 0.0)
 

@@ -21,7 +21,11 @@ from readygo.common.messages import (
     topics,
 )
 from readygo.common.robot import RobotConfig
-from readygo.services.evaluator.config import EvaluatorConfig
+
+REQUEST_TIMEOUT_S = 120.0
+"""Longest wait for one reply [s]."""
+REJECTED_MAX = 1000
+"""Rejected scenarios in a row after which the scene is called unusable."""
 
 
 class Task(enum.Enum):
@@ -60,11 +64,10 @@ class EpisodeSource:
         robot: RobotConfig,
         robot_map: OccupancyMap,
         episode_config: EpisodeConfig,
-        config: EvaluatorConfig,
     ) -> None:
         self._bus = bus
         self._robot, self._robot_map = robot, robot_map
-        self._episode_config, self._config = episode_config, config
+        self._episode_config = episode_config
 
     def draw(self, *, seed: int, split: Split, count: int, tasks: Sequence[Task]) -> tuple[list[MatchedEpisode], int]:
         """The first `count` indices whose dynamic scenario is accepted, each as every task, and the number of skipped.
@@ -83,7 +86,7 @@ class EpisodeSource:
             dynamic, reason = self.among_humans(key)
             if dynamic is None:
                 skipped, skipped_in_a_row = skipped + 1, skipped_in_a_row + 1
-                if skipped_in_a_row == self._config.rejected_max:
+                if skipped_in_a_row == REJECTED_MAX:
                     raise SceneError(
                         f"The last {skipped_in_a_row} scenarios were rejected ({reason}); look at the maps."
                     )
@@ -94,12 +97,11 @@ class EpisodeSource:
 
     def among_humans(self, key: EpisodeKey) -> tuple[MatchedEpisode | None, str]:
         """The dynamic episode of a key; or None, and why it was rejected."""
-        timeout_s = self._config.request_timeout_s
-        plan = self._bus.request(topics.HUMAN_PLAN, HumanPlanRequest(episode=key), timeout_s=timeout_s)
+        plan = self._bus.request(topics.HUMAN_PLAN, HumanPlanRequest(episode=key), timeout_s=REQUEST_TIMEOUT_S)
         if plan.rejected or plan.scenario is None:
             return None, plan.rejected
         animate = AnimateRequest(scenario=plan.scenario)
-        animated = self._bus.request(topics.ANIMATE, animate, timeout_s=timeout_s)
+        animated = self._bus.request(topics.ANIMATE, animate, timeout_s=REQUEST_TIMEOUT_S)
         if animated.rejected or animated.motions is None:
             return None, animated.rejected
         episode = MatchedEpisode(

@@ -21,7 +21,7 @@ from readygo.common.policy.driver import PolicyDriver
 from readygo.common.robot import Clock, RobotConfig
 from readygo.services.evaluator.config import EvaluatorConfig
 from readygo.services.evaluator.drivers import EXPERT, POLICY, STRAIGHT_LINE, StraightLineDriver
-from readygo.services.evaluator.episodes import EpisodeSource, MatchedEpisode, Simulate, Task
+from readygo.services.evaluator.episodes import REQUEST_TIMEOUT_S, EpisodeSource, MatchedEpisode, Simulate, Task
 from readygo.services.evaluator.eyes import Eyes
 from readygo.services.evaluator.records import EpisodeRecord, RecordKey, make_record, summarize_records
 from readygo.services.evaluator.results import Results
@@ -32,6 +32,8 @@ MakeDriver = Callable[["Evaluator"], Driver[Any]]
 Elsewhere = Callable[[Sequence[int]], None]
 """Has other processes drive the episodes of some indices."""
 
+RENDERER = "0"
+"""Name of the renderer that is asked for images."""
 VIEW_RANGE_M = 10.0
 """Farther humans do not count as seen [m]."""
 
@@ -117,7 +119,6 @@ class Evaluator:
             robot=self.robot,
             robot_map=self.robot_map,
             episode_config=self.episode_config,
-            config=self.config,
         )
 
     def simulation(self, episode: MatchedEpisode) -> EpisodeSimulation:
@@ -135,10 +136,10 @@ class Evaluator:
         """
         return Eyes(
             self.bus,
-            topics.render(self.config.renderer),
+            topics.render(RENDERER),
             robot=self.robot,
             floor=self.floor,
-            timeout_s=self.config.request_timeout_s,
+            timeout_s=REQUEST_TIMEOUT_S,
             sees=sees,
         )
 

@@ -56,6 +56,10 @@ from readygo.services.reconstructor.poses.tags import focal_of_tags, tag_feature
 from readygo.services.reconstructor.poses.verdict import Verdict
 from readygo.services.reconstructor.stages import Say, Stages, code_digest
 
+_FEATURES_MIN = 600
+"""Where the median image of a video has fewer, fainter ones are taken too, of all images."""
+_OVERLAP = 10
+"""An image of a video is matched with this many that follow it, and with some that are far away."""
 _TRIED_IMAGES = 40
 """Other dictionaries are looked for in about this many images."""
 
@@ -106,18 +110,14 @@ def find_poses_in(stages: Stages, given: Source, config: ReconstructorConfig) ->
         seen = stages.run(MARKERS, wanted, partial(make_markers, folder, frames, config))["sightings"]
     sightings = [MarkerSighting(**{**each, "corners_px": np.array(each["corners_px"])}) for each in seen]
     if given.kind != "colmap":
-        looked_for = _some(poses, "features_max", "features_min")
-        stages.run(FEATURES, looked_for, partial(make_features, folder, frames, sightings, given.kind, config))
-        compared = _some(poses, "overlap", "exhaustive_max", "seed")
-        stages.run(MATCHES, compared, partial(make_matches, out, frames, sightings, given.kind, config))
+        stages.run(FEATURES, {}, partial(make_features, folder, frames, sightings, given.kind, config))
+        stages.run(
+            MATCHES, {"seed": config.poses.seed}, partial(make_matches, out, frames, sightings, given.kind, config)
+        )
     made = stages.run(MAP, {**poses, "tags": bool(sightings)}, partial(make_map, out, given, frames, sightings, config))
     place = partial(make_posed, out, out / MAP / made["model"], Verdict(**made["verdict"]), sightings, lengths, config)
     report = stages.run(POSED, metric, place)
     return {"source": str(given.path), "kind": given.kind, "frames": frames, **report, "seconds": stages.seconds}
-
-
-def _some(settings: Mapping[str, Any], *names: str) -> dict[str, Any]:
-    return {name: settings[name] for name in names}
 
 
 def _check_scale_is_told(config: ReconstructorConfig) -> None:
@@ -188,8 +188,8 @@ def make_features(
     """
     focal_px = float(frames.get("focal_px") or 0.0) or _focal_of_tags(frames, sightings)
     database, names, size_px = folder / DATABASE_FILE, list(frames["names"]), frames["size_px"]
-    poses = config.poses if kind == "video" else replace(config.poses, features_min=0)
-    apart(colmap.extract_features, database, images, names, poses, focal_px=focal_px, size_px=size_px)
+    wanted = {"focal_px": focal_px, "size_px": size_px, "features_min": _FEATURES_MIN if kind == "video" else 0}
+    apart(colmap.extract_features, database, images, names, config.poses, **wanted)
     return {"focal_px": focal_px}
 
 
@@ -205,7 +205,7 @@ def make_matches(
     names = list(frames["names"])
     database = folder / DATABASE_FILE
     shutil.copyfile(out / FEATURES / DATABASE_FILE, database)
-    pairs = image_pairs(len(names), sequential=in_order(kind, len(names), config), overlap=config.poses.overlap)
+    pairs = image_pairs(len(names), sequential=in_order(kind, len(names), config), overlap=_OVERLAP)
     apart(colmap.match_features, database, [(names[a], names[b]) for a, b in pairs], config.poses)
     if sightings:
         colmap.add_tag_matches(database, tag_features(sightings), config.poses)

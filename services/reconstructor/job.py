@@ -12,6 +12,8 @@ from readygo.services.reconstructor.poses import colmap
 
 FRAMES, MARKERS, FEATURES, MATCHES, MAP, POSED = "frames", "markers", "features", "matches", "map", "posed"
 """Stages, and folders of the job."""
+EXHAUSTIVE_MAX = 120
+"""Up to this many photos each is matched with each; more are taken as a sequence in the order of their names."""
 POSE_STAGES = (FRAMES, MARKERS, FEATURES, MATCHES, MAP, POSED)
 DATABASE_FILE, PICTURE_FILE, REPORT_FILE = "database.db", "top.png", "poses.json"
 
@@ -72,4 +74,4 @@ def images_of(frames: Mapping[str, Any], folder: Path) -> tuple[Path, list[str]]
 
 def in_order(kind: str, count: int, config: ReconstructorConfig) -> bool:
     """True if images are taken for such as follow each other: those of a video, or many photos."""
-    return kind == "video" or (kind == "photos" and count > config.poses.exhaustive_max)
+    return kind == "video" or (kind == "photos" and count > EXHAUSTIVE_MAX)

@@ -18,7 +18,15 @@ from readygo.services.reconstructor.poses.apart import apart
 from readygo.services.reconstructor.poses.config import PosesConfig
 from readygo.services.reconstructor.poses.joining import placed_by_markers
 from readygo.services.reconstructor.poses.squares import adjusted_by_squares
-from readygo.services.reconstructor.poses.verdict import ADVICE, DOUBTFUL_POINTS, Verdict, disagreement, judge, refusal
+from readygo.services.reconstructor.poses.verdict import (
+    ADVICE,
+    DOUBTFUL_POINTS,
+    REGISTERED_MIN,
+    Verdict,
+    disagreement,
+    judge,
+    refusal,
+)
 
 _NOTHING = Verdict(
     images=0,
@@ -61,12 +69,12 @@ def make_map(
         models, few_matches = _maps(database, out / FRAMES, folder, config.poses, count=asked, tags=bool(sightings))
         if not models:
             nothing = replace(_NOTHING, images=asked)
-            raise SceneError(str(refusal(nothing, registered_min=config.poses.registered_min)))
+            raise SceneError(str(refusal(nothing)))
         models = _joined(models, database, out / FRAMES, sightings, config)
         model, sizes, name = models[0], colmap.piece_sizes(models), str(models[0].relative_to(folder))
     images = colmap.read_map(model)
     verdict = judge(images, asked=asked, components=sizes, sequential=in_order(source.kind, asked, config))
-    reason = refusal(verdict, registered_min=config.poses.registered_min)
+    reason = refusal(verdict)
     doubtful = few_matches or verdict.points_per_image < DOUBTFUL_POINTS
     if not reason and source.kind != "colmap" and not sightings and doubtful:
         reason = _contradiction(images, database, out / FRAMES, folder, config.poses, few_matches=few_matches)
@@ -84,7 +92,7 @@ def _maps(
     comes of it must come out the same with other seeds.
     """
     models = colmap.build_maps(database, photos, folder, config, count=count, few_matches=tags)
-    enough = sum(colmap.piece_sizes(models[:1])) >= config.registered_min * count
+    enough = sum(colmap.piece_sizes(models[:1])) >= REGISTERED_MIN * count
     if enough or tags or config.mapper_of(count) == "global":
         return models, False
     again = folder / "few_matches"

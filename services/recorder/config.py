@@ -12,9 +12,8 @@ class RecorderConfig:
     """False trades durability for speed: a power cut may then lose acknowledged episodes."""
     buffer_mib: int = 512
     """Unfinished episodes above this are dropped, the longest untouched first; their senders send them again [MiB]."""
-    coordinator_timeout_s: float = 3.0
 
     def __post_init__(self) -> None:
-        for name in ("episodes_per_shard", "buffer_mib", "coordinator_timeout_s"):
+        for name in ("episodes_per_shard", "buffer_mib"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}.")

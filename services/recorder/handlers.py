@@ -37,6 +37,8 @@ from readygo.services.recorder.shards import Shards
 
 _log = logging.getLogger(__name__)
 
+COORDINATOR_TIMEOUT_S = 3.0
+"""Longest wait for a reply of the coordinator [s]."""
 RECONCILE_S = 10.0
 """How often the recorder asks which grants it holds: a grant whose answer came too late is answered for [s]."""
 FULL_S = 1.0
@@ -93,7 +95,7 @@ class Recorder:
         self._folder.mkdir(parents=True, exist_ok=True)
         self._name_lock = NameLock(self._folder, name)
         self._buffers = EpisodeBuffers(config.buffer_mib * 2**20)
-        self._grants = Grants(bus, name, config.coordinator_timeout_s)
+        self._grants = Grants(bus, name, COORDINATOR_TIMEOUT_S)
         self._run: tuple[int, Split] | None = None
         self._reconciled, self._reconciled_s = False, 0.0
         """Whether every grant was answered for, and when that was looked at last."""

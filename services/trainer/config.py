@@ -42,10 +42,6 @@ class NetworkConfig:
     """"regression": v and w, by their squared error; "bins": a distribution over a grid of both, by its cross-entropy,
     of which the mode and its neighbours are answered; "weighed": the same on the grid of
     `readygo.common.robot.command_grid`, less what each command risks, which is learned beside it."""
-    caution: NotNegative = 9.0
-    """How much a certain collision takes off a command's logarithmic likelihood ("weighed" only)."""
-    v_bins: Annotated[int, Range(low=3)] = 9
-    w_bins: Annotated[int, Range(low=3)] = 17
 
     def __post_init__(self) -> None:
         check_ranges(self)
@@ -71,25 +67,12 @@ class SamplingConfig:
     """Time between the frames that the policy sees [s], a multiple of that between two images of the camera."""
     ahead_s: NotNegative = 0.0
     """How far ahead of its frame the command is that a sample teaches [s], to the nearest step."""
-    previous_dropout: Share = 0.5
-    """Probability that a training sample does not see the previous action (`motion` "command" only)."""
-    previous_noise: NotNegative = 0.1
-    """Standard deviation of the noise on the previous action in training, in units of its limits."""
-    photometric: Annotated[float, Range(low=0.0, high=0.99)] = 0.2
-    """Largest relative change of brightness, contrast and colour; 0 turns it off."""
     shift_px: Annotated[int, Range(low=0)] = 4
     """Largest shift of the images [px]; 0 turns it off."""
     yaw_error_rad: NotNegative = 0.1
     """Standard deviation of a yaw error that images and goals are turned by [rad]; 0 turns it off."""
-    yaw_gain_per_s: float = 2.0
-    """Turn rate that the policy learns against a yaw error [1/s]."""
-    yaw_on_policy: bool = False
-    """Turn the samples of episodes that a policy drove as well: they show its own errors already."""
     hindsight: Share = 0.5
     """Share of the samples that the expert drove whose goal is a place that the robot reached later."""
-    mirror: Share = 0.5
-    """Probability that an episode's samples are mirrored left to right in a batch, with goals and turns; never
-    where the camera is not its own mirror image (mounted to a side, off-centre, `p2`)."""
     risks_weight: NotNegative = 4.0
     """Weight of what commands risk in the loss ("weighed" only)."""
     humans_weight: NotNegative = 0.0
@@ -104,29 +87,12 @@ class OptimizerConfig:
     """How the weights are changed."""
 
     learning_rate: Positive = 1e-3
-    warm_up_steps: Count = 50
-    """Steps over which the learning rate rises."""
     decay_share: Share = 0.2
     """The last share of the budget, over which it falls to a hundredth; 0 keeps it."""
     weight_decay: NotNegative = 1e-4
     """Decoupled weight decay (AdamW); 0 is plain Adam."""
     ema_decay: Annotated[float, Range(low=0.0, high=0.99999)] = 0.995
     """Decay per step of the averaged weights that are validated and exported; 0 exports the latest weights."""
-
-    def __post_init__(self) -> None:
-        check_ranges(self)
-
-
-@dataclass(frozen=True, kw_only=True)
-class LiveConfig:
-    """How a trainer goes along with a fleet."""
-
-    first_episodes: Count = 8
-    """Training begins with so many episodes."""
-    offer_every_s: Positive = 60.0
-    """Processor time between policies that are offered to the fleet [s]."""
-    catch_up_every_s: Positive = 60.0
-    """Time between looks into the data folders for episodes that were not heard [s]."""
 
     def __post_init__(self) -> None:
         check_ranges(self)
@@ -153,16 +119,13 @@ class TrainConfig:
     """Most memory for decoded frames; the rest is decoded again for each batch [MB]."""
     validation_fraction: Annotated[float, Range(low=0.0, high=0.9)] = 0.1
     """Share of the episodes that is held out when no validation data are given."""
-    validation_samples: Count = 1000
-    """Most held-out samples that one validation looks at, spread evenly."""
     validate_every: Count = 12_000
     """Training samples between validations."""
-    rollout_every: Count = 5
-    """Validations between closed-loop rollouts, where they choose the checkpoint."""
+    offer_every_s: Positive = 60.0
+    """Processor time between policies that are offered to the fleet [s]; beside a fleet only."""
     network: NetworkConfig = field(default_factory=NetworkConfig)
     sampling: SamplingConfig = field(default_factory=SamplingConfig)
     optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
-    live: LiveConfig = field(default_factory=LiveConfig)
 
     def __post_init__(self) -> None:
         check_ranges(self)
@@ -216,7 +179,7 @@ def with_overrides(config: TrainConfig, **settings: object) -> TrainConfig:
         ValueError: If a setting makes no sense.
     """
     given = {name: value for name, value in settings.items() if value is not None}
-    for section in ("network", "sampling", "optimizer", "live"):
+    for section in ("network", "sampling", "optimizer"):
         part = getattr(config, section)
         names = {item.name for item in dataclasses.fields(part)} & set(given)
         given[section] = dataclasses.replace(part, **{name: given.pop(name) for name in names})

@@ -33,6 +33,10 @@ DECAY_FILE = "decay"
 """A file of this name in the run's folder begins the fall of the learning rate, which ends training."""
 CANDIDATES_FOLDER = "candidates"
 """One folder per offered policy, by its number."""
+FIRST_EPISODES = 8
+"""Training begins with this many episodes."""
+CATCH_UP_EVERY_S = 60.0
+"""Time between looks into the data folders for episodes that were not heard [s]."""
 WAITING_MAX = 256
 """Heard episodes that wait for the trainer; the oldest ones give way."""
 REFUSALS_MAX = 3
@@ -72,7 +76,7 @@ class LiveTrainer:
             config: Budget and settings.
             out: Folder of the run.
             offer: Gives a policy to the fleet.
-            catch_up: Reads what was not heard; asked at first, and then every `LiveConfig.catch_up_every_s`.
+            catch_up: Reads what was not heard; asked at first, and then every `CATCH_UP_EVERY_S`.
             show: Hears every new entry of the history.
 
         Raises:
@@ -106,14 +110,14 @@ class LiveTrainer:
         self._read()
         while not (stop.is_set() or self._asked(STOP_FILE) or self._run.is_over):
             self._listen()
-            if len(self._parts[0].reservoir.episodes) < self._config.live.first_episodes:
+            if len(self._parts[0].reservoir.episodes) < FIRST_EPISODES:
                 self._tell("waiting")
                 stop.wait(WAIT_S)
                 continue
             if self._asked(DECAY_FILE):
                 self._run.schedule.begin_decay(self._run.fraction)
             self._run.step()
-            if self._run.elapsed_s - self._offered_s >= self._config.live.offer_every_s:
+            if self._run.elapsed_s - self._offered_s >= self._config.offer_every_s:
                 self._give()
             self._tell("training")
         return self._end()
@@ -130,7 +134,7 @@ class LiveTrainer:
     def _listen(self) -> None:
         while self._heard:
             self._take([self._heard.popleft()])
-        if time.monotonic() - self._caught_up_s > self._config.live.catch_up_every_s:
+        if time.monotonic() - self._caught_up_s > CATCH_UP_EVERY_S:
             self._read()
             self._caught_up_s = time.monotonic()
 

@@ -27,6 +27,10 @@ from readygo.services.trainer.frames import pooling_of
 NECK_CHANNELS = 32
 HEAD_WIDTHS = (256, 128)
 HUMANS_WIDTH = 64
+CAUTION = 9.0
+"""Risk coefficient: subtracted from a command's log-likelihood for a certain collision; measured in the README."""
+V_BINS, W_BINS = 9, 17
+"""Grid of the actions of output "bins"."""
 OFF = -1e4
 """Added to the logits of bins that do not count."""
 
@@ -154,7 +158,7 @@ class PolicyNet(nn.Module):
         self.bins = bins_of(config, robot)
         self.slowest = robot.v_min_mps / robot.v_max_mps
         """Largest speed backwards, as a share of the largest one."""
-        self.caution = config.caution if config.output == "weighed" else None
+        self.caution = CAUTION if config.output == "weighed" else None
         """Risk coefficient; None if commands are not weighed by what they risk."""
         answers = len(self.bins.centres) * (3 if self.caution is not None else 1) if self.bins else 2
         self.head = Head(self.inputs.feature_count + (TRAIT_COUNT if self.inputs.robot else 0), answers)
@@ -252,7 +256,7 @@ def bins_of(config: NetworkConfig, robot: RobotConfig) -> Bins | None:
     if config.output == "regression":
         return None
     weighed = config.output == "weighed"
-    v_bins, w_bins = (len(SPEED_SHARES), len(TURN_SHARES)) if weighed else (config.v_bins, config.w_bins)
+    v_bins, w_bins = (len(SPEED_SHARES), len(TURN_SHARES)) if weighed else (V_BINS, W_BINS)
     return Bins(v_bins, w_bins, backward_rows(robot, v_bins))
 
 

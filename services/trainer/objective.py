@@ -24,6 +24,12 @@ from readygo.services.trainer.samples import Array, Batch, Indices, SampleTable,
 from readygo.services.trainer.views import View, draw_views, plain_view
 from readygo.services.trainer.warps import RobotWarp, mirror_twins, show_frames
 
+PREVIOUS_DROPOUT = 0.5
+"""Probability that a training sample does not see the previous action (`motion` "command" only)."""
+PREVIOUS_NOISE = 0.1
+"""Standard deviation of the noise on the previous action in training, in units of its limits."""
+YAW_GAIN_PER_S = 2.0
+"""Turn rate that the policy learns against a yaw error [1/s]."""
 WARPS_KEPT = 256
 """Cameras of episodes that are kept."""
 LEFT_RIGHT = np.array([1.0, -1.0], np.float32)
@@ -63,7 +69,7 @@ class Objective:
         self._sees, sampling = config.network.images, config.sampling
         # In a mirror other cameras would be on the robot's other side, or have another lens.
         mirrors = mirror_twins(robot, cameras_of(self._sees)) is not None
-        self._config = sampling if mirrors else replace(sampling, mirror=0.0)
+        self._config, self._mirrors = sampling, mirrors
         self._mirrored_commands = mirrored(robot)
         self._motion = MotionInput(config.network.motion)
         pooling = pooling_of(robot.camera, config.network.pooled_height_px)
@@ -74,16 +80,15 @@ class Objective:
         """Samples with random changes."""
         batch = make_batch(samples, table.first, self._timing)
         firsts, groups = np.unique(table.first[batch.frames], return_inverse=True)
-        turnable = ~table.by_policy[firsts] | self._config.yaw_on_policy
-        view, rows = draw_views(turnable, self._config, rng), groups[batch.window[:, -1]]
+        # Episodes that a policy drove show its own yaw errors already.
+        view = draw_views(~table.by_policy[firsts], self._config, rng, mirrors=self._mirrors)
+        rows = groups[batch.window[:, -1]]
         yaws_rad, mirrored = view.yaws_rad[rows], view.mirrored[rows][:, None]
         traits = table.traits[table.episode[samples]]
         chosen = hindsight_goals(table, samples, self._config.hindsight, rng, seen=self._sees_goal)
         goals = turn_world(chosen.xy_m, yaws_rad)
         motion = self._training_motion(turn_motion(table.motion[samples], yaws_rad), traits[:, LIMITS_AT:], rng)
-        targets = correct_for_turn(
-            table.targets[samples], yaws_rad, self._config.yaw_gain_per_s, traits[:, LIMITS_AT + 1]
-        )
+        targets = correct_for_turn(table.targets[samples], yaws_rad, YAW_GAIN_PER_S, traits[:, LIMITS_AT + 1])
         poses = self._motion is MotionInput.POSES
         signs = mirrored_motion(motion.shape[1]) if poses else np.array([1, -1, 1], np.float32)
         # What a command leads to is told for the robot as it stood.
@@ -162,9 +167,8 @@ class Objective:
     def _training_motion(self, motion: Array, limits: npt.NDArray[np.float64], rng: np.random.Generator) -> Array:
         if self._motion is MotionInput.POSES:
             return motion
-        config = self._config
-        noise = (config.previous_noise * rng.normal(0.0, limits, (len(motion), 2))).astype(np.float32)
-        return corrupt_previous(motion[:, -2:], noise, rng.random(len(motion)) < config.previous_dropout)
+        noise = (PREVIOUS_NOISE * rng.normal(0.0, limits, (len(motion), 2))).astype(np.float32)
+        return corrupt_previous(motion[:, -2:], noise, rng.random(len(motion)) < PREVIOUS_DROPOUT)
 
     def _images(self, table: SampleTable, cache: FrameCache, places: Indices, groups: Indices, view: View) -> Tensor:
         """Frames of some samples and images of goals, each episode's as its row of the view has it.

@@ -25,6 +25,10 @@ from readygo.services.trainer.samples import Indices, draw_samples, spread_sampl
 from readygo.services.trainer.schedule import Schedule
 from readygo.services.trainer.validation import predict, validation_loss
 
+VALIDATION_SAMPLES = 1000
+"""Most held-out samples that one validation looks at, spread evenly."""
+ROLLOUT_EVERY = 5
+"""Validations between closed-loop rollouts, where they choose the checkpoint."""
 SAVE_EVERY_S = 30.0
 """Processor time between checkpoints [s]."""
 BUDGET_FIELDS = (
@@ -33,9 +37,7 @@ BUDGET_FIELDS = (
     "threads",
     "memory_mb",
     "cache_mb",
-    "first_episodes",
     "offer_every_s",
-    "catch_up_every_s",
 )
 """Settings that may change when a run is continued."""
 CANDIDATE_FOLDER = "candidate"
@@ -151,7 +153,7 @@ class TrainRun:
         with self._clock():
             entry["validation_loss"] = self.validation_loss()
         self.history.append(entry)
-        if self.evaluate is not None and (last or len(self.history) % self.config.rollout_every == 0):
+        if self.evaluate is not None and (last or len(self.history) % ROLLOUT_EVERY == 0):
             self._roll_out(self.evaluate)
 
     def validation_loss(self) -> float:
@@ -159,7 +161,7 @@ class TrainRun:
         if not self.held_out.reservoir.episodes:
             return math.nan
         table = self.held_out.table
-        rows = spread_samples(table, self.config.validation_samples)
+        rows = spread_samples(table, VALIDATION_SAMPLES)
         predictions = predict(self.learner.average, self.learner.objective, self.held_out, rows)
         return validation_loss(predictions, table.targets[rows], table.limits(rows))
 

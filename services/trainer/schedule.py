@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 from readygo.services.trainer.config import OptimizerConfig
 
+WARM_UP_STEPS = 50
+"""Steps over which the learning rate rises."""
 FINAL_RATE = 0.01
 """Where the fall ends, as a share of the learning rate."""
 
@@ -31,7 +33,7 @@ class Schedule:
     def rate(self, step: int, fraction: float) -> float:
         """Learning rate of a step, after the given share of the budget."""
         config = self.config
-        warm_up = min(1.0, (step + 1) / config.warm_up_steps)
+        warm_up = min(1.0, (step + 1) / WARM_UP_STEPS)
         begin = 1 - config.decay_share if self.decay_from is None else self.decay_from
         left = 1.0
         if config.decay_share > 0 and fraction > begin:

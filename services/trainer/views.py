@@ -11,6 +11,11 @@ from readygo.services.trainer.samples import Indices
 
 Array = npt.NDArray[np.float32]
 
+MIRRORED = 0.5
+"""Share of the episodes of a batch that are mirrored left to right, with goals and turns."""
+PHOTOMETRIC = 0.2
+"""Largest relative change of brightness, contrast and colour."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class View:
@@ -26,21 +31,24 @@ class View:
     """What the network is given for each byte of each colour, shape (G, 256, 3)."""
 
 
-def draw_views(turnable: npt.NDArray[np.bool_], config: SamplingConfig, rng: np.random.Generator) -> View:
+def draw_views(
+    turnable: npt.NDArray[np.bool_], config: SamplingConfig, rng: np.random.Generator, *, mirrors: bool = True
+) -> View:
     """A random view of each episode.
 
     Args:
         turnable: False where the robot must not be turned, shape (G,).
         config: How far.
         rng: Random generator.
+        mirrors: False where the cameras are not their own mirror images.
     """
     count = len(turnable)
     yaws_rad = config.yaw_error_rad * np.clip(rng.normal(0.0, 1.0, count), -2.5, 2.5)
     return View(
         yaws_rad=np.where(turnable, yaws_rad, 0.0),
         shifts_px=rng.integers(-config.shift_px, config.shift_px + 1, (count, 2)),
-        mirrored=rng.random(count) < config.mirror,
-        light=draw_light(count, config.photometric, rng),
+        mirrored=rng.random(count) < (MIRRORED if mirrors else 0.0),
+        light=draw_light(count, PHOTOMETRIC, rng),
     )
 
 

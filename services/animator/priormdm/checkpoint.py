@@ -132,7 +132,7 @@ def _some(names: list[str]) -> str:
 
 
 def _args_path(config: PriorMdmConfig) -> Path:
-    return Path(config.args) if config.args else Path(config.weights).parent / "args.json"
+    return Path(config.weights).parent / "args.json"
 
 
 def _read_args(path: Path) -> dict[str, Any]:

@@ -9,23 +9,18 @@ class PriorMdmConfig:
     """A released motion diffusion model and how to sample from it; the files are the user's own."""
 
     weights: str = ""
-    """State dict of the model, e.g. root_horizontal_finetuned/model000280000.pt of PriorMDM's release."""
-    args: str = ""
-    """Settings of its training; empty takes args.json beside the weights."""
+    """State dict of the model, with its args.json beside it; PriorMDM's is
+    root_horizontal_finetuned/model000280000.pt."""
     mean: str = ""
     """HumanML3D's Mean.npy (not t2m_mean.npy, which belongs to the evaluator)."""
     std: str = ""
     """HumanML3D's Std.npy."""
     text_embedding: str = ""
     """CLIP ViT-B/32 embedding of a text, e.g. "a person walks", as .npy of 512 numbers; empty samples without text."""
-    guidance: float = 2.5
-    """Weight of the text (classifier-free guidance); 1 is the text alone."""
     sampler: Literal["ddpm", "ddim"] = "ddpm"
     """ddpm draws noise at every step, as the release does; ddim needs fewer steps."""
     steps: int = 0
     """Diffusion steps, spread evenly over the trained ones; 0 takes all of them."""
-    overlap: int = 40
-    """Frames that neighbouring windows share, for motions longer than a window of 196."""
     refine: Literal["none", "limits", "prior"] = "none"
     """Optimise the fitted rotations: within limits of knees and elbows and smooth, or likely under the pose prior.
     It takes seconds per motion."""
@@ -39,8 +34,6 @@ class PriorMdmConfig:
     def __post_init__(self) -> None:
         if not 0 <= self.steps <= 10_000:
             raise ValueError(f"priormdm.steps must be within 0..10000, got {self.steps}.")
-        if not 1 <= self.overlap <= 98:
-            raise ValueError(f"priormdm.overlap must be within 1..98 frames, got {self.overlap}.")
         if self.refine not in ("none", "limits", "prior"):
             raise ValueError(f'priormdm.refine must be "none", "limits" or "prior", got {self.refine!r}.')
         if (self.refine == "prior") != bool(self.pose_prior):
@@ -48,8 +41,6 @@ class PriorMdmConfig:
                 'priormdm.refine = "prior" and priormdm.pose_prior go together: name the file (gmm_08.pkl of SMPLify, '
                 'from smplify.is.tue.mpg.de), or set refine = "limits" without one.'
             )
-        if not 0.0 <= self.guidance <= 20.0:
-            raise ValueError(f"priormdm.guidance must be within 0..20, got {self.guidance}.")
 
     def check_named(self) -> None:
         """Check that the files that the model consists of are named.

@@ -34,6 +34,10 @@ from readygo.services.animator.priormdm.windows import WINDOW, PredictBatch, ove
 from readygo.services.animator.smpl.fit import pose_of
 from readygo.services.animator.smpl.refine import load_pose_prior, refine_in_place
 
+GUIDANCE = 2.5
+"""Weight of the text (classifier-free guidance), as in PriorMDM's release; 1 is the text alone."""
+OVERLAP = 40
+"""Frames that neighbouring windows share, for motions longer than a window."""
 SETTLE_FRAMES = 20
 """Rows after the trajectory's end, in which the person comes to stand."""
 
@@ -131,7 +135,7 @@ class PriorMdm:
         is_known[:, PATH] = True
         # Models that saw padding as zeros get the path's continuation, a stand, in its place.
         valid = np.arange(len(path)) < (len(path) if rows is None else rows) if model.mask_frames else None
-        predict = over_windows(self._predictor(valid), len(path), self.config.overlap)
+        predict = over_windows(self._predictor(valid), len(path), OVERLAP)
         with _one_thread():
             drawn = sample(predict, known, is_known, self.schedule, rng, sampler=self.config.sampler)
         if not np.isfinite(drawn).all():
@@ -153,7 +157,7 @@ class PriorMdm:
                 clean = model.network(x, steps, None, mask)
                 if text is not None:
                     worded = model.network(x, steps, text.expand(len(windows), -1), mask)
-                    clean = clean + config.guidance * (worded - clean)
+                    clean = clean + GUIDANCE * (worded - clean)
                 result: FloatArray = clean.float().cpu().numpy()
             return result
 

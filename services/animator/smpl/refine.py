@@ -7,7 +7,6 @@ and elbows and a mild pull to the start.
 Source: Bogo et al., Keep it SMPL, ECCV 2016, equations 3 to 7; weights follow the fit of motion generators' joints.
 """
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +28,12 @@ POSE_COUNT = 69
 _TOES = (10, 11)
 GMOF_SIGMA_M = 0.1
 """Joint errors well above this count as outliers (Geman-McClure)."""
+JOINTS_WEIGHT, SMOOTH_WEIGHT, PRIOR_WEIGHT, LIMITS_WEIGHT = 600.0**2 / 100.0**2, 0.1, 0.001, 0.5
+"""Weights of the terms: errors in metres and radians, squared, averaged over frames."""
+START_WEIGHT = 0.002
+"""Weight of the pull to the rotations of the start, without a mixture."""
+ITERATIONS = 60
+"""Of L-BFGS."""
 _PRIOR_KEYS = ("means", "covars", "weights")
 _REMEDY = "give SMPLify's gmm_08.pkl"
 _PRIOR_BYTES_MAX = 2**24
@@ -45,25 +50,6 @@ class PosePrior:
     """Inverse covariances, shape (K, 69, 69)."""
     costs: npt.NDArray[np.float64]
     """Minus the logarithm of each Gaussian's share and height, the smallest one 0, shape (K,)."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class RefineConfig:
-    """Weights of the terms; errors in metres and radians, squared, averaged over frames."""
-
-    joints: float = 600.0**2 / 100.0**2
-    smooth: float = 0.1
-    prior: float = 0.001
-    limits: float = 0.5
-    start: float = 0.002
-    """Pull to the rotations of the start, without a mixture."""
-    iterations: int = 60
-    move_root: bool = False
-
-    def __post_init__(self) -> None:
-        weights = (self.joints, self.smooth, self.prior, self.limits, self.start)
-        if self.iterations < 1 or min(weights) < 0.0 or not all(map(math.isfinite, weights)):
-            raise ValueError(f"weights must be finite and not negative and iterations at least 1, got {self}.")
 
 
 def load_pose_prior(path: Path) -> PosePrior:
@@ -109,8 +95,9 @@ def refine(
     motion: Motion,
     joints_m: npt.ArrayLike,
     offsets_m: npt.ArrayLike,
-    config: RefineConfig | None = None,
     prior: PosePrior | None = None,
+    *,
+    iterations: int = ITERATIONS,
 ) -> Motion:
     """A motion with joints closer to the given ones, smooth and plausible.
 
@@ -118,13 +105,12 @@ def refine(
         motion: Where to start, e.g. the rotations that `fit_rotations` finds for the same joints.
         joints_m: Joints 0..21 or 0..23 in the z-up world [m], shape (T, 22 or 24, 3).
         offsets_m: Each joint relative to its parent in the T-pose, y-up [m], shape (24, 3).
-        config: Weights; None takes the defaults.
         prior: The user's mixture.
+        iterations: Most iterations of L-BFGS.
 
     Returns:
         A motion of the same length; repeatable on one machine, not across processors.
     """
-    config = config or RefineConfig()
     joints = np.asarray(joints_m, dtype=np.float64)
     rows = len(motion.root_m)
     if joints.ndim != 3 or joints.shape[0] != rows or joints.shape[1] not in (22, 24) or joints.shape[2] != 3:
@@ -132,10 +118,9 @@ def refine(
     target = torch.from_numpy(yup_from_zup(joints))
     start = torch.from_numpy(motion.pose_axis_angle.astype(np.float64))
     pose = start.clone().requires_grad_()
-    root = torch.from_numpy(yup_from_zup(motion.root_m)).requires_grad_(config.move_root)
-    loss = _Loss(target, start, torch.from_numpy(np.asarray(offsets_m, dtype=np.float64)), config, prior)
-    free = [pose, root] if config.move_root else [pose]
-    solver = torch.optim.LBFGS(free, max_iter=config.iterations, history_size=20, line_search_fn="strong_wolfe")
+    root = torch.from_numpy(yup_from_zup(motion.root_m))
+    loss = _Loss(target, start, torch.from_numpy(np.asarray(offsets_m, dtype=np.float64)), prior)
+    solver = torch.optim.LBFGS([pose], max_iter=iterations, history_size=20, line_search_fn="strong_wolfe")
 
     def closure() -> Tensor:
         solver.zero_grad()
@@ -145,15 +130,13 @@ def refine(
 
     solver.step(closure)  # type: ignore[no-untyped-call]
     return Motion(
-        root_m=zup_from_yup(root.detach().numpy()).astype(np.float32),
+        root_m=zup_from_yup(root.numpy()).astype(np.float32),
         pose_axis_angle=pose.detach().numpy().astype(np.float32),
         rate_hz=motion.rate_hz,
     )
 
 
-def refine_in_place(
-    motion: Motion, offsets_m: npt.ArrayLike, config: RefineConfig | None = None, prior: PosePrior | None = None
-) -> Motion:
+def refine_in_place(motion: Motion, offsets_m: npt.ArrayLike, prior: PosePrior | None = None) -> Motion:
     """A motion whose limbs turn as bodies do, its joints where they were as far as that goes.
 
     The pelvis stays, and so do the toes, which no joint shows: they were bent to clear the floor. Arguments as of
@@ -162,7 +145,7 @@ def refine_in_place(
     root = torch.from_numpy(yup_from_zup(motion.root_m))
     pose = torch.from_numpy(motion.pose_axis_angle.astype(np.float64))
     _, X = forward(pose, root, torch.from_numpy(np.asarray(offsets_m, dtype=np.float64)))
-    refined = refine(motion, zup_from_yup(X.numpy()), offsets_m, config, prior)
+    refined = refine(motion, zup_from_yup(X.numpy()), offsets_m, prior)
     kept = refined.pose_axis_angle.copy()
     kept[:, _TOES] = motion.pose_axis_angle[:, _TOES]
     return Motion(root_m=motion.root_m, pose_axis_angle=kept, rate_hz=motion.rate_hz)
@@ -193,12 +176,10 @@ def forward(pose: Tensor, root: Tensor, offsets: Tensor) -> tuple[Tensor, Tensor
 
 
 class _Loss:
-    """The objective; see `RefineConfig`."""
+    """The objective: the weighted terms."""
 
-    def __init__(
-        self, target: Tensor, start: Tensor, offsets: Tensor, config: RefineConfig, prior: PosePrior | None
-    ) -> None:
-        self.target, self.start, self.offsets, self.config = target, start, offsets, config
+    def __init__(self, target: Tensor, start: Tensor, offsets: Tensor, prior: PosePrior | None) -> None:
+        self.target, self.start, self.offsets = target, start, offsets
         self.local0 = rotations(start)
         self.means = self.precisions = self.costs = None
         if prior is not None:
@@ -206,21 +187,21 @@ class _Loss:
             self.costs = torch.from_numpy(prior.costs)
 
     def __call__(self, pose: Tensor, root: Tensor) -> Tensor:
-        config, rows = self.config, len(pose)
+        rows = len(pose)
         local = rotations(pose)
         _, X = forward(pose, root, self.offsets)
         error2 = (X[:, : self.target.shape[1]] - self.target).square().sum(-1)
-        value = config.joints * (error2 / (1.0 + error2 / GMOF_SIGMA_M**2)).sum()
+        value = JOINTS_WEIGHT * (error2 / (1.0 + error2 / GMOF_SIGMA_M**2)).sum()
         if rows > 2:
             # Second differences: a steady turn costs nothing.
-            value = value + config.smooth * (local[2:] - 2.0 * local[1:-1] + local[:-2]).square().sum()
-        value = value + config.limits * _beyond_limits(pose)
+            value = value + SMOOTH_WEIGHT * (local[2:] - 2.0 * local[1:-1] + local[:-2]).square().sum()
+        value = value + LIMITS_WEIGHT * _beyond_limits(pose)
         if self.means is None or self.precisions is None or self.costs is None:
-            value = value + config.start * (local - self.local0).square().sum()
+            value = value + START_WEIGHT * (local - self.local0).square().sum()
         else:
             d = pose[:, 1:].reshape(rows, 1, POSE_COUNT) - self.means
             distance = 0.5 * torch.einsum("tki,kij,tkj->tk", d, self.precisions, d) + self.costs
-            value = value + config.prior * distance.min(dim=1).values.sum()
+            value = value + PRIOR_WEIGHT * distance.min(dim=1).values.sum()
         return value / rows
 
 

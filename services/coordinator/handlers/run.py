@@ -22,6 +22,8 @@ from readygo.common.messages import (
 from readygo.common.messages.fleet import FleetReply, FleetRequest
 from readygo.services.coordinator.coordinator import Coordinator
 
+BLOB_CHUNK_BYTES = 1_000_000
+"""Largest part of a blob in one reply."""
 CANCELLED = "The run was cancelled; run the same command again to resume."
 
 
@@ -32,7 +34,7 @@ def handle_spec(coordinator: Coordinator, request: RunSpecRequest) -> RunSpec:
 
 def handle_blob(coordinator: Coordinator, request: BlobRequest) -> BlobReply:
     """One chunk of a blob."""
-    size, data = coordinator.blobs.read(request.sha256, request.offset, coordinator.config.blob_chunk_bytes)
+    size, data = coordinator.blobs.read(request.sha256, request.offset, BLOB_CHUNK_BYTES)
     return BlobReply(size=size, data=data)
 
 

@@ -26,6 +26,10 @@ from readygo.services.coordinator.protocol import Holder
 
 log = logging.getLogger(__name__)
 
+FAILURES_MAX = 3
+"""Workers' errors on one episode before it is set aside."""
+INLINE_BYTES = 16_000
+"""Results up to this size travel in the claim's reply; larger ones are fetched as blobs."""
 AHEAD_PER_PROCESS = 2
 """Episodes that may be between planning and the shards for each process that is there, at least."""
 _RESULTS = "results"
@@ -78,7 +82,7 @@ def _completed(coordinator: Coordinator, stage: Stage, request: CompleteRequest)
     rejected = request.rejected[:REASON_MAX]
     if request.failed:
         failures = ledger.fail(stage, request.index, request.attempt)
-        if failures is not None and failures >= coordinator.config.failures_max:
+        if failures is not None and failures >= FAILURES_MAX:
             set_aside(coordinator, request.index, f"stage {stage.name} failed: {request.failed[:REASON_MAX]}")
         return _verdict(failures is not None)
     if rejected and stage.on_rejection is OnRejection.SKIP:
@@ -135,8 +139,8 @@ def _inputs(coordinator: Coordinator, lease: Lease) -> tuple[Blob, ...] | None:
     """What a stage needs, None if some of it is lost or damaged; what is fetched later is checked by who fetches."""
     inputs = []
     for sha256 in lease.inputs:
-        size, data = coordinator.blobs.read(sha256, 0, coordinator.config.inline_bytes)
-        inline = 0 <= size <= coordinator.config.inline_bytes
+        size, data = coordinator.blobs.read(sha256, 0, INLINE_BYTES)
+        inline = 0 <= size <= INLINE_BYTES
         if size < 0 or (inline and hashlib.sha256(data).hexdigest() != sha256):
             log.warning("result %s of episode %d is lost or damaged: the episode starts again", sha256, lease.index)
             return None

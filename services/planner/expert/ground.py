@@ -11,7 +11,7 @@ from readygo.common.episode import EpisodeConfig, GridSearch
 from readygo.common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
 from readygo.common.maps import GridFrame, OccupancyMap, SightMap, clearance_m, sight_of_occupancy
 from readygo.common.robot import RobotConfig
-from readygo.services.planner.expert.config import ExpertConfig
+from readygo.services.planner.expert.config import CELL_MARGIN_M, ExpertConfig
 from readygo.services.planner.expert.cost_factors import static_factor
 from readygo.services.planner.expert.records import Obstacles
 
@@ -22,6 +22,14 @@ UInt8Array = npt.NDArray[np.uint8]
 _WIDER_MARGIN_M = 15.0
 _WINDOW_MARGINS_M = (6.0, _WIDER_MARGIN_M, math.inf)
 _HEURISTIC_SLACK_M = 1.5
+TIGHT_MARGIN_M = 0.03
+"""Added to the robot's radius where no path keeps the planning radius [m]."""
+HIGH_FACTOR = 40
+"""Cost factor (in quarters) of narrow and of predicted ground when no path avoids it."""
+WALL_COST = 0.5
+"""Extra cost per metre right at the planning distance from a wall."""
+WALL_DISTANCE_M = 0.2
+"""Width of the strip that this cost falls off over [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -127,12 +135,12 @@ class SceneGround:
         self.human_factor = np.where(walkable, np.rint(FREE * keep_off), 0).astype(np.uint8)
         self.static_factor = static_factor(
             self.clearance,
-            robot.planning_radius_m + config.cell_margin_m,
-            wall_cost=config.wall_cost,
-            wall_distance_m=config.wall_distance_m,
+            robot.planning_radius_m + CELL_MARGIN_M,
+            wall_cost=WALL_COST,
+            wall_distance_m=WALL_DISTANCE_M,
         )
-        tight = (self.clearance > robot.radius_m + config.tight_margin_m) & (self.static_factor == 0)
-        self.tight_factor = np.where(tight, np.uint8(config.dear_factor), self.static_factor)
+        tight = (self.clearance > robot.radius_m + TIGHT_MARGIN_M) & (self.static_factor == 0)
+        self.tight_factor = np.where(tight, np.uint8(HIGH_FACTOR), self.static_factor)
 
     def around(self, start_m: tuple[float, float], goal_m: tuple[float, float]) -> EpisodeGround:
         """The window that an episode takes place in: around start and goal [m], wider if that holds no way."""

@@ -17,12 +17,12 @@ from readygo.common.messages import (
     Scenario,
 )
 from readygo.common.robot import RobotConfig
-from readygo.services.planner.expert.config import ExpertConfig
+from readygo.services.planner.expert.config import GOAL_TOLERANCE_M, ExpertConfig
 from readygo.services.planner.expert.ground import SceneGround
 from readygo.services.planner.expert.hybrid_astar import HybridAStar
 from readygo.services.planner.expert.interface import Decision, Expert, ExpertDriver, HumanBody
 from readygo.services.planner.expert.paper import PaperExpert
-from readygo.services.planner.expert.spacetime import SpaceTimeExpert
+from readygo.services.planner.expert.spacetime import SpaceTimeExpert, horizon_s
 from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch
 from readygo.services.planner.scene_maps import SceneMaps
 
@@ -101,10 +101,10 @@ def expert_search(ground: SceneGround) -> HybridAStar | SpaceTimeSearch:
     """The search of the configured mode, with its working memory."""
     config, robot = ground.config, ground.robot
     if config.mode == "paper":
-        return HybridAStar(robot, config)
+        return HybridAStar(robot)
     # Arriving means to come within the circle of success; a human who stands nearer to the goal does not matter.
-    tolerance_m = max(config.goal_tolerance_m, ground.success_radius_m - 0.2)
-    return SpaceTimeSearch(robot, config, tolerance_m)
+    tolerance_m = max(GOAL_TOLERANCE_M, ground.success_radius_m - 0.2)
+    return SpaceTimeSearch(robot, horizon_s=horizon_s(config), goal_tolerance_m=tolerance_m)
 
 
 def handle_robot_plan(planner: RobotPlanner, request: RobotPlanRequest) -> RobotPlanReply:

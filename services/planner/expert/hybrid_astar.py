@@ -16,7 +16,7 @@ from readygo.common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
 from readygo.common.kernels import compiled
 from readygo.common.maps import GridFrame
 from readygo.common.robot import RobotConfig
-from readygo.services.planner.expert.config import ExpertConfig
+from readygo.services.planner.expert.config import GEAR_COST_M, GOAL_TOLERANCE_M, PRIMITIVE_S, REVERSE_COST
 from readygo.services.planner.expert.records import CostGrid, Goal
 from readygo.services.planner.expert.search_memory import (
     COST,
@@ -36,6 +36,18 @@ Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
 UInt8Array = npt.NDArray[np.uint8]
 
+STEERING_COST = 0.2
+"""Cost of full turning, per metre at full speed (the penalty is the paper's, its weight ours)."""
+SLOW_COST = 0.2
+"""Cost of standing still, per metre at full speed; 0 is the paper's cost, which dawdles."""
+TURN_COST_M = 0.8
+"""Cost of turning in place by one radian, which only a standing robot may do [m]."""
+_HEURISTIC_WEIGHT = 1.5
+"""1.0 searches for the cheapest path, more is faster."""
+_HEADING_COUNT = 72
+"""Headings that are told apart in a cell: 5 degrees each."""
+_EXPANSIONS_MAX = 10_000
+"""Expansions after which a search gives up."""
 _SAMPLE_M = 0.05
 _TURN_MIN_RAD = 0.35
 """A primitive lasts until the robot has turned this far: one that turns less ends among the cells and headings of the
@@ -57,13 +69,13 @@ class Primitives(NamedTuple):
     """Speed of each primitive [m/s], shape (P,)."""
 
 
-def make_primitives(robot: RobotConfig, config: ExpertConfig) -> Primitives:
-    """Three speeds by left, straight and right, each for `config.primitive_s`, or longer where turns are wide.
+def make_primitives(robot: RobotConfig) -> Primitives:
+    """Three speeds by left, straight and right, each for `PRIMITIVE_S`, or longer where turns are wide.
 
     A robot that reverses has two speeds backwards besides.
     """
     v_max, w_max = robot.v_max_mps, robot.w_max_radps
-    duration_s = max(config.primitive_s, _TURN_MIN_RAD / w_max)
+    duration_s = max(PRIMITIVE_S, _TURN_MIN_RAD / w_max)
     speeds = [v_max * k / 3 for k in (3, 2, 1)] + [robot.v_min_mps * k / 2 for k in (2, 1) if robot.reverses]
     commands = [(v, w_max * side) for v in speeds for side in (0, -1, 1)]
     counts = [math.ceil(abs(v) * duration_s / _SAMPLE_M - 1e-9) for v, _ in commands]
@@ -74,9 +86,9 @@ def make_primitives(robot: RobotConfig, config: ExpertConfig) -> Primitives:
             t = duration_s * (k + 1) / counts[p]
             arc = (v * t, 0.0) if w == 0 else (v / w * math.sin(w * t), v / w * (1 - math.cos(w * t)))
             offsets[p, k] = (*arc, w * t)
-        turning = config.steering_cost * abs(w) / w_max * abs(v)
-        slowness = config.slow_cost * (1 - abs(v) / v_max) * v_max
-        backwards = config.reverse_cost * max(-v, 0.0)
+        turning = STEERING_COST * abs(w) / w_max * abs(v)
+        slowness = SLOW_COST * (1 - abs(v) / v_max) * v_max
+        backwards = REVERSE_COST * max(-v, 0.0)
         costs.append((abs(v) + turning + slowness + backwards) * duration_s)
     return Primitives(
         offsets=offsets,
@@ -84,18 +96,6 @@ def make_primitives(robot: RobotConfig, config: ExpertConfig) -> Primitives:
         costs=np.array(costs),
         speeds_mps=np.array([v for v, _ in commands]),
     )
-
-
-class Rules(NamedTuple):
-    """Settings of a search."""
-
-    heuristic_weight: float
-    heading_count: int
-    expansions_max: int
-    turn_cost_m: float
-    """Cost of turning in place by one radian, at the start [m]."""
-    gear_cost_m: float
-    """Cost of beginning to drive the other way [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -113,10 +113,9 @@ class Plan:
 class HybridAStar:
     """Keeps its working memory between searches, so it is not thread-safe."""
 
-    def __init__(self, robot: RobotConfig, config: ExpertConfig) -> None:
-        self._config = config
-        self._primitives = make_primitives(robot, config)
-        self._memory = SearchMemory(config.expansions_max * 4 + 16, 2, _TABLE_SIZE)
+    def __init__(self, robot: RobotConfig) -> None:
+        self._primitives = make_primitives(robot)
+        self._memory = SearchMemory(_EXPANSIONS_MAX * 4 + 16, 2, _TABLE_SIZE)
         self._points = np.empty((4096, 4))
         self.expansion_count = 0
         """Expansions of the latest search."""
@@ -144,22 +143,15 @@ class HybridAStar:
         Returns:
             A plan, or None if there is none within the limit of expansions.
         """
-        primitives, config = self._primitives, self._config
+        primitives = self._primitives
         ox, oy = frame.origin_x_m, frame.origin_y_m
         memory = self._memory.begin()
         last, self.expansion_count = _search(
             CostGrid(factor, heuristic, frame.resolution_m),
             (start_xyyaw[0] - ox, start_xyyaw[1] - oy, start_xyyaw[2]),
-            Goal(float(goal_xy_m[0]) - ox, float(goal_xy_m[1]) - oy, config.goal_tolerance_m),
+            Goal(float(goal_xy_m[0]) - ox, float(goal_xy_m[1]) - oy, GOAL_TOLERANCE_M),
             primitives,
             _ROOT_COUNT if turn_first else 1,
-            Rules(
-                config.heuristic_weight,
-                config.heading_count,
-                config.expansions_max,
-                config.turn_cost_m,
-                config.gear_cost_m,
-            ),
             memory,
         )
         if last < 0:
@@ -203,7 +195,6 @@ def _search(
     goal: Goal,
     primitives: Primitives,
     root_count: int,
-    rules: Rules,
     memory: Memory,
 ) -> tuple[int, int]:
     """Last node or -1, and the number of expansions.
@@ -214,16 +205,15 @@ def _search(
     """
     factor, heuristic, resolution = grid
     offsets, sample_counts, costs, speeds = primitives
-    weight, heading_count, expansions_max, turn_cost, gear_cost = rules
     nodes, links, heap_cost, heap_node, table_key, table_node, table_stamp, stamp = memory
     width = factor.shape[1]
-    metres = weight * resolution / UNITS_PER_CELL
-    per_rad = heading_count / (2 * math.pi)
+    metres = _HEURISTIC_WEIGHT * resolution / UNITS_PER_CELL
+    per_rad = _HEADING_COUNT / (2 * math.pi)
     count, waiting, expansions = 0, 0, 0
     for k in range(root_count):
         # Turning in place comes before the drive, either way round.
         turn = k * 2 * math.pi / root_count
-        cost = turn_cost * min(turn, 2 * math.pi - turn)
+        cost = TURN_COST_M * min(turn, 2 * math.pi - turn)
         nodes[k, X], nodes[k, Y], nodes[k, YAW], nodes[k, COST] = (
             start[0],
             start[1],
@@ -233,14 +223,14 @@ def _search(
         links[k, PARENT], links[k, PRIMITIVE] = -1, -1
         waiting = push(heap_cost, heap_node, waiting, cost, k)
         count += 1
-    while waiting > 0 and expansions < expansions_max:
+    while waiting > 0 and expansions < _EXPANSIONS_MAX:
         node = heap_node[0]
         waiting = pop(heap_cost, heap_node, waiting)
         x, y, yaw, cost = nodes[node, X], nodes[node, Y], nodes[node, YAW], nodes[node, COST]
         if node >= root_count:
             # A better node of this key came after it: this one is stale.
             cell = int(y / resolution) * width + int(x / resolution)
-            key = cell * heading_count + int(yaw * per_rad) % heading_count
+            key = cell * _HEADING_COUNT + int(yaw * per_rad) % _HEADING_COUNT
             if table_node[slot_of(key, stamp, table_key, table_stamp)] != node:
                 continue
         if (x - goal[0]) ** 2 + (y - goal[1]) ** 2 < goal[2] * goal[2]:
@@ -262,8 +252,8 @@ def _search(
             new_cost = cost + costs[p] * mean_factor
             # A change of gear.
             if links[node, PARENT] >= 0 and speeds[p] * speeds[links[node, PRIMITIVE]] < 0:
-                new_cost += gear_cost
-            key = (i * width + j) * heading_count + int(new_yaw * per_rad) % heading_count
+                new_cost += GEAR_COST_M
+            key = (i * width + j) * _HEADING_COUNT + int(new_yaw * per_rad) % _HEADING_COUNT
             slot = slot_of(key, stamp, table_key, table_stamp)
             if table_stamp[slot] == stamp and nodes[table_node[slot], COST] <= new_cost:
                 continue

@@ -19,8 +19,8 @@ from readygo.services.planner.expert.cost_factors import (
     path_cost,
     path_distance,
 )
-from readygo.services.planner.expert.ground import SceneGround
-from readygo.services.planner.expert.hybrid_astar import HybridAStar, Plan
+from readygo.services.planner.expert.ground import HIGH_FACTOR, TIGHT_MARGIN_M, SceneGround
+from readygo.services.planner.expert.hybrid_astar import TURN_COST_M, HybridAStar, Plan
 from readygo.services.planner.expert.interface import Decision, HumanBody, expected_array
 from readygo.services.planner.expert.perception import HumanTracks, PerceivedHuman
 from readygo.services.planner.expert.records import state_of
@@ -30,6 +30,22 @@ from readygo.services.planner.expert.tracking import PathTracker
 Float64Array = npt.NDArray[np.float64]
 UInt8Array = npt.NDArray[np.uint8]
 
+_PREDICTION_S = 2.0
+"""Constant-velocity prediction of humans [s] (paper)."""
+_NEAR_M = 3.0
+"""A visible human enters the map if this near to the plan [m] (paper: "a safety margin")."""
+_BUFFER_M = 0.25
+"""Added to the human's radius along the prediction, and around the avatar's Gaussians [m]."""
+_REPLAN_PERIOD_S = 0.5
+"""Time after which a path is planned again [s]."""
+_REPLAN_INTERVAL_MIN_S = 0.1
+"""Least time between two replans [s]."""
+_REPLAN_DISTANCE_M = 1.5
+"""A human this near to the path ahead triggers a replan [m]."""
+_REPLAN_LOOKAHEAD_S = 2.0
+"""Length of this path ahead, in time at full speed [s]."""
+_KEEP_RATIO = 1.25
+"""The old plan stays if it is free and costs at most this many times as much as the new one."""
 _START_GAP_M = 0.03
 _CONTACT_GAP_M = 0.03
 _STANDING_MPS = 0.1
@@ -60,8 +76,7 @@ class PaperExpert:
             scenario: Start and goal.
             bodies: Motion, avatar and footprint of every human, in the order of the scenario.
         """
-        config = ground.config
-        self._ground, self._search_memory, self._config, self._bodies = ground, search, config, bodies
+        self._ground, self._search_memory, self._bodies = ground, search, bodies
         self._goal = scenario.goal_xy_m
         start = (float(scenario.start_xyyaw[0]), float(scenario.start_xyyaw[1]))
         self._goal_m = (float(self._goal[0]), float(self._goal[1]))
@@ -70,7 +85,7 @@ class PaperExpert:
         self._ahead_steps = self._clock.steps(AHEAD_S)
         paths_m = [body.human.motion.root_m[:, :2].astype(np.float64) for body in bodies]
         self._tracks = HumanTracks(ground, self._local, paths_m, self._ahead_steps)
-        self._tracker = PathTracker(self._local, ground.robot, ground.contact_m, config)
+        self._tracker = PathTracker(self._local, ground.robot, ground.contact_m)
         self._plan: Plan | None = None
         self._planned_at_step = _NEVER
         self._latest_factor = self._local.static_factor
@@ -117,37 +132,36 @@ class PaperExpert:
     def _move_window(self, here_m: tuple[float, float]) -> None:
         """Start again with another part of the map, at a position where the episode was not expected."""
         self._local = self._tracks.local = self._ground.around(here_m, self._goal_m)
-        self._tracker = PathTracker(self._local, self._ground.robot, self._ground.contact_m, self._config)
+        self._tracker = PathTracker(self._local, self._ground.robot, self._ground.contact_m)
         self._plan, self._planned_at_step = None, _NEVER
         self._latest_factor = self._local.static_factor
 
     def _is_near_plan(self, human: PerceivedHuman) -> bool:
         if self._plan is None:
             return True
-        return self._gap_m(human, len(self._tracker.path)) < self._config.near_m
+        return self._gap_m(human, len(self._tracker.path)) < _NEAR_M
 
     def _gap_m(self, human: PerceivedHuman, last: int) -> float:
         """Distance between the path ahead and the human's predicted ground, by centre lines [m]."""
         ends = self._capsule(human)
         position = (human.x_m, human.y_m, human.x_m, human.y_m)
         path, progress = self._tracker.path, self._tracker.progress
-        radius_m = self._ground.contact_m + self._config.buffer_m
+        radius_m = self._ground.contact_m + _BUFFER_M
         inside = path_distance(path, progress, last, ends) < radius_m
         return 0.0 if inside else float(path_distance(path, progress, last, position))
 
     def _capsule(self, human: PerceivedHuman) -> tuple[float, float, float, float]:
-        t = self._config.prediction_s
+        t = _PREDICTION_S
         return human.x_m, human.y_m, human.x_m + t * human.vx_mps, human.y_m + t * human.vy_mps
 
     def _is_due(self, step: int, near: list[PerceivedHuman]) -> bool:
-        config = self._config
         elapsed_s = (step - self._planned_at_step) / self._clock.rate_hz
-        if elapsed_s < config.replan_interval_min_s - 1e-9:
+        if elapsed_s < _REPLAN_INTERVAL_MIN_S - 1e-9:
             return False
-        if self._plan is None or elapsed_s >= config.replan_period_s - 1e-9:
+        if self._plan is None or elapsed_s >= _REPLAN_PERIOD_S - 1e-9:
             return True
-        ahead = self._tracker.progress + int(config.replan_lookahead_s * self._ground.robot.v_max_mps / 0.05) + 1
-        return any(self._gap_m(human, ahead) < config.replan_distance_m for human in near)
+        ahead = self._tracker.progress + int(_REPLAN_LOOKAHEAD_S * self._ground.robot.v_max_mps / 0.05) + 1
+        return any(self._gap_m(human, ahead) < _REPLAN_DISTANCE_M for human in near)
 
     def _replan(self, simulation: EpisodeSimulation, near: list[PerceivedHuman]) -> None:
         """Search again with decreasing margins; on failure the old plan stays."""
@@ -167,11 +181,11 @@ class PaperExpert:
             return False
         new = np.column_stack([plan.xyyaw, plan.speed_mps])
         turn = plan.xyyaw[0, 2] - simulation.yaw_rad
-        turn_m = self._config.turn_cost_m * abs((turn + math.pi) % (2 * math.pi) - math.pi)
+        turn_m = TURN_COST_M * abs((turn + math.pi) % (2 * math.pi) - math.pi)
         v_max = self._ground.robot.v_max_mps
         old_m = path_cost(tracker.path, tracker.progress, self._latest_factor, frame, v_max)
         new_m = turn_m + path_cost(new, 0, self._latest_factor, frame, v_max)
-        return bool(old_m <= self._config.keep_ratio * new_m)
+        return bool(old_m <= _KEEP_RATIO * new_m)
 
     def _search(self, simulation: EpisodeSimulation, near: list[PerceivedHuman], margin: _Margin) -> Plan | None:
         ground, local = self._ground, self._local
@@ -182,8 +196,8 @@ class PaperExpert:
             factor, heuristic = local.factor, local.heuristic
             factor[:] = local.static_factor if margin is _Margin.FULL else local.tight_factor
             # A robot that stands nearer to a wall than planned must be able to leave.
-            tolerated_m = min(ground.robot.radius_m + self._config.tight_margin_m, local.clearance[i, j] - 0.02)
-            open_around(factor, local.frame, local.clearance, pose[:2], tolerated_m, self._config.dear_factor)
+            tolerated_m = min(ground.robot.radius_m + TIGHT_MARGIN_M, local.clearance[i, j] - 0.02)
+            open_around(factor, local.frame, local.clearance, pose[:2], tolerated_m, HIGH_FACTOR)
             for human in near:
                 self._paint(factor, human, simulation.step, pose[:2], margin)
             local.distances(factor, pose[0], pose[1])
@@ -197,16 +211,16 @@ class PaperExpert:
         self, factor: UInt8Array, human: PerceivedHuman, step: int, robot_m: tuple[float, float], margin: _Margin
     ) -> None:
         """Put a human into the map: blocked ground, dear around it and wherever the robot itself stands in it."""
-        config, ground, frame = self._config, self._ground, self._local.frame
+        ground, frame = self._ground, self._local.frame
         ends = self._capsule(human)
         at = (human.x_m, human.y_m, human.x_m, human.y_m)
         here = np.array([robot_m])
         to_ends_m, to_human_m = path_distance(here, 0, 1, ends), path_distance(here, 0, 1, at)
-        full_m = ground.robot.planning_radius_m + ground.human_radius_m + config.buffer_m
+        full_m = ground.robot.planning_radius_m + ground.human_radius_m + _BUFFER_M
         contact_m = ground.contact_m + _CONTACT_GAP_M
-        paint_slope(factor, frame, ends, full_m, config.dear_factor)
+        paint_slope(factor, frame, ends, full_m, HIGH_FACTOR)
         if margin is _Margin.FULL:
-            reach_m = ground.robot.planning_radius_m + config.buffer_m
+            reach_m = ground.robot.planning_radius_m + _BUFFER_M
             points = self._footprint(human, step)
             to_points_m = math.sqrt(float(np.min(np.sum((points - here) ** 2, axis=1))))
             paint_capsule(factor, frame, ends, min(full_m, to_ends_m - _START_GAP_M), 0)
@@ -233,7 +247,6 @@ class PaperExpert:
 
     def _drive(self, simulation: EpisodeSimulation, expected_m: Float64Array) -> tuple[float, float]:
         state = state_of(simulation)
-        watched = expected_m if self._config.yield_to_humans else expected_m[:0]
         if self._plan is None:
-            return self._tracker.turn(state, self._local.way_out_rad(*state[:3], self._goal_m), watched)
-        return self._tracker.command(state, watched)
+            return self._tracker.turn(state, self._local.way_out_rad(*state[:3], self._goal_m), expected_m)
+        return self._tracker.command(state, expected_m)

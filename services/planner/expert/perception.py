@@ -18,6 +18,14 @@ Int32Array = npt.NDArray[np.int32]
 Pose = tuple[float, float, float]
 STANDING_MPS = 0.1
 """Slower humans are taken to stand [m/s]."""
+MEMORY_S = 4.0
+"""How long a human that left the view stays in the map, moving on [s]."""
+STANDING_MEMORY_S = 60.0
+"""How long a human that stood stays in the map [s]; ends earlier when the place is seen to be empty."""
+VELOCITY_WINDOW_S = 0.2
+"""Mode "paper": velocities are estimated over this much continuous observation [s]."""
+ROUTE_WEIGHT = 2.0
+"""Weight of a walk to the robot's start or goal, if the last steps look like that; walking on as before weighs 1."""
 Walks = tuple[Float64Array, Float64Array]
 """Possible positions in the next steps [m], shape (1 + K, T, 2), and how likely each row is, shape (1 + K,)."""
 
@@ -83,10 +91,10 @@ class HumanTracks:
         self._paths_m = paths_m
         self._eyes = [(camera, view_of(camera)) for camera in robot.all_cameras.values()]
         self._dt_s = dt_s = robot.clock.dt_s
-        self._memory_steps = 0 if config.oracle else round(config.memory_s / dt_s)
-        self._standing_steps = 0 if config.oracle else round(config.standing_memory_s / dt_s)
+        self._memory_steps = 0 if config.oracle else round(MEMORY_S / dt_s)
+        self._standing_steps = 0 if config.oracle else round(STANDING_MEMORY_S / dt_s)
         self._curved = config.mode != "paper"
-        straight_steps = round(config.velocity_window_s / dt_s)
+        straight_steps = round(VELOCITY_WINDOW_S / dt_s)
         self._view_count = 1 + (2 * window_steps(dt_s) if self._curved else straight_steps)
         self._window = window_steps(dt_s) if self._curved else straight_steps
         self._tracks: dict[int, _Track] = {}
@@ -148,8 +156,7 @@ class HumanTracks:
         else:
             rows = [(bx, by) for bx, by in self._before_xy_m[index : index + 1].tolist()]
         rows = [*rows[1 - self._view_count :], (x, y)]
-        ways = self.local.human_ways if self._config.route_weight > 0 else ()
-        find_walks = partial(self._expected, index, step, rows, ways, self.local.human_frame)
+        find_walks = partial(self._expected, index, step, rows, self.local.human_ways, self.local.human_frame)
         self._tracks[index] = _Track(step=step, rows=rows, find_walks=find_walks)
 
     def _expected(
@@ -172,7 +179,7 @@ class HumanTracks:
         weights = [1.0]
         for to_place in ways:
             route, explained = follow_route(views_m, to_place, frame, count, self._dt_s)
-            weight = self._config.route_weight * min(max((explained - 0.5) / 0.4, 0.0), 1.0)
+            weight = ROUTE_WEIGHT * min(max((explained - 0.5) / 0.4, 0.0), 1.0)
             if weight > 0.05:
                 walks.append(route)
                 weights.append(weight)

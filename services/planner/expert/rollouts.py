@@ -40,6 +40,10 @@ _SQUARED_MIN_M2 = 0.04
 """Targets count as at least 0.2 m away, which bounds the curvature."""
 _OVERLAP_M = 0.3
 """Added to the overlap with a human of an evasion, of which every metre costs 20 [m]."""
+TRACKING_MARGIN_M = 0.01
+"""Free space around the disc that runs and plans keep [m]."""
+EVASION_GAP_M = 0.4
+"""Free space that evading aims at [m]."""
 
 
 @compiled

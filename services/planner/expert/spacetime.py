@@ -9,21 +9,43 @@ import numpy.typing as npt
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.grid_search import FREE
 from readygo.common.messages import EpisodeMotions, Scenario
+from readygo.services.planner.expert.config import ExpertConfig
 from readygo.services.planner.expert.cost_factors import open_around, paint_capsule, paint_slope
-from readygo.services.planner.expert.ground import EpisodeGround, SceneGround
+from readygo.services.planner.expert.ground import HIGH_FACTOR, EpisodeGround, SceneGround
 from readygo.services.planner.expert.interface import Decision, expected_array
 from readygo.services.planner.expert.perception import HumanTracks, PerceivedHuman, stands
 from readygo.services.planner.expert.records import HumansAhead, State, Surroundings, robot_limits, state_of
-from readygo.services.planner.expert.rollouts import AHEAD_S, choose_evasion
+from readygo.services.planner.expert.rollouts import AHEAD_S, EVASION_GAP_M, TRACKING_MARGIN_M, choose_evasion
 from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch, TimedPlan
 
 Float64Array = npt.NDArray[np.float64]
 
+_PREDICTION_S, _ORACLE_PREDICTION_S = 4.0, 8.0
+"""Times that humans are predicted ahead, and that an oracle knows them ahead [s]."""
+_REPLAN_S, _IDLE_REPLAN_S = 0.25, 1.0
+"""Times after which a plan is renewed, while humans are known and while none are [s]."""
+_HARD_MARGIN_M = 0.03
+"""Smaller gaps between robot and expected human count as contact [m]."""
+_MARGIN_M = 0.4
+"""Free space beyond contact that costs nothing [m]."""
+_DOUBT_GROWTH_MPS, _DOUBT_MAX_M = 0.2, 0.6
+"""Growth of this space with the time ahead [m/s], and its largest growth [m]."""
+NEARNESS_COST = 30.0
+"""Cost of a second without this space, in metres at full speed; falls off with its square."""
+_CHANCE_GAIN = 2.0
+"""Factor on chances up to 1: what is half likely is avoided like what is certain."""
+_STANDING_MARGIN_M = 0.5
+"""Ground this near to contact with a human who stands costs twice as much [m]."""
 _STANDING_WIDTH_M = 0.02
 _START_GAP_M = 0.03
 _OFF_PLAN = 1e-3
 """A robot that is further from where its plan has it, in metres, radians or their speeds, does not follow the plan;
 one that does is there but for rounding."""
+
+
+def horizon_s(config: ExpertConfig) -> float:
+    """Time that plans reach ahead [s]."""
+    return _ORACLE_PREDICTION_S if config.oracle else _PREDICTION_S
 
 
 class SpaceTimeExpert:
@@ -44,12 +66,11 @@ class SpaceTimeExpert:
         self._ground, self._search, self._config = ground, search, config
         self._goal_m = (float(scenario.goal_xy_m[0]), float(scenario.goal_xy_m[1]))
         self._local = ground.around((float(scenario.start_xyyaw[0]), float(scenario.start_xyyaw[1])), self._goal_m)
-        horizon_s = config.oracle_prediction_s if config.oracle else config.timed_prediction_s
         self._clock = ground.robot.clock
-        self._horizon = self._clock.steps(horizon_s)
+        self._horizon = self._clock.steps(horizon_s(config))
         paths_m = [human.motion.root_m[:, :2].astype(np.float64) for human in motions.humans]
         self._tracks = HumanTracks(ground, self._local, paths_m, self._horizon)
-        self._contact_m = ground.contact_m + config.hard_margin_m
+        self._contact_m = ground.contact_m + _HARD_MARGIN_M
         self._limits = robot_limits(ground.robot)
         self._plan: TimedPlan | None = None
         self._widened = False
@@ -100,7 +121,7 @@ class SpaceTimeExpert:
             return True
         if not self._clock.commands(step):
             return False
-        period_s = self._config.timed_replan_s if humans else self._config.timed_idle_replan_s
+        period_s = _REPLAN_S if humans else _IDLE_REPLAN_S
         return elapsed >= len(self._plan.rows) - 1 or elapsed * self._clock.dt_s >= period_s - 1e-9
 
     def _replan(self, step: int, state: State, humans: list[PerceivedHuman]) -> None:
@@ -131,14 +152,14 @@ class SpaceTimeExpert:
 
     def _paint(self, local: EpisodeGround, state: State, standing: list[PerceivedHuman]) -> None:
         """Fill the factors of a window with standing humans in it, passable where the robot is."""
-        config, factor = self._config, local.factor
+        factor = local.factor
         factor[:] = local.tight_factor
         radius_m = self._ground.robot.radius_m
-        open_around(factor, local.frame, local.clearance, state[:2], radius_m, config.dear_factor)
+        open_around(factor, local.frame, local.clearance, state[:2], radius_m, HIGH_FACTOR)
         for human in standing:
             ends = (human.x_m, human.y_m, human.x_m, human.y_m)
             gap_m = math.hypot(human.x_m - state[0], human.y_m - state[1]) - _START_GAP_M
-            paint_slope(factor, local.frame, ends, self._contact_m + config.standing_margin_m, 2 * FREE)
+            paint_slope(factor, local.frame, ends, self._contact_m + _STANDING_MARGIN_M, 2 * FREE)
             paint_capsule(factor, local.frame, ends, min(self._contact_m, gap_m), 0)
 
     def _ahead(self, humans: list[PerceivedHuman]) -> HumansAhead:
@@ -151,21 +172,20 @@ class SpaceTimeExpert:
             widths += [self._widths(human)] * len(likely)
         return HumansAhead(
             expected_m=np.array(rows).reshape(-1, self._horizon, 2),
-            chances=np.minimum(1.0, self._config.chance_gain * np.array(chances)),
+            chances=np.minimum(1.0, _CHANCE_GAIN * np.array(chances)),
             contact_m=self._contact_m,
             widths_m=np.array(widths).reshape(-1, self._horizon),
-            weight=self._config.nearness_cost,
+            weight=NEARNESS_COST,
             step_s=self._clock.dt_s,
         )
 
     def _widths(self, human: PerceivedHuman) -> Float64Array:
         """Free space around a human that costs nothing, in the next steps [m]."""
-        config = self._config
         if stands(human.vx_mps, human.vy_mps):
             return np.full(self._horizon, _STANDING_WIDTH_M)
-        growth = 0.0 if config.oracle else config.doubt_growth_mps
+        growth = 0.0 if self._config.oracle else _DOUBT_GROWTH_MPS
         ahead_s = np.arange(1, self._horizon + 1) * self._clock.dt_s + human.age_s
-        widths: Float64Array = config.timed_margin_m + np.minimum(growth * ahead_s, config.doubt_max_m)
+        widths: Float64Array = _MARGIN_M + np.minimum(growth * ahead_s, _DOUBT_MAX_M)
         return widths
 
     def _drive(self, step: int, state: State, humans: list[PerceivedHuman]) -> tuple[float, float]:
@@ -177,13 +197,12 @@ class SpaceTimeExpert:
         if humans:
             around = Surroundings(
                 obstacles=self._local.obstacles,
-                radius_m=self._ground.robot.radius_m + self._config.tracking_margin_m,
+                radius_m=self._ground.robot.radius_m + TRACKING_MARGIN_M,
                 humans_m=expected_array(humans, self._clock.steps(AHEAD_S)),
                 contact_m=self._ground.contact_m,
                 doubt_mps=0.0,
             )
-            gap_m, to_goal = self._config.evasion_gap_m, self._local.to_goal
-            found, v, w = choose_evasion(state, self._limits, around, gap_m, to_goal)
+            found, v, w = choose_evasion(state, self._limits, around, EVASION_GAP_M, self._local.to_goal)
             if found:
                 return v, w
         turn = self._local.way_out_rad(state[0], state[1], state[2], self._goal_m)

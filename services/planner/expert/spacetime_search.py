@@ -23,10 +23,11 @@ import numpy.typing as npt
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
 from readygo.common.kernels import compiled
 from readygo.common.robot import RobotConfig
-from readygo.services.planner.expert.config import PRIMITIVES_MAX, ExpertConfig
+from readygo.services.planner.expert.config import PRIMITIVE_S, REVERSE_COST
 from readygo.services.planner.expert.delay import LAYER_S, Delays, delay_at, fill_delays
 from readygo.services.planner.expert.primitive_cost import check_reaches, find_near, human_cost, wall_cost
 from readygo.services.planner.expert.records import CostGrid, Goal, HumansAhead, Obstacles, State
+from readygo.services.planner.expert.rollouts import TRACKING_MARGIN_M
 from readygo.services.planner.expert.search_memory import (
     COST,
     PARENT,
@@ -46,12 +47,19 @@ Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
 UInt8Array = npt.NDArray[np.uint8]
 
+_HEURISTIC_WEIGHT = 1.2
+"""1.0 searches for the cheapest plan, more is faster."""
+_HEADING_COUNT = 36
+"""Headings that are told apart in a cell, at least: 10 degrees each."""
+_EXPANSIONS_MAX = 1000
+"""Expansions after which a search takes the best plan so far."""
 _DEPTH, _GROUP = 2, 3
 """Places in a node's links, after parent and primitive."""
 _TABLE_SIZE = 1 << 16
 _KEY_CELL_M = 0.1
 """Side of the places of which one node each survives [m]."""
-_DEPTHS = PRIMITIVES_MAX + 1
+_DEPTHS = 64
+"""More than the primitives of the longest plan."""
 _SLOPE_CELLS = 3
 """Cells on each side over which the direction to the goal is taken."""
 _DRIVEN_TURN_RAD, _DRIVEN_TURN_S = 0.6, 1.5
@@ -73,7 +81,6 @@ class Rules(NamedTuple):
 
     radius_m: float
     """What plans keep free around the robot's centre [m]."""
-    heuristic_weight: float
     turn_cost_m: float
     """What turning in place by one radian is expected to cost [m]."""
     driven_turn_rad: float
@@ -82,7 +89,6 @@ class Rules(NamedTuple):
     """What a metre backwards costs more than one forwards; infinite for a robot that does not reverse."""
     turn_level_count: int
     heading_count: int
-    expansions_max: int
     depth_max: int
     """Primitives of the longest plan."""
 
@@ -90,31 +96,26 @@ class Rules(NamedTuple):
 class SpaceTimeSearch:
     """Keeps its working memory between searches, so it is not thread-safe."""
 
-    def __init__(self, robot: RobotConfig, config: ExpertConfig, goal_tolerance_m: float) -> None:
+    def __init__(self, robot: RobotConfig, *, horizon_s: float, goal_tolerance_m: float) -> None:
         """Prepare for a robot.
 
         Args:
             robot: Footprint and limits.
-            config: Weights and limits of the search.
+            horizon_s: Time that plans reach ahead [s].
             goal_tolerance_m: A plan that comes this near to the goal need not last longer [m].
         """
-        self._primitives = make_timed_primitives(robot, config)
-        self._memory = SearchMemory(config.timed_expansions_max * 16 + 64, _GROUP + 1, _TABLE_SIZE)
-        horizon_s = config.oracle_prediction_s if config.oracle else config.timed_prediction_s
+        self._primitives = make_timed_primitives(robot)
+        self._memory = SearchMemory(_EXPANSIONS_MAX * 16 + 64, _GROUP + 1, _TABLE_SIZE)
         self._rules = Rules(
-            radius_m=robot.radius_m + config.tracking_margin_m,
-            heuristic_weight=config.timed_heuristic_weight,
+            radius_m=robot.radius_m + TRACKING_MARGIN_M,
             # What a turn in place costs by its time; the way to the goal knows nothing of headings.
             turn_cost_m=0.5 * robot.v_max_mps / robot.w_max_radps,
             driven_turn_rad=min(_DRIVEN_TURN_RAD, _DRIVEN_TURN_S * robot.w_max_radps),
-            reverse_cost=config.reverse_cost if robot.reverses else math.inf,
+            reverse_cost=REVERSE_COST if robot.reverses else math.inf,
             turn_level_count=self._primitives.turn_level_count,
             # A primitive that turns by less than a heading would be hidden by the straight one, which is cheaper.
-            heading_count=max(
-                config.timed_heading_count, math.ceil(2 * math.pi / (robot.w_max_radps * config.primitive_s))
-            ),
-            expansions_max=config.timed_expansions_max,
-            depth_max=round(horizon_s / config.primitive_s),
+            heading_count=max(_HEADING_COUNT, math.ceil(2 * math.pi / (robot.w_max_radps * PRIMITIVE_S))),
+            depth_max=round(horizon_s / PRIMITIVE_S),
         )
         layer_steps = robot.clock.steps(LAYER_S)
         layers = self._rules.depth_max * self._primitives.steps // layer_steps + 1
@@ -245,7 +246,7 @@ def _search(
     factor, heuristic, resolution = grid
     rows, costs, lengths, ends, first = primitives
     nodes, links, heap_cost, heap_node, table_key, table_node, table_stamp, stamp = memory
-    radius, weight, turn_cost, driven_turn, reverse_cost, turn_levels, heading_count, expansions_max, depth_max = rules
+    radius, turn_cost, driven_turn, reverse_cost, turn_levels, heading_count, depth_max = rules
     humans, delays = traffic
     expected = humans.expected_m
     steps = rows.shape[1]
@@ -260,7 +261,7 @@ def _search(
     reaches = check_reaches(rows)
     near, near_counts = np.empty((len(reaches), len(expected)), np.int32), np.zeros(len(reaches), np.int32)
     best, best_depth, best_left = -1, 0, np.inf
-    while waiting > 0 and expansions < expansions_max:
+    while waiting > 0 and expansions < _EXPANSIONS_MAX:
         node = heap_node[0]
         waiting = pop(heap_cost, heap_node, waiting)
         x, y, yaw, cost = nodes[node, X], nodes[node, Y], nodes[node, YAW], nodes[node, COST]
@@ -321,7 +322,7 @@ def _search(
             links[count, PARENT], links[count, PRIMITIVE] = node, q
             links[count, _DEPTH], links[count, _GROUP] = depth + 1, ends[q]
             table_stamp[slot], table_key[slot], table_node[slot] = stamp, key, count
-            waiting = push(heap_cost, heap_node, waiting, new_cost + weight * left, count)
+            waiting = push(heap_cost, heap_node, waiting, new_cost + _HEURISTIC_WEIGHT * left, count)
             count += 1
     return best, expansions
 

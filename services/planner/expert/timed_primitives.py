@@ -20,13 +20,18 @@ import numpy.typing as npt
 
 from readygo.common.kernels import compiled
 from readygo.common.robot import RobotConfig
-from readygo.services.planner.expert.config import ExpertConfig
+from readygo.services.planner.expert.config import GEAR_COST_M, PRIMITIVE_S, REVERSE_COST
 from readygo.services.planner.expert.primitive_cost import CHECK_STEPS
 from readygo.services.planner.expert.records import Limits, State, robot_limits
 from readygo.services.planner.expert.rollouts import limited
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
+
+_STEERING_COST = 0.15
+"""Cost of full turning for a second, as a share of full speed."""
+_SWERVE_COST = 0.1
+"""Cost of changing the turn rate by its maximum, as a share of full speed."""
 
 
 class PrimitiveTable(NamedTuple):
@@ -50,14 +55,6 @@ class Rules(NamedTuple):
     v_levels: Float64Array
     w_levels: Float64Array
     limits: Limits
-    steering_cost: float
-    """Cost of full turning for a second, as a share of full speed."""
-    swerve_cost: float
-    """Cost of changing the turn rate by its maximum, as a share of full speed."""
-    reverse_cost: float
-    """What a metre backwards costs more than one forwards."""
-    gear_cost_m: float
-    """Cost of beginning to drive the other way [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,9 +81,9 @@ class TimedPrimitives:
         self.table.first[root + 1] = self.table.first[root] + count
 
 
-def make_timed_primitives(robot: RobotConfig, config: ExpertConfig) -> TimedPrimitives:
+def make_timed_primitives(robot: RobotConfig) -> TimedPrimitives:
     """Tabulate the primitives of a robot."""
-    steps = _steps(robot, config.primitive_s)
+    steps = _steps(robot)
     duration_s = steps * robot.clock.dt_s
     v_count = math.ceil(robot.v_max_mps / (robot.a_max_mps2 * duration_s) - 1e-9)
     back_count = math.ceil(-robot.v_min_mps / (robot.a_max_mps2 * duration_s) - 1e-9)
@@ -96,10 +93,6 @@ def make_timed_primitives(robot: RobotConfig, config: ExpertConfig) -> TimedPrim
         v_levels=np.array([*backwards, *(robot.v_max_mps * k / v_count for k in range(v_count + 1))]),
         w_levels=np.array([robot.w_max_radps * k / w_count for k in range(-w_count, w_count + 1)]),
         limits=robot_limits(robot),
-        steering_cost=config.timed_steering_cost,
-        swerve_cost=config.swerve_cost,
-        reverse_cost=config.reverse_cost,
-        gear_cost_m=config.gear_cost_m,
     )
     turn_levels = len(rules.w_levels)
     groups = len(rules.v_levels) * turn_levels
@@ -118,10 +111,10 @@ def make_timed_primitives(robot: RobotConfig, config: ExpertConfig) -> TimedPrim
     return TimedPrimitives(table=table, rules=rules)
 
 
-def _steps(robot: RobotConfig, primitive_s: float) -> int:
+def _steps(robot: RobotConfig) -> int:
     """Steps of a primitive: whole commands and whole checks."""
     block = math.lcm(CHECK_STEPS, robot.clock.control_every)
-    return block * max(1, round(primitive_s * robot.clock.rate_hz / block))
+    return block * max(1, round(PRIMITIVE_S * robot.clock.rate_hz / block))
 
 
 @compiled
@@ -151,7 +144,7 @@ def _drive(
 @compiled
 def _fill_group(v: float, w: float, rules: Rules, begin: int, table: PrimitiveTable) -> int:
     """Tabulate what leads from a command to all levels within reach, from index `begin` on; returns its number."""
-    v_levels, w_levels, limits, steering_cost, swerve_cost, reverse_cost, gear_cost = rules
+    v_levels, w_levels, limits = rules
     rows, costs, lengths, ends, _ = table
     v_max, w_max, a_max, alpha_max, _, step_s = limits
     duration = rows.shape[1] * step_s
@@ -164,11 +157,11 @@ def _fill_group(v: float, w: float, rules: Rules, begin: int, table: PrimitiveTa
             lengths[q], back, turned = _drive(v, w, v_levels[a], w_levels[b], limits, rows[q])
             # (length + duration v_max) / 2 + v_max (steering |turned| + swerving |change of w|) / w_max.
             costs[q] = 0.5 * (lengths[q] + duration * v_max)
-            costs[q] += v_max * (steering_cost * turned + swerve_cost * abs(w_levels[b] - w)) / w_max
+            costs[q] += v_max * (_STEERING_COST * turned + _SWERVE_COST * abs(w_levels[b] - w)) / w_max
             if v_levels[a] < 0.0 or v < 0.0:
-                costs[q] += reverse_cost * back
+                costs[q] += REVERSE_COST * back
                 if (v_levels[a] < 0.0) != (v < 0.0) and v_levels[a] != 0.0:
-                    costs[q] += gear_cost
+                    costs[q] += GEAR_COST_M
             ends[q] = a * len(w_levels) + b
             count += 1
     return count

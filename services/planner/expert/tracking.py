@@ -12,12 +12,13 @@ import numpy.typing as npt
 
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.robot import RobotConfig
-from readygo.services.planner.expert.config import ExpertConfig
 from readygo.services.planner.expert.ground import EpisodeGround
 from readygo.services.planner.expert.hybrid_astar import Plan
 from readygo.services.planner.expert.records import State, Surroundings, robot_limits
 from readygo.services.planner.expert.rollouts import (
+    EVASION_GAP_M,
     FREE_RUN,
+    TRACKING_MARGIN_M,
     Pursuits,
     choose_evasion,
     choose_pursuit,
@@ -29,6 +30,12 @@ from readygo.services.planner.expert.rollouts import (
 
 Float64Array = npt.NDArray[np.float64]
 
+_LOOKAHEADS_M = np.array([1.0, 0.7, 0.45, 0.3, 0.2])
+"""Pursuit distances, the first that keeps the disc free is taken [m]."""
+_YIELD_MARGIN_M = 0.15
+"""Free space between robot and human that yielding aims at [m]."""
+_DOUBT_MPS = 0.1
+"""Growth of the predicted humans' radius with the time ahead [m/s]."""
 _MOVING = np.array([1.0, 0.6, 0.3, 0.0])
 _TURNED_RAD = 0.1
 _NO_HUMANS = np.empty((0, 1, 2))
@@ -37,27 +44,18 @@ _NO_HUMANS = np.empty((0, 1, 2))
 class PathTracker:
     """Follows one plan at a time; a new plan starts where the robot is."""
 
-    def __init__(
-        self,
-        local: EpisodeGround,
-        robot: RobotConfig,
-        contact_m: float,
-        config: ExpertConfig,
-    ) -> None:
+    def __init__(self, local: EpisodeGround, robot: RobotConfig, contact_m: float) -> None:
         """Prepare for one episode.
 
         Args:
             local: Map, clearance and way to the goal.
             robot: Footprint and limits.
             contact_m: Sum of the radii of robot and human [m].
-            config: Look-ahead distances and margins.
         """
         self._obstacles, self._limits = local.obstacles, robot_limits(robot)
         self._to_goal = local.to_goal
-        self._robot, self._config = robot, config
-        self._contact_m = contact_m
-        self._lookaheads = np.array(config.lookahead_m)
-        self._lookahead_m = float(self._lookaheads.min())
+        self._robot, self._contact_m = robot, contact_m
+        self._lookahead_m = float(_LOOKAHEADS_M.min())
         self._turn_to_rad: float | None = None
         self.path = np.empty((0, 4))
         """x [m], y [m], yaw [rad], speed [m/s] of the plan's points, shape (N, 4); empty without a plan."""
@@ -103,9 +101,9 @@ class PathTracker:
             self._turn_to_rad = None
         pursuits = Pursuits(
             scales=_MOVING,
-            lookaheads_m=self._lookaheads,
+            lookaheads_m=_LOOKAHEADS_M,
             lookahead_max_m=self._lookahead_m * 1.15 + 0.01,
-            margin_m=self._config.yield_margin_m,
+            margin_m=_YIELD_MARGIN_M,
         )
         around = self._around(state, humans)
         found, v, w, lookahead_m = choose_pursuit(self.path, self.progress, state, pursuits, self._limits, around)
@@ -119,7 +117,7 @@ class PathTracker:
         w = math.copysign(min(rate, self._robot.w_max_radps), turn_rad)
         steps, gap, _ = try_arc(0.0, w, state, self._limits, self._around(state, humans), self._to_goal)
         command: tuple[float, float] = limited(0.0, w, state, self._limits)
-        if steps >= FREE_RUN and gap >= self._config.yield_margin_m:
+        if steps >= FREE_RUN and gap >= _YIELD_MARGIN_M:
             return command
         return self._evade(state, humans, command)
 
@@ -127,17 +125,17 @@ class PathTracker:
         if len(humans) == 0:
             return otherwise
         around = self._around(state, humans)
-        found, v, w = choose_evasion(state, self._limits, around, self._config.evasion_gap_m, self._to_goal)
+        found, v, w = choose_evasion(state, self._limits, around, EVASION_GAP_M, self._to_goal)
         return (v, w) if found else otherwise
 
     def _around(self, state: State, humans: Float64Array) -> Surroundings:
-        return Surroundings(self._obstacles, self._radius_m(state), humans, self._contact_m, self._config.doubt_mps)
+        return Surroundings(self._obstacles, self._radius_m(state), humans, self._contact_m, _DOUBT_MPS)
 
     def _radius_m(self, state: State) -> float:
         """Radius that runs keep free: the disc and a margin, unless the robot stands within the margin already."""
-        wide_m = self._robot.radius_m + self._config.tracking_margin_m
+        wide_m = self._robot.radius_m + TRACKING_MARGIN_M
         close = self._meets(state, wide_m)
-        return self._robot.radius_m + 0.1 * self._config.tracking_margin_m if close else wide_m
+        return self._robot.radius_m + 0.1 * TRACKING_MARGIN_M if close else wide_m
 
     def _meets(self, state: State, radius_m: float) -> bool:
         occupied, _, ox, oy, resolution = self._obstacles

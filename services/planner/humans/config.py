@@ -5,6 +5,7 @@
 
 import math
 from dataclasses import asdict, dataclass
+from typing import Literal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +57,64 @@ PAPER_MIX = FamilyMix(crossing=0.5, parallel=0.5)
 
 
 @dataclass(frozen=True, kw_only=True)
+class Spacing:
+    """Distances that humans keep from walls, from the robot's start and from its goal."""
+
+    clearance_m: float
+    """No point of a human's path is nearer to an obstacle [m]."""
+    route_clearance_m: float
+    """Cells that a human's route may use [m]."""
+    preferred_clearance_m: float
+    """Below this distance obstacles push the spline away [m]."""
+    start_distance_min_m: float
+    """Between a human's first position and the robot [m]."""
+    start_peace_s: float
+    """No human comes near a robot that stays at its start before this time [s]; it starts at rest and cannot back
+    off."""
+    parked_distance_min_m: float
+    """Between a human's last position and the goal [m]."""
+
+
+SPACINGS = {
+    "wide": Spacing(
+        clearance_m=0.35,
+        route_clearance_m=0.375,
+        preferred_clearance_m=0.6,
+        start_distance_min_m=1.5,
+        start_peace_s=3.0,
+        parked_distance_min_m=1.6,
+    ),
+    "narrow": Spacing(
+        clearance_m=0.26,
+        route_clearance_m=0.28,
+        preferred_clearance_m=0.4,
+        start_distance_min_m=1.0,
+        start_peace_s=1.0,
+        parked_distance_min_m=0.8,
+    ),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effort:
+    """Time spent on a human before another family is tried."""
+
+    attempts: int
+    """Draws per human and family."""
+    searches: int
+    """Paths that are searched in these draws, which is what they cost."""
+    iterations: int
+    """Of the smoothing of a path."""
+
+
+EFFORTS = {
+    "thorough": Effort(attempts=150, searches=1000, iterations=60),
+    "quick": Effort(attempts=60, searches=3, iterations=30),
+}
+"""Quick: cheap draws often, costly ones seldom, 15 ms a scenario at most on average."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class HumanPlannerConfig:
     """Start, goal and the humans' trajectories (stage 1)."""
 
@@ -67,82 +126,23 @@ class HumanPlannerConfig:
     """Episodes of a smaller index have no humans either: a policy in training meets the place first, then people."""
     reactive: bool = False
     """True lets humans yield to the robot that they see: planned against the expert, see the README."""
-    reactive_cone_deg: float = 200.0
-    """Width of the view of humans who react [deg]."""
-    reactive_range_m: float = 5.0
-    """Humans react to a robot within this distance [m]."""
-    goal_snap_m: float = 0.5
-    """A scripted goal inside an obstacle moves to the nearest free place this near [m]; 0 refuses it."""
     slope_max: float = 0.0
     """Steeper floor is not walked on, nor are steps (rise over run across 0.3 m); 0 does not look at the floor."""
-
-    start_margin_m: float = 0.10
-    """Free space around the planning disc at start and goal [m]."""
-    detour_max: float = 3.0
-    """Longest way to the goal, as a multiple of the straight distance."""
-    clearance_m: float = 0.35
-    """No point of a human's path is nearer to an obstacle [m]."""
-    route_clearance_m: float = 0.375
-    """Cells that a human's route may use [m]."""
-    preferred_clearance_m: float = 0.6
-    """Below this distance obstacles push the spline away [m]."""
-    spline_spacing_m: float = 0.4
-    """Distance of the B-spline's control points [m]."""
-    obstacle_weight: float = 200.0
-    jerk_weight: float = 2.0
-    length_weight: float = 0.02
-    iterations: int = 60
-    crossing_fraction_min: float = 0.3
-    crossing_fraction_max: float = 0.7
-    crossing_angle_min_deg: float = 45.0
-    crossing_angle_max_deg: float = 135.0
-    parallel_offset_m: float = 1.0
-    """Largest lateral offset of a parallel human [m]."""
-    robot_speed_fraction: float = 0.85
-    """Mean speed that crossings are timed for, as a share of v_max."""
-    meeting_jitter_s: float = 0.5
-    """Standard deviation of the time between robot and human at the crossing [s]."""
-    start_distance_min_m: float = 1.5
-    """Between a human's first position and the robot [m]."""
-    start_peace_s: float = 3.0
-    """No human comes near a robot that stays at its start before this time [s]; it starts at rest and cannot back
-    off."""
-    start_peace_m: float = 0.75
-    """Distance that `start_peace_s` calls near [m]."""
-    parked_distance_min_m: float = 1.6
-    """Between a human's last position and the goal [m]."""
-    attempts: int = 150
-    """Draws per human and family before another family is tried."""
-    searches: int = 1000
-    """Paths that are searched in these draws, which is what they cost, before another family is tried."""
-    families_tried: int = 4
-    """Families that are tried for a human before there is no room."""
     fewer_humans: bool = False
     """True: where the drawn number finds no room, the episode has fewer, but at least `human_count_min`; False rejects
     it."""
-    hidden_until_s: float = 2.0
-    """A human who comes round a blind corner is hidden from the robot's expected path until this long before they meet
-    [s]."""
-    pause_min_s: float = 1.5
-    """Pauses of humans who stop and go [s]."""
-    pause_max_s: float = 4.0
+    spacing: Literal["wide", "narrow"] = "wide"
+    """"narrow" lets humans walk close to walls and near the robot's start and goal, for rooms of a few metres."""
+    effort: Literal["thorough", "quick"] = "thorough"
+    """"quick" gives up early on families that find no room, for mixes of many families."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.clearance_m <= self.route_clearance_m <= self.preferred_clearance_m:
-            raise ValueError("clearances must be 0 < clearance_m <= route_clearance_m <= preferred_clearance_m.")
         if not 0 <= self.absent <= 1:
             raise ValueError(f"absent must be 0..1, got {self.absent}.")
         if self.absent_first < 0:
             raise ValueError(f"absent_first must be at least 0, got {self.absent_first}.")
-        if not (0 <= self.goal_snap_m <= 5 and self.slope_max >= 0):
-            raise ValueError("goal_snap_m must be 0..5 m and slope_max at least 0.")
-        if not (0 < self.reactive_cone_deg <= 360 and self.reactive_range_m > 0):
-            raise ValueError("reactive_cone_deg must be above 0 and at most 360, reactive_range_m above 0.")
-        if not 0 < self.hidden_until_s <= 10:
-            raise ValueError(f"hidden_until_s must be above 0 and at most 10 s, got {self.hidden_until_s}.")
-        if not 0 < self.pause_min_s <= self.pause_max_s:
-            raise ValueError("pauses must be 0 < pause_min_s <= pause_max_s.")
-        if not 0 <= self.crossing_fraction_min <= self.crossing_fraction_max <= 1:
-            raise ValueError("crossing fractions must be 0 <= min <= max <= 1.")
-        if self.detour_max < 1 or min(self.attempts, self.searches, self.families_tried) < 1:
-            raise ValueError("detour_max, attempts, searches and families_tried must be at least 1.")
+        if not self.slope_max >= 0:
+            raise ValueError(f"slope_max must be at least 0, got {self.slope_max}.")
+        for name, known in (("spacing", SPACINGS), ("effort", EFFORTS)):
+            if getattr(self, name) not in known:
+                raise ValueError(f"{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}.")

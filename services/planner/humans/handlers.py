@@ -35,7 +35,6 @@ class HumanPlanner:
         episode_config: EpisodeConfig,
         config: HumanPlannerConfig,
         *,
-        cell_margin_m: float,
         scenarios: ScenarioFile | None = None,
         make_expert: MakeExpert | None = None,
     ) -> None:
@@ -47,7 +46,6 @@ class HumanPlanner:
             robot: Footprint and limits.
             episode_config: Task and judging.
             config: How scenarios are drawn.
-            cell_margin_m: Room that the expert needs at cell centres beyond the planning radius [m].
             scenarios: Is played instead of drawing.
             make_expert: Whom reactive humans yield to; only asked if they do.
 
@@ -60,7 +58,7 @@ class HumanPlanner:
         self.maps, self.robot, self.episode_config, self.config = maps, robot, episode_config, config
         self.avatar_names = sorted(avatar_names)
         self.make_expert = make_expert
-        self._scenarios, self._cell_margin_m = scenarios, cell_margin_m
+        self._scenarios = scenarios
         self.human_map = without_slopes(maps.human, maps.floor, config.slope_max)
         self.sampler = ScenarioSampler(
             maps.robot,
@@ -68,13 +66,12 @@ class HumanPlanner:
             robot,
             episode_config,
             config,
-            cell_margin_m,
             find_sight=lambda: maps.sight,
         )
         self.script = None
         if scenarios is not None:
             places = ScriptMaps(robot_map=maps.robot, human_map=maps.human, paths=self.sampler.site.paths)
-            self.script = Script(scenarios, places, robot, episode_config, config, self.avatar_names)
+            self.script = Script(scenarios, places, robot, episode_config, self.avatar_names)
 
     def of(self, episode: EpisodeKey) -> "HumanPlanner":
         """The planner for the robot of an episode: this one, unless that differs from episode to episode."""
@@ -87,7 +84,6 @@ class HumanPlanner:
             robot,
             self.episode_config,
             self.config,
-            cell_margin_m=self._cell_margin_m,
             scenarios=self._scenarios,
             make_expert=self.make_expert,
         )
@@ -136,7 +132,7 @@ def let_react(planner: HumanPlanner, scenario: Scenario, reacts: Sequence[bool])
     config = planner.episode_config
     contact_m = planner.robot.radius_m + config.human_radius_m
     drawn = [human.xy_m for human in scenario.humans]
-    humans = ReactiveHumans(drawn, reacts, planner.human_map, contact_m, config, planner.config)
+    humans = ReactiveHumans(drawn, reacts, planner.human_map, contact_m, config)
     simulation = ReactiveSimulation(scenario, humans, planner.maps.robot, planner.robot, config)
     run_episode(simulation, ExpertDriver(planner.make_expert))
     while not humans.at_rest and len(humans.xy_m) < round(config.time_limit_s * RATE_HZ):

@@ -11,7 +11,7 @@ from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.episode.grid_search import FACTOR_MAX, FREE
 from readygo.common.kernels import compiled
 from readygo.common.maps import OccupancyMap, clearance_m
-from readygo.services.planner.humans.config import HumanPlannerConfig
+from readygo.services.planner.humans.config import Spacing
 from readygo.services.planner.humans.polyline import length_m
 from readygo.services.planner.humans.robot_task import Point
 from readygo.services.planner.humans.spline import smooth_path
@@ -20,16 +20,29 @@ from readygo.services.planner.humans.window_search import WindowSearch
 Float64Array = npt.NDArray[np.float64]
 
 
+_KNOT_SPACING_M = 0.4
+"""Distance of the B-spline's control points [m]."""
+_WEIGHTS = (200.0, 2.0, 0.02)
+"""Weights of obstacles, jerk and length in the smoothing of a path."""
+
+
 class HumanPathPlanner:
     """Smooth paths over one human map; distances and components are computed once."""
 
-    def __init__(self, occupancy: OccupancyMap, config: HumanPlannerConfig) -> None:
+    def __init__(self, occupancy: OccupancyMap, spacing: Spacing, *, iterations: int) -> None:
+        """Compute distances and components.
+
+        Args:
+            occupancy: What blocks humans.
+            spacing: Distances to walls.
+            iterations: Of the smoothing of a path.
+        """
         self.frame = occupancy.frame
-        self.occupancy, self._config = occupancy, config
+        self.occupancy, self._spacing, self._iterations = occupancy, spacing, iterations
         self.searches = 0
         """Paths that were asked for so far."""
         self._clearance = clearance_m(occupancy).astype(np.float64)
-        walkable = self._clearance > config.route_clearance_m
+        walkable = self._clearance > spacing.route_clearance_m
         # Dear near walls: (1 + 4 pen^2), pen from 0 at 1 m to 1 at the wall.
         penalty = np.clip(1.0 - self._clearance, 0.0, 1.0)
         factor = np.minimum(np.rint(FREE * (1 + 4 * penalty * penalty)), FACTOR_MAX)
@@ -88,16 +101,15 @@ class HumanPathPlanner:
         route = self._route(via_m, longest_m)
         if route is None or length_m(route) > longest_m:
             return None
-        config = self._config
         return smooth_path(
             route,
             self._clearance,
             self.frame,
-            spacing_m=config.spline_spacing_m,
-            preferred_m=config.preferred_clearance_m,
-            required_m=config.clearance_m,
-            factors=(config.obstacle_weight, config.jerk_weight, config.length_weight),
-            iterations=config.iterations,
+            spacing_m=_KNOT_SPACING_M,
+            preferred_m=self._spacing.preferred_clearance_m,
+            required_m=self._spacing.clearance_m,
+            factors=_WEIGHTS,
+            iterations=self._iterations,
         )
 
     def _route(self, via_m: list[Point], longest_m: float) -> Float64Array | None:

@@ -22,13 +22,14 @@ from readygo.common.maps import OccupancyMap
 from readygo.common.messages import EpisodeMotions, HumanMotion, Motion, Outcome, Scenario
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import DT_S, RATE_HZ
-from readygo.services.planner.humans.config import HumanPlannerConfig
 from readygo.services.planner.humans.polyline import length_m
 from readygo.services.planner.humans.timing import first_rows
 from readygo.services.planner.humans.velocity_choice import Cells, Sight, Wish, next_place, next_row
 
 Float64Array = npt.NDArray[np.float64]
 
+HUMAN_SIGHT = Sight(cos_half_cone=math.cos(0.5 * math.radians(200.0)), range_m=5.0)
+"""Humans react within a cone of 200 degrees and 5 m."""
 _AHEAD_ROWS = 20
 
 
@@ -42,7 +43,8 @@ class ReactiveHumans:
         human_map: OccupancyMap,
         contact_m: float,
         episode: EpisodeConfig,
-        config: HumanPlannerConfig,
+        *,
+        sight: Sight = HUMAN_SIGHT,
     ) -> None:
         """Put everybody at their first row.
 
@@ -52,15 +54,14 @@ class ReactiveHumans:
             human_map: What blocks humans.
             contact_m: Distance at which robot and human touch [m].
             episode: Radius of humans.
-            config: What humans see.
+            sight: View in which humans notice the robot and each other.
         """
         self._drawn, self._reacts = drawn_m, np.array(reacts, np.bool_)
         self._radius_m = episode.human_radius_m
         frame = human_map.frame
         free = np.where(human_map.occupied, np.uint8(0), np.uint8(1))
         self._cells = Cells(human_map.occupied, free, frame.origin_x_m, frame.origin_y_m, frame.resolution_m)
-        cos_half_cone = math.cos(0.5 * math.radians(config.reactive_cone_deg))
-        self._sight = Sight(cos_half_cone=cos_half_cone, range_m=config.reactive_range_m)
+        self._sight = sight
         self._contact_m = contact_m
         self._row = [0] * len(drawn_m)
         self._velocity = np.array([_first_velocity(rows) for rows in drawn_m])

@@ -15,7 +15,8 @@ from readygo.common.maps import OccupancyMap, SightMap, clearance_m, sight_of_oc
 from readygo.common.messages import EpisodeKey, HumanTrajectory, Scenario
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import DT_S
-from readygo.services.planner.humans.config import FamilyMix, HumanPlannerConfig
+from readygo.services.planner.expert.config import CELL_MARGIN_M
+from readygo.services.planner.humans.config import EFFORTS, SPACINGS, FamilyMix, HumanPlannerConfig
 from readygo.services.planner.humans.families import FAMILIES, Encounter, Site
 from readygo.services.planner.humans.paths import HumanPathPlanner, keeps_clear
 from readygo.services.planner.humans.polyline import length_m, resample
@@ -31,6 +32,16 @@ PARKED_GAP_M = 0.05
 GROUP_GAP_M = 0.25
 """Room beyond its planning radius that the robot keeps to a group that stands from the beginning [m]."""
 
+_ROBOT_SPEED_FRACTION = 0.85
+"""Mean speed that crossings are timed for, as a share of v_max."""
+_START_MARGIN_M = 0.10
+"""Free space around the planning disc at start and goal [m]."""
+_DETOUR_MAX = 3.0
+"""Longest path to the goal, as a multiple of the straight distance."""
+_START_PEACE_M = 0.75
+"""Distance that `Spacing.start_peace_s` calls near [m]."""
+_FAMILIES_TRIED = 4
+"""Families that are tried for a human before there is no room."""
 _NEARBY_M = 4.0
 """Ways around humans are looked for this near first [m]."""
 
@@ -53,7 +64,6 @@ class ScenarioSampler:
         robot: RobotConfig,
         episode_config: EpisodeConfig,
         config: HumanPlannerConfig,
-        cell_margin_m: float,
         *,
         find_sight: Callable[[], SightMap] | None = None,
     ) -> None:
@@ -65,27 +75,27 @@ class ScenarioSampler:
             robot: Footprint and limits.
             episode_config: Distances, counts and speeds.
             config: How scenarios are drawn.
-            cell_margin_m: Added to the planning radius at cell centres [m].
             find_sight: What hides humans from a camera; without it, all of the robot's map does.
 
         Raises:
             SceneError: If the robot's map has no free space for it.
         """
         self._robot, self._episode, self._config = robot, episode_config, config
+        self._spacing = SPACINGS[config.spacing]
         self._frame = robot_map.frame
         self.site = Site(
-            paths=HumanPathPlanner(human_map, config),
+            paths=HumanPathPlanner(human_map, self._spacing, iterations=EFFORTS[config.effort].iterations),
             robot=robot,
             episode=episode_config,
-            config=config,
-            drive=ExpectedDrive.of(robot, config.robot_speed_fraction),
+            spacing=self._spacing,
+            drive=ExpectedDrive.of(robot, _ROBOT_SPEED_FRACTION),
             find_sight=find_sight or (lambda: sight_of_occupancy(robot_map)),
         )
         clearance = clearance_m(robot_map)
-        planning_m = robot.planning_radius_m + cell_margin_m
+        planning_m = robot.planning_radius_m + CELL_MARGIN_M
         self._factor = np.where(clearance > planning_m, np.uint8(FREE), np.uint8(0))
         region = ndimage.label(self._factor > 0, structure=np.ones((3, 3)))[0]
-        self._region = np.where(clearance > planning_m + config.start_margin_m, region, 0)
+        self._region = np.where(clearance > planning_m + _START_MARGIN_M, region, 0)
         self._starts = np.flatnonzero(self._region)
         if len(self._starts) == 0:
             raise SceneError(
@@ -147,7 +157,7 @@ class ScenarioSampler:
                     continue
                 way = self._way(start, goal)
                 straight_m = math.hypot(goal[0] - start[0], goal[1] - start[1])
-                if way is not None and length_m(way) <= self._config.detour_max * straight_m:
+                if way is not None and length_m(way) <= _DETOUR_MAX * straight_m:
                     return make_task(start, goal, way)
         raise RejectedError(NO_WAY)
 
@@ -164,7 +174,7 @@ class ScenarioSampler:
 
     def _way(self, start: Point, goal: Point) -> Float64Array | None:
         # A taut way is shorter than its cells, by 8 % at most.
-        longest = 1.1 * self._config.detour_max * math.dist(start, goal) / self._frame.resolution_m + 4
+        longest = 1.1 * _DETOUR_MAX * math.dist(start, goal) / self._frame.resolution_m + 4
         cells = self._search.path(self._factor, self._frame.cell(*start), self._frame.cell(*goal), longest=longest)
         if cells is None:
             return None
@@ -176,10 +186,10 @@ class ScenarioSampler:
         self, rng: np.random.Generator, task: Task, wanted: int, others: list[Float64Array]
     ) -> tuple[str, Encounter] | None:
         """People of a drawn family, or of another one of the mix where the place has no room for it, or None."""
-        for family in islice(drawn_order(rng, self._config.mix), self._config.families_tried):
-            paths = self.site.paths
-            last = paths.searches + self._config.searches
-            for _ in range(self._config.attempts):
+        paths, effort = self.site.paths, EFFORTS[self._config.effort]
+        for family in islice(drawn_order(rng, self._config.mix), _FAMILIES_TRIED):
+            last = paths.searches + effort.searches
+            for _ in range(effort.attempts):
                 if paths.searches >= last:
                     break
                 encounter = FAMILIES[family](self.site, rng, task, wanted)
@@ -199,13 +209,13 @@ class ScenarioSampler:
 
     def _is_fair(self, xy_m: Float64Array, task: Task) -> bool:
         (x0, y0), (x1, y1) = xy_m[[0, -1]].tolist()
-        away = math.hypot(x0 - task.start_m[0], y0 - task.start_m[1]) >= self._config.start_distance_min_m
-        return away and math.hypot(x1 - task.goal_m[0], y1 - task.goal_m[1]) >= self._config.parked_distance_min_m
+        away = math.hypot(x0 - task.start_m[0], y0 - task.start_m[1]) >= self._spacing.start_distance_min_m
+        return away and math.hypot(x1 - task.goal_m[0], y1 - task.goal_m[1]) >= self._spacing.parked_distance_min_m
 
     def _fits(self, xy_m: Float64Array, task: Task, others: list[Float64Array]) -> bool:
         """True if a human meets no wall, leaves the start in peace and keeps off the others."""
-        early = xy_m[: round(self._config.start_peace_s / DT_S) + 1] - np.array(task.start_m)
-        if np.min(early[:, 0] ** 2 + early[:, 1] ** 2) < self._config.start_peace_m**2:
+        early = xy_m[: round(self._spacing.start_peace_s / DT_S) + 1] - np.array(task.start_m)
+        if np.min(early[:, 0] ** 2 + early[:, 1] ** 2) < _START_PEACE_M**2:
             return False
         radius_m = self._episode.human_radius_m
         if any(nearest_m(xy_m, other) < 2 * radius_m for other in others):

@@ -14,7 +14,6 @@ from readygo.common.errors import ConfigError
 from readygo.common.maps import OccupancyMap, clearance_m
 from readygo.common.messages import EpisodeKey, HumanTrajectory, Scenario
 from readygo.common.robot import RobotConfig
-from readygo.services.planner.humans.config import HumanPlannerConfig
 from readygo.services.planner.humans.paths import HumanPathPlanner, keeps_clear
 from readygo.services.planner.humans.polyline import length_m
 from readygo.services.planner.humans.robot_task import Point, apart_m
@@ -25,6 +24,8 @@ Float64Array = npt.NDArray[np.float64]
 
 _SETTLE_M = 0.3
 """A waypoint nearer to a wall than humans walk moves by at most this [m]."""
+_GOAL_SNAP_M = 0.5
+"""A scripted goal inside an obstacle moves to the nearest free place this near [m]."""
 _DETOUR_MAX = 100.0
 _STEP_MIN_M = 0.05
 
@@ -47,7 +48,6 @@ class Script:
         maps: ScriptMaps,
         robot: RobotConfig,
         episode: EpisodeConfig,
-        config: HumanPlannerConfig,
         avatar_names: Collection[str],
     ) -> None:
         """Place every entry.
@@ -57,13 +57,12 @@ class Script:
             maps: The scene's maps.
             robot: Footprint.
             episode: Radii and distances.
-            config: How far a goal may move.
             avatar_names: Who may walk; empty if no avatar is loaded, because humans are left out.
 
         Raises:
             ConfigError: If an entry cannot take place; the message names file and entry.
         """
-        self._maps, self._robot, self._episode, self._config = maps, robot, episode, config
+        self._maps, self._robot, self._episode = maps, robot, episode
         self._names = sorted(avatar_names)
         free = clearance_m(maps.robot_map) > robot.radius_m
         self._factor = np.where(free, np.uint8(FREE), np.uint8(0))
@@ -118,16 +117,15 @@ class Script:
         """The goal, or the nearest free place if it is in an obstacle and may move."""
         if not meets_obstacle(self._maps.robot_map, *goal, self._robot.radius_m):
             return goal
-        frame, reach_m = self._maps.robot_map.frame, self._config.goal_snap_m
+        frame = self._maps.robot_map.frame
         rows, columns = np.nonzero(self._factor)
         x = frame.origin_x_m + (columns + 0.5) * frame.resolution_m
         y = frame.origin_y_m + (rows + 0.5) * frame.resolution_m
         squared = (x - goal[0]) ** 2 + (y - goal[1]) ** 2
-        if reach_m > 0 and len(squared) and squared.min() <= reach_m * reach_m:
+        if len(squared) and squared.min() <= _GOAL_SNAP_M * _GOAL_SNAP_M:
             best = int(np.argmin(squared))
             return float(x[best]), float(y[best])
-        within = f"; nothing is free within {reach_m:g} m (goal_snap_m)" if reach_m > 0 else " (goal_snap_m = 0)"
-        raise ValueError(f"goal_m {_text(goal)} is in an obstacle{within}.")
+        raise ValueError(f"goal_m {_text(goal)} is in an obstacle; nothing is free within {_GOAL_SNAP_M:g} m.")
 
     def _connects(self, start: Point, goal: Point) -> bool:
         frame, factor = self._maps.robot_map.frame, self._factor.copy()

@@ -12,8 +12,6 @@ class FramesConfig:
 
     count_max: Annotated[int, Range(low=3)] = 300
     """At most this many images are taken of a video."""
-    step: Annotated[float, Range(low=0.005, high=0.5)] = 0.05
-    """How far the picture moves from one image to the next, as share of its width."""
     side_max_px: Annotated[int, Range(low=320)] = 1600
     """Larger images are made smaller: longer side [px]."""
 

@@ -14,6 +14,8 @@ from readygo.services.reconstructor.frames.config import FramesConfig
 from readygo.services.reconstructor.frames.select import FrameScores, choose_frames, motion, sharpness, small_grey
 
 FRAMES_MIN = 10
+_STEP = 0.05
+"""Movement of the picture from one used image to the next, as share of its width."""
 _WAY_MIN = 0.3
 """A picture that moved less in all, as share of its width, was not filmed walking."""
 JPEG_QUALITY = 97
@@ -36,7 +38,7 @@ def extract_frames(video: Path, folder: Path, config: FramesConfig) -> dict[str,
     scores, seconds = _scores(video)
     count = len(scores.sharpness)
     way = float(scores.motion.sum())
-    chosen = choose_frames(scores, count_max=config.count_max, step=config.step) if count else np.array([], np.int64)
+    chosen = choose_frames(scores, count_max=config.count_max, step=_STEP) if count else np.array([], np.int64)
     if count < FRAMES_MIN or seconds < 2.0:
         raise SceneError(f"{video.name} has {count} frames, {seconds:.1f} s: film the place for half a minute or more.")
     if way < _WAY_MIN:

@@ -18,8 +18,6 @@ class MetricConfig:
     """Markers of that size; empty: all that are found."""
     marker_on: Literal["auto", "floor", "wall"] = "auto"
     """What markers lie on; `auto` goes by how the cameras were held."""
-    marker_sigma_m: Annotated[float, Range(low=0.0)] = 0.0002
-    """Standard deviation of the printed side, as measured with a ruler [m]."""
     lengths: tuple[str, ...] = ()
     """Lengths between picked points; see `metric/lengths.py`. With a marker they check it."""
     scale: Annotated[float, Range(low=0.0)] = 0.0

@@ -32,6 +32,8 @@ from readygo.services.reconstructor.similarity import Similarity
 
 Array = npt.NDArray[np.float64]
 
+_MARKER_SIGMA_M = 0.0002
+"""Standard deviation of a marker's printed side, as measured with a ruler [m]."""
 _CHECK_TOLERANCE = 0.02
 """A second length may differ by this share beyond the intervals before it is called wrong."""
 _HANDHELD_M = (0.15, 3.5)
@@ -124,7 +126,7 @@ def _scale(
 ) -> tuple[Scale, list[str]]:
     """The scale, and what else there is to say of it."""
     if measures:
-        scale = scale_of_markers(measures, config.marker_size_m, config.marker_sigma_m)
+        scale = scale_of_markers(measures, config.marker_size_m, _MARKER_SIGMA_M)
         return scale, [*scale.left_out, *_length_checks(images, lengths, scale)]
     if lengths:
         length, sigma = measured_length(images, lengths[0])

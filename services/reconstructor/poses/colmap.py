@@ -27,6 +27,8 @@ MODEL_FILES = ("cameras", "images", "points3D")
 _ADJUSTMENTS = 3
 """Times that points are made of matches, and all is adjusted, where poses are known roughly."""
 _MANY_IMAGES = 30
+_FEATURES_MAX = 4096
+"""Features of an image."""
 """So many images of one camera determine a lens of four parameters."""
 _PEAK, _FAINT_PEAK = 0.02 / 3, 0.0015
 """Thresholds of SIFT's differences of Gaussians: COLMAP's own, and that for places with little texture."""
@@ -59,7 +61,14 @@ def find_model(folder: Path) -> Path | None:
 
 
 def extract_features(
-    database: Path, images: Path, names: Sequence[str], config: PosesConfig, *, focal_px: float, size_px: Any
+    database: Path,
+    images: Path,
+    names: Sequence[str],
+    config: PosesConfig,
+    *,
+    focal_px: float,
+    size_px: Any,
+    features_min: int = 0,
 ) -> None:
     """Write the images' features to a new database; where they are few, again with fainter ones.
 
@@ -70,6 +79,7 @@ def extract_features(
         config: How.
         focal_px: Of all images, if it is known [px]; 0: a guess is refined.
         size_px: Width and height, or several of them, if images differ.
+        features_min: Where the median image has fewer, fainter ones are taken too, of all images.
     """
     colmap = pycolmap()
     colmap.set_random_seed(config.seed)
@@ -82,13 +92,13 @@ def extract_features(
         reader.camera_params = f"{focal},{middle}," + ",".join("0" * (4 if reader.camera_model == "OPENCV" else 1))
     options = colmap.FeatureExtractionOptions()
     options.num_threads, options.use_gpu = config.threads or -1, False
-    options.sift.max_num_features = config.features_max
+    options.sift.max_num_features = _FEATURES_MAX
     mode = colmap.CameraMode.SINGLE if one_camera else colmap.CameraMode.PER_FOLDER
     for peak in (_PEAK, _FAINT_PEAK):
         options.sift.peak_threshold = peak
         database.unlink(missing_ok=True)
         colmap.extract_features(database, images, list(names), mode, reader, options)
-        if _median_features(colmap, database) >= config.features_min:
+        if _median_features(colmap, database) >= features_min:
             break
 
 

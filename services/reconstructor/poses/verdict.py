@@ -8,6 +8,8 @@ import numpy.typing as npt
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.similarity import umeyama
 
+REGISTERED_MIN = 0.6
+"""A map that has fewer of the images, as share, is refused."""
 _REPROJECTION_MAX_PX = 2.0
 _POINTS_MIN = 30
 """An image that sees fewer points hangs by a thread."""
@@ -138,11 +140,11 @@ def _places(images: PosedImages, names: list[str]) -> npt.NDArray[np.float64]:
     return images.T_world_camera[[index[name] for name in names], :3, 3]
 
 
-def refusal(verdict: Verdict, *, registered_min: float) -> str | None:
+def refusal(verdict: Verdict) -> str | None:
     """Why a map must not be used, with advice; None if nothing speaks against it."""
     said = f"{verdict.registered} of {verdict.images} images found a pose"
-    if verdict.registered < 3 or verdict.registered_share < registered_min:
-        return f"{said}; {100 * registered_min:.0f} % are needed. The images share too little. {ADVICE}"
+    if verdict.registered < 3 or verdict.registered_share < REGISTERED_MIN:
+        return f"{said}; {100 * REGISTERED_MIN:.0f} % are needed. The images share too little. {ADVICE}"
     if len(verdict.components) > 1 and verdict.components[1] > _SECOND_MAX * verdict.images:
         pieces = " + ".join(str(size) for size in verdict.components)
         return f"The map falls into pieces of {pieces} images that do not meet. {ADVICE}"

@@ -10,63 +10,35 @@ Device = Literal["cpu", "cuda"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class RatesConfig:
-    """Learning rates of Adam, for one view a step; a batch of n views multiplies them by the square root of n."""
-
-    means: Annotated[float, Range(above=0.0)] = 1.6e-4
-    """Rate of the positions, in extents of the scene; falls to a hundredth."""
-    scales: Annotated[float, Range(above=0.0)] = 5e-3
-    """Rate of the logarithms of the scales."""
-    quats: Annotated[float, Range(above=0.0)] = 1e-3
-    opacities: Annotated[float, Range(above=0.0)] = 5e-2
-    """Rate of the logits of the opacities."""
-    colours: Annotated[float, Range(above=0.0)] = 2.5e-3
-    """Rate of the SH coefficient of degree 0; the others have a twentieth of it."""
-    exposures: Annotated[float, Range(above=0.0)] = 1e-3
-
-    def __post_init__(self) -> None:
-        check_ranges(self)
-
-
-@dataclass(frozen=True, kw_only=True)
 class DensityConfig:
-    """Where Gaussians are added and removed. Times are shares of the training."""
+    """Where Gaussians are added and removed."""
 
     method: Literal["gradients", "mcmc"] = "gradients"
     """`gradients` adds them where the absolute gradients of their projected means are large (AbsGS); `mcmc` keeps to a
     budget that grows to `count_max`, moves dead ones and adds noise (Kheradmand et al., 3DGS as MCMC, 2024)."""
     count_max: Annotated[int, Range(low=100)] = 150_000
-    every: Annotated[int, Range(low=1)] = 100
-    """Steps between two times that Gaussians are added and removed."""
-    begin: Annotated[float, Range(low=0.0, high=1.0)] = 0.02
-    end: Annotated[float, Range(low=0.0, high=1.0)] = 0.5
-    absolute: bool = True
-    """Look at the pixels' absolute gradients; else at their sum, which hides what pulls both ways."""
-    gradient_min: Annotated[float, Range(low=0.0)] = 8e-4
-    """Mean gradient of the projected mean from which on a Gaussian is cloned or split, for an image of 2x2
-    units."""
-    split_scale: Annotated[float, Range(above=0.0)] = 0.01
-    """Gaussians larger than this are split, smaller ones cloned: in extents of the scene."""
-    opacity_min: Annotated[float, Range(low=0.0, high=1.0)] = 0.005
-    """Fainter ones are removed or moved."""
-    scale_max: Annotated[float, Range(above=0.0)] = 0.1
-    """Larger ones are removed, in extents of the scene; `gradients` only."""
-    stretch_max: Annotated[float, Range(low=1.0)] = 20.0
-    """A Gaussian's longest axis is at most this many times its middle one: longer ones look right from the cameras
-    alone, and are needles from elsewhere."""
-    reset_every: Annotated[float, Range(above=0.0)] = 0.2
-    """Opacities are made small so often; `gradients` only."""
+    weak_texture: bool = False
+    """True for places with bare walls: nothing is split for its absolute gradients, faint Gaussians go early."""
     growth: Annotated[float, Range(low=0.0)] = 0.05
     """Share of Gaussians that `mcmc` adds each time."""
-    noise: Annotated[float, Range(low=0.0)] = 5e5
-    """Size of the noise, in learning rates of the means; `mcmc` only."""
-    regular: Annotated[float, Range(low=0.0)] = 0.01
-    """Weights of the mean opacity and the mean scale in the loss; `mcmc` only."""
 
     @property
     def needs_absolute(self) -> bool:
-        """Whether anything is decided by absolute gradients."""
-        return self.absolute and self.method == "gradients"
+        """Whether pixels' absolute gradients decide; else their sum does, which hides what pulls both ways."""
+        return not self.weak_texture and self.method == "gradients"
+
+    @property
+    def gradient_min(self) -> float:
+        """Mean gradient of the projected mean from which on a Gaussian is cloned or split, for an image of 2x2 units.
+
+        Source: AbsGS for absolute gradients; 3DGS for their sum.
+        """
+        return 2e-4 if self.weak_texture else 8e-4
+
+    @property
+    def opacity_min(self) -> float:
+        """Fainter ones are removed or moved."""
+        return 0.05 if self.weak_texture else 0.005
 
     def __post_init__(self) -> None:
         check_ranges(self)
@@ -77,8 +49,6 @@ class GeometryConfig:
     """Losses that make Gaussians lie on surfaces (Chen et al., PGSR, 2024)."""
 
     enabled: bool = False
-    begin: Annotated[float, Range(low=0.0, high=1.0)] = 0.23
-    """Share of the training after which normals and neighbours are compared; Gaussians are flattened from the start."""
     flatten: Annotated[float, Range(low=0.0)] = 100.0
     """Weight of the mean shortest standard deviation of the Gaussians that a view shows [1/m]."""
     normal: Annotated[float, Range(low=0.0)] = 0.015
@@ -90,15 +60,8 @@ class GeometryConfig:
     noise_px: Annotated[float, Range(above=0.0)] = 1.0
     """Pixels that come back farther away do not count: something hides them."""
     patches_max: Annotated[int, Range(low=1)] = 4096
-    neighbours: Annotated[int, Range(low=1)] = 8
-    angle_max_deg: Annotated[float, Range(above=0.0, high=180.0)] = 30.0
-    distance_min_m: Annotated[float, Range(low=0.0)] = 0.01
     distance_max_m: Annotated[float, Range(above=0.0)] = 1.5
-    """Neighbours are between these distances from a view."""
-    trim_every: Annotated[float, Range(above=0.0)] = 0.1
-    """After each such share of the training, while Gaussians are added, those that few views show are removed."""
-    trim_views: Annotated[int, Range(low=0)] = 2
-    """Gaussians must be seen by so many."""
+    """Neighbours are at most this far from a view [m]."""
 
     def __post_init__(self) -> None:
         check_ranges(self)
@@ -115,24 +78,10 @@ class GaussiansConfig:
     """Views a step; they are drawn side by side on as many cores."""
     side_max_px: Annotated[int, Range(low=32)] = 960
     """Larger images are made smaller: longer side [px]."""
-    coarse: Annotated[int, Range(low=1, high=16)] = 4
-    """Images begin at this fraction of their size, and double until they are whole."""
-    coarse_end: Annotated[float, Range(low=0.0, high=1.0)] = 0.4
-    """Share of the training after which images are whole."""
     hold_out: Annotated[int, Range(low=0)] = 8
     """Every so-manieth image is not trained on but measured on, beginning with the first; 0: none."""
     sh_degree: Annotated[int, Range(low=0, high=3)] = 3
-    sh_every: Annotated[float, Range(above=0.0)] = 0.1
-    """Another degree of spherical harmonics begins after each such share of the training."""
-    between: bool = True
-    """Gaussians begin between the map's points as well, where images agree on a surface."""
-    exposure: bool = True
-    """Every training image has separate gains and offsets (photos of one automatic exposure differ)."""
-    ssim_weight: Annotated[float, Range(low=0.0, high=1.0)] = 0.2
-    preview_every: Annotated[int, Range(low=1)] = 500
-    """Steps from one held-out picture and measurement to the next."""
     seed: int = 0
-    rates: RatesConfig = field(default_factory=RatesConfig)
     density: DensityConfig = field(default_factory=DensityConfig)
     geometry: GeometryConfig = field(default_factory=GeometryConfig)
 
@@ -143,9 +92,8 @@ class GaussiansConfig:
 
 
 def weak_texture(settings: GaussiansConfig) -> GaussiansConfig:
-    """Settings for places with bare walls: nothing is split for its absolute gradients, faint Gaussians go early."""
-    density = replace(settings.density, absolute=False, gradient_min=2e-4, opacity_min=0.05)
-    return replace(settings, density=density)
+    """Settings for places with bare walls."""
+    return replace(settings, density=replace(settings.density, weak_texture=True))
 
 
 def preset(name: Preset) -> GaussiansConfig:

@@ -79,7 +79,7 @@ class CpuEngine:
             self._adam.step(self._gaussians, gradients, places, rates, part)
 
         list(self._pool.map(one, (slice(a, b) for a, b in pairwise(ends))))
-        limit_stretch(self._gaussians, self._settings.density.stretch_max)
+        limit_stretch(self._gaussians)
 
     def add_noise(self, size_m: float, rng: np.random.Generator) -> None:
         """Move faint Gaussians at random; see `density.add_noise`."""

@@ -18,10 +18,10 @@ from readygo.common.rasterizer.gpu.gsplat_kernels import Rasterization, gsplat_r
 from readygo.common.rasterizer.gpu.gsplat_values import Blended, blend_values
 from readygo.services.reconstructor.training.adam import EPSILON, Adam
 from readygo.services.reconstructor.training.config import GaussiansConfig
-from readygo.services.reconstructor.training.density import NOISE_OPACITY, NOISE_SLOPE, Sightings
+from readygo.services.reconstructor.training.density import NOISE_OPACITY, NOISE_SLOPE, REGULAR, STRETCH_MAX, Sightings
 from readygo.services.reconstructor.training.engine import ViewLoss, ViewTask
 from readygo.services.reconstructor.training.parameters import PARAMETERS, SHAPES, Array, Change, Gaussians
-from readygo.services.reconstructor.training.photometric import photometric_loss
+from readygo.services.reconstructor.training.photometric import SSIM_WEIGHT, photometric_loss
 from readygo.services.reconstructor.training.photos import BRIGHTNESS, PhotoStore
 from readygo.services.reconstructor.training.planes import plane_features
 from readygo.services.reconstructor.training.surfaces import between, normals_within, side_of
@@ -149,7 +149,7 @@ class CudaEngine:
             second.lerp_(gradient.square(), (1.0 - beta2) * used)
             value -= pace * self._on_device(rates[name]) * first / (second.sqrt() + EPSILON)
         log_scales = self._values["log_scales"]
-        longest = log_scales.median(dim=1, keepdim=True).values + float(np.log(self._settings.density.stretch_max))
+        longest = log_scales.median(dim=1, keepdim=True).values + float(np.log(STRETCH_MAX))
         log_scales.copy_(torch.minimum(log_scales, longest))
 
     @torch.no_grad()
@@ -195,7 +195,7 @@ class CudaEngine:
         drawn = self._drawn(values, view, torch.cat(columns, dim=1), absolute=self._settings.density.needs_absolute)
         shown = drawn.values[..., :3].permute(2, 0, 1)
         image = shown * exposure[0, :, None, None].exp() + exposure[1, :, None, None]
-        loss = photometric_loss(image, rgb, self._settings.ssim_weight)
+        loss = photometric_loss(image, rgb, SSIM_WEIGHT)
         nothing, other = drawn.nothing, None
         if task.rng is not None:
             side = side_of(drawn.values[..., 3:], rgb, view.K_px, view.T_world_camera)
@@ -232,7 +232,7 @@ class CudaEngine:
         assert logits.grad is not None
         here = shown[:, None].float()
         if density.method == "mcmc":
-            opacities, regular = torch.sigmoid(logits), density.regular / len(self)
+            opacities, regular = torch.sigmoid(logits), REGULAR / len(self)
             logits.grad += here * regular * opacities * (1.0 - opacities)
             log_scales.grad += here * (regular / 3.0) * log_scales.exp()
         if geometry.enabled:

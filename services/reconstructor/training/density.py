@@ -16,6 +16,17 @@ from readygo.common.rasterizer.differentiable.reference import rotations
 from readygo.services.reconstructor.training.config import DensityConfig
 from readygo.services.reconstructor.training.parameters import Array, Change, Gaussians, Rows
 
+SPLIT_SCALE = 0.01
+"""Gaussians larger than this are split, smaller ones cloned: in extents of the scene."""
+SCALE_MAX = 0.1
+"""Larger ones are removed, in extents of the scene; method `gradients` only."""
+STRETCH_MAX = 20.0
+"""A Gaussian's longest axis is at most this many times its middle one: longer ones look right from the cameras alone,
+and are needles from elsewhere."""
+NOISE = 5e5
+"""Size of the noise of `mcmc`, in learning rates of the means."""
+REGULAR = 0.01
+"""Weights of the mean opacity and the mean scale in the loss of `mcmc`."""
 _SPLIT_SHRINK = 1.6
 _COPIES_MAX = 16
 """A Gaussian becomes at most so many at once."""
@@ -78,13 +89,13 @@ def reset_opacities(gaussians: Gaussians, config: DensityConfig) -> None:
     gaussians.second["logits"][:] = 0.0
 
 
-def limit_stretch(gaussians: Gaussians, ratio_max: float) -> None:
-    """Shorten the longest axis of Gaussians that are longer than their middle one times a ratio."""
+def limit_stretch(gaussians: Gaussians) -> None:
+    """Shorten the longest axis of Gaussians that are longer than their middle one times `STRETCH_MAX`."""
     log_scales = gaussians.values["log_scales"]
     a, b, c = log_scales.T
     shorter, longer = np.minimum(a, b), np.maximum(a, b)
     middle = np.maximum(shorter, np.minimum(longer, c))
-    np.minimum(log_scales, (middle + np.float32(np.log(ratio_max)))[:, None], out=log_scales)
+    np.minimum(log_scales, (middle + np.float32(np.log(STRETCH_MAX)))[:, None], out=log_scales)
 
 
 def add_noise(gaussians: Gaussians, size_m: float, rng: np.random.Generator) -> None:
@@ -92,7 +103,7 @@ def add_noise(gaussians: Gaussians, size_m: float, rng: np.random.Generator) -> 
 
     Args:
         gaussians: Changed in place.
-        size_m: The learning rate of the means times the configured noise.
+        size_m: The learning rate of the means times `NOISE`.
         rng: Draws 3 N numbers.
     """
     strength = size_m / (1.0 + np.exp(np.minimum(NOISE_SLOPE * (gaussians.opacities - NOISE_OPACITY), 80.0)))
@@ -119,7 +130,7 @@ def _densified(
     room = max(config.count_max - len(same), 0)
     wanted = np.flatnonzero(gradient >= config.gradient_min)
     wanted = np.sort(wanted[np.argsort(-gradient[wanted], kind="stable")[:room]])
-    large = same.scales_m[wanted].max(axis=1) > config.split_scale * extent_m
+    large = same.scales_m[wanted].max(axis=1) > SPLIT_SCALE * extent_m
     split, clone = wanted[large], wanted[~large]
     added = [_sampled(same, rows, rng) for rows in (clone, split, split)]
     for part in added[1:]:
@@ -139,7 +150,7 @@ def _sampled(same: Change, rows: Rows, rng: np.random.Generator) -> Change:
 
 
 def _pruned(changed: Change, config: DensityConfig, extent_m: float) -> Change:
-    small = changed.scales_m.max(axis=1) <= config.scale_max * extent_m
+    small = changed.scales_m.max(axis=1) <= SCALE_MAX * extent_m
     return changed.select(small & (changed.opacities >= config.opacity_min))
 
 

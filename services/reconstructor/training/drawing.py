@@ -9,8 +9,9 @@ import torch
 
 from readygo.common.rasterizer.differentiable.autograd import Rendered, rasterize
 from readygo.services.reconstructor.training.config import GaussiansConfig
+from readygo.services.reconstructor.training.density import REGULAR
 from readygo.services.reconstructor.training.parameters import Array, Gaussians, Rows
-from readygo.services.reconstructor.training.photometric import Photometric
+from readygo.services.reconstructor.training.photometric import SSIM_WEIGHT, Photometric
 from readygo.services.reconstructor.training.photos import Photo
 from readygo.services.reconstructor.training.plane_kernels import add_feature_slopes, write_features
 from readygo.services.reconstructor.training.surface_slopes import PlaneView, surface_slopes
@@ -121,7 +122,7 @@ def view_gradients(
     rendered = draw(leaves, photo, sh_degree, gradients=True, absolute=absolute)
     planes = planes_of(rendered)
     gains, offsets = np.exp(exposure[0])[:, None, None], exposure[1][:, None, None]
-    loss, _, slope = _LOSSES.of(planes.shape[1:])(planes * gains + offsets, photo.rgb, settings.ssim_weight)
+    loss, _, slope = _LOSSES.of(planes.shape[1:])(planes * gains + offsets, photo.rgb, SSIM_WEIGHT)
     # What is not finite is found by the loss, and named there.
     with np.errstate(over="ignore", invalid="ignore"):
         by_exposure = np.stack([(slope * planes * gains).sum(axis=(1, 2)), slope.sum(axis=(1, 2))])
@@ -227,7 +228,7 @@ def _add_plane_gradients(slopes: Gradients, leaves: Leaves, rows: Rows, photo: P
 def _add_regular(slopes: Gradients, scales: Array, count: int, settings: GaussiansConfig) -> None:
     """Losses of the Gaussians alone: faint and small ones for MCMC, flat ones for surfaces."""
     if settings.density.method == "mcmc":
-        regular = np.float32(settings.density.regular / count)
+        regular = np.float32(REGULAR / count)
         slopes["opacities"], slopes["scales_m"] = slopes["opacities"] + regular, slopes["scales_m"] + regular / 3
     if settings.geometry.enabled and len(scales):
         flat = slopes["scales_m"].copy()

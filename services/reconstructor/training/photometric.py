@@ -17,6 +17,8 @@ Planes = npt.NDArray[np.float32]
 """Channels, rows, columns."""
 Row = npt.NDArray[np.float32]
 Plane = npt.NDArray[np.float32]
+SSIM_WEIGHT = 0.2
+"""The share w of 3DGS (Kerbl et al., 2023)."""
 TAPS = 11
 _SIGMA_PX, _C1, _C2 = 1.5, 0.01**2, 0.03**2
 _SUMS, _PARTS = 5, 3

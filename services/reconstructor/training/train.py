@@ -25,7 +25,13 @@ from readygo.services.reconstructor.training.between import points_between
 from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
 from readygo.services.reconstructor.training.config import GaussiansConfig
 from readygo.services.reconstructor.training.cpu import CpuEngine
-from readygo.services.reconstructor.training.density import Sightings, changed_density, make_faint, reset_opacities
+from readygo.services.reconstructor.training.density import (
+    NOISE,
+    Sightings,
+    changed_density,
+    make_faint,
+    reset_opacities,
+)
 from readygo.services.reconstructor.training.drawing import OBSERVED_PX
 from readygo.services.reconstructor.training.engine import Engine, ViewTask
 from readygo.services.reconstructor.training.exposures import Exposures
@@ -38,6 +44,16 @@ from readygo.services.reconstructor.training.schedule import Schedule
 from readygo.services.reconstructor.training.score import HeldOut, measure, write_picture
 
 CLOUD_FILE, REPORT_FILE, PREVIEWS, UNDISTORTED = "gaussians.ply", "training.json", "previews", "undistorted"
+_PREVIEW_EVERY = 500
+"""Steps from one held-out picture and measurement to the next."""
+_EXPOSURES_RATE = 1e-3
+"""Learning rate of the gains and offsets of each training image (photos of one automatic exposure differ)."""
+_SURFACES_BEGIN = 0.23
+"""Share of the training after which normals and neighbours are compared; Gaussians are flattened from the start."""
+_NEIGHBOURS, _NEIGHBOUR_ANGLE_MAX_DEG, _NEIGHBOUR_DISTANCE_MIN_M = 8, 30.0, 0.01
+"""Views that a view is compared with (as PGSR): most of them, largest angle [deg], least distance [m]."""
+_TRIM_VIEWS = 2
+"""Gaussians of surfaces must be seen by this many views."""
 _SAVE_EVERY_S = 120.0
 _TELL_EVERY_S = 1.0
 _OPACITY = {"gradients": 0.1, "mcmc": 0.5}
@@ -159,7 +175,7 @@ class _Training:
     def _points(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint8]]:
         """Positions and colours that Gaussians begin with."""
         posed, room = self._posed, self._settings.density.count_max - len(self._posed.points_m)
-        if not self._settings.between or room <= 0:
+        if room <= 0:
             return posed.points_m, posed.points_rgb
         more_m, more_rgb = points_between(posed, self._train, room)
         return np.concatenate([posed.points_m, more_m]), np.concatenate([posed.points_rgb, more_rgb])
@@ -185,7 +201,7 @@ class _Training:
         while self._step < self._settings.steps:
             self._one_step()
             self._step += 1
-            if self._step % self._settings.preview_every == 0:
+            if self._step % _PREVIEW_EVERY == 0:
                 self._preview()
             now_s = time.monotonic()
             if interrupted() or now_s - saved_s > _SAVE_EVERY_S:
@@ -210,19 +226,17 @@ class _Training:
             self._stop_at_nan(f"images {', '.join(self._posed.views.images[number] for number in numbers)}")
         with self._clock("optimiser"):
             engine.change(schedule.rates(step))
-            if self._settings.exposure:
-                gradients = [view.exposure for view in views]
-                self._exposures.step(numbers, gradients, self._settings.rates.exposures, self._train)
+            self._exposures.step(numbers, [view.exposure for view in views], _EXPOSURES_RATE, self._train)
         with self._clock("density"):
             if schedule.trims(step):
-                hidden = self._hidden(photos, self._settings.geometry.trim_views)
+                hidden = self._hidden(photos, _TRIM_VIEWS)
                 self._edit(lambda gaussians: make_faint(gaussians, hidden, self._settings.density))
             self._change_density()
 
     def _task(self, number: int, slot: int) -> ViewTask:
         """What the view at a place of this step's batch is asked."""
-        exposure, config = self._exposures.values[number], self._settings.geometry
-        if not config.enabled or self._step < config.begin * self._settings.steps:
+        exposure = self._exposures.values[number]
+        if not self._settings.geometry.enabled or self._step < _SURFACES_BEGIN * self._settings.steps:
             return ViewTask(number=number, exposure=exposure, rng=None, neighbour=None)
         rng = np.random.default_rng((self._settings.seed, self._step, 2, slot))
         others = self._neighbours[number]
@@ -240,7 +254,7 @@ class _Training:
         density, schedule, step = self._settings.density, self._schedule, self._step
         rng = np.random.default_rng((self._settings.seed, step))
         if density.method == "mcmc":
-            self._engine.add_noise(schedule.means_rate_m(step) * density.noise, rng)
+            self._engine.add_noise(schedule.means_rate_m(step) * NOISE, rng)
         if schedule.changes_density(step):
             self._check_finite()
             change = changed_density(*self._engine.shapes(), density, self._posed.extent_m, rng)
@@ -362,8 +376,8 @@ def _neighbours_of(posed: Posed, train: tuple[int, ...], settings: GaussiansConf
         return {}
     found = choose_neighbours(
         posed.views.T_world_camera[list(train)],
-        angle_max_deg=config.angle_max_deg,
-        distance_m=(config.distance_min_m, config.distance_max_m),
-        count=config.neighbours,
+        angle_max_deg=_NEIGHBOUR_ANGLE_MAX_DEG,
+        distance_m=(_NEIGHBOUR_DISTANCE_MIN_M, config.distance_max_m),
+        count=_NEIGHBOURS,
     )
     return {number: tuple(train[k] for k in others) for number, others in zip(train, found, strict=True)}

@@ -30,8 +30,6 @@ class NetworkTrainConfig:
     """CPU threads; 0 takes every core that the process may use."""
     cache_mb: Annotated[int, Range(low=0)] = 1024
     """Most memory for decoded images [MB]."""
-    validation_fraction: Annotated[float, Range(low=0.0, high=0.9)] = 0.1
-    """Share of the episodes that is held out."""
 
     def __post_init__(self) -> None:
         if self.network not in LEARNING_RATES:

@@ -29,6 +29,8 @@ EMA_POWER, EMA_MAX = 0.75, 0.9999
 """NoMaD's averaged weights follow by 1 - (step + 1)^-power."""
 SAVE_EVERY_S = 120.0
 """Processor time after which the weights are written [s]."""
+VALIDATION_FRACTION = 0.1
+"""Share of the episodes that is held out."""
 VALIDATION_SAMPLES = 256
 STEERED = 2
 """The place that a robot steers at, see `readygo.services.evaluator.network_driver`."""
@@ -79,7 +81,7 @@ def train_network(
     """
     torch.set_num_threads(config.threads or available_cores())
     names = [entry.episode.episode_id for entry in dataset.episodes]
-    held_out = held_out_names(names, config.validation_fraction)
+    held_out = held_out_names(names, VALIDATION_FRACTION)
     run = _begin(config, path, dataset.content_hash)
     learner = _Learner(dataset, looks_of(dataset, set(names) - held_out), config)
     saved_s, loss = run.spent_s, math.nan

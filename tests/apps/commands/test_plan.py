@@ -99,9 +99,7 @@ def test_modes_drive_differently(place, index, capsys) -> None:
 
 def test_index_without_a_scenario_is_an_error_that_says_why(place, index, tmp_path) -> None:
     config = tmp_path / "crowded.toml"
-    config.write_text(
-        "[human_planner]\nattempts = 1\nclearance_m = 3.0\nroute_clearance_m = 3.0\npreferred_clearance_m = 3.0\n"
-    )
+    config.write_text('[human_planner]\neffort = "quick"\n[episode]\nhuman_radius_m = 3.0\n')
     with pytest.raises(RunError, match=r"has no scenario: no room for a human\. Ask for another --index"):
         plan(place, seed=SEED, index=index, config=config, picture=tmp_path / "p.png")
     assert not (tmp_path / "p.png").exists()

@@ -33,7 +33,8 @@ def make_bus(robot=ROBOT):
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A data folder with four episodes."""
+    """A data folder with four episodes, enough to begin with."""
+    monkeypatch.setattr("readygo.services.trainer.live.FIRST_EPISODES", 3)
     monkeypatch.setattr(
         trainer,
         "committed_episodes",

@@ -99,7 +99,7 @@ def test_run_goes_on_only_as_what_it_is(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="holds data of another run: seed differ"):
         plan_of(tmp_path / "run", seed=1)
     other = learn_settings(None, None)
-    other = dataclasses.replace(other, human_planner=dataclasses.replace(other.human_planner, detour_max=2.0))
+    other = dataclasses.replace(other, human_planner=dataclasses.replace(other.human_planner, effort="quick"))
     with pytest.raises(RunError, match=r"another run: config \(human_planner\) differ"):
         plan_of(tmp_path / "run", other)
     state = json.loads(plan.state_file.read_text())
@@ -122,11 +122,10 @@ def test_broken_state_is_one_line(tmp_path: Path) -> None:
 
 def test_scene_without_room_for_humans_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     config = learn_settings(None, None)
-    wide = dataclasses.replace(
-        config.human_planner, clearance_m=5.0, route_clearance_m=5.0, preferred_clearance_m=5.0, attempts=1, searches=1
-    )
+    quick = dataclasses.replace(config.human_planner, effort="quick")
+    giants = dataclasses.replace(config.episode, human_radius_m=5.0)
     with pytest.raises(SceneError, match=r"^Scene embedded has no room for humans: of 40 scenarios none can"):
-        plan_of(tmp_path / "run", dataclasses.replace(config, human_planner=wide))
+        plan_of(tmp_path / "run", dataclasses.replace(config, human_planner=quick, episode=giants))
     assert not (tmp_path / "run").exists()
 
 

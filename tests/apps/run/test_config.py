@@ -79,8 +79,8 @@ def test_what_nobody_names_is_the_policys(tmp_path: Path) -> None:
 
 
 def test_setting_that_must_be_an_array_is_refused_by_name() -> None:
-    with pytest.raises(ConfigError, match=r"expert\.lookahead_m must be an array, got 0\.5"):
-        section_from_mapping(RunConfig, {"expert": {"lookahead_m": 0.5}})
+    with pytest.raises(ConfigError, match=r"renderer\.outputs must be an array, got 0\.5"):
+        section_from_mapping(RunConfig, {"renderer": {"outputs": 0.5}})
     with pytest.raises(ConfigError, match=r"^robot: radius_m must be positive"):
         section_from_mapping(RunConfig, {"robot": {"radius_m": -1.0}})
 

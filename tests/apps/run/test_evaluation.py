@@ -132,13 +132,13 @@ def test_robots_camera_replaces_the_policys_but_the_rest_of_its_robot_stays() ->
 
 
 def test_evaluation_is_as_the_policys_data_where_nobody_names_something_else(tmp_path: Path) -> None:
-    settings = {"human_planner": {"detour_max": 2.0}, "episode": {"human_count_max": 4}, "renderer": {"detail": "lod"}}
+    settings = {"human_planner": {"slope_max": 2.0}, "episode": {"human_count_max": 4}, "renderer": {"detail": "lod"}}
     spec = with_origin(PolicySpec(robot=SMALL), DataOrigin(settings=settings))
     asis = evaluation_config(spec, "policy", config=None, robot=None, sensor=None, humans=None)
-    assert (asis.human_planner.detour_max, asis.episode.human_count_max, asis.renderer.detail) == (2.0, 4, "lod")
+    assert (asis.human_planner.slope_max, asis.episode.human_count_max, asis.renderer.detail) == (2.0, 4, "lod")
     (tmp_path / "run.toml").write_text('[renderer]\ndetail = "exact"\n')
     named = evaluation_config(spec, "policy", config=tmp_path / "run.toml", robot=None, sensor=None, humans="paper")
-    assert named.human_planner.detour_max == 3.0
+    assert named.human_planner.slope_max == 0.0
     assert named.episode.human_count_max == 2
     assert named.renderer.detail == "exact"
 

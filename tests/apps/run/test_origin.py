@@ -160,6 +160,6 @@ def test_what_a_policy_has_seen_is_refused_as_unseen(casts: dict[str, RunSpec], 
 
 
 def test_who_is_absent_in_the_data_comes_to_the_tests_of_the_policy() -> None:
-    config = RunConfig(human_planner=HumanPlannerConfig(absent=0.4, absent_first=300, parallel_offset_m=0.7))
+    config = RunConfig(human_planner=HumanPlannerConfig(absent=0.4, absent_first=300, slope_max=0.7))
     tried = settings_of_policy(with_origin(SPEC, origin_of_runs([run_of(config, None)]))).human_planner
-    assert (tried.absent, tried.absent_first, tried.parallel_offset_m) == (0.0, 0, 0.7)
+    assert (tried.absent, tried.absent_first, tried.slope_max) == (0.0, 0, 0.7)

@@ -67,9 +67,10 @@ def test_ramps_and_sills_are_passable_but_steep_ramps_steps_and_stairs_are_not(c
 
 @pytest.mark.parametrize("slope_max", [0.25, 0.35])
 @pytest.mark.parametrize("R", [np.eye(3), [[0, -1, 0], [1, 0, 0], [0, 0, 1]]], ids=["along x", "along y"])
-def test_ramp_of_30_percent_is_blocked_where_less_is_allowed(R, slope_max):
+def test_ramp_of_30_percent_is_blocked_where_less_is_allowed(R, slope_max, monkeypatch):
+    monkeypatch.setattr("readygo.common.maps.occupancy.SLOPE_MAX", slope_max)
     cloud = transform_cloud(two_levels([sheet((2, 0, 0), (2, 0, 0.6), (0, 5, 0))], 0.6), R)
-    plan = plan_scene(cloud, MapConfig(slope_max=slope_max))
+    plan = plan_scene(cloud, CONFIG)
     below, ramp = (np.asarray(R) @ (x, 2.5, 0.0) for x in (1.0, 3.0))
     assert not state(plan.robot, *below[:2])
     assert state(plan.robot, *ramp[:2]) is (slope_max < 0.3)

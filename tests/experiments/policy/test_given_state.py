@@ -31,7 +31,7 @@ WIDTH = RAYS + 7 + 2 * HUMAN_WIDTH
 
 @pytest.fixture(scope="module")
 def course():
-    return Course("embedded", None, seed=3, timed_margin_m=0.9)
+    return Course("embedded", None, seed=3)
 
 
 @pytest.fixture(scope="module")
@@ -48,10 +48,6 @@ def samples_of(learner, told, command, risks, count=40):
     """What the learner takes up: everywhere the same."""
     ahead = tuple((0.0, 0.0) if step != AHEAD_STEPS else command for step in range(AHEAD_STEPS + 1))
     learner.add([told] * count, SimpleNamespace(expert_commands=[ahead] * count, risks=[bytes(risks)] * count))
-
-
-def test_teacher_is_as_cautious_as_asked_for(course):
-    assert course.planner.ground.config.timed_margin_m == 0.9
 
 
 def test_senses_tell_goal_speed_and_known_humans_in_the_robots_frame(course):

@@ -74,10 +74,12 @@ def test_settings_that_make_no_sense_are_refused(wrong):
         config_of([wrong], 1.0)
 
 
-def test_probe_scores_what_it_was_not_trained_on():
+def test_probe_scores_what_it_was_not_trained_on(monkeypatch):
+    monkeypatch.setattr("readygo.services.trainer.views.MIRRORED", 0.0)
+    monkeypatch.setattr("readygo.services.trainer.schedule.WARM_UP_STEPS", 1)
     source = make_source(episodes=10)
     source.has_expert = source.has_risks = True
-    learning = ("samples=960", "mirror=0", "warm_up_steps=1", "ema_decay=0", "learning_rate=0.01")
+    learning = ("samples=960", "ema_decay=0", "learning_rate=0.01")
     row = probe(source, config_of([*QUICK, *learning], 1.0))
     json.dumps(row)
     assert (row["training_episodes"], row["held_out_episodes"], row["samples_seen"]) == (8, 2, 960)

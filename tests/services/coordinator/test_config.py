@@ -8,10 +8,6 @@ from readygo.services.coordinator import CoordinatorConfig
     [
         {"lease_s": 0.0},
         {"plan_ahead": 0},
-        {"failures_max": 0},
-        {"deaths_max": 0},
-        {"aside_max": -1},
-        {"rejections_max": -1},
     ],
 )
 def test_numbers_must_be_positive(wrong: dict[str, float]) -> None:
@@ -20,7 +16,7 @@ def test_numbers_must_be_positive(wrong: dict[str, float]) -> None:
 
 
 def test_smallest_numbers_are_taken() -> None:
-    config = CoordinatorConfig(lease_s=0.1, plan_ahead=1, failures_max=1, rejections_max=1)
+    config = CoordinatorConfig(lease_s=0.1, plan_ahead=1)
     assert (config.lease_s, config.plan_ahead) == (0.1, 1)
 
 

@@ -1,5 +1,7 @@
 from pathlib import Path
 
+import pytest
+
 from readygo.common.messages import (
     ClaimStatus,
     Stage,
@@ -53,14 +55,17 @@ def test_rejected_index_is_replaced_by_the_next_one(line: Line) -> None:
 
 
 def test_scene_in_which_every_index_is_rejected_ends_the_run(tmp_path: Path) -> None:
-    line = Line(tmp_path, wanted=2, rejections_max=5)
+    line = Line(tmp_path, wanted=2)
     while (claim := line.claim(HUMAN_PLAN)).status is ClaimStatus.LEASE:
         line.complete(HUMAN_PLAN, claim, rejected="no path")
-    assert line.status().failed == "5 indices were rejected and 0 accepted: no path (5)."
+    assert line.status().failed == "200 indices were rejected and 0 accepted: no path (200)."
 
 
-def test_many_rejections_do_not_end_a_run_that_accepts_one_in_twenty(tmp_path: Path) -> None:
-    line = Line(tmp_path, wanted=40, rejections_max=5)
+def test_many_rejections_do_not_end_a_run_that_accepts_one_in_twenty(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("readygo.services.coordinator.giving_up.REJECTIONS_MAX", 5)
+    line = Line(tmp_path, wanted=40)
     line.plan()
     for _ in range(20):
         line.complete(HUMAN_PLAN, line.claim(HUMAN_PLAN), rejected="no path")

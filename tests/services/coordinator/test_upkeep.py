@@ -38,12 +38,11 @@ def test_dead_workers_leases_are_free_at_once(line: Line) -> None:
     assert line.complete(HUMAN_PLAN, alive, worker="alive", result=b"x") is VerdictStatus.OK
 
 
-def test_episode_that_kills_its_workers_is_set_aside(tmp_path: Path) -> None:
-    line = Line(tmp_path, deaths_max=2)
-    for _ in range(2):
+def test_episode_that_kills_its_workers_is_set_aside(line: Line) -> None:
+    for _ in range(8):
         line.claim(HUMAN_PLAN, "doomed", role="human-planner", session="first")
         requeue_lost(line.coordinator, holder=_life("doomed"))
-    assert line.status().rejected == {"set aside: 2 workers ended while they held it": 1}
+    assert line.status().rejected == {"set aside: 8 workers ended while they held it": 1}
 
 
 def test_lease_ends_with_the_very_life_of_the_worker_that_took_it(line: Line) -> None:
@@ -60,8 +59,9 @@ def test_lease_ends_with_the_very_life_of_the_worker_that_took_it(line: Line) ->
         assert line.complete(HUMAN_PLAN, claim, worker=worker, result=b"x") is VerdictStatus.OK
 
 
-def test_deaths_at_earlier_stages_are_forgotten(tmp_path: Path) -> None:
-    line = Line(tmp_path, wanted=1, deaths_max=2)
+def test_deaths_at_earlier_stages_are_forgotten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("readygo.services.coordinator.upkeep.DEATHS_MAX", 2)
+    line = Line(tmp_path, wanted=1)
     for stage in (HUMAN_PLAN, ANIMATE, ROBOT_PLAN, RENDER):
         line.claim(stage, "preempted", role="all", session=stage.name)
         requeue_lost(line.coordinator, holder=Holder(worker="preempted", role="all", session=stage.name))

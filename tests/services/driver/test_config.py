@@ -8,7 +8,7 @@ from readygo.services.driver import DriverConfig
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"disturbed": 1.1}, {"disturbed": float("nan")}, {"push": -0.1}, {"push_time_s": 0.0}, {"late_max_s": 1.5}],
+    [{"disturbed": 1.1}, {"disturbed": float("nan")}],
 )
 def test_what_makes_no_disturbance_is_refused_by_name(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=next(iter(wrong))):
@@ -23,15 +23,12 @@ def test_defaults_are_those_of_the_runs_that_name_none() -> None:
     assert section_to_mapping(DriverConfig()) == {
         "camera_hz": None,
         "disturbed": 0.0,
-        "push": 0.5,
-        "push_time_s": 0.5,
-        "late_max_s": 0.3,
     }
 
 
 @pytest.mark.parametrize(
     ("name", "low", "high"),
-    [("disturbed", 0.0, 1.0), ("push", 0.0, 10.0), ("push_time_s", 0.05, 60.0), ("late_max_s", 0.0, 1.0)],
+    [("disturbed", 0.0, 1.0)],
 )
 def test_limits_are_allowed_and_what_is_beyond_them_is_not(name: str, low: float, high: float) -> None:
     for value in (low, high):

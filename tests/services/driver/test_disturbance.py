@@ -6,7 +6,7 @@ import pytest
 from readygo.common.episode import Purpose, episode_rng
 from readygo.common.messages import EpisodeKey, Split
 from readygo.common.robot import RobotConfig
-from readygo.services.driver import Disturbance, DriverConfig, disturbs
+from readygo.services.driver import Disturbance, disturbs
 
 ROBOT = RobotConfig(a_max_mps2=2.0, alpha_max_radps2=4.0)
 STEPS = 400
@@ -18,7 +18,7 @@ def _key(index: int) -> EpisodeKey:
 
 def _pushes(index: int, **settings: float) -> np.ndarray:
     """What comes on top of an expert that wants to stand still."""
-    disturbance = Disturbance(_key(index), DriverConfig(late_max_s=0.0, **settings), ROBOT)
+    disturbance = Disturbance(_key(index), ROBOT, late_max_s=0.0, **settings)
     still = [((0.0, 0.0),) * 21]
     return np.array([disturbance.command(still) for _ in range(STEPS)])
 
@@ -44,12 +44,12 @@ def test_command_is_what_was_wanted_some_time_ago_for_the_end_of_the_held_steps_
 ) -> None:
     """At step t, the expert wants v = 100 t + k and w = -v for the k-th step from there on."""
     robot = RobotConfig(control_hz=control_hz, camera_hz=camera_hz, a_max_mps2=1.7, alpha_max_radps2=4.3)
-    clock, config = robot.clock, DriverConfig(push=0.8, push_time_s=0.35, late_max_s=0.3)
+    clock = robot.clock
     keep = math.exp(-clock.dt_s / 0.35)
     would = [tuple((100.0 * t + k, -100.0 * t - k) for k in range(21)) for t in range(25)]
     found = set()
     for index in range(80):
-        disturbance = Disturbance(_key(index), config, robot)
+        disturbance = Disturbance(_key(index), robot, push=0.8, push_time_s=0.35)
         stream = episode_rng(_key(index), Purpose.DISTURBANCE)
         stream.random()
         lag = int(stream.integers(0, lags))
@@ -65,9 +65,9 @@ def test_command_is_what_was_wanted_some_time_ago_for_the_end_of_the_held_steps_
 
 
 def test_last_command_of_a_short_plan_is_held() -> None:
-    config = DriverConfig(push=0.0, late_max_s=0.0)
+    calm = {"push": 0.0, "late_max_s": 0.0}
     plan = ((0.1, 0.2), (0.3, 0.4), (0.5, 0.6))
-    assert [Disturbance(_key(0), config, ROBOT).command([plan], held) for held in (1, 3, 9)] == [
+    assert [Disturbance(_key(0), ROBOT, **calm).command([plan], held) for held in (1, 3, 9)] == [
         plan[0],
         *[plan[2]] * 2,
     ]

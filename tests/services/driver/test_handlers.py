@@ -10,10 +10,10 @@ from readygo.common.errors import PolicyError
 from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.messages import Driver, EpisodeKey, EpisodeMotions, Outcome, Scenario, Split
 from readygo.common.robot import RobotConfig
-from readygo.services.driver import Disturbance, DriverConfig, drive, driver_of
+from readygo.services.driver import Disturbance, drive, driver_of
 
 START_X_M = 2.0
-CALM = DriverConfig(push=0.0, late_max_s=0.0)
+CALM = {"push": 0.0, "late_max_s": 0.0}
 
 
 class _Expert:
@@ -109,7 +109,7 @@ def test_robot_that_holds_commands_has_the_planned_speeds_at_the_end_of_each(
     make_simulation: Callable[..., EpisodeSimulation], control_hz: int, held: int
 ) -> None:
     robot = RobotConfig(control_hz=control_hz, camera_hz=30)
-    for disturbance in (None, Disturbance(EpisodeKey(seed=0, split=Split.TRAIN, index=0), CALM, robot)):
+    for disturbance in (None, Disturbance(EpisodeKey(seed=0, split=Split.TRAIN, index=0), robot, **CALM)):
         simulation = make_simulation(time_limit_s=1.0, robot=robot)
         driven = drive(simulation, _Expert(), _Weigher(), disturbance=disturbance)
         assert len(driven.trajectory.actions) == 30
@@ -188,7 +188,7 @@ def test_disturbed_expert_says_what_it_would_do_at_the_states_that_it_comes_to(
     make_simulation: Callable[..., EpisodeSimulation],
 ) -> None:
     simulation, expert = make_simulation(time_limit_s=1.0), _Expert()
-    disturbance = Disturbance(simulation.scenario.episode, DriverConfig(push=2.0), simulation.robot)
+    disturbance = Disturbance(simulation.scenario.episode, simulation.robot, push=2.0)
     driven = drive(simulation, expert, _Weigher(), disturbance=disturbance)
     assert expert.asked_at == list(range(20))
     executed = driven.trajectory.actions

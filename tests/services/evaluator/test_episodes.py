@@ -18,8 +18,9 @@ def test_indices_do_not_depend_on_the_tasks_asked_for(make_evaluator):
         assert sorted({record.episode.index for record in reply.records}) == [0, 2, 4]
 
 
-def test_scene_that_yields_no_episode_is_named(make_evaluator, services):
+def test_scene_that_yields_no_episode_is_named(make_evaluator, services, monkeypatch):
+    monkeypatch.setattr("readygo.services.evaluator.episodes.REJECTED_MAX", 20)
     services.reject_all = True
     with pytest.raises(SceneError, match="no way to the goal"):
-        handle_evaluate(make_evaluator(rejected_max=20), EvaluateRequest(episodes=1))
+        handle_evaluate(make_evaluator(), EvaluateRequest(episodes=1))
     assert len(services.requests) == 20

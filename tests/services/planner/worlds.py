@@ -112,7 +112,6 @@ def make_human_planner(
         RobotConfig(),
         episode or EpisodeConfig(),
         config or HumanPlannerConfig(),
-        cell_margin_m=ExpertConfig().cell_margin_m,
         scenarios=scenarios,
         make_expert=make_expert,
     )

@@ -12,7 +12,7 @@ from readygo.services.reconstructor.poses.config import PosesConfig
 from tests.services.reconstructor.synthetic import synthetic_database
 
 
-def map_of_few_matches(folder: Path) -> dict[str, Any]:
+def map_of_few_matches(folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """What comes of five images all of which are wanted, the last of which has 20 matches with each other one."""
     pytest.importorskip("pycolmap", reason="pycolmap is not installed")
     (folder / "matches").mkdir(parents=True)
@@ -20,12 +20,15 @@ def map_of_few_matches(folder: Path) -> dict[str, Any]:
     (folder / "matches" / "images").rename(folder / "frames")
     (folder / "map").mkdir()
     source = Source(path=folder, kind="photos", identity=())
-    config = ReconstructorConfig(poses=PosesConfig(threads=1, registered_min=1.0))
+    monkeypatch.setattr("readygo.services.reconstructor.mapping.REGISTERED_MIN", 1.0)
+    config = ReconstructorConfig(poses=PosesConfig(threads=1))
     return dict(make_map(folder, source, {"names": ["1", "2", "3", "4", "5"]}, [], config, folder / "map"))
 
 
-def test_images_with_few_matches_have_a_pose_where_too_few_have_one(tmp_path: Path) -> None:
-    made = map_of_few_matches(tmp_path)
+def test_images_with_few_matches_have_a_pose_where_too_few_have_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = map_of_few_matches(tmp_path, monkeypatch)
     assert made["verdict"]["registered"] == 5
     assert len(colmap.read_map(tmp_path / "map" / "0").names) == 4
     assert len(colmap.read_map(tmp_path / "map" / made["model"]).names) == 5
@@ -39,4 +42,4 @@ def test_maps_of_few_matches_must_come_out_the_same_again(tmp_path: Path, monkey
 
     monkeypatch.setattr(colmap, "build_maps", nothing_again)
     with pytest.raises(SceneError, match=r"made twice, the map has 5 images, then 0"):
-        map_of_few_matches(tmp_path)
+        map_of_few_matches(tmp_path, monkeypatch)

@@ -152,10 +152,9 @@ def make_episode():
 
 
 QUICK = with_overrides(
-    TrainConfig(samples=640, threads=1, precision="fp32", validate_every=160, validation_samples=60),
+    TrainConfig(samples=640, threads=1, precision="fp32", validate_every=160),
     batch_size=32,
     shift_px=0,
-    mirror=0.0,
     yaw_error_rad=0.0,
 )
 

@@ -13,8 +13,13 @@ from readygo.services.trainer.live import DECAY_FILE, REFUSALS_MAX, STOP_FILE, L
 from tests.services.trainer.conftest import make_source, quick
 from tests.services.trainer.test_episodes import message, sample
 
-CONFIG = quick(samples=320, first_episodes=3, offer_every_s=0.2, validation_fraction=0.2, ahead_s=0.05)
-OFTEN = quick(samples=320, first_episodes=3, offer_every_s=1e-6)
+CONFIG = quick(samples=320, offer_every_s=0.2, validation_fraction=0.2, ahead_s=0.05)
+OFTEN = quick(samples=320, offer_every_s=1e-6)
+
+
+@pytest.fixture(autouse=True)
+def _few_episodes_are_enough(monkeypatch):
+    monkeypatch.setattr("readygo.services.trainer.live.FIRST_EPISODES", 3)
 
 
 def episode(index, **fields):
@@ -128,19 +133,17 @@ def test_stop_file_ends_training_with_a_policy_and_a_later_run_goes_on(make_trai
                 (tmp_path / STOP_FILE).touch()
             return episodes
 
-    trainer = make_trainer(quick(samples=10**9, first_episodes=3, catch_up_every_s=0.3), catch_up=StopsSoon())
+    trainer = make_trainer(quick(samples=10**9), catch_up=StopsSoon())
     assert trainer.train(threading.Event())["steps"] > 0
     assert not (tmp_path / STOP_FILE).exists()
     load_policy(tmp_path)
     steps = progress(tmp_path)["steps"]
-    again = make_trainer(quick(samples=32 * (steps + 3), first_episodes=3), catch_up=lambda: episodes)
+    again = make_trainer(quick(samples=32 * (steps + 3)), catch_up=lambda: episodes)
     assert again.train(threading.Event())["steps"] == steps + 3
 
 
 def test_decay_file_ends_training_after_a_fall(make_trainer, tmp_path):
-    trainer = make_trainer(
-        quick(samples=32000, first_episodes=3), catch_up=lambda: [("r", episode(k)) for k in range(5)]
-    )
+    trainer = make_trainer(quick(samples=32000), catch_up=lambda: [("r", episode(k)) for k in range(5)])
     (tmp_path / DECAY_FILE).touch()
     assert trainer.train(threading.Event())["steps"] < 100
 

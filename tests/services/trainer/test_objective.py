@@ -14,7 +14,7 @@ from readygo.common.messages import Driver
 from readygo.common.robot.command_grid import HUMAN, OBSTACLE, UNKNOWN_RISK
 from readygo.common.robot.command_grid import mirrored as mirrored_commands
 from readygo.services.trainer import objective as objective_module
-from readygo.services.trainer import with_overrides
+from readygo.services.trainer import views, with_overrides
 from readygo.services.trainer.episodes import read_episodes
 from readygo.services.trainer.goals import own_goals
 from readygo.services.trainer.light import draw_light
@@ -27,7 +27,17 @@ from tests.services.trainer.conftest import QUICK, quick
 
 LEFT = torch.tensor([1.0, -1.0])
 SAMPLES = np.arange(3, 120, 7)
-STILL = {"hindsight": 0.0, "photometric": 0.0, "previous_noise": 0.0, "previous_dropout": 0.0}
+
+
+@pytest.fixture(autouse=True)
+def _undisturbed(monkeypatch):
+    for module, name in (
+        (views, "MIRRORED"),
+        (views, "PHOTOMETRIC"),
+        (objective_module, "PREVIOUS_NOISE"),
+        (objective_module, "PREVIOUS_DROPOUT"),
+    ):
+        monkeypatch.setattr(module, name, 0.0)
 
 
 @pytest.fixture
@@ -35,7 +45,7 @@ def show(source):
     """What the network is shown in training."""
 
     def shown(dtype=torch.float32, **settings):
-        config = quick(**{"network": QUICK.network, **STILL, **settings})
+        config = quick(**{"network": QUICK.network, "hindsight": 0.0, **settings})
         part = build_parts(source, None, config)[0]
         objective = Objective(source.robot, config, timing_of(source.robot, config), dtype)
         return objective.training(part.table, part.frames, SAMPLES, np.random.default_rng(0)), part, objective
@@ -44,8 +54,10 @@ def show(source):
 
 
 @pytest.mark.parametrize("motion", ["poses", "command"])
-def test_mirrored_batch_is_the_flipped_image_with_goal_motion_and_turns_to_the_other_side(show, motion):
-    plain, mirrored = show(motion=motion)[0], show(motion=motion, mirror=1.0)[0]
+def test_mirrored_batch_is_the_flipped_image_with_goal_motion_and_turns_to_the_other_side(show, motion, monkeypatch):
+    plain = show(motion=motion)[0]
+    monkeypatch.setattr(views, "MIRRORED", 1.0)
+    mirrored = show(motion=motion)[0]
     signs = torch.tensor([1.0, -1, -1, 1, -1, -1, 1, -1] if motion == "poses" else [1.0, -1, 1])
     assert plain.goals_xy_m.abs().min() > 0
     assert plain.targets[:, 1].abs().max() > 0.5
@@ -74,11 +86,12 @@ def test_images_are_numbers_from_minus_one_to_one_in_channels_last(show):
     assert torch.equal(halves, images.to(torch.bfloat16))
 
 
-def test_previous_action_is_withheld_as_often_as_asked(show):
-    assert (show(motion="command", previous_dropout=1.0)[0].motion == 0).all()
+def test_previous_action_is_withheld_as_often_as_asked(show, monkeypatch):
     shown, part, objective = show(motion="command")
     assert (shown.motion[:, 2] == 1).all()
     assert (objective.plain(part.table, part.frames, SAMPLES, withheld=True).motion == 0).all()
+    monkeypatch.setattr(objective_module, "PREVIOUS_DROPOUT", 1.0)
+    assert (show(motion="command")[0].motion == 0).all()
 
 
 def test_loss_of_both_kinds_of_answers_is_least_at_the_target(show, source):
@@ -94,9 +107,11 @@ def test_loss_of_both_kinds_of_answers_is_least_at_the_target(show, source):
         assert math.isfinite(objective.loss(model, model.bins, shown).item())
 
 
-def test_risks_are_mirrored_with_the_batch_and_not_told_of_turned_images(show, source):
+def test_risks_are_mirrored_with_the_batch_and_not_told_of_turned_images(show, source, monkeypatch):
     source.has_risks = True
-    plain, mirrored = show()[0].risks, show(mirror=1.0)[0].risks
+    plain = show()[0].risks
+    monkeypatch.setattr(views, "MIRRORED", 1.0)
+    mirrored = show()[0].risks
     assert {0, OBSTACLE, HUMAN} == set(plain.flatten().tolist())
     assert not torch.equal(plain, mirrored)
     assert torch.equal(mirrored, plain[:, torch.from_numpy(mirrored_commands())])
@@ -123,7 +138,7 @@ def test_humans_count_where_there_are_any_and_the_data_say_so():
 
 @pytest.mark.parametrize("hindsight", [0.0, 1.0])
 def test_each_sample_sees_the_picture_of_its_episodes_goal_or_in_hindsight_a_later_frame(source, hindsight):
-    config = quick(**{**STILL, "goal": "both", "hindsight": hindsight})
+    config = quick(**{"goal": "both", "hindsight": hindsight})
     part = Part(source.robot, config, 1.0)
     for number, episode in enumerate(read_episodes(source)):
         goal = {"goal_image": (episode.images[number], *[b""] * (episode.sample_count - 1))}
@@ -151,7 +166,7 @@ def crooked(request, tmp_path_factory):
     robot, folder = CROOKED[request.param], tmp_path_factory.mktemp("data")
     changes = {"driver": Driver.EXPERT, "policy": "", "cameras": ()}
     write_crooked_shard(folder, EPISODES, 60, robot=robot, **changes)
-    config = quick(**STILL, motion="poses", ahead_s=AHEAD_S, frame_spacing_s=0.2, humans_weight=0.4)
+    config = quick(hindsight=0.0, motion="poses", ahead_s=AHEAD_S, frame_spacing_s=0.2, humans_weight=0.4)
     part = Part(robot, config, 1.0)
     for episode in read_episodes(Dataset(folder), with_humans=True):
         part.reservoir.add(episode)
@@ -166,7 +181,7 @@ def crooked(request, tmp_path_factory):
             light=draw_light(2, 0.0, np.random.default_rng(0)),
         )  # fmt: skip
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(objective_module, "draw_views", lambda *_: view)
+            patch.setattr(objective_module, "draw_views", lambda *_, **__: view)
             return objective.training(table, part.frames, samples, np.random.default_rng(0))
 
     return SimpleNamespace(robot=robot, config=config, recorded=recorded, samples=samples, show=show, table=table)
@@ -249,7 +264,7 @@ def test_mirrored_twice_and_turned_back_is_what_was_recorded(crooked):
 
 
 def test_pictures_of_goals_are_not_turned_with_the_robot(source, monkeypatch):
-    config = quick(**STILL, goal="both")
+    config = quick(hindsight=0.0, goal="both")
     part = Part(source.robot, config, 1.0)
     for number, episode in enumerate(read_episodes(source)):
         goal = {"goal_image": (episode.images[number + 3], *[b""] * (episode.sample_count - 1))}
@@ -257,7 +272,7 @@ def test_pictures_of_goals_are_not_turned_with_the_robot(source, monkeypatch):
     objective = Objective(source.robot, config, timing_of(source.robot, config), torch.float32)
 
     def show(yaw_rad):
-        def views(turnable, *_):
+        def views(turnable, *_, mirrors):
             count = len(turnable)
             return View(
                 yaws_rad=np.full(count, yaw_rad), shifts_px=np.tile([2, -3], (count, 1)),

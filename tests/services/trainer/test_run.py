@@ -27,22 +27,24 @@ def test_validations_come_after_equal_numbers_of_samples(make_run):
     assert all(math.isfinite(entry["train_loss"] + entry["validation_loss"]) for entry in run.history)
 
 
-def test_weights_of_the_highest_success_rate_are_chosen(make_run):
+def test_weights_of_the_highest_success_rate_are_chosen(make_run, monkeypatch):
+    monkeypatch.setattr("readygo.services.trainer.run.ROLLOUT_EVERY", 1)
     rates = iter([0.5, 0.75, 0.75, 0.5])
 
     def evaluate(folder):
         load_policy(folder)
         return next(rates)
 
-    run = make_run(evaluate, rollout_every=1)
+    run = make_run(evaluate)
     run.go(lambda _: None)
     assert run.chosen_step == run.history[2]["step"]
     assert [entry["success_rate"] for entry in run.history] == [0.5, 0.75, 0.75, 0.5]
     assert (run.out / CANDIDATE_FOLDER).exists()
 
 
-def test_loss_never_outranks_a_measured_success_rate(make_run):
-    run = make_run(lambda _: 0.0, rollout_every=2)
+def test_loss_never_outranks_a_measured_success_rate(make_run, monkeypatch):
+    monkeypatch.setattr("readygo.services.trainer.run.ROLLOUT_EVERY", 2)
+    run = make_run(lambda _: 0.0)
     for _ in range(15):
         run.step()
     assert len(run.history) == 3

@@ -3,7 +3,7 @@ import pytest
 from readygo.services.trainer.config import OptimizerConfig
 from readygo.services.trainer.schedule import Schedule
 
-CONFIG = OptimizerConfig(learning_rate=1e-3, warm_up_steps=50, decay_share=0.2)
+CONFIG = OptimizerConfig(learning_rate=1e-3, decay_share=0.2)
 
 
 def test_rate_warms_up_stays_and_falls_over_the_last_fifth():
@@ -36,17 +36,17 @@ def test_constant_rate_never_falls():
 
 
 def test_warm_up_and_fall_count_together():
-    schedule = Schedule(OptimizerConfig(learning_rate=2e-3, warm_up_steps=40, decay_share=0.5))
-    assert schedule.rate(9, 0.75) == pytest.approx(2e-3 * 10 / 40 * (0.01 + 0.99 * 0.5))
-    assert schedule.rate(39, 0.5) == pytest.approx(2e-3)
+    schedule = Schedule(OptimizerConfig(learning_rate=2e-3, decay_share=0.5))
+    assert schedule.rate(9, 0.75) == pytest.approx(2e-3 * 10 / 50 * (0.01 + 0.99 * 0.5))
+    assert schedule.rate(49, 0.5) == pytest.approx(2e-3)
     assert schedule.rate(100, 1.2) == pytest.approx(2e-5)
 
 
 def test_fall_over_the_whole_budget_cannot_be_begun_early():
-    schedule = Schedule(OptimizerConfig(learning_rate=1e-3, warm_up_steps=1, decay_share=1.0))
+    schedule = Schedule(OptimizerConfig(learning_rate=1e-3, decay_share=1.0))
     schedule.begin_decay(0.3)
     assert (schedule.decay_from, schedule.end) == (None, 1.0)
-    assert schedule.rate(5, 0.25) == pytest.approx(1e-3 * (0.01 + 0.99 * 0.75))
+    assert schedule.rate(50, 0.25) == pytest.approx(1e-3 * (0.01 + 0.99 * 0.75))
 
 
 def test_fall_is_not_begun_before_anything_is_spent():

@@ -14,9 +14,10 @@ def weights(folder):
     return (folder / "encoder.onnx").read_bytes() + (folder / "head.onnx").read_bytes()
 
 
-def test_policy_learns_what_the_images_tell(source, tmp_path):
+def test_policy_learns_what_the_images_tell(source, tmp_path, monkeypatch):
     # Brightness tells v here, so light must not vary.
-    config = quick(samples=4000, learning_rate=2e-3, photometric=0.0, ema_decay=0.98)
+    monkeypatch.setattr("readygo.services.trainer.views.PHOTOMETRIC", 0.0)
+    config = quick(samples=4000, learning_rate=2e-3, ema_decay=0.98)
     metrics = train(source, config, tmp_path)
     assert metrics["without_previous_ratio_w"] < 0.6
     assert metrics["without_previous_ratio_v"] < 0.6

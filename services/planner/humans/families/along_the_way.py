@@ -17,6 +17,14 @@ PASSING_M = 0.85
 """Least distance to the side at which a faster human overtakes the robot [m]: it cannot see who comes from behind."""
 SLOWER, FASTER = 0.75, 1.3
 """Speeds of humans who are overtaken and who overtake, as shares of the robot's: at most and at least."""
+_CROSSING_FRACTIONS = (0.3, 0.7)
+"""Shares of the robot's path between which it is crossed."""
+_CROSSING_ANGLES_RAD = (math.radians(45.0), math.radians(135.0))
+"""Angles to the robot's path between which it is crossed [rad]."""
+_MEETING_JITTER_S = 0.5
+"""Standard deviation of the time between robot and human at the crossing [s]."""
+_PARALLEL_OFFSET_M = 1.0
+"""Largest lateral offset of a parallel human [m]."""
 WALK_MIN_M = 1.0
 """Shorter walks are none [m]."""
 
@@ -37,13 +45,11 @@ def crossing_right(site: Site, rng: np.random.Generator, task: Task, wanted: int
 
 
 def _crossing(site: Site, rng: np.random.Generator, task: Task, turn: float | None) -> Encounter:
-    config, speed = site.config, site.speed_mps(rng)
-    fraction = rng.uniform(config.crossing_fraction_min, config.crossing_fraction_max)
-    low, high = math.radians(config.crossing_angle_min_deg), math.radians(config.crossing_angle_max_deg)
-    angle = rng.uniform(low, high)
+    speed, fraction = site.speed_mps(rng), rng.uniform(*_CROSSING_FRACTIONS)
+    angle = rng.uniform(*_CROSSING_ANGLES_RAD)
     if turn is None:
         turn = 1.0 if rng.random() < 0.5 else -1.0
-    meeting_s = max(0.0, site.drive.time_s(fraction * task.length_m) + rng.normal(0.0, config.meeting_jitter_s))
+    meeting_s = max(0.0, site.drive.time_s(fraction * task.length_m) + rng.normal(0.0, _MEETING_JITTER_S))
     before_m, after_m = min(max(speed * meeting_s, 1.5), 8.0), rng.uniform(2.0, 6.0)
     meeting, tangent = task.at(fraction)
     path = path_across(site, meeting, turned(tangent, turn * angle), before_m, after_m)
@@ -62,7 +68,7 @@ def path_across(
     x, y = direction
     before_m = site.paths.reach_m(meeting, (-x, -y), before_m)
     after_m = site.paths.reach_m(meeting, direction, after_m)
-    least_m = site.config.start_distance_min_m if before_min_m is None else before_min_m
+    least_m = site.spacing.start_distance_min_m if before_min_m is None else before_min_m
     if before_m < least_m or after_m < 1.0:
         return None
     return site.paths.path([moved(meeting, direction, -before_m), meeting, moved(meeting, direction, after_m)])
@@ -71,7 +77,7 @@ def path_across(
 def parallel(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> Encounter:
     """Beside the robot's way, with it or against it."""
     speed = site.speed_mps(rng)
-    offset = rng.uniform(-site.config.parallel_offset_m, site.config.parallel_offset_m)
+    offset = rng.uniform(-_PARALLEL_OFFSET_M, _PARALLEL_OFFSET_M)
     same = rng.random() < 0.5
     start, tangent = task.at(0.0)
     goal, goal_tangent = task.at(1.0)
@@ -145,9 +151,9 @@ def overtaking(site: Site, rng: np.random.Generator, task: Task, wanted: int) ->
     via = site.paths.settled(moved(*task.at(0.5), 0.0, offset), 0.2)
     short_m = rng.uniform(0.1, 1.5)
     b = _along(site, task, task.length_m + rng.uniform(1.7, 3.0), offset)
-    if b is None or apart_m(b, task.goal_m) < site.config.parked_distance_min_m:
+    if b is None or apart_m(b, task.goal_m) < site.spacing.parked_distance_min_m:
         # No room beyond the goal: they stop before it.
-        b = _along(site, task, task.length_m - site.config.parked_distance_min_m - short_m, offset)
+        b = _along(site, task, task.length_m - site.spacing.parked_distance_min_m - short_m, offset)
     if a is None or b is None or via is None or not _is_fair(site, task, a, b):
         return ()
     path = site.paths.path([a, via, b], detour_max=1.3)
@@ -186,7 +192,7 @@ def goalward(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> E
     if via is None:
         return ()
     path = path_across(site, via, turned(tangent, angle), min(speed * arrival_s, 8.0), after_m, before_min_m=2.5)
-    if path is None or apart_m(tuple(path[-1].tolist()), task.goal_m) < site.config.parked_distance_min_m:
+    if path is None or apart_m(tuple(path[-1].tolist()), task.goal_m) < site.spacing.parked_distance_min_m:
         return ()
     xy_m = timed_to_meet(path, via, arrival_s, speed)
     if xy_m is None or not is_goalward(site, task, xy_m):
@@ -218,8 +224,8 @@ def _along(site: Site, task: Task, along_m: float, offset_m: float) -> Point | N
 
 def _is_fair(site: Site, task: Task, start: Point, end: Point) -> bool:
     """True if a human starts away from the robot and ends away from its goal; asked before a dear search."""
-    away = apart_m(start, task.start_m) >= site.config.start_distance_min_m
-    return away and apart_m(end, task.goal_m) >= site.config.parked_distance_min_m
+    away = apart_m(start, task.start_m) >= site.spacing.start_distance_min_m
+    return away and apart_m(end, task.goal_m) >= site.spacing.parked_distance_min_m
 
 
 def _turn_rad(site: Site, task: Task, xy_m: Float64Array, step: int) -> float:

@@ -20,13 +20,18 @@ from readygo.services.planner.humans.timing import (
 
 Float64Array = npt.NDArray[np.float64]
 
+_HIDDEN_UNTIL_S = 2.0
+"""A human who comes round a blind corner is hidden from the robot's expected path until this long before they meet
+[s]."""
+_PAUSES_S = (1.5, 4.0)
+"""Shortest and longest pause of humans who stop and go [s]."""
 _GROUP_STEP_M = 0.35
 _GROUP_SPEED_MPS = 0.5
 
 
 def blind_corner(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> Encounter:
     """Out from behind an obstacle: hidden from the robot's expected way until shortly before the meeting."""
-    speed, hidden_s = site.speed_mps(rng), site.config.hidden_until_s
+    speed, hidden_s = site.speed_mps(rng), _HIDDEN_UNTIL_S
     fraction = rng.uniform(0.25, 0.85)
     angle = rng.uniform(math.radians(40), math.radians(140)) * (1.0 if rng.random() < 0.5 else -1.0)
     meeting, tangent = task.at(fraction)
@@ -48,7 +53,7 @@ def blind_corner(site: Site, rng: np.random.Generator, task: Task, wanted: int) 
 def is_blind_corner(site: Site, task: Task, xy_m: Float64Array) -> bool:
     """True if robot and human come within 0.7 m, and nothing of the human is in sight until shortly before."""
     step, gap_m = site.nearest_to_robot(task, xy_m)
-    first = max(step - round(site.config.hidden_until_s / DT_S), 0)
+    first = max(step - round(_HIDDEN_UNTIL_S / DT_S), 0)
     if gap_m > 0.7 or first == 0:
         return False
     robot, human = site.drive.rows(task, first).tolist(), first_rows(xy_m, first).tolist()
@@ -122,8 +127,8 @@ def standing_group(site: Site, rng: np.random.Generator, task: Task, wanted: int
         region = site.paths.component(centre)
         if not region or not region == site.paths.component(place) == site.paths.component(outside):
             return ()
-        apart = apart_m(outside, task.start_m) >= site.config.start_distance_min_m
-        if not apart or apart_m(place, task.goal_m) < site.config.parked_distance_min_m:
+        apart = apart_m(outside, task.start_m) >= site.spacing.start_distance_min_m
+        if not apart or apart_m(place, task.goal_m) < site.spacing.parked_distance_min_m:
             return ()
         step = timed(np.array([outside, place]), _GROUP_SPEED_MPS, wait_s=rng.uniform(0.1, 0.8))
         group.append(Walk(speed_mps=_GROUP_SPEED_MPS, xy_m=step))
@@ -133,7 +138,7 @@ def standing_group(site: Site, rng: np.random.Generator, task: Task, wanted: int
 def stop_and_go(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> Encounter:
     """Across the way or against it, with a pause on it or shortly before."""
     speed, fraction = site.speed_mps(rng), rng.uniform(0.3, 0.7)
-    pause_s = rng.uniform(site.config.pause_min_s, site.config.pause_max_s)
+    pause_s = rng.uniform(*_PAUSES_S)
     early_s, short_m = rng.uniform(0.0, 2.0), rng.uniform(0.0, 1.0)
     meeting_s = site.drive.time_s(fraction * task.length_m)
     meeting, tangent = task.at(fraction)

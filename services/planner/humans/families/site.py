@@ -12,7 +12,7 @@ from readygo.common.episode import EpisodeConfig
 from readygo.common.maps import SightMap
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import DT_S
-from readygo.services.planner.humans.config import HumanPlannerConfig
+from readygo.services.planner.humans.config import Spacing
 from readygo.services.planner.humans.passages import Passage, find_passages
 from readygo.services.planner.humans.paths import HumanPathPlanner
 from readygo.services.planner.humans.robot_task import ExpectedDrive, Point, Task
@@ -33,7 +33,7 @@ class Site:
     paths: HumanPathPlanner
     robot: RobotConfig
     episode: EpisodeConfig
-    config: HumanPlannerConfig
+    spacing: Spacing
     drive: ExpectedDrive
     find_sight: Callable[[], SightMap]
     """What hides humans from a camera: dear, so only asked for where a family needs it."""
@@ -54,7 +54,7 @@ class Site:
         return find_passages(
             self.paths.clearance,
             self.paths.frame,
-            walkable_m=self.config.route_clearance_m,
+            walkable_m=self.spacing.route_clearance_m,
             width_max_m=PASSAGE_WIDTH_MAX_M,
             wider_m=PASSAGE_WIDER_M,
         )

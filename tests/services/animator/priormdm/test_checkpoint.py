@@ -105,7 +105,7 @@ def test_weights_that_are_no_plain_state_dict_are_refused(release):
 def test_missing_files_are_named(release, name):
     folder, config = release
     with pytest.raises(ConfigError, match="absent"):
-        load_model(dataclasses.replace(config, **{name: str(folder / "absent")}, args=str(folder / "args.json")))
+        load_model(dataclasses.replace(config, **{name: str(folder / "absent")}))
     with pytest.raises(ConfigError, match=rf"not set: priormdm\.{name};.*github\.com/priorMDM"):
         load_model(dataclasses.replace(config, **{name: ""}))
 

@@ -49,8 +49,9 @@ def test_paused_run_gives_no_work_until_resumed(line: Line) -> None:
     assert line.status().failed.startswith("The run was cancelled")
 
 
-def test_large_result_is_fetched_in_chunks(tmp_path: Path) -> None:
-    line = Line(tmp_path, inline_bytes=10, blob_chunk_bytes=7)
+def test_large_result_is_fetched_in_chunks(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("readygo.services.coordinator.handlers.workers.INLINE_BYTES", 10)
+    monkeypatch.setattr("readygo.services.coordinator.handlers.run.BLOB_CHUNK_BYTES", 7)
     line.complete(HUMAN_PLAN, line.claim(HUMAN_PLAN), result=bytes(range(100)))
     (blob,) = line.claim(ANIMATE).inputs
     assert blob.data == b""

@@ -8,7 +8,8 @@ from readygo.common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
 from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.robot import RobotConfig
 from readygo.services.planner import ExpertConfig
-from readygo.services.planner.expert.ground import SceneGround, cropped
+from readygo.services.planner.expert import ground as expert_ground
+from readygo.services.planner.expert.ground import HIGH_FACTOR, SceneGround, cropped
 from tests.services.planner.worlds import FRAME, rooms
 
 
@@ -57,7 +58,7 @@ def test_ground_between_robots_radius_and_planning_radius_is_dear_and_the_rest_a
     ground = _ground(rooms())
     tight = (ground.static_factor == 0) & (ground.tight_factor > 0)
     assert tight.any()
-    assert (ground.tight_factor[tight] == ExpertConfig().dear_factor).all()
+    assert (ground.tight_factor[tight] == HIGH_FACTOR).all()
     assert ground.clearance[tight].min() > RobotConfig().radius_m
     assert np.array_equal(ground.tight_factor[~tight], ground.static_factor[~tight])
     assert ground.static_factor[ground.clearance > 1.0].max() == FREE
@@ -99,11 +100,11 @@ def test_grids_of_robot_and_humans_may_differ():
     assert local.human_ways[0][local.human_frame.cell(-2.0, 3.0)] == 0
 
 
-def test_ground_of_the_flat_for_a_crooked_robot_is_as_it_was(golden_figures):
+def test_ground_of_the_flat_for_a_crooked_robot_is_as_it_was(golden_figures, monkeypatch):
+    monkeypatch.setattr(expert_ground, "WALL_COST", 0.9)
+    monkeypatch.setattr(expert_ground, "WALL_DISTANCE_M", 0.31)
     robot = RobotConfig(radius_m=0.28, planning_radius_m=0.37)
-    ground = SceneGround(
-        rooms(), rooms(), None, robot, EpisodeConfig(), ExpertConfig(wall_cost=0.9, wall_distance_m=0.31)
-    )
+    ground = SceneGround(rooms(), rooms(), None, robot, EpisodeConfig(), ExpertConfig())
     golden_figures(
         "expert/ground",
         ground.static_factor[::3, ::3].reshape(-1),

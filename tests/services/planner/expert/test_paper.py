@@ -30,8 +30,12 @@ def test_plan_keeps_off_the_straight_prediction_of_who_walks_across():
 def test_plans_are_made_anew_after_the_period_and_not_before_the_least_interval():
     searched = np.flatnonzero(run().journal.searched)
     assert np.diff(searched).max() == 10
-    often = np.flatnonzero(run([(1.0, 4.7)], replan_interval_min_s=0.2).journal.searched)
-    assert np.diff(often).min() == 4
+    often = np.flatnonzero(
+        run(
+            [(1.0, 4.7)],
+        ).journal.searched
+    )
+    assert np.diff(often).min() == 2
 
 
 def test_robot_passes_who_stands_on_its_way():

@@ -5,13 +5,12 @@ import pytest
 
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import DT_S
-from readygo.services.planner import ExpertConfig
 from readygo.services.planner.expert.delay import nearness_cost
 from readygo.services.planner.expert.primitive_cost import CHECK_STEPS, check_reaches, find_near, human_cost
 from readygo.services.planner.expert.records import HumansAhead
 from readygo.services.planner.expert.timed_primitives import make_timed_primitives
 
-ROWS = make_timed_primitives(RobotConfig(), ExpertConfig()).table.rows
+ROWS = make_timed_primitives(RobotConfig()).table.rows
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -10,6 +10,7 @@ from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.messages import Outcome, Scenario
 from readygo.common.robot import RobotConfig
 from readygo.services.planner import ExpertConfig, RobotPlanner
+from readygo.services.planner.expert.config import GEAR_COST_M, REVERSE_COST
 from readygo.services.planner.expert.handlers import drive
 from readygo.services.planner.expert.hybrid_astar import make_primitives
 from readygo.services.planner.expert.records import State, robot_limits
@@ -49,8 +50,8 @@ def test_robot_that_hardly_turns_leaves_a_dead_end_backwards_or_not_at_all():
 
 @pytest.mark.parametrize("mode", ["spacetime", "paper"])
 def test_short_way_back_is_driven_backwards_and_a_robot_that_cannot_turns_first(mode):
-    config = {"mode": mode, "reverse_cost": 0.2}
-    back, turned = driven(BACKWARD, 4.3, **config), driven(FORWARD, 4.3, **config)
+    slow = {"w_max_radps": 0.5}
+    back, turned = (driven(replace(robot, **slow), 4.3, mode=mode) for robot in (BACKWARD, FORWARD))
     assert (back.outcome, turned.outcome) == (Outcome.SUCCESS, Outcome.SUCCESS)
     assert back.actions[:, 0].min() < -0.2
     assert turned.actions[:, 0].min() == 0.0
@@ -71,9 +72,7 @@ def test_expert_keeps_the_robots_rates_and_does_not_leave_its_plan_for_them():
 
 
 def test_primitives_backwards_cost_more_and_so_does_the_change():
-    config = ExpertConfig(reverse_cost=1.0, gear_cost_m=0.3)
-    primitives = make_timed_primitives(BACKWARD, config)
-    plain = make_timed_primitives(FORWARD, config)
+    primitives, plain = make_timed_primitives(BACKWARD), make_timed_primitives(FORWARD)
     assert primitives.rules.v_levels.tolist() == [-0.5, *plain.rules.v_levels.tolist()]
     turns, table = primitives.turn_level_count, primitives.table
     standing = turns + turns // 2
@@ -83,11 +82,11 @@ def test_primitives_backwards_cost_more_and_so_does_the_change():
     back, ahead = straight[-0.5], straight[0.5]
     assert table.rows[back, -1, 0] == pytest.approx(-table.rows[ahead, -1, 0])
     extra_m = float(table.costs[back] - table.costs[ahead])
-    assert extra_m == pytest.approx(config.gear_cost_m + config.reverse_cost * table.lengths_m[back])
+    assert extra_m == pytest.approx(GEAR_COST_M + REVERSE_COST * table.lengths_m[back])
 
 
 def test_paths_backwards_are_arcs_too():
-    primitives = make_primitives(BACKWARD, ExpertConfig())
+    primitives = make_primitives(BACKWARD)
     ends = [primitives.offsets[p, primitives.sample_counts[p] - 1] for p in range(len(primitives.costs))]
     assert len(ends) == 15
     for p in range(9, 15):

@@ -10,6 +10,7 @@ from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner import ExpertConfig
 from readygo.services.planner.expert.ground import SceneGround
 from readygo.services.planner.expert.records import HumansAhead
+from readygo.services.planner.expert.spacetime import NEARNESS_COST
 from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch
 from tests.services.planner.worlds import FRAME, rooms
 
@@ -27,7 +28,7 @@ def _humans(*paths):
         chances=np.ones(count),
         contact_m=CONTACT_M,
         widths_m=np.full((count, STEPS), 0.2),
-        weight=CONFIG.nearness_cost,
+        weight=NEARNESS_COST,
     )
 
 
@@ -35,7 +36,7 @@ def _plan(state, goal_m, humans, occupancy=None, robot=ROBOT):
     occupancy = occupancy or rooms()
     ground = SceneGround(occupancy, occupancy, None, robot, EpisodeConfig(), CONFIG)
     local = ground.around(state[:2], goal_m)
-    search = SpaceTimeSearch(robot, CONFIG, goal_tolerance_m=0.5)
+    search = SpaceTimeSearch(robot, horizon_s=4.0, goal_tolerance_m=0.5)
     return search.search(local.tight_factor, local.to_goal, local.obstacles, state, goal_m, humans)
 
 
@@ -90,7 +91,7 @@ def test_no_plan_where_the_robot_cannot_take_a_step():
     ground = SceneGround(occupancy, occupancy, None, ROBOT, EpisodeConfig(), CONFIG)
     local = ground.around(state[:2], goal_m)
     blocked = np.zeros_like(local.tight_factor)
-    search = SpaceTimeSearch(ROBOT, CONFIG, goal_tolerance_m=0.5)
+    search = SpaceTimeSearch(ROBOT, horizon_s=4.0, goal_tolerance_m=0.5)
     assert search.search(blocked, local.to_goal, local.obstacles, state, goal_m, _humans()) is None
 
 
@@ -102,7 +103,7 @@ def test_a_human_who_surrounds_the_robot_still_leaves_a_least_evil(chance):
         chances=np.array([chance]),
         contact_m=CONTACT_M,
         widths_m=np.full((1, STEPS), 0.2),
-        weight=CONFIG.nearness_cost,
+        weight=NEARNESS_COST,
     )
     plan = _plan(state, goal_m, humans)
     assert plan is not None

@@ -3,7 +3,6 @@ import pytest
 
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import DT_S
-from readygo.services.planner import ExpertConfig
 from readygo.services.planner.expert.timed_primitives import make_timed_primitives
 
 ROBOT = RobotConfig()
@@ -11,7 +10,7 @@ ROBOT = RobotConfig()
 
 @pytest.fixture
 def primitives():
-    return make_timed_primitives(ROBOT, ExpertConfig())
+    return make_timed_primitives(ROBOT)
 
 
 def used(primitives):
@@ -74,7 +73,7 @@ def test_table_of_a_crooked_robot_is_as_it_was(golden_figures):
         control_hz=10, camera_hz=30, v_max_mps=0.9, v_min_mps=-0.4, w_max_radps=1.4, a_max_mps2=0.8,
         alpha_max_radps2=2.6,
     )  # fmt: skip
-    primitives = make_timed_primitives(robot, ExpertConfig(reverse_cost=0.7, gear_cost_m=0.2))
+    primitives = make_timed_primitives(robot)
     primitives.fill_root(-0.17, 0.31)
     table, used = primitives.table, int(primitives.table.first[-1])
     golden_figures("expert/timed primitives", table.rows[:used], table.costs[:used], table.lengths_m[:used])

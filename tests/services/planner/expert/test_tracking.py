@@ -20,7 +20,7 @@ ROBOT, Y_M = RobotConfig(), 6.0
 def tracker():
     config = ExpertConfig(mode="paper")
     ground = SceneGround(rooms(), rooms(), None, ROBOT, EpisodeConfig(), config)
-    return PathTracker(ground.around((-2.0, Y_M), (2.0, Y_M)), ROBOT, ground.contact_m, config)
+    return PathTracker(ground.around((-2.0, Y_M), (2.0, Y_M)), ROBOT, ground.contact_m)
 
 
 def straight(speed_mps=1.0):
@@ -60,7 +60,7 @@ def test_slower_stretch_ahead_is_reached_with_braking_to_spare(control_hz, a_max
     )
     config, dt_s = ExpertConfig(mode="paper"), robot.clock.dt_s
     ground = SceneGround(rooms(), rooms(), None, robot, EpisodeConfig(), config)
-    follower = PathTracker(ground.around((-2.0, Y_M), (2.0, Y_M)), robot, ground.contact_m, config)
+    follower = PathTracker(ground.around((-2.0, Y_M), (2.0, Y_M)), robot, ground.contact_m)
     angles = np.arange(0.0, 1.6, 0.02)
     xyyaw = np.column_stack([-2.6 + 2.1 * np.sin(angles), Y_M - 2.1 + 2.1 * np.cos(angles), -angles])
     wanted_mps = np.where(angles < 0.9, 1.3, 0.3)

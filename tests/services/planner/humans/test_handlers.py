@@ -31,9 +31,7 @@ def test_expert_is_asked_for_only_where_somebody_reacts():
 
 
 def test_rejected_draw_has_a_reason_and_no_scenario():
-    reply = handle_human_plan(
-        planner_of("doorway", slope_max=0.0, attempts=1, families_tried=1), HumanPlanRequest(episode=key(3))
-    )
+    reply = handle_human_plan(planner_of("doorway", slope_max=0.0, effort="quick"), HumanPlanRequest(episode=key(3)))
     assert (reply.scenario is None) == bool(reply.rejected)
 
 

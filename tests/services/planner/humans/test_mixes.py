@@ -59,9 +59,9 @@ def test_the_papers_mix_is_the_frozen_one(human_planner, request):
 
 @pytest.mark.parametrize("name", MIXES)
 def test_recipes_give_the_same_bytes_on_any_planner_and_keep_other_settings(name):
-    episode, config = MIXES[name](EpisodeConfig(time_limit_s=33.0), HumanPlannerConfig(start_margin_m=0.12))
+    episode, config = MIXES[name](EpisodeConfig(time_limit_s=33.0), HumanPlannerConfig(absent=0.12))
     assert episode.time_limit_s == 33.0
-    assert config.start_margin_m == 0.12
+    assert config.absent == 0.12
     one, other = (
         dataclasses.replace(config, mix=dataclasses.replace(config.mix)) if again else config for again in (0, 1)
     )

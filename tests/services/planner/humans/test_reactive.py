@@ -1,4 +1,5 @@
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -6,17 +7,18 @@ import pytest
 from readygo.common.episode import EpisodeConfig, meets_obstacle
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import HumanPlanRequest, HumanTrajectory, Outcome, Scenario, encode
-from readygo.services.planner import HumanPlannerConfig, handle_human_plan
+from readygo.services.planner import handle_human_plan
 from readygo.services.planner.expert.handlers import drive
 from readygo.services.planner.humans.handlers import let_react
 from readygo.services.planner.humans.reactive import ReactiveHumans
+from readygo.services.planner.humans.velocity_choice import Sight
 from tests.services.planner.worlds import animate, hall, key, planner_of, rooms
 
 FRONT = np.stack([np.arange(190) * 0.05 - 2.0, np.full(190, 7.0)], axis=1)
 """Along +x at 1 m/s from x = -2."""
 
 
-def walked(drawn, robot, steps=160, reacts=None, occupancy=None, **config):
+def walked(drawn, robot, steps=160, reacts=None, occupancy=None, cone_deg=200.0, range_m=5.0):
     """Where people go beside a robot that `robot(step)` places: x, y, vx, vy, or None."""
     people = ReactiveHumans(
         drawn,
@@ -24,7 +26,7 @@ def walked(drawn, robot, steps=160, reacts=None, occupancy=None, **config):
         occupancy or hall(),
         0.5,
         EpisodeConfig(),
-        HumanPlannerConfig(**config),
+        sight=Sight(cos_half_cone=math.cos(0.5 * math.radians(cone_deg)), range_m=range_m),
     )
     for step in range(steps):
         people.advance(robot(step))
@@ -62,9 +64,9 @@ def test_a_robot_that_comes_up_from_behind_is_seen_by_a_view_all_round_only():
 
     drawn = [FRONT[60:]]
     alone = walked(drawn, lambda _: None, 40)
-    assert np.array_equal(walked(drawn, robot, 40, reactive_cone_deg=180.0), alone)
+    assert np.array_equal(walked(drawn, robot, 40, cone_deg=180.0), alone)
     assert np.array_equal(walked(drawn, robot, 40), alone)
-    aware = walked(drawn, robot, 40, reactive_cone_deg=360.0)
+    aware = walked(drawn, robot, 40, cone_deg=360.0)
     assert np.abs(aware - alone)[:, 0].max() > 0.1
 
 
@@ -75,8 +77,8 @@ def test_a_robot_in_front_is_seen_up_to_the_edge_of_the_view():
         return -2.0 + 0.05 * step + 0.5 * apart_m, 7.0 + 0.87 * apart_m, 0.6, -0.7
 
     alone = walked([FRONT], lambda _: None, 40)
-    assert np.array_equal(walked([FRONT], crossing, 30, reactive_cone_deg=90.0), alone[:31])
-    assert np.abs(walked([FRONT], crossing, 40, reactive_cone_deg=150.0) - alone)[:, 0].max() > 0.1
+    assert np.array_equal(walked([FRONT], crossing, 30, cone_deg=90.0), alone[:31])
+    assert np.abs(walked([FRONT], crossing, 40, cone_deg=150.0) - alone)[:, 0].max() > 0.1
 
 
 def test_humans_avoid_each_other_and_whoever_does_not_react_keeps_to_the_rows():
@@ -155,8 +157,6 @@ def test_people_who_yield_to_a_robot_and_to_each_other_walk_as_they_did(golden_f
 
     against = np.column_stack([4.1 - 0.055 * np.arange(150), 7.4 - 0.004 * np.arange(150)])
     across = np.column_stack([1.2 + 0.006 * np.arange(120), 4.2 + 0.045 * np.arange(120)])
-    rows = walked(
-        [FRONT, against, across], robot, reacts=[True, False, True], reactive_range_m=3.7, reactive_cone_deg=170.0
-    )
+    rows = walked([FRONT, against, across], robot, reacts=[True, False, True], range_m=3.7, cone_deg=170.0)
     golden_figures("humans/reactive", rows.reshape(len(rows), -1))
     golden_figures("humans/in the flat", walked([FRONT - [0.0, 1.3]], robot, 90, occupancy=rooms())[:, 0])

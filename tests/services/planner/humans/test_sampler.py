@@ -146,7 +146,7 @@ def test_fewer_humans_come_where_no_more_find_room_if_that_is_asked_for():
     occupancy = OccupancyMap(frame=FRAME, occupied=closet)
     counts = {}
     for fewer in (False, True):
-        planner = planner_of(occupancy=occupancy, people=(0, 4), fewer_humans=fewer, attempts=20)
+        planner = planner_of(occupancy=occupancy, people=(0, 4), fewer_humans=fewer, effort="quick")
         replies = [handle_human_plan(planner, HumanPlanRequest(episode=key(index))) for index in range(12)]
         counts[fewer] = [len(reply.scenario.humans) for reply in replies if reply.scenario is not None]
     assert len(counts[False]) < 12

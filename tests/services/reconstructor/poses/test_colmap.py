@@ -57,8 +57,10 @@ def test_fainter_features_are_taken_where_there_are_few(
 
 
 def _feature_count(folder: Path, features_min: int) -> int:
-    config = PosesConfig(threads=1, features_min=features_min)
+    config = PosesConfig(threads=1)
     database = folder / "features.db"
-    extract_features(database, folder, ["a.png", "b.png"], config, focal_px=0.0, size_px=[320, 240])
+    extract_features(
+        database, folder, ["a.png", "b.png"], config, focal_px=0.0, size_px=[320, 240], features_min=features_min
+    )
     with pycolmap.Database.open(database) as db:
         return int(db.num_keypoints_for_image(db.read_all_images()[0].image_id))

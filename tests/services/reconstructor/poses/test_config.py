@@ -4,8 +4,8 @@ from readygo.services.reconstructor.poses.config import PosesConfig
 
 
 def test_numbers_out_of_range_are_refused() -> None:
-    with pytest.raises(ValueError, match="registered_min"):
-        PosesConfig(registered_min=1.5)
+    with pytest.raises(ValueError, match="threads"):
+        PosesConfig(threads=-1)
 
 
 @pytest.mark.parametrize(("count", "mapper"), [(3, "incremental"), (200, "incremental"), (201, "global")])

@@ -12,7 +12,7 @@ def test_good_map_is_taken() -> None:
     assert abs(verdict.reprojection_px - 0.3) < 1e-9
     assert verdict.loops > 0
     assert verdict.weakest_link == 400
-    assert refusal(verdict, registered_min=0.6) is None
+    assert refusal(verdict) is None
 
 
 def test_way_that_never_meets_itself_is_said_to_drift() -> None:
@@ -31,7 +31,7 @@ def test_bad_maps_are_refused_with_advice() -> None:
         (replace(good, reprojection_px=3.0), "off by 3.0 px"),
         (replace(good, points_per_image=9.0), "too little texture"),
     ]:
-        reason = refusal(bad, registered_min=0.6)
+        reason = refusal(bad)
         assert reason is not None
         assert words in reason
         assert "Film again" in reason

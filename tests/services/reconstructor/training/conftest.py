@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from readygo.common.drawing.files import write_png
+from readygo.services.reconstructor.training import density, schedule, train
 from readygo.services.reconstructor.training.drawing import draw, leaves_of, planes_of, quantised
 from readygo.services.reconstructor.training.parameters import Gaussians, initial_gaussians
 from readygo.services.reconstructor.training.photos import Photo
@@ -31,6 +32,18 @@ def camera(number: int) -> Photo:
     T[0, 3] = 0.12 * number - 0.3
     K = np.array([[FOCAL_PX, 0, SIZE_PX[1] / 2], [0, FOCAL_PX, SIZE_PX[0] / 2], [0, 0, 1]])
     return Photo(number=number, rgb=np.zeros((3, *SIZE_PX), np.float32), K_px=K, T_world_camera=T)
+
+
+@pytest.fixture
+def few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A training of 40 steps in which all happens that happens in thousands."""
+    for name, value in {
+        "COARSE": 2, "COARSE_END": 0.2, "CHANGE_EVERY": 10, "CHANGE_BEGIN": 0.1, "RESET_EVERY": 1.0, "TRIM_EVERY": 0.25,
+    }.items():  # fmt: skip
+        monkeypatch.setattr(schedule, name, value)
+    monkeypatch.setattr(density, "SCALE_MAX", 5.0)
+    monkeypatch.setattr(train, "_PREVIEW_EVERY", 25)
+    monkeypatch.setattr(train, "_SURFACES_BEGIN", 0.5)
 
 
 @pytest.fixture(scope="session")

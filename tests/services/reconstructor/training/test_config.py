@@ -19,8 +19,8 @@ def test_larger_presets_take_more_steps_and_gaussians() -> None:
 
 def test_bare_walls_are_not_split_for_absolute_gradients() -> None:
     density = weak_texture(preset("standard")).density
-    assert not density.absolute
-    assert density.opacity_min == 0.05
+    assert not density.needs_absolute
+    assert (density.gradient_min, density.opacity_min) == (2e-4, 0.05)
 
 
 def test_impossible_settings_are_refused() -> None:

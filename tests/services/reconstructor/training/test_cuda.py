@@ -10,7 +10,7 @@ import torch
 
 from readygo.common.errors import ReadygoError, RunError
 from readygo.services.reconstructor.training import cuda, train
-from readygo.services.reconstructor.training.config import DensityConfig, GaussiansConfig, GeometryConfig
+from readygo.services.reconstructor.training.config import GaussiansConfig, GeometryConfig
 from readygo.services.reconstructor.training.cpu import CpuEngine
 from readygo.services.reconstructor.training.cuda import CudaEngine, cuda_engine
 from readygo.services.reconstructor.training.density import Sightings, changed_density
@@ -23,8 +23,8 @@ from tests.common.rasterizer.gpu.differentiable_rasterization import Differentia
 from tests.services.reconstructor.training.conftest import VIEWS, true_gaussians
 
 Write = Callable[[Path], Path]
-PLAIN = GaussiansConfig(steps=40, sh_degree=0, density=DensityConfig(regular=3.0))
-SUMS = replace(PLAIN, density=replace(PLAIN.density, absolute=False))
+PLAIN = GaussiansConfig(steps=40, sh_degree=0)
+SUMS = replace(PLAIN, density=replace(PLAIN.density, weak_texture=True))
 MCMC = replace(PLAIN, density=replace(PLAIN.density, method="mcmc"))
 SURFACES = replace(PLAIN, geometry=GeometryConfig(enabled=True, noise_px=3.0, flatten=10.0))
 KINDS = pytest.mark.parametrize("settings", [PLAIN, SUMS, MCMC, SURFACES], ids=["plain", "sums", "mcmc", "surfaces"])
@@ -168,17 +168,15 @@ def test_numbers_that_are_not_finite_are_named() -> None:
         assert engine.not_finite() == "log_scales"
 
 
+@pytest.mark.usefixtures("few_steps")
 @pytest.mark.parametrize("settings", [MCMC, SURFACES], ids=["mcmc", "surfaces"])
 def test_whole_training_goes_on_where_it_was_interrupted_and_scores_like_the_cpu(
     write_posed: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, settings: GaussiansConfig
 ) -> None:
     posed = write_posed(tmp_path / "posed")
-    geometry = replace(settings.geometry, begin=0.5, flatten=1.0, trim_every=0.25)
-    density = replace(
-        settings.density, every=10, count_max=200, begin=0.1, reset_every=1.0, gradient_min=1e-3, scale_max=5.0,
-        regular=0.01,
-    )  # fmt: skip
-    small = replace(settings, hold_out=5, coarse=2, coarse_end=0.2, density=density, geometry=geometry)
+    geometry = replace(settings.geometry, flatten=1.0)
+    density = replace(settings.density, count_max=200)
+    small = replace(settings, hold_out=5, density=density, geometry=geometry)
     on_cpu = train_gaussians(posed, tmp_path / "cpu", small, lambda _: None)
     monkeypatch.setattr(cuda, "cuda_engine", in_cuda)
     monkeypatch.setattr(train, "_TELL_EVERY_S", 0.0)

@@ -18,7 +18,7 @@ from readygo.services.reconstructor.training.drawing import (
     view_gradients,
 )
 from readygo.services.reconstructor.training.parameters import Gaussians
-from readygo.services.reconstructor.training.photometric import Photometric
+from readygo.services.reconstructor.training.photometric import SSIM_WEIGHT, Photometric
 from readygo.services.reconstructor.training.photos import Photo
 from tests.services.reconstructor.training.conftest import SIZE_PX, camera, true_gaussians
 
@@ -50,7 +50,7 @@ def test_gradients_are_those_through_exponential_and_sigmoid() -> None:
         "sh": stored["sh"].reshape(150, -1, 3),
     }
     rendered = draw(leaves, photo, 0)
-    loss, _, slope = Photometric(*SIZE_PX)(planes_of(rendered), photo.rgb, PLAIN.ssim_weight)
+    loss, _, slope = Photometric(*SIZE_PX)(planes_of(rendered), photo.rgb, SSIM_WEIGHT)
     assert rendered.rgb is not None
     rendered.rgb.backward(torch.from_numpy(slope).permute(1, 2, 0))
     assert found.loss == pytest.approx(loss)

@@ -6,12 +6,11 @@ import pytest
 from readygo.services.reconstructor.training.config import DensityConfig, GaussiansConfig, GeometryConfig
 from readygo.services.reconstructor.training.schedule import Schedule
 
-PLAN = Schedule(GaussiansConfig(steps=1000, coarse=4, coarse_end=0.4, sh_every=0.1), 2.0)
+PLAN = Schedule(GaussiansConfig(steps=1000), 2.0)
 
 
 def test_images_begin_at_a_quarter_and_are_whole_in_the_end() -> None:
     assert [PLAN.fraction(step) for step in (0, 199, 200, 399, 400, 999)] == [4, 4, 2, 2, 1, 1]
-    assert Schedule(GaussiansConfig(coarse=1), 1.0).fraction(0) == 1
 
 
 def test_degrees_of_colour_come_one_after_the_other() -> None:
@@ -26,18 +25,16 @@ def test_the_rate_of_means_falls_to_a_hundredth_of_an_extents_share() -> None:
 
 
 def test_densities_change_between_their_times() -> None:
-    plan = Schedule(GaussiansConfig(steps=1000, density=DensityConfig(every=100, begin=0.1, end=0.5)), 1.0)
-    assert [step + 1 for step in range(1000) if plan.changes_density(step)] == [200, 300, 400, 500]
+    assert [step + 1 for step in range(1000) if PLAN.changes_density(step)] == [100, 200, 300, 400, 500]
 
 
 def test_opacities_are_not_reset_in_the_end_and_never_by_mcmc() -> None:
-    plan = Schedule(GaussiansConfig(steps=1000, density=DensityConfig(reset_every=0.2, end=0.5)), 1.0)
-    assert [step + 1 for step in range(1000) if plan.resets_opacities(step)] == [200, 400]
+    assert [step + 1 for step in range(1000) if PLAN.resets_opacities(step)] == [200, 400]
     mcmc = Schedule(GaussiansConfig(steps=1000, density=DensityConfig(method="mcmc")), 1.0)
     assert not any(mcmc.resets_opacities(step) for step in range(1000))
 
 
 def test_only_surfaces_are_trimmed() -> None:
-    surfaces = GaussiansConfig(steps=100, geometry=GeometryConfig(enabled=True, trim_every=0.2))
-    assert [step + 1 for step in range(100) if Schedule(surfaces, 1.0).trims(step)] == [20, 40]
+    surfaces = GaussiansConfig(steps=100, geometry=GeometryConfig(enabled=True))
+    assert [step + 1 for step in range(100) if Schedule(surfaces, 1.0).trims(step)] == [10, 20, 30, 40, 50]
     assert not any(PLAN.trims(step) for step in range(1000))

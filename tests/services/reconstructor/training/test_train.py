@@ -13,28 +13,26 @@ import pytest
 
 from readygo.common.errors import RunError, SceneError
 from readygo.common.gaussians.files import read_gaussians
-from readygo.services.reconstructor.training import train
+from readygo.services.reconstructor.training import density, schedule, train
 from readygo.services.reconstructor.training.config import (
     DensityConfig,
     GaussiansConfig,
     GeometryConfig,
-    RatesConfig,
 )
 from readygo.services.reconstructor.training.train import TrainingProgress, train_gaussians
 
 SETTINGS = GaussiansConfig(
     steps=40,
     hold_out=5,
-    coarse=2,
-    coarse_end=0.2,
     sh_degree=1,
-    preview_every=25,
-    density=DensityConfig(every=10, count_max=200, begin=0.1, reset_every=1.0, gradient_min=1e-3, scale_max=5.0),
+    density=DensityConfig(count_max=200),
 )
 MCMC = replace(SETTINGS, density=replace(SETTINGS.density, method="mcmc"))
-SURFACES = replace(SETTINGS, geometry=GeometryConfig(enabled=True, begin=0.5, flatten=1.0, trim_every=0.25))
+SURFACES = replace(SETTINGS, geometry=GeometryConfig(enabled=True, flatten=1.0))
 
 Write = Callable[[Path], Path]
+
+pytestmark = pytest.mark.usefixtures("few_steps")
 
 
 def silent(_: TrainingProgress) -> None:
@@ -131,17 +129,19 @@ def test_numbers_that_are_not_finite_stop_and_keep_the_last_state(
 ) -> None:
     posed = write_posed(tmp_path / "posed")
     monkeypatch.setattr(train, "_SAVE_EVERY_S", 0.0)
-    wild = replace(SETTINGS, rates=RatesConfig(colours=1e38))
+    monkeypatch.setattr(schedule, "COLOURS_RATE", 1e38)
     with pytest.raises(RunError, match=r"Step \d+: .* not finite; the state of step \d+ is kept"):
-        train_gaussians(posed, tmp_path / "out", wild, silent)
+        train_gaussians(posed, tmp_path / "out", SETTINGS, silent)
     with np.load(tmp_path / "out" / "checkpoint.npz") as file:
         assert np.isfinite(file["value_means_m"]).all()
 
 
-def test_vanished_gaussians_stop_the_training(write_posed: Write, tmp_path: Path) -> None:
-    small = replace(SETTINGS, density=replace(SETTINGS.density, scale_max=1e-4))
+def test_vanished_gaussians_stop_the_training(
+    write_posed: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(density, "SCALE_MAX", 1e-4)
     with pytest.raises(RunError, match="no Gaussian is left"):
-        train_gaussians(write_posed(tmp_path / "posed"), tmp_path / "out", small, silent)
+        train_gaussians(write_posed(tmp_path / "posed"), tmp_path / "out", SETTINGS, silent)
 
 
 def test_folders_without_a_model_are_refused(tmp_path: Path) -> None:

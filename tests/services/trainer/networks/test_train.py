@@ -71,11 +71,12 @@ def config(**settings) -> NetworkTrainConfig:
     return NetworkTrainConfig(network="gnm", threads=1, batch_size=16, **settings)
 
 
-def test_loss_falls_and_the_weights_are_read_as_published_ones(data, tmp_path) -> None:
+def test_loss_falls_and_the_weights_are_read_as_published_ones(data, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(module, "VALIDATION_FRACTION", 0.4)
     losses = []
     metrics = module.train_network(
         data,
-        config(samples=3200, validation_fraction=0.4, learning_rate=5e-3),
+        config(samples=3200, learning_rate=5e-3),
         tmp_path / "gnm_large.pth",
         lambda state: losses.append(state.train_loss),
     )
