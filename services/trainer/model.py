@@ -16,13 +16,13 @@ import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
-from readygo.common.policy.artifact import GOAL_SCALE_M, Fusion, Goal, MotionInput, PolicyInputs
 from readygo.common.policy.sight import channels_by_image
 from readygo.common.policy.traits import LIMITS_AT, TRAIT_COUNT, trait_units
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import SPEED_SHARES, TURN_SHARES, backward_rows
 from readygo.services.trainer.config import NetworkConfig
 from readygo.services.trainer.frames import pooling_of
+from readygo.services.trainer.inputs import GOAL_SCALE_M, Fusion, Goal, MotionInput, PolicyInputs
 
 NECK_CHANNELS = 32
 HEAD_WIDTHS = (256, 128)
@@ -132,7 +132,6 @@ class PolicyNet(nn.Module):
     trait_factor: Tensor
     trait_offset: Tensor
     motion_scale: Tensor
-    motion_offset: Tensor
 
     def __init__(self, robot: RobotConfig, config: NetworkConfig, *, reads_humans: bool = False) -> None:
         super().__init__()
@@ -163,9 +162,8 @@ class PolicyNet(nn.Module):
         self.register_buffer("limits", torch.tensor([robot.v_max_mps, robot.w_max_radps]), persistent=False)
         commands = torch.from_numpy(command_columns(self.inputs)).float()
         self.register_buffer("commands", commands, persistent=False)
-        scale, offset = motion_units(self.inputs, robot)
+        scale = motion_scale(self.inputs, robot)
         self.register_buffer("motion_scale", torch.tensor(scale), persistent=False)
-        self.register_buffer("motion_offset", torch.tensor(offset), persistent=False)
         for name, units in zip(("trait_factor", "trait_offset"), trait_units(robot), strict=True):
             self.register_buffer(name, torch.from_numpy(units).float(), persistent=False)
 
@@ -232,12 +230,16 @@ class PolicyNet(nn.Module):
         """Features of own motion in SI units -> numbers around [-1, 1]; traits as for `act`."""
         if self.inputs.robot:
             motion = motion * ((self.limits / self._limits_of(traits)) @ self.commands + 1 - self.commands.sum(dim=0))
-        return motion * self.motion_scale + self.motion_offset
+        return motion * self.motion_scale
 
     def clip(self, normalised_actions: Tensor, traits: Tensor | None = None) -> Tensor:
         """Normalised actions -> v [m/s] in [v_min, v_max], w [rad/s] in +-w_max, as the exported head answers them."""
         v, w = normalised_actions.unbind(1)
         return torch.stack([v.clamp(self.slowest, 1.0), w.clamp(-1.0, 1.0)], dim=1) * self._limits_of(traits)
+
+    def driving_weights(self) -> dict[str, Tensor]:
+        """Weights of encoder and head by name: what drives, without the head that reads humans."""
+        return {name: value for name, value in self.state_dict().items() if not name.startswith("humans.")}
 
     def _limits_of(self, traits: Tensor | None) -> Tensor:
         """What commands are in units of, shape (2,) or (B, 2)."""
@@ -282,13 +284,11 @@ def command_columns(inputs: PolicyInputs) -> npt.NDArray[np.float64]:
     return np.eye(2, width, first)
 
 
-def motion_units(inputs: PolicyInputs, robot: RobotConfig) -> tuple[list[float], list[float]]:
-    """Factor and offset that bring the features of own motion to about [-1, 1]."""
+def motion_scale(inputs: PolicyInputs, robot: RobotConfig) -> list[float]:
+    """Factors that bring the features of own motion to about [-1, 1]."""
     command = [1.0 / robot.v_max_mps, 1.0 / robot.w_max_radps]
     width = inputs.motion.width(inputs.frame_count)
-    if inputs.motion is MotionInput.POSES:
-        return [1.0] * (width - 2) + command, [0.0] * width
-    return [*command, 1.0][:width], [0.0] * width
+    return [1.0] * (width - 2) + command if inputs.motion is MotionInput.POSES else [*command, 1.0]
 
 
 def parameter_count(model: PolicyNet) -> int:
