@@ -93,8 +93,8 @@ def load_spec(folder: Path) -> PolicySpec:
         raise PolicyError(f"{path} is no TOML file: {error}; export the policy again.") from error
     if mapping.get("format") != POLICY_FORMAT:
         raise PolicyError(
-            f"{path} has format {mapping.get('format')!r}, this version reads {POLICY_FORMAT!r}; run the command that "
-            "wrote it (`readygo train`, `readygo learn`) again: it resumes from its checkpoint and exports the policy."
+            f"{path} has format {mapping.get('format')!r}, this version reads {POLICY_FORMAT!r}; run the "
+            "`readygo train` command that wrote it again, which exports it from its checkpoint, or train it again."
         )
     try:
         return PolicySpec(

@@ -113,13 +113,14 @@ class OnnxPolicy(Policy):
             distinct = dict.fromkeys([*frames, *([goal] if goal else [])])
             known, new = [f for f in distinct if f.cached], [f for f in distinct if not f.cached]
         rows = {frame: row for row, frame in enumerate([*known, *new])}
-        images = [frame.image for frame in new if frame.image is not None]
         fed = {name: kept.state.get(name, self._ports[name].zeros()) for name in graph.state}
         fed |= {name: self._ports[name].rows([frame.cached[name] for frame in known]) for name in graph.cache}
+        seen = self._stacked([frame.image for frame in new if frame.image is not None])
+        numbers = {Given.GOAL: goal_xy_m, Given.COMMAND: command, Given.ROBOT: memory.traits}
         for name, given in graph.inputs.items():
             port = self._ports[name]
             if given in self._channels:
-                fed[name] = port.images(self._stacked(images)[..., self._channels[given]], together=not graph.cache)
+                fed[name] = port.images(seen[..., self._channels[given]], together=not graph.cache)
             elif given == Given.GOAL_IMAGE:
                 assert goal is not None
                 assert goal.image is not None
@@ -130,10 +131,9 @@ class OnnxPolicy(Policy):
                 assert goal is not None
                 fed[name] = np.array([rows[goal]], port.dtype)
             elif given == Given.MOTION:
-                fed[name] = memory.own_motion(command).astype(port.dtype)[None]
+                fed[name] = np.asarray(memory.own_motion(command), port.dtype)[None]
             else:
-                told = {Given.GOAL: goal_xy_m, Given.COMMAND: command, Given.ROBOT: memory.traits}[Given(given)]
-                fed[name] = told.astype(port.dtype)[None]
+                fed[name] = np.asarray(numbers[Given(given)], port.dtype)[None]
         action, *after = self._session.run(self._outputs, fed)
         kept.state = dict(zip(graph.state, after, strict=False))
         for name, cached in zip(graph.cache, after[len(graph.state) :], strict=True):

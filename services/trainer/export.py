@@ -23,6 +23,7 @@ from readygo.common.policy.graph import GRAPH_FILE, Given, GraphSpec
 from readygo.common.policy.sight import channels_of, graph_input
 from readygo.common.policy.traits import TRAIT_COUNT
 from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.trainer.inputs import Fusion, Goal, MotionInput, PolicyInputs
 from readygo.services.trainer.model import Encoder, PolicyNet, ResidualBlock
 
@@ -112,7 +113,9 @@ def graph_spec(inputs: PolicyInputs) -> GraphSpec:
     }
     given |= {each.value: each.value for each, takes in named.items() if takes}
     cache = {"latents": "latent"} if late else {}
-    return GraphSpec(inputs=given, cache=cache, frame_count=inputs.frame_count)
+    # One that sees its goal holds its command between two images.
+    rate_hz = None if inputs.goal is Goal.POINT else float(RATE_HZ)
+    return GraphSpec(inputs=given, cache=cache, frame_count=inputs.frame_count, rate_hz=rate_hz)
 
 
 def policy_graph(net: PolicyNet, robot: RobotConfig) -> bytes:

@@ -128,6 +128,7 @@ class PolicyNet(nn.Module):
     """Encoder and head, with the robot's limits as units of the actions."""
 
     limits: Tensor
+    lowest: Tensor
     commands: Tensor
     trait_factor: Tensor
     trait_offset: Tensor
@@ -151,8 +152,6 @@ class PolicyNet(nn.Module):
         size_px = robot.camera.height_px // self.pooling, robot.camera.width_px // self.pooling
         self.encoder = Encoder(size_px, self.inputs.image_channels, config.widths, config.latent_count)
         self.bins = bins_of(config, robot)
-        self.slowest = robot.v_min_mps / robot.v_max_mps
-        """Largest speed backwards, as a share of the largest one."""
         self.caution = config.caution if config.output == "weighed" else None
         """Risk coefficient; None if commands are not weighed by what they risk."""
         answers = len(self.bins.centres) * (3 if self.caution is not None else 1) if self.bins else 2
@@ -160,6 +159,9 @@ class PolicyNet(nn.Module):
         self.humans = humans_head(self.inputs.latents_width) if reads_humans else None
         """Head that reads humans from the latents, for training alone; None if it is not trained."""
         self.register_buffer("limits", torch.tensor([robot.v_max_mps, robot.w_max_radps]), persistent=False)
+        lowest = torch.tensor([robot.v_min_mps / robot.v_max_mps, -1.0])
+        self.register_buffer("lowest", lowest, persistent=False)
+        """Lowest v and w, as shares of the limits, shape (2,)."""
         commands = torch.from_numpy(command_columns(self.inputs)).float()
         self.register_buffer("commands", commands, persistent=False)
         scale = motion_scale(self.inputs, robot)
@@ -234,8 +236,7 @@ class PolicyNet(nn.Module):
 
     def clip(self, normalised_actions: Tensor, traits: Tensor | None = None) -> Tensor:
         """Normalised actions -> v [m/s] in [v_min, v_max], w [rad/s] in +-w_max, as the exported head answers them."""
-        v, w = normalised_actions.unbind(1)
-        return torch.stack([v.clamp(self.slowest, 1.0), w.clamp(-1.0, 1.0)], dim=1) * self._limits_of(traits)
+        return normalised_actions.clamp(self.lowest, torch.ones_like(self.lowest)) * self._limits_of(traits)
 
     def driving_weights(self) -> dict[str, Tensor]:
         """Weights of encoder and head by name: what drives, without the head that reads humans."""

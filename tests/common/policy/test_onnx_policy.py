@@ -176,6 +176,17 @@ def test_result_does_not_depend_on_who_drives_beside(tmp_path):
         assert not np.array_equal(both[0], both[1])
 
 
+def test_decisions_are_those_of_the_same_maps_as_encoder_and_head(tmp_path):
+    """The numbers are those of the two graphs that a policy was before it was one."""
+    policy, rng, decided = load_policy(write_policy(tmp_path)), np.random.default_rng(1), []
+    memory = policy.start()
+    for step in range(24):
+        image, command = rng.integers(0, 4, (1, 8, 10, 3), dtype=np.uint8), np.float32([[0.04 * step, 0.3]])
+        decided.append(policy.step([memory], image, command, np.float32([[3, 1]]))[0])
+    expected = [[0.592663, -0.079829], [0.729283, -0.127948], [0.414714, -0.309881]]
+    assert np.array(decided[7::8]) == pytest.approx(np.array(expected), abs=2e-6)
+
+
 def test_each_frame_is_encoded_once_and_decisions_between_two_images_encode_none(tmp_path):
     policy = counting_policy(tmp_path)
     memory, first = policy.start(), images(30)
