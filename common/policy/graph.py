@@ -64,7 +64,7 @@ class Given(enum.StrEnum):
 
 
 def _paper_inputs() -> dict[str, str]:
-    return {"image": RGB, "window": Given.WINDOW, "command": Given.COMMAND, "goal": Given.GOAL}
+    return {name: name for name in (RGB, "window", "command", "goal")}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,7 @@ from readygo.common.files import write_whole
 from readygo.common.images.names import DEPTH, kind_of
 from readygo.common.policy.artifact import SPEC_FILE, WEIGHTS_FILE, PolicySpec, save_spec
 from readygo.common.policy.graph import GRAPH_FILE, Given, GraphSpec
-from readygo.common.policy.sight import channels_of, graph_input
+from readygo.common.policy.sight import channels_of
 from readygo.common.policy.traits import TRAIT_COUNT
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
@@ -58,8 +58,7 @@ class InferenceModule(nn.Module):
         """
         net, given = self.net, dict(zip(self._names, values, strict=True))
         # With early fusion shape (1, F, H, W, C) each, else (N, H, W, C).
-        images = [(name, given[graph_input(name)]) for name in net.inputs.images]
-        latents = new = net.encoder(torch.cat([self._pixels(image, name) for name, image in images], dim=1))
+        latents = new = net.encoder(torch.cat([self._pixels(given[name], name) for name in net.inputs.images], dim=1))
         if net.inputs.fusion is Fusion.LATE:
             rows = [given[name] for name in (Given.WINDOW, Given.GOAL_FRAME) if name in given]
             latents = torch.cat([given["latents"], new])[torch.cat(rows)].reshape(1, -1)
@@ -101,7 +100,6 @@ def _folded(conv: nn.Conv2d, norm: nn.BatchNorm2d) -> tuple[nn.Conv2d, Any]:
 
 def graph_spec(inputs: PolicyInputs) -> GraphSpec:
     """What the graph of a policy is given and gives: with late fusion it keeps the latents of its frames."""
-    given: dict[str, str] = {graph_input(name): name for name in inputs.images}
     late = inputs.fusion is Fusion.LATE
     named = {
         Given.WINDOW: late,
@@ -111,11 +109,13 @@ def graph_spec(inputs: PolicyInputs) -> GraphSpec:
         Given.GOAL: inputs.goal is not Goal.IMAGE,
         Given.ROBOT: inputs.robot,
     }
-    given |= {each.value: each.value for each, takes in named.items() if takes}
+    given = {name: name for name in (*inputs.images, *(each.value for each, takes in named.items() if takes))}
     cache = {"latents": "latent"} if late else {}
     # One that sees its goal holds its command between two images.
     rate_hz = None if inputs.goal is Goal.POINT else float(RATE_HZ)
-    return GraphSpec(inputs=given, cache=cache, frame_count=inputs.frame_count, rate_hz=rate_hz)
+    return GraphSpec(
+        inputs={name: name for name in given}, cache=cache, frame_count=inputs.frame_count, rate_hz=rate_hz
+    )
 
 
 def policy_graph(net: PolicyNet, robot: RobotConfig) -> bytes:
@@ -137,7 +137,7 @@ def policy_graph(net: PolicyNet, robot: RobotConfig) -> bytes:
     free = {}
     if spec.cache:
         free = {name: {0: "known"} for name in spec.cache}
-        free |= {name: {0: "new"} for name in (*map(graph_input, inputs.images), *spec.cache.values())}
+        free |= {name: {0: "new"} for name in (*inputs.images, *spec.cache.values())}
     with warnings.catch_warnings(), torch.no_grad(), tempfile.TemporaryDirectory() as folder:
         # The exporter by tracing is ten times faster than its successor, which matters where a run publishes often.
         warnings.simplefilter("ignore")

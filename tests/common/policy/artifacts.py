@@ -14,7 +14,7 @@ from readygo.common.images.names import RGB
 from readygo.common.policy import PolicySpec, save_spec
 from readygo.common.policy.artifact import WEIGHTS_FILE
 from readygo.common.policy.graph import GRAPH_FILE, Given, GraphSpec
-from readygo.common.policy.sight import channels_of, graph_input
+from readygo.common.policy.sight import channels_of
 from readygo.common.robot import CameraConfig, RobotConfig
 
 CAMERA = CameraConfig(height_px=8, width_px=10)
@@ -23,7 +23,7 @@ ROBOT = RobotConfig(camera=CAMERA)
 
 def graph_seeing(images: Sequence[str]) -> GraphSpec:
     """A graph that takes one frame of some images, and keeps nothing."""
-    return GraphSpec(inputs={graph_input(name): name for name in images}, cache={}, frame_count=1)
+    return GraphSpec(inputs={name: name for name in images}, cache={}, frame_count=1)
 
 
 def write_graph(
@@ -56,7 +56,7 @@ def write_graph(
 def write_policy(folder: Path, images: tuple[str, ...] = (RGB,)) -> Path:
     """A policy of two random linear maps, which takes some images of one camera and keeps their latents."""
     rng, size = np.random.default_rng(0), (CAMERA.height_px, CAMERA.width_px)
-    seen = {graph_input(name): (*size, channels_of([name])) for name in images}
+    seen = {name: (*size, channels_of([name])) for name in images}
     encoder = rng.normal(0, 0.01, (sum(map(math.prod, seen.values())), 20)).astype(np.float32)
     nodes = [helper.make_node("Cast", [name], [f"{name}_x"], to=TensorProto.FLOAT) for name in seen]
     nodes += [helper.make_node("Flatten", [f"{name}_x"], [f"{name}_flat"], axis=1) for name in seen]
@@ -76,7 +76,7 @@ def write_policy(folder: Path, images: tuple[str, ...] = (RGB,)) -> Path:
         "goal": (TensorProto.FLOAT, (1, 2)),
         "latents": (TensorProto.FLOAT, ("known", 20)),
     }
-    given = {graph_input(name): name for name in images} | {n: n for n in ("window", "motion", "goal")}
+    given = {name: name for name in (*images, "window", "motion", "goal")}
     head = rng.normal(0, 0.1, (70, 2)).astype(np.float32)
     constants = {"encoder": encoder, "head": head, "one_row": np.array([1, -1])}
     spec = PolicySpec(robot=ROBOT, graph=GraphSpec(inputs=given))

@@ -150,7 +150,7 @@ class CountingSession:
         self.get_inputs, self.get_outputs = session.get_inputs, session.get_outputs
 
     def run(self, outputs, fed):
-        self.encoded.append(len(fed["image"]))
+        self.encoded.append(len(fed["rgb"]))
         return self._session.run(outputs, fed)
 
 

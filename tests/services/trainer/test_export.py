@@ -58,7 +58,7 @@ def test_actions_stay_within_the_limits(output):
     session = onnxruntime.InferenceSession(policy_graph(model, robot), providers=["CPUExecutionProvider"])
     rng = np.random.default_rng(0)
     given = {
-        "image": np.empty((0, 16, 16, 3), np.uint8),
+        "rgb": np.empty((0, 16, 16, 3), np.uint8),
         "window": np.arange(3),
         "command": np.zeros((1, 2), np.float32),
         "goal": np.zeros((1, 2), np.float32),

@@ -89,7 +89,7 @@ def test_exported_policy_drives_as_the_network_that_was_trained(tmp_path, output
 def test_policy_that_sees_depths_drives_as_the_network_that_was_trained(tmp_path, fusion, pooled_height_px):
     check_same_drive(tmp_path, ("rgb", "depth"), fusion=fusion, pooled_height_px=pooled_height_px)
     own = ["window", "command", "goal", "latents"] if fusion == "late" else ["command", "goal"]
-    assert input_names(tmp_path) == ["image", "depth", *own]
+    assert input_names(tmp_path) == ["rgb", "depth", *own]
 
 
 @pytest.mark.parametrize("output", ["regression", "weighed"])
@@ -102,14 +102,14 @@ def test_policy_for_several_robots_drives_each_as_the_network_that_was_trained(t
         ways.append(check_same_drive(tmp_path / name, ("rgb",), ranges, drawn, output=output, motion=motion))
     assert np.abs(ways[0] - ways[1]).max() > 0.01
     own = "motion" if motion == "poses" else "command"
-    assert input_names(tmp_path / "a") == ["image", "window", own, "goal", "robot", "latents"]
+    assert input_names(tmp_path / "a") == ["rgb", "window", own, "goal", "robot", "latents"]
     assert load_policy(tmp_path / "a").spec.robot.ranges == ranges
 
 
 @pytest.mark.parametrize("fusion", ["late", "early"])
 def test_policy_of_two_cameras_drives_as_the_network_that_was_trained(tmp_path, fusion):
     check_same_drive(tmp_path, ("rgb", "depth", "left.rgb", "left.depth"), fusion=fusion)
-    assert input_names(tmp_path)[:4] == ["image", "depth", "image_left", "depth_left"]
+    assert input_names(tmp_path)[:4] == ["rgb", "depth", "left.rgb", "left.depth"]
 
 
 @pytest.mark.parametrize("goal", ["image", "both"])
@@ -119,7 +119,7 @@ def test_policy_that_sees_its_goal_drives_as_the_network_that_was_trained(tmp_pa
     assert load_policy(tmp_path).spec.wants_goal_image
     point = ["goal"] if goal == "both" else []
     own = "motion" if motion == "poses" else "command"
-    assert input_names(tmp_path) == ["image", "window", "goal_frame", own, *point, "latents"]
+    assert input_names(tmp_path) == ["rgb", "window", "goal_frame", own, *point, "latents"]
 
 
 def test_policy_for_several_robots_that_sees_its_goal_drives_as_the_network_that_was_trained(tmp_path):
@@ -168,7 +168,7 @@ def test_spec_names_what_the_network_takes(tmp_path):
     export_policy(network(robot, config), PolicySpec(robot=robot), tmp_path)
     graph = load_policy(tmp_path).spec.graph
     assert (graph.inputs, graph.cache, graph.frame_count) == (
-        {"image": "rgb", "motion": "motion", "goal": "goal"},
+        {"rgb": "rgb", "motion": "motion", "goal": "goal"},
         {},
         4,
     )
