@@ -32,12 +32,13 @@ from readygo import ReadygoError, load_policy
 from readygo.apps.run.evaluation import evaluation_world, make_evaluator, make_request
 from readygo.apps.run.origin import avatars_of_policy, settings_of_policy
 from readygo.common.episode import EpisodeConfig
+from readygo.common.errors import PolicyError
 from readygo.common.messages import Split
-from readygo.common.policy.artifact import GOAL_SCALE_M
 from readygo.services.evaluator import handle_evaluate
 from readygo.services.evaluator.records import EpisodeRecord
 from readygo.services.evaluator.scores import compare_all, scores_of
-from readygo.services.trainer.finetune import load_head, save_head
+from readygo.services.trainer.finetune import load_network, save_network
+from readygo.services.trainer.inputs import GOAL_SCALE_M, Fusion, Goal, MotionInput
 from readygo.services.trainer.model import PolicyNet
 
 NOISE = 0.1
@@ -63,7 +64,10 @@ class Rides(VecEnv):
         robot = policy.spec.robot
         self._limits = np.array([robot.v_max_mps, robot.w_max_radps], np.float32)
         self._memories = [policy.start() for _ in range(count)]
-        features = spaces.Box(-np.inf, np.inf, (policy.spec.inputs.feature_count,), np.float32)
+        self._inputs = inputs = load_network(folder).inputs
+        if inputs.fusion is not Fusion.LATE or inputs.goal is not Goal.POINT or inputs.robot:
+            raise PolicyError(f"{folder} must hold a policy of late fusion, for one robot, whose goal is a point.")
+        features = spaces.Box(-np.inf, np.inf, (inputs.feature_count,), np.float32)
         shares = spaces.Box(np.float32([0.0, -1.0]), np.float32([1.0, 1.0]))
         self.outcomes: list[bool] = []
         """True for each finished episode that succeeded."""
@@ -95,7 +99,14 @@ class Rides(VecEnv):
         for memory, command in zip(memories, observation["velocity"], strict=True):
             memory.advance(command)
         self._policy.see(memories, observation["rgb"])
-        return self._policy.features(memories, observation["velocity"], observation["goal"])
+        # What it decides is not of interest, but its graph encodes the images.
+        self._policy.decide(memories, observation["velocity"], observation["goal"])
+        rows = []
+        for memory, command, goal in zip(memories, observation["velocity"], observation["goal"], strict=True):
+            latents = [frame.cached["latents"] for frame in memory.window()]
+            poses = self._inputs.motion is MotionInput.POSES
+            rows.append(np.concatenate([*latents, memory.own_motion(command) if poses else [*command, 1.0], goal]))
+        return np.array(rows, np.float32)
 
     def close(self) -> None:
         """Release the scene."""
@@ -169,7 +180,7 @@ class Watch(BaseCallback):
 
 def fine_tune(folder: Path, rides: Rides, minutes: float, *, rollout_steps: int = 256) -> tuple[PolicyNet, int]:
     """Train a policy's head; returns the network and the number of steps."""
-    net = load_head(folder)
+    net = load_network(folder)
     ppo = PPO(
         "MlpPolicy",
         rides,
@@ -236,7 +247,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         before = drive(asked.policy, asked.scene, asked.episodes, "before")
         rides = Rides(asked.policy, asked.robots, scene=asked.scene, humans=asked.humans)
         net, steps = fine_tune(asked.policy, rides, asked.minutes, rollout_steps=asked.rollout_steps)
-        save_head(net, asked.policy, asked.out, {"by": "PPO", "steps": steps, "humans": asked.humans})
+        save_network(net, asked.policy, asked.out, {"by": "PPO", "steps": steps, "humans": asked.humans})
         say_success(before, drive(asked.out, asked.scene, asked.episodes, "after"))
     except ReadygoError as error:
         sys.exit(str(error))

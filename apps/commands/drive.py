@@ -122,7 +122,7 @@ def drive(
     if (goal is None) == (not goal_topic):
         raise ConfigError("Say where to go: either --goal X Y or --goal-topic TOPIC.")
     named = image_topics(image, depth, loaded.spec.robot)
-    check_topics(named, loaded.spec.inputs.images, loaded.spec.robot)
+    check_topics(named, loaded.spec.images, loaded.spec.robot)
     shown = _goal_image(loaded, goal_image)
     infos = {} if calibration else {**info_topics(named), **({"": camera_info} if camera_info else {})}
     topics = Topics(
@@ -137,7 +137,7 @@ def drive(
     )
     signal.signal(signal.SIGHUP, _hang_up)
     spoken = make_wire(wire, domain=domain, prefix=prefix, stamped=stamped, node="readygo_drive")
-    cameras = {name: camera_on(loaded.spec.robot, name) for name in cameras_of(loaded.spec.inputs.images)}
+    cameras = {name: camera_on(loaded.spec.robot, name) for name in cameras_of(loaded.spec.images)}
     own = {name: camera_from_file(camera, calibration, name) for name, camera in cameras.items()} if calibration else {}
     machine = connected(connect, spoken, topics, dry=dry_run)
     try:

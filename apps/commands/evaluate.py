@@ -197,7 +197,7 @@ def evaluate(
         summary = summarize(reply, request, evaluator) | _settings_said(run_config, identity)
         if results is not None:
             results.finish(summary)
-            sees = loaded.spec.inputs.images if loaded else ()
+            sees = loaded.spec.images if loaded else ()
             replays = Replays(world, results, reply.episodes, renderer, evaluator.simulation, sees=sees)
             write_films(replays, request, reply, video)
             title = f"{policy or watched_method(request.methods)} in {world.scene.name}"

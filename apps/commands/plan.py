@@ -138,7 +138,7 @@ def plan(
     renderer = _renderer(bundle, humans, run_config) if camera and bundle else None
     policy_drives = policy_driver(driving, renderer) if driving and renderer else None
     take = takes.take(EpisodeKey(seed=seed, split=Split(split), index=index), static=static, policy=policy_drives)
-    sees = driving.spec.inputs.images if driving else ()
+    sees = driving.spec.images if driving else ()
     planner = takes.robot_planner.of(take.scenario.episode)
     numbers = _numbers(take, run_config.expert.mode)
     _show(take, numbers, planner, _look(take, renderer, sees), picture, video, export, json=json)

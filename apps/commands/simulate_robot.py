@@ -120,7 +120,7 @@ def simulate_robot(
     evaluator = make_evaluator(world, renderer=world.renderer(), methods={})
     request = make_request(episodes, tasks, ("policy",), Split(split), seed)
     drawn, _ = evaluator.source().draw(seed=seed, split=request.split, count=episodes, tasks=request.tasks)
-    sees = spec.inputs.images if rehearse and spec is not None else tuple(named)
+    sees = spec.images if rehearse and spec is not None else tuple(named)
     eyes, rng = evaluator.eyes(sees), np.random.default_rng(seed)
     eyes.look([evaluator.simulation(drawn[0])])
 
@@ -180,7 +180,7 @@ def _rehearsal(
         policy = policy.for_robot(settings.robot)
     rectify = {
         name: Rectifier(camera_on(settings.robot, name), camera_on(policy.spec.robot, name))
-        for name in cameras_of(policy.spec.inputs.images)
+        for name in cameras_of(policy.spec.images)
     }
     config = DriveConfig(
         v_max_mps=settings.robot.v_max_mps,

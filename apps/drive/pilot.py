@@ -105,13 +105,13 @@ class Pilot:
         self._robot: RobotConfig = limited(spec.robot, config)
         self._clock, self._memory = RobotClock(), policy.start()
         if goal_image is not None:
-            self._memory.kept.goal_image = rectify[""](goal_image)
+            self._memory.show_goal(rectify[""](goal_image))
         self._given_goal, self.goal = goal, None if config.goal_in_start_frame else goal
         """Goal in the odometry's frame; None before the first odometry if it is given in the start frame."""
         self._pose: Odometry | None = None
         self._yaw_rad = 0.0
         self._together_ns = round(max(TOGETHER_S, 0.5 / spec.robot.camera_hz) * 1e9)
-        self._waiting = {name: deque[Picture](maxlen=WAITING_MAX) for name in spec.inputs.images}
+        self._waiting = {name: deque[Picture](maxlen=WAITING_MAX) for name in spec.images}
         """Images received since the policy's last input, by name."""
         self._picture_ns: int | None = None
         """Stamp of the first camera's image in the policy's last input [ns]."""
@@ -145,7 +145,7 @@ class Pilot:
     @property
     def images(self) -> tuple[str, ...]:
         """Names of the images that the policy uses."""
-        return self._policy.spec.inputs.images
+        return self._policy.spec.images
 
     def end(self, ending: Ending, reason: str = "") -> None:
         """End the trial; later calls have no effect."""
@@ -212,7 +212,7 @@ class Pilot:
                 waiting.popleft()
         try:
             seen = {name: self._brought(name, picture) for name, picture in together.items()}
-            sight = side_by_side(seen, self._policy.spec.inputs.images)
+            sight = side_by_side(seen, self._policy.spec.images)
         except ValueError as error:
             self.end(Ending.BROKEN_IMAGES, f"the robot sends {error}")
             return

@@ -131,7 +131,7 @@ class Measuring:
                     replies[place.name].episodes,
                     self._renderers[row],
                     driven.simulation,
-                    sees=policy.spec.inputs.images,
+                    sees=policy.spec.images,
                 )
                 write_pages(
                     replays,

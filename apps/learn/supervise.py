@@ -20,8 +20,7 @@ from readygo.apps.run.policy import policy_sha256
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import RunError
 from readygo.common.files import unfinished_folder, write_whole
-from readygo.common.policy import load_spec
-from readygo.common.policy.artifact import SPEC_FILE
+from readygo.common.policy.artifact import POLICY_FILES, SPEC_FILE, WEIGHTS_FILE
 from readygo.services.evaluator import EpisodeRecord
 
 TICK_S = 0.5
@@ -287,7 +286,7 @@ class Supervisor:
             keep_policy(plan.policy, plan.best)
         # policy.toml is written last: without it the folder is not a policy.
         (plan.policy / SPEC_FILE).unlink(missing_ok=True)
-        for name in load_spec(plan.best).files:
+        for name in (WEIGHTS_FILE, *POLICY_FILES):
             write_whole(plan.policy / name, (plan.best / name).read_bytes(), raises=RunError)
         note_origin(plan.policy, origin_of_runs(place.spec for place in plan.places))
 
@@ -300,5 +299,5 @@ class Supervisor:
 def keep_policy(folder: Path, kept: Path) -> None:
     """Copy a policy atomically: `kept` holds either the new or the previous policy."""
     with unfinished_folder(kept, good=lambda: False, raises=RunError) as place:
-        for name in load_spec(folder).files:
+        for name in (WEIGHTS_FILE, *POLICY_FILES):
             shutil.copyfile(folder / name, place / name)

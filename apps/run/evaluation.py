@@ -237,7 +237,7 @@ def summarize(reply: EvaluateReply, request: EvaluateRequest, evaluator: Evaluat
         "skipped": reply.skipped,
         "robot": section_to_mapping(evaluator.robot),
         "episode": section_to_mapping(evaluator.episode_config),
-        "sees": list(policy.spec.inputs.images) if policy is not None else [],
+        "sees": list(policy.spec.images) if policy is not None else [],
         "policy_training": dict(policy.spec.training) if policy is not None else None,
     }
 

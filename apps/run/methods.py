@@ -115,7 +115,7 @@ def _policy(name: str, folder: Path, hold_steps: int) -> MakeDriver:
                 check_policy_camera(policy.spec, evaluator.robot)
         except PolicyError as error:
             raise PolicyError(f"The method {name}: {error}") from error
-        return PolicyDriver(policy, evaluator.eyes(policy.spec.inputs.images), hold_steps)
+        return PolicyDriver(policy, evaluator.eyes(policy.spec.images), hold_steps)
 
     return make
 

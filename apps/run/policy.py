@@ -15,7 +15,8 @@ from readygo.common.errors import PolicyError
 from readygo.common.files import read_regular
 from readygo.common.messages import FileRef, PolicyFile, PolicyRef, RunSpec
 from readygo.common.messages.stages import DRIVE_LINE
-from readygo.common.policy import check_policy_camera, load_policy, load_spec
+from readygo.common.policy import check_policy_camera, load_policy
+from readygo.common.policy.artifact import POLICY_FILES
 from readygo.common.policy.robots import RANGED, known_as
 
 
@@ -102,7 +103,7 @@ def policy_sha256(folder: Path) -> str:
 
 def policy_refs(folder: Path) -> tuple[FileRef, ...]:
     """References to all files of a policy, for workers to fetch."""
-    return tuple(file_ref(folder, name) for name in load_spec(folder).files)
+    return tuple(file_ref(folder, name) for name in POLICY_FILES)
 
 
 def file_ref(folder: Path, name: str) -> FileRef:

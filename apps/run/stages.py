@@ -155,7 +155,7 @@ def _drive(world: World, bus: Bus) -> Work:
         camera = LiveCamera(renderer, image_every=every)
         if ref and driver is Driver.POLICY:
             loaded = world.policy(ref)
-            camera = LiveCamera(renderer, loaded.spec.inputs.images, every)
+            camera = LiveCamera(renderer, loaded.spec.images, every)
             policy = PolicyDriver(loaded, camera, hold_steps)
         elif disturbs(episode, config.driver.disturbed):
             disturbance = Disturbance(episode, simulation.robot)

@@ -101,5 +101,5 @@ def policy_driver(policy: Policy, renderer: Renderer) -> tuple[PolicyDriver, Liv
         policy: Policy that drives.
         renderer: Renderer of the scene, with the policy's camera.
     """
-    camera = LiveCamera(renderer, policy.spec.inputs.images)
+    camera = LiveCamera(renderer, policy.spec.images)
     return PolicyDriver(policy, camera, renderer.robot.clock.control_every), camera

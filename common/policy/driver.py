@@ -21,7 +21,7 @@ class PolicyCamera(Protocol):
         ...
 
     def look(self, simulations: Sequence[EpisodeSimulation]) -> npt.NDArray[np.uint8]:
-        """The images that reach the policy at the present steps, see `PolicyInputs.images`, shape (B, H, W, C)."""
+        """The images that reach the policy at the present steps, see `PolicySpec.images`, shape (B, H, W, C)."""
         ...
 
     def goal_image(self, simulation: EpisodeSimulation) -> npt.NDArray[np.uint8]:
@@ -58,7 +58,7 @@ class PolicyDriver:
         """An empty memory, with an image of the goal if the policy wants one."""
         state = PolicyState(self._policy.start(simulation.robot))
         if self._policy.spec.wants_goal_image:
-            state.memory.kept.goal_image = self._camera.goal_image(simulation)
+            state.memory.show_goal(self._camera.goal_image(simulation))
         return state
 
     def act(self, running: Sequence[tuple[EpisodeSimulation, PolicyState]]) -> list[Command | DriverFailure]:

@@ -14,22 +14,32 @@ from readygo.common.robot import Clock, step_unicycle
 Pose = tuple[float, float, float]
 
 
+@dataclass(eq=False, slots=True)
+class Frame:
+    """What came of the images of one time."""
+
+    image: npt.NDArray[np.uint8] | None
+    """The images themselves, as the policy sees them, shape (H, W, C); None once they are encoded."""
+    cached: dict[str, npt.NDArray[Any]] = field(default_factory=dict)
+    """What the policy's graph answered for them, by the names of its cache's inputs; empty before."""
+
+
 @dataclass
 class Kept:
-    """What a policy of one graph keeps between its decisions."""
+    """What a policy keeps between its decisions."""
 
     state: dict[str, npt.NDArray[Any]] = field(default_factory=dict)
-    """Its state, by the names of its graph's inputs; empty at the start."""
+    """State of its graph, by the names of the graph's inputs; empty at the start."""
     decision: npt.NDArray[np.float32] | None = None
     """The latest command: v [m/s], w [rad/s], shape (2,)."""
     due_ns: int = 0
     """Simulated time of its next decision [ns]."""
-    goal_image: npt.NDArray[np.uint8] | None = None
-    """Image that the robot would see at the goal, sRGB, shape (H, W, 3); None where it is not known."""
+    goal: Frame | None = None
+    """What the robot would see at the goal; None where it is not known."""
 
 
 class PolicyMemory:
-    """Frames or latents of the last spacings, and where the robot was, each with its time.
+    """Frames of the last spacings, and where the robot was, each with its time.
 
     A simulation calls `advance` once a step, and `see` when a frame comes. A robot says by `move` where its odometry
     has it, and by `see` when a frame was taken, as they come. The times are of one clock, and rise.
@@ -47,33 +57,37 @@ class PolicyMemory:
         self._spacing_ns, self._latency_ns, self._count = spacing_ns, latency_ns, frame_count
         self._clock, self._steps = clock or Clock(), 0
         self._seen_ns: list[int] = []
-        self._seen: list[npt.NDArray[Any]] = []
+        self._seen: list[Frame] = []
         self._poses_ns: list[int] = []
         self._poses: list[Pose] = []
         self.traits = np.zeros(0, np.float32)
         """What a policy for several robots is told of the one that it drives, shape (TRAIT_COUNT,)."""
         self.kept = Kept()
-        """What a policy of one graph carries from a decision to the next."""
+        """What the policy carries from a decision to the next."""
 
-    def see(self, seen: npt.NDArray[Any], time_ns: int | None = None) -> None:
-        """Remember what came of a frame.
+    def see(self, image: npt.NDArray[np.uint8], time_ns: int | None = None) -> None:
+        """Remember a frame.
 
         Args:
-            seen: The frame, or its latent.
+            image: What the policy sees, shape (H, W, C).
             time_ns: When it was taken [ns]; by default the latency before the robot's last pose.
         """
         self._seen_ns.append(self._poses_ns[-1] - self._latency_ns if time_ns is None else time_ns)
-        self._seen.append(seen)
+        self._seen.append(Frame(image))
         # One that is older than all that can be asked for stays: it is the nearest one after a pause.
         stale = max(bisect_right(self._seen_ns, self._seen_ns[-1] - self._span_ns) - 1, 0)
         del self._seen_ns[:stale], self._seen[:stale]
+
+    def show_goal(self, image: npt.NDArray[np.uint8]) -> None:
+        """Remember the image that the robot would see at the goal, sRGB, shape (H, W, 3)."""
+        self.kept.goal = Frame(image)
 
     @property
     def seen_ns(self) -> int:
         """When the newest frame was taken [ns]."""
         return self._seen_ns[-1]
 
-    def window(self) -> list[npt.NDArray[Any]]:
+    def window(self) -> list[Frame]:
         """What the policy sees together, oldest first: the newest, and what is nearest to each spacing before it.
 
         An episode's first one stands for those before.
@@ -109,7 +123,7 @@ class PolicyMemory:
         self.move(self._clock.time_ns(self._steps), pose)
 
     def own_motion(self, command: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        """The features of `MotionInput.POSES`, shape (3 (frame_count - 1) + 2,).
+        """Ego-motion of the window, see `readygo.common.policy.motion.own_motion`, shape (3 (frame_count - 1) + 2,).
 
         Args:
             command: v [m/s], w [rad/s] executed last, shape (2,).

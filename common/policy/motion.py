@@ -4,7 +4,6 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.frames import goals_in_robot_frames
-from readygo.common.policy.artifact import MotionInput
 from readygo.common.robot import step_unicycle
 
 Array = npt.NDArray[np.float64]
@@ -29,7 +28,7 @@ def odometry(commands: npt.NDArray[np.float32], dt_s: float) -> Array:
 
 
 def own_motion(older: Array, present: Array, commands: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """The features of `MotionInput.POSES`.
+    """Ego-motion since the older frames: their poses in the present robot frame (dx, dy [m], dyaw [rad]), then v, w.
 
     Args:
         older: Poses x, y [m], yaw [rad] at the older frames, the oldest first, shape (N, K, 3).
@@ -43,24 +42,6 @@ def own_motion(older: Array, present: Array, commands: npt.NDArray[np.float32]) 
     parts = [*seen, commands.astype(np.float64)]
     features: npt.NDArray[np.float32] = np.concatenate(parts, axis=1).astype(np.float32)
     return features
-
-
-def motion_features(motion: MotionInput, poses: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Ego-motion features of a policy where the motion is fully known.
-
-    Args:
-        motion: Form in which the policy takes them.
-        poses: From `own_motion`, shape (N, 3 K + 2).
-
-    Returns:
-        Shape (N, `motion.width(K + 1)`).
-    """
-    if motion is MotionInput.POSES:
-        return poses
-    commands = poses[:, -2:]
-    if motion is MotionInput.BARE_COMMAND:
-        return commands
-    return np.concatenate([commands, np.ones_like(commands[:, :1])], axis=1)
 
 
 def _seen_from(present: Array, pose: Array) -> Array:

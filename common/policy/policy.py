@@ -67,7 +67,7 @@ class Policy(abc.ABC):
         clock = self.spec.robot.clock
         late_ns = clock.time_ns(clock.steps(self.spec.robot.camera.latency_s))
         spacing_ns = clock.time_ns(self.spec.frame_spacing_steps)
-        memory = PolicyMemory(spacing_ns, late_ns, self.spec.inputs.frame_count, clock)
+        memory = PolicyMemory(spacing_ns, late_ns, self.spec.graph.frame_count, clock)
         memory.traits = traits_of(robot or self.spec.robot).astype(np.float32)
         return memory
 
@@ -78,11 +78,11 @@ class Policy(abc.ABC):
         previous_actions: npt.NDArray[np.float32],
         goals_xy_m: npt.NDArray[np.float32],
     ) -> npt.NDArray[np.float32]:
-        """One control step of several episodes: encode, remember, act.
+        """One control step of several episodes: see, then decide.
 
         Args:
             memories: What `start` returned, one per episode.
-            images: What the robots see, as `PolicyInputs.images` names it, shape (B, H, W, C).
+            images: What the robots see, as `PolicySpec.images` names it, shape (B, H, W, C).
             previous_actions: Commands executed over the last step: v [m/s], w [rad/s], shape (B, 2).
             goals_xy_m: Goals in the robots' frames (x forward, y left) [m], shape (B, 2).
 
@@ -104,26 +104,15 @@ class Policy(abc.ABC):
 
         Args:
             memories: What `start` returned, B of them.
-            images: What the robots see, as `PolicyInputs.images` names it, shape (B, H, W, C).
+            images: What the robots see, as `PolicySpec.images` names it, shape (B, H, W, C).
             times_ns: When the images were taken [ns]; see `PolicyMemory.see`.
 
         Raises:
             PolicyError: If the images do not have the size that the policy was trained for.
         """
-        seen = self.remembered_image(images)
-        for memory, one, time_ns in zip(memories, seen, times_ns or [None] * len(memories), strict=True):
-            memory.see(one, time_ns)
-
-    @abc.abstractmethod
-    def remembered_image(self, images: npt.NDArray[np.uint8]) -> npt.NDArray[Any]:
-        """What is remembered of images, one row for each.
-
-        Args:
-            images: What the robots see, as `PolicyInputs.images` names it, shape (B, H, W, C).
-
-        Raises:
-            PolicyError: If the images do not have the size that the policy was trained for.
-        """
+        self._check_images(images)
+        for memory, image, time_ns in zip(memories, images, times_ns or [None] * len(memories), strict=True):
+            memory.see(image, time_ns)
 
     @abc.abstractmethod
     def decide(
@@ -140,16 +129,10 @@ class Policy(abc.ABC):
             goals_xy_m: Goals in the robots' frames (x forward, y left) [m], shape (B, 2).
         """
 
-    def check_images(self, images: npt.NDArray[np.uint8], frame_count: int = 1) -> None:
-        """Raise PolicyError unless images are of the policy's size, with the channels of some frames.
-
-        Args:
-            images: As `PolicyInputs.images` names them, shape (B, H, W, C).
-            frame_count: Frames that are stacked in the channels.
-        """
-        names, camera = self.spec.inputs.images, self.spec.robot.camera
+    def _check_images(self, images: npt.NDArray[np.uint8]) -> None:
+        names, camera = self.spec.images, self.spec.robot.camera
         check_array("images", images, np.uint8, (None, None, None, None))
-        if images.shape[3] != (channels := channels_of(names) * frame_count):
+        if images.shape[3] != (channels := channels_of(names)):
             raise PolicyError(f"The policy sees {', '.join(names)}: {channels} channels, got {images.shape[3]}.")
         if images.shape[1:3] != (camera.height_px, camera.width_px):
             raise PolicyError(
@@ -168,14 +151,14 @@ def check_policy_camera(spec: PolicySpec, robot: RobotConfig, sensor: SensorConf
     """
     known = known_as(spec.robot, robot, OF_CAMERA)
     found: list[tuple[str, str, Any, Any]] = []
-    for name in cameras_of(spec.inputs.images):
+    for name in cameras_of(spec.images):
         if name and name not in robot.cameras:
             raise PolicyError(
                 f"The policy sees with the camera {name!r}, which the robot has not; it has "
                 f"{', '.join(robot.all_cameras)}. Leave the robot's cameras out, or name this one in robot.toml."
             )
         differences = section_differences(camera_on(known, name), camera_on(robot, name))
-        seen = DEPTH in kinds_of(name, spec.inputs.images)
+        seen = DEPTH in kinds_of(name, spec.images)
         found += [(f"{name}." if name else "", *row) for row in differences if seen or not row[0].startswith("depth_")]
     if sensor is not None:
         found += [("sensor.", *row) for row in section_differences(spec.sensor, sensor)]

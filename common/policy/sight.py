@@ -25,12 +25,6 @@ _CHANNELS: Mapping[str, int] = {RGB: 3, DEPTH: 1}
 Sight = npt.NDArray[np.uint8]
 
 
-def graph_input(name: str) -> str:
-    """What an encoder's graph calls an image: image, depth, image_left, depth_left."""
-    camera, plain = camera_of(name), "image" if kind_of(name) == RGB else kind_of(name)
-    return f"{plain}_{camera}" if camera else plain
-
-
 def check_images(names: Sequence[str]) -> None:
     """Raise ValueError unless a policy can take these images together: camera by camera, rgb first."""
     known = all(kind_of(name) in _CHANNELS for name in names) and names[:1] == (RGB,)

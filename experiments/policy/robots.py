@@ -57,7 +57,7 @@ def compare(
     config = dataclasses.replace(settings_of_policy(first), robot=robot)
     world = evaluation_world(scene, config, avatars=avatars_of_policy(first), seed=seed)
     drivers: dict[str, MakeDriver] = {
-        name: lambda evaluator, policy=policy: PolicyDriver(policy, evaluator.eyes(policy.spec.inputs.images))  # type: ignore[misc]
+        name: lambda evaluator, policy=policy: PolicyDriver(policy, evaluator.eyes(policy.spec.images))  # type: ignore[misc]
         for name, policy in loaded.items()
     }
     request = make_request(episodes, TASKS, (*policies, EXPERT, STRAIGHT_LINE), Split.TEST, seed)

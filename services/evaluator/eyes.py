@@ -49,7 +49,7 @@ class Eyes:
         return self._clock.sees(simulation.step, self._latency_steps)
 
     def look(self, simulations: Sequence[EpisodeSimulation]) -> npt.NDArray[np.uint8]:
-        """What policies see, from `measured`, as `PolicyInputs.images` names it, shape (B, H, W, C)."""
+        """What policies see, from `measured`, as `PolicySpec.images` names it, shape (B, H, W, C)."""
         images = self.measured(simulations)
         return side_by_side({name: in_bytes(image, name, self._robot) for name, image in images.items()}, self._sees)
 

@@ -157,7 +157,7 @@ class Evaluator:
         if method == POLICY:
             if self.policy is None:
                 raise PolicyError("No policy is given; give its folder, or leave the method `policy` out.")
-            return PolicyDriver(self.policy, self.eyes(self.policy.spec.inputs.images), hold_steps)
+            return PolicyDriver(self.policy, self.eyes(self.policy.spec.images), hold_steps)
         if method == STRAIGHT_LINE:
             return StraightLineDriver()
         if method not in self.drivers:

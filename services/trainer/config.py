@@ -28,12 +28,12 @@ class NetworkConfig:
     """What each frame is of, see `readygo.common.policy.sight`: rgb, depth where the data have it, and images of
     further cameras."""
     goal: Literal["point", "image", "both"] = "point"
-    """What it is told of the goal: where it is, what the robot would see there, by the encoder of the frames, or both.
-    The exported policy is one graph where it sees the goal."""
+    """What it is told of the goal: where it is, what the robot would see there, by the encoder of the frames, or
+    both."""
     latent_count: Count = 20
     """Numbers that the encoder answers."""
     motion: Literal["poses", "command"] = "command"
-    """Form of the ego-motion that the network gets, see `readygo.common.policy.artifact.MotionInput`."""
+    """Form of the ego-motion that the network gets, see `readygo.services.trainer.inputs.MotionInput`."""
     widths: tuple[int, ...] = (32, 64, 128, 192, 272)
     """Channels of the stem and of the four residual blocks."""
     pooled_height_px: Annotated[int, Range(low=0)] = 0

@@ -17,7 +17,7 @@ from readygo.common.files import write_whole
 from readygo.common.messages import CommittedEpisode, OfferReply, OfferRequest, PolicyFile
 from readygo.common.messages.live import LiveLoss
 from readygo.common.messages.plan import Driver, Outcome
-from readygo.common.policy import load_spec
+from readygo.common.policy.artifact import POLICY_FILES
 from readygo.common.robot import RobotConfig
 from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.episodes import Episode, committed_episode
@@ -167,7 +167,7 @@ class LiveTrainer:
         self._offered_s = run.elapsed_s
         folder = run.out / CANDIDATES_FOLDER / f"{len(self._offers):05d}"
         export_chosen(run, folder)
-        files = tuple(PolicyFile(name=name, data=(folder / name).read_bytes()) for name in load_spec(folder).files)
+        files = tuple(PolicyFile(name=name, data=(folder / name).read_bytes()) for name in POLICY_FILES)
         entry: dict[str, Any] = {"step": run.steps, "samples": run.samples_seen, "minutes": run.elapsed_s / 60}
         try:
             reply = self._offer(OfferRequest(files=files))

@@ -16,13 +16,13 @@ import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
-from readygo.common.policy.artifact import GOAL_SCALE_M, Fusion, Goal, MotionInput, PolicyInputs
 from readygo.common.policy.sight import channels_by_image
 from readygo.common.policy.traits import LIMITS_AT, TRAIT_COUNT, trait_units
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import SPEED_SHARES, TURN_SHARES, backward_rows
 from readygo.services.trainer.config import NetworkConfig
 from readygo.services.trainer.frames import pooling_of
+from readygo.services.trainer.inputs import GOAL_SCALE_M, Fusion, Goal, MotionInput, PolicyInputs
 
 NECK_CHANNELS = 32
 HEAD_WIDTHS = (256, 128)
@@ -132,11 +132,11 @@ class PolicyNet(nn.Module):
     """Encoder and head, with the robot's limits as units of the actions."""
 
     limits: Tensor
+    lowest: Tensor
     commands: Tensor
     trait_factor: Tensor
     trait_offset: Tensor
     motion_scale: Tensor
-    motion_offset: Tensor
 
     def __init__(self, robot: RobotConfig, config: NetworkConfig, *, reads_humans: bool = False) -> None:
         super().__init__()
@@ -156,8 +156,6 @@ class PolicyNet(nn.Module):
         size_px = robot.camera.height_px // self.pooling, robot.camera.width_px // self.pooling
         self.encoder = Encoder(size_px, self.inputs.image_channels, config.widths, config.latent_count)
         self.bins = bins_of(config, robot)
-        self.slowest = robot.v_min_mps / robot.v_max_mps
-        """Largest speed backwards, as a share of the largest one."""
         self.caution = CAUTION if config.output == "weighed" else None
         """Risk coefficient; None if commands are not weighed by what they risk."""
         answers = len(self.bins.centres) * (3 if self.caution is not None else 1) if self.bins else 2
@@ -165,11 +163,13 @@ class PolicyNet(nn.Module):
         self.humans = humans_head(self.inputs.latents_width) if reads_humans else None
         """Head that reads humans from the latents, for training alone; None if it is not trained."""
         self.register_buffer("limits", torch.tensor([robot.v_max_mps, robot.w_max_radps]), persistent=False)
+        lowest = torch.tensor([robot.v_min_mps / robot.v_max_mps, -1.0])
+        self.register_buffer("lowest", lowest, persistent=False)
+        """Lowest v and w, as shares of the limits, shape (2,)."""
         commands = torch.from_numpy(command_columns(self.inputs)).float()
         self.register_buffer("commands", commands, persistent=False)
-        scale, offset = motion_units(self.inputs, robot)
+        scale = motion_scale(self.inputs, robot)
         self.register_buffer("motion_scale", torch.tensor(scale), persistent=False)
-        self.register_buffer("motion_offset", torch.tensor(offset), persistent=False)
         for name, units in zip(("trait_factor", "trait_offset"), trait_units(robot), strict=True):
             self.register_buffer(name, torch.from_numpy(units).float(), persistent=False)
 
@@ -236,12 +236,15 @@ class PolicyNet(nn.Module):
         """Features of own motion in SI units -> numbers around [-1, 1]; traits as for `act`."""
         if self.inputs.robot:
             motion = motion * ((self.limits / self._limits_of(traits)) @ self.commands + 1 - self.commands.sum(dim=0))
-        return motion * self.motion_scale + self.motion_offset
+        return motion * self.motion_scale
 
     def clip(self, normalised_actions: Tensor, traits: Tensor | None = None) -> Tensor:
         """Normalised actions -> v [m/s] in [v_min, v_max], w [rad/s] in +-w_max, as the exported head answers them."""
-        v, w = normalised_actions.unbind(1)
-        return torch.stack([v.clamp(self.slowest, 1.0), w.clamp(-1.0, 1.0)], dim=1) * self._limits_of(traits)
+        return normalised_actions.clamp(self.lowest, torch.ones_like(self.lowest)) * self._limits_of(traits)
+
+    def driving_weights(self) -> dict[str, Tensor]:
+        """Weights of encoder and head by name: what drives, without the head that reads humans."""
+        return {name: value for name, value in self.state_dict().items() if not name.startswith("humans.")}
 
     def _limits_of(self, traits: Tensor | None) -> Tensor:
         """What commands are in units of, shape (2,) or (B, 2)."""
@@ -286,13 +289,11 @@ def command_columns(inputs: PolicyInputs) -> npt.NDArray[np.float64]:
     return np.eye(2, width, first)
 
 
-def motion_units(inputs: PolicyInputs, robot: RobotConfig) -> tuple[list[float], list[float]]:
-    """Factor and offset that bring the features of own motion to about [-1, 1]."""
+def motion_scale(inputs: PolicyInputs, robot: RobotConfig) -> list[float]:
+    """Factors that bring the features of own motion to about [-1, 1]."""
     command = [1.0 / robot.v_max_mps, 1.0 / robot.w_max_radps]
     width = inputs.motion.width(inputs.frame_count)
-    if inputs.motion is MotionInput.POSES:
-        return [1.0] * (width - 2) + command, [0.0] * width
-    return [*command, 1.0][:width], [0.0] * width
+    return [1.0] * (width - 2) + command if inputs.motion is MotionInput.POSES else [*command, 1.0]
 
 
 def parameter_count(model: PolicyNet) -> int:

@@ -10,13 +10,13 @@ import torch
 from torch import Tensor, nn
 
 from readygo.common.images.names import cameras_of
-from readygo.common.policy.artifact import MotionInput
 from readygo.common.policy.traits import LIMITS_AT
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import HUMAN, OBSTACLE, UNKNOWN_RISK, mirrored
 from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.frames import FrameCache, pooling_of
 from readygo.services.trainer.goals import Goals, hindsight_goals, own_goals
+from readygo.services.trainer.inputs import MotionInput
 from readygo.services.trainer.light import light_on, lit
 from readygo.services.trainer.model import Bins
 from readygo.services.trainer.motion import correct_for_turn, corrupt_previous, mirrored_motion, turn_motion, turn_world

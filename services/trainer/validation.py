@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from readygo.common.policy.artifact import MotionInput
+from readygo.services.trainer.inputs import MotionInput
 from readygo.services.trainer.model import PolicyNet
 from readygo.services.trainer.objective import Objective
 from readygo.services.trainer.parts import Part

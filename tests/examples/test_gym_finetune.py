@@ -48,7 +48,7 @@ def test_head_is_trained_and_the_rates_are_told(example, policy, tmp_path, capsy
     assert "dynamic  after   success" in told
     tuned = load_policy(tmp_path / "tuned")
     assert tuned.spec.training["fine_tuned"]["steps"] >= 16
-    assert (tmp_path / "tuned" / "head.onnx").read_bytes() != (policy / "head.onnx").read_bytes()
+    assert (tmp_path / "tuned" / "policy.onnx").read_bytes() != (policy / "policy.onnx").read_bytes()
 
 
 def test_policy_that_is_missing_is_one_line(example, tmp_path):

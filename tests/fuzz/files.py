@@ -291,5 +291,5 @@ TARGETS = [
     in_folder("packed scene .npy", _packed, "centre_m.npy", load_packed, mutate.npy),
     in_folder("packed.json", _packed, "packed.json", load_packed, mutate.json_text),
     in_folder("policy.toml", _policy, "policy.toml", load_spec, mutate.text),
-    in_folder("ONNX policy", _policy, "head.onnx", load_policy, mutate.binary),
+    in_folder("ONNX policy", _policy, "policy.onnx", load_policy, mutate.binary),
 ]

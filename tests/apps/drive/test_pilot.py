@@ -10,11 +10,10 @@ from readygo.apps.drive.pilot import DriveConfig, Ending, Pilot, limited, words_
 from readygo.common.frames import goal_in_robot_frame
 from readygo.common.messages import Outcome
 from readygo.common.policy import load_policy
-from readygo.common.policy.artifact import PolicyInputs
 from readygo.common.robot import RobotConfig, limit_command, step_unicycle
 from readygo.common.robot.kinematics import STEP_NS
 from tests.apps.drive.conftest import CAMERA, T0, S, odometry, picture
-from tests.common.policy.artifacts import write_policy
+from tests.common.policy.artifacts import graph_seeing, write_policy
 
 
 def test_robot_is_driven_as_in_an_evaluation_step_by_step(tmp_path):
@@ -178,7 +177,7 @@ class DepthRide:
     def __init__(self, fake_policy):
         self.policy, self.sights = fake_policy((1.0, 0.0)), []
         spec = self.policy.spec
-        self.policy.spec = dataclasses.replace(spec, inputs=PolicyInputs(images=("rgb", "depth")))
+        self.policy.spec = dataclasses.replace(spec, graph=graph_seeing(("rgb", "depth")))
         see = self.policy.see
         self.policy.see = lambda memories, images, times: (self.sights.append(images[0]), see(memories, images, times))
         config = DriveConfig(v_max_mps=1.0, w_max_radps=1.2)
@@ -222,8 +221,8 @@ class ThreeCameraRide:
         self.policy = fake_policy((1.0, 0.0))
         camera = self.policy.spec.robot.camera
         robot = RobotConfig(camera=camera, camera_hz=camera_hz, cameras={"left": camera, "right": camera})
-        inputs = PolicyInputs(images=("rgb", "left.rgb", "right.rgb"))
-        self.policy.spec = dataclasses.replace(self.policy.spec, robot=robot, inputs=inputs)
+        graph = graph_seeing(("rgb", "left.rgb", "right.rgb"))
+        self.policy.spec = dataclasses.replace(self.policy.spec, robot=robot, graph=graph)
         rectify = dict.fromkeys(("", "left", "right"), Rectifier(camera, camera))
         config = DriveConfig(v_max_mps=1.0, w_max_radps=1.2)
         self.pilot = Pilot(self.policy, rectify, config, Goal(x_m=5.0, y_m=0.0))

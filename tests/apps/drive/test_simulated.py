@@ -25,10 +25,10 @@ from readygo.common.bus.foreign import ForeignSession
 from readygo.common.bus.zenoh_bus import Router, free_endpoint
 from readygo.common.camera import CameraConfig
 from readygo.common.messages import Outcome, Split
-from readygo.common.policy.artifact import PolicyInputs
 from readygo.common.robot import Clock, RobotConfig
 from readygo.services.evaluator import Task
 from tests.apps.drive.conftest import CAMERA, FakePolicy, open_ground
+from tests.common.policy.artifacts import graph_seeing
 
 TOPICS = Topics(
     image="/camera/image_raw",
@@ -85,7 +85,7 @@ def test_policy_drives_a_robot_to_its_goal_over_every_wire(kind, depth):
         config = DriveConfig(v_max_mps=1.0, w_max_radps=1.2, goal_in_start_frame=False, time_limit_s=15.0)
         policy = StraightPolicy()
         if depth:
-            policy.spec = dataclasses.replace(policy.spec, inputs=PolicyInputs(images=("rgb", "depth")))
+            policy.spec = dataclasses.replace(policy.spec, graph=graph_seeing(("rgb", "depth")))
         pilot = Pilot(policy, rectify, config, link.goal)
         run_trial(link, pilot, rate_hz=20, say=lambda words: None)
         link.close()
@@ -120,7 +120,7 @@ class StillPolicy(StraightPolicy):
     def __init__(self):
         super().__init__()
         self.answer = (0.0, 0.0)
-        self.spec = dataclasses.replace(self.spec, robot=THREE_CAMERAS, inputs=PolicyInputs(images=SEEN))
+        self.spec = dataclasses.replace(self.spec, robot=THREE_CAMERAS, graph=graph_seeing(SEEN))
 
 
 @pytest.mark.parametrize(("compressed", "levels"), [(False, 0.0), (True, 4.0)])

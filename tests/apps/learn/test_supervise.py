@@ -210,7 +210,7 @@ def test_cores_are_split_by_what_was_measured_once(
     assert read_state(plan())["split"] == {"collectors": 3, "trainer_threads": 9}
 
 
-@pytest.mark.parametrize("file", ["curve.json", "learn.json", "encoder.onnx"])
+@pytest.mark.parametrize("file", ["curve.json", "learn.json", "policy.onnx"])
 def test_full_disk_is_one_line_and_with_room_it_goes_on(
     plan: Callable[..., Plan], file: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -24,7 +24,7 @@ def test_files_of_methods_have_hashes_and_built_in_ones_none(tmp_path: Path) -> 
 def test_further_policies_have_the_hash_of_the_policy(tmp_path: Path) -> None:
     mesh, run = write_policy(tmp_path / "vid2sim"), write_policy(tmp_path / "run" / "policy")
     assert method_hashes(["vid2sim", "run"], tmp_path) == {"vid2sim": policy_sha256(mesh), "run": policy_sha256(run)}
-    (run / "head.onnx").write_bytes(b"others")
+    (run / "policy.onnx").write_bytes(b"others")
     with pytest.raises(RunError, match="run is another one here"):
         check_method_files({"run": policy_sha256(mesh)}, ["run"], tmp_path)
 

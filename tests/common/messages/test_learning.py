@@ -13,14 +13,14 @@ from readygo.common.messages import (
 )
 
 
-@pytest.mark.parametrize("name", ["", "..", "../head.onnx", "a/b", "/head.onnx", ".hidden", "head onnx"])
+@pytest.mark.parametrize("name", ["", "..", "../policy.onnx", "a/b", "/policy.onnx", ".hidden", "policy onnx"])
 def test_name_that_may_lead_out_of_the_policys_folder_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match="must have a plain name"):
         PolicyFile(name=name, data=b"")
 
 
 def test_files_travel_whole() -> None:
-    offer = OfferRequest(files=(PolicyFile(name="head.onnx", data=bytes(range(256))), PolicyFile(name="a", data=b"")))
+    offer = OfferRequest(files=(PolicyFile(name="policy.onnx", data=bytes(range(256))), PolicyFile(name="a", data=b"")))
     assert decode(OfferRequest, encode(offer)) == offer
 
 

@@ -3,41 +3,11 @@ import pytest
 from readygo.common.camera import SensorConfig
 from readygo.common.errors import PolicyError
 from readygo.common.policy import PolicySpec, load_spec, save_spec
-from readygo.common.policy.artifact import FIRST_INPUTS, Fusion, MotionInput, PolicyInputs
+from readygo.common.policy.graph import GraphSpec
 from readygo.common.robot import CameraConfig, RobotConfig
 
+FORMAT, GRAPH = 'format = "readygo-policy/5"', 'graph.inputs.image = "rgb"'
 SENSOR = SensorConfig(k1=(-0.1, 0.1), exposure_s=(0.0, 0.01))
-OLD_POLICY = """format = "readygo-policy/1"
-frame_spacing_s = 0.5
-
-[robot]
-radius_m = 0.25
-planning_radius_m = 0.3
-height_m = 0.6
-v_max_mps = 1.0
-w_max_radps = 1.2
-a_max_mps2 = 1.0
-alpha_max_radps2 = 3.0
-
-[robot.camera]
-height_px = 90
-width_px = 160
-horizontal_fov_deg = 80.0
-mount_height_m = 0.4
-
-[training]
-episodes = 40
-"""
-
-
-def test_policy_of_before_it_named_lens_and_sensor_still_loads(tmp_path):
-    (tmp_path / "policy.toml").write_text(OLD_POLICY)
-    spec = load_spec(tmp_path)
-    camera = CameraConfig(height_px=90, width_px=160, horizontal_fov_deg=80.0, mount_height_m=0.4)
-    assert spec.robot == RobotConfig(camera=camera)
-    assert spec.sensor == SensorConfig()
-    assert spec.inputs == FIRST_INPUTS
-    assert spec.inputs.feature_count == 64
 
 
 def test_camera_with_given_intrinsics_comes_back(tmp_path):
@@ -51,8 +21,8 @@ def test_camera_with_given_intrinsics_comes_back(tmp_path):
 def test_spec_comes_back_as_it_was_written(tmp_path):
     robot = RobotConfig(v_max_mps=0.7, camera=CameraConfig(height_px=90, width_px=160))
     training = {"data_sha256": 'ab"c\\d', "episodes": 40, "config": {"minutes": 1e-5, "live": False}, "seeds": [1, 2]}
-    inputs = PolicyInputs(fusion=Fusion.EARLY, latent_count=64, motion=MotionInput.COMMAND, frame_count=5)
-    spec = PolicySpec(robot=robot, sensor=SENSOR, frame_spacing_s=0.25, inputs=inputs, training=training)
+    graph = GraphSpec(inputs={"x": "rgb", "go": "goal"}, state={"h": "h2"}, cache={}, rate_hz=5.0, frame_count=5)
+    spec = PolicySpec(robot=robot, sensor=SENSOR, frame_spacing_s=0.25, graph=graph, training=training)
     save_spec(spec, tmp_path)
     assert load_spec(tmp_path) == spec
     assert [path.name for path in tmp_path.iterdir()] == ["policy.toml"]
@@ -67,22 +37,27 @@ def test_missing_folder_says_what_to_give(tmp_path):
     ("text", "message"),
     [
         ("format = ", "no TOML"),
-        ('format = "readygo-policy/9"', "readygo-policy/9"),
-        ('format = "readygo-policy/1"', "robot"),
-        ('format = "readygo-policy/1"\nframe_spacing_s = 0.5\n[robot]\nwheels = 4', "wheels"),
-        ('format = "readygo-policy/2"\nframe_spacing_s = 0.5\n[robot]', "inputs"),
-        ('format = "readygo-policy/1"\nframe_spacing_s = 0.33\n[robot]', "frame_spacing_s"),
-        ('format = "readygo-policy/1"\nframe_spacing_s = inf\n[robot]', "frame_spacing_s"),
-        (
-            'format = "readygo-policy/2"\nframe_spacing_s = 0.5\n[robot]\n'
-            '[inputs]\nfusion = "late"\nlatent_count = inf',
-            "cannot be used",
-        ),
+        (f"{FORMAT}", "robot"),
+        (f"{FORMAT}\nframe_spacing_s = 0.5\n[robot]\nwheels = 4", "wheels"),
+        (f"{FORMAT}\nframe_spacing_s = 0.5\n[robot]", "graph"),
+        (f"{FORMAT}\nframe_spacing_s = 0.5\ngraph = 3\n[robot]", "cannot be used"),
+        (f"{FORMAT}\nframe_spacing_s = 0.5\n[robot]\n[graph]\ninputs = 3", "cannot be used"),
+        (f"{FORMAT}\nframe_spacing_s = 0.33\n{GRAPH}\n[robot]", "frame_spacing_s"),
+        (f"{FORMAT}\nframe_spacing_s = inf\n{GRAPH}\n[robot]", "frame_spacing_s"),
+        (f"{FORMAT}\nframe_spacing_s = 0.5\n[robot]\n[graph]\nframe_count = inf", "cannot be used"),
     ],
 )
 def test_spec_that_cannot_be_used_is_refused(tmp_path, text, message):
     (tmp_path / "policy.toml").write_text(text)
     with pytest.raises(PolicyError, match=message) as caught:
+        load_spec(tmp_path)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("version", [1, 2, 3, 4, 9])
+def test_policy_of_another_format_is_refused_with_the_way_to_export_it_again(tmp_path, version):
+    (tmp_path / "policy.toml").write_text(f'format = "readygo-policy/{version}"\n')
+    with pytest.raises(PolicyError, match=f"readygo-policy/{version}.* exports it from its checkpoint") as caught:
         load_spec(tmp_path)
     assert "\n" not in str(caught.value)
 

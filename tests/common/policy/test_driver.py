@@ -137,11 +137,11 @@ def test_policy_that_wants_an_image_of_the_goal_has_it_from_the_start(simulation
             return np.full((2, 2, 3), 7, np.uint8)
 
     policy, eyes, episode = RecordingPolicy(), LooksAhead(), simulation()
-    graph = GraphSpec(inputs={"image": Given.RGB, "there": Given.GOAL_IMAGE})
+    graph = GraphSpec(inputs={"image": "rgb", "there": Given.GOAL_IMAGE}, cache={})
     policy.spec = PolicySpec(robot=RobotConfig(), graph=graph)
     policy.start = lambda robot: PolicyMemory(10**8)
     state = PolicyDriver(policy, eyes).start(episode)
-    assert state.memory.kept.goal_image.tolist() == np.full((2, 2, 3), 7).tolist()
+    assert state.memory.kept.goal.image.tolist() == np.full((2, 2, 3), 7).tolist()
     assert eyes.asked is episode
 
 

@@ -31,9 +31,14 @@ def test_states_begin_with_zeros_of_the_graphs_shape():
     ("mapping", "words"),
     [
         ({"inputs": {"goal": "goal"}}, 'must be "rgb"'),
-        ({"inputs": {"image": "radar"}}, "radar"),
-        ({"inputs": {"image": "rgb"}, "state": {"image": "h"}}, "image stands in"),
+        ({"inputs": {"image": "rgb", "echo": "radar"}}, "radar"),
+        ({"inputs": {"image": "rgb"}, "state": {"image": "h"}}, "image stands in more than one"),
         ({"inputs": {"image": "rgb"}, "rate_hz": 0.0}, "rate_hz must be"),
+        ({"inputs": {"image": "rgb"}, "state": {"h": "h2"}}, "needs rate_hz"),
+        ({"inputs": {"image": "rgb"}, "frame_count": 0}, "frame_count must be"),
+        ({"inputs": {"image": "rgb", "rows": "window"}}, 'an input "window"'),
+        ({"inputs": {"image": "rgb"}, "cache": {"latents": "latent"}}, 'an input "window"'),
+        ({"inputs": {"image": "rgb", "row": "goal_frame"}}, '"goal_frame" goes with'),
     ],
 )
 def test_graphs_that_cannot_be_given_what_they_want_are_refused(mapping, words):
@@ -42,5 +47,24 @@ def test_graphs_that_cannot_be_given_what_they_want_are_refused(mapping, words):
 
 
 def test_graph_comes_back_from_plain_values():
-    graph = GraphSpec(inputs={"image": Given.RGB, "goal": Given.GOAL_IMAGE}, state={"h": "h2"}, rate_hz=15.0)
+    graph = GraphSpec(inputs={"x": "rgb", "goal": Given.GOAL_IMAGE}, state={"h": "h2"}, cache={}, rate_hz=15.0)
     assert GraphSpec.from_mapping(graph.to_mapping()) == graph
+    assert GraphSpec.from_mapping(GraphSpec().to_mapping()) == GraphSpec()
+
+
+def test_images_stand_camera_by_camera_however_the_graph_orders_its_inputs():
+    inputs = {"a": "left.depth", "b": "depth", "c": "left.rgb", "d": "rgb", "e": "goal"}
+    assert GraphSpec(inputs=inputs, cache={}).images == ("rgb", "depth", "left.rgb", "left.depth")
+
+
+@pytest.mark.parametrize(("shape", "place"), [(("n", 4, 5, 3), (3, 2, 1)), (("n", 3, 4, 5), (1, 3, 2))])
+def test_frames_that_are_encoded_alone_stand_side_by_side(shape, place):
+    port = Port(np.uint8, shape)
+    assert port.images(FRAMES, together=False)[1][place] == FRAMES[1, 3, 2, 1]
+    assert port.images(FRAMES[:0], together=False).shape == (0, *shape[1:])
+
+
+def test_cache_without_rows_has_the_graphs_width():
+    port = Port(np.float32, ("known", 20))
+    assert port.rows([]).shape == (0, 20)
+    assert port.rows([np.ones(20, np.float32)] * 2).shape == (2, 20)

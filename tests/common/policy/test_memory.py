@@ -15,7 +15,7 @@ def driven(memory, steps):
     for step in range(steps):
         memory.advance(STILL)
         memory.see(np.full(20, step))
-        windows.append([int(latent[0]) for latent in memory.window()])
+        windows.append([int(frame.image[0]) for frame in memory.window()])
     return windows
 
 
@@ -34,14 +34,14 @@ def test_frames_of_an_uneven_camera_are_chosen_by_their_times_not_by_their_numbe
     memory = PolicyMemory(500_000_000)
     for millis in (0, 90, 210, 430, 520, 700, 990, 1050):
         memory.see(np.array([millis]), millis * 1_000_000)
-    assert [int(frame[0]) for frame in memory.window()] == [90, 520, 1050]
+    assert [int(frame.image[0]) for frame in memory.window()] == [90, 520, 1050]
 
 
 def test_frame_before_a_pause_is_kept_for_as_long_as_it_is_the_nearest():
     memory = PolicyMemory(500_000_000)
     for millis in (0, 3000, 3100):
         memory.see(np.array([millis]), millis * 1_000_000)
-    assert [int(frame[0]) for frame in memory.window()] == [3000, 3000, 3100]
+    assert [int(frame.image[0]) for frame in memory.window()] == [3000, 3000, 3100]
 
 
 def test_step_without_a_frame_keeps_what_was_seen_and_counts_on():
@@ -53,7 +53,7 @@ def test_step_without_a_frame_keeps_what_was_seen_and_counts_on():
         memory.advance(command)
         if step % 5 == 0:
             memory.see(np.full(20, step))
-    assert [latent[0] for latent in memory.window()] == [10, 20, 30]
+    assert [frame.image[0] for frame in memory.window()] == [10, 20, 30]
     assert np.array_equal(memory.own_motion(command), other.own_motion(command))
 
 
@@ -64,7 +64,7 @@ def test_steps_are_those_of_the_robots_clock():
         memory.advance(np.array([0.6, 0.0], np.float32))
         if step % 3 == 0:
             memory.see(np.full(20, step))
-    assert [latent[0] for latent in memory.window()] == [15, 30, 45]
+    assert [frame.image[0] for frame in memory.window()] == [15, 30, 45]
     assert np.allclose(memory.own_motion(STILL)[[0, 3]], [-0.6, -0.3], atol=1e-6)
 
 

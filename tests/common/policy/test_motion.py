@@ -3,8 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from readygo.common.policy.artifact import MotionInput
-from readygo.common.policy.motion import motion_features, odometry, own_motion
+from readygo.common.policy.motion import odometry, own_motion
 
 
 def test_odometry_of_a_quarter_turn() -> None:
@@ -20,12 +19,3 @@ def test_older_frames_lie_behind_a_robot_that_drove_on() -> None:
     older = np.array([[[0.0, 0.0, 0.0], [0.0, 1.0, math.pi / 2]]])
     features = own_motion(older, np.array([[0.0, 2.0, math.pi / 2]]), np.array([[0.5, 0.1]], np.float32))[0]
     assert features == pytest.approx([-2, 0, -math.pi / 2, -1, 0, 0, 0.5, 0.1], abs=1e-6)
-
-
-def test_what_is_known_of_the_previous_action_is_said() -> None:
-    poses = np.array([[1, 2, 3, 4, 5, 6, 0.0, 0.0]], np.float32)
-    assert motion_features(MotionInput.COMMAND, poses).tolist() == [[0, 0, 1]]
-    assert motion_features(MotionInput.BARE_COMMAND, poses).tolist() == [[0, 0]]
-    assert motion_features(MotionInput.POSES, poses) is poses
-    for motion in MotionInput:
-        assert motion_features(motion, poses).shape == (1, motion.width(3))

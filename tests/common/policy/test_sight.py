@@ -6,7 +6,6 @@ from readygo.common.policy.sight import (
     channels_by_image,
     check_cameras,
     check_images,
-    graph_input,
     robot_sight,
     side_by_side,
 )
@@ -43,15 +42,6 @@ def test_each_camera_measures_depths_with_errors_of_its_own():
     # 2 m of 10 m, and of 4 m.
     assert (seen[0, 0, 3], seen[..., 7].max()) == (204, 128)
     assert 0 < (seen[..., 7] == 0).mean() < 1
-
-
-def test_graphs_name_the_images_of_further_cameras():
-    assert [*map(graph_input, ("rgb", "depth", "left.rgb", "left.depth"))] == [
-        "image",
-        "depth",
-        "image_left",
-        "depth_left",
-    ]
 
 
 def test_cameras_that_a_robot_lacks_or_of_other_sizes_are_refused():

@@ -8,13 +8,13 @@ import pytest
 
 from readygo.common.episode.goal import goal_pose
 from readygo.common.messages import Split
-from readygo.common.policy.artifact import PolicyInputs
 from readygo.services.evaluator import (
     POLICY,
     EvaluateRequest,
     Task,
     handle_evaluate,
 )
+from tests.common.policy.artifacts import graph_seeing
 from tests.services.evaluator.conftest import ROBOT, GoalSeeker
 
 
@@ -80,7 +80,7 @@ def test_policy_that_sees_depths_is_shown_what_its_camera_measures_of_them(make_
 
     robot = dataclasses.replace(ROBOT, camera=dataclasses.replace(ROBOT.camera, depth_max_m=8.0, depth_lost=0.5))
     policy = SeesDepths(robot)
-    policy.spec = dataclasses.replace(policy.spec, inputs=PolicyInputs(images=("rgb", "depth")))
+    policy.spec = dataclasses.replace(policy.spec, graph=graph_seeing(("rgb", "depth")))
     request = EvaluateRequest(tasks=(Task.STATIC,), methods=(POLICY,), episodes=1)
     handle_evaluate(make_evaluator(robot=robot, policy=policy), request)
     assert {asked.outputs for asked in services.render_requests} == {("depth",)}

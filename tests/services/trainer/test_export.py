@@ -1,4 +1,5 @@
 import numpy as np
+import onnxruntime
 import pytest
 import torch
 from torch import nn
@@ -7,7 +8,7 @@ from readygo.common.errors import PolicyError
 from readygo.common.policy import PolicySpec, load_policy
 from readygo.common.robot import CameraConfig, RobotConfig
 from readygo.services.trainer.config import NetworkConfig
-from readygo.services.trainer.export import export_policy
+from readygo.services.trainer.export import export_policy, policy_graph
 from readygo.services.trainer.model import PolicyNet
 
 
@@ -26,34 +27,44 @@ def trained_looking_model(robot, **network):
 
 
 @pytest.mark.parametrize("size", [(144, 256), (90, 161), (8, 8)])
-def test_exported_graphs_answer_what_torch_answers(tmp_path, size):
+def test_exported_graph_answers_what_torch_answers(tmp_path, size):
     robot = RobotConfig(v_max_mps=0.7, w_max_radps=0.9, camera=CameraConfig(height_px=size[0], width_px=size[1]))
     model = trained_looking_model(robot)
     export_policy(model, PolicySpec(robot=robot), tmp_path)
     policy = load_policy(tmp_path, robot=robot)
     rng = np.random.default_rng(0)
-    images = rng.integers(0, 256, (4, *size, 3), dtype=np.uint8)
-    motion = np.array([[0.3, -0.5, 1], [0, 0, 0]], np.float32)
-    goals = np.array([[4.0, -2.0], [25.0, 3.0]], np.float32)
-    window = torch.tensor([[0, 1, 2], [1, 2, 3]])
+    images = rng.integers(0, 256, (30, *size, 3), dtype=np.uint8)
+    commands = rng.uniform(-0.9, 0.7, (30, 2)).astype(np.float32)
+    goals = rng.uniform(-12, 12, (30, 2)).astype(np.float32)
+    window = torch.tensor([[max(step - back, 0) for back in (20, 10, 0)] for step in range(30)])
     with torch.inference_mode():
         latents = model.encode_windows(torch.from_numpy(images / np.float32(127.5) - 1).permute(0, 3, 1, 2), window)
-        answers = model.act(latents, model.normalise_motion(torch.from_numpy(motion)), torch.from_numpy(goals))
+        motion = torch.from_numpy(np.column_stack([commands, np.ones(30, np.float32)]))
+        answers = model.act(latents, model.normalise_motion(motion), torch.from_numpy(goals))
         expected = model.clip(model.decide(answers)).numpy()
-    ours = policy.encode(images)
-    assert np.abs(ours[window].reshape(2, -1) - latents.numpy()).max() < 1e-5
-    assert np.abs(policy.act(ours[window].reshape(2, -1), motion, goals) - expected).max() < 1e-5
+    memory = policy.start()
+    for step in range(30):
+        now = slice(step, step + 1)
+        assert np.abs(policy.step([memory], images[now], commands[now], goals[now]) - expected[now]).max() < 1e-5
+    seen = [frame.cached["latents"] for frame in memory.window()]
+    assert np.abs(np.concatenate(seen) - latents[-1].numpy()).max() < 1e-5
 
 
 @pytest.mark.parametrize("output", ["regression", "bins", "weighed"])
-def test_actions_stay_within_the_limits(tmp_path, output):
+def test_actions_stay_within_the_limits(output):
     robot = RobotConfig(camera=CameraConfig(height_px=16, width_px=16))
     model = trained_looking_model(robot, output=output)
     model.head.layer3.weight.data.mul_(100)
-    export_policy(model, PolicySpec(robot=robot), tmp_path)
+    session = onnxruntime.InferenceSession(policy_graph(model, robot), providers=["CPUExecutionProvider"])
     rng = np.random.default_rng(0)
-    latents = rng.normal(0, 3, (300, 60)).astype(np.float32)
-    actions = load_policy(tmp_path).act(latents, np.zeros((300, 3), np.float32), np.zeros((300, 2), np.float32))
+    given = {
+        "rgb": np.empty((0, 16, 16, 3), np.uint8),
+        "window": np.arange(3),
+        "command": np.zeros((1, 2), np.float32),
+        "goal": np.zeros((1, 2), np.float32),
+    }
+    drawn = rng.normal(0, 3, (300, 3, 20)).astype(np.float32)
+    actions = np.concatenate([session.run(["action"], {**given, "latents": latents})[0] for latents in drawn])
     tolerance = 1e-5 if output == "regression" else 0.2
     assert actions.min(axis=0).tolist() == pytest.approx([0.0, -1.2], abs=tolerance)
     assert actions.max(axis=0).tolist() == pytest.approx([1.0, 1.2], abs=tolerance)
@@ -64,18 +75,29 @@ def test_actions_stay_within_the_limits(tmp_path, output):
 
 def test_equal_weights_give_equal_files(tmp_path):
     robot = RobotConfig(camera=CameraConfig(height_px=16, width_px=16))
-    for name in ("a", "b"):
-        export_policy(trained_looking_model(robot), PolicySpec(robot=robot), tmp_path / name)
-    for file in ("encoder.onnx", "head.onnx", "policy.toml"):
+    for name, layout in (("a", torch.contiguous_format), ("b", torch.channels_last)):
+        model = trained_looking_model(robot).to(memory_format=layout)
+        export_policy(model, PolicySpec(robot=robot), tmp_path / name)
+    files = ["policy.onnx", "policy.toml", "weights.safetensors"]
+    for file in files:
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
-    assert sorted(path.name for path in (tmp_path / "a").iterdir()) == ["encoder.onnx", "head.onnx", "policy.toml"]
+    assert sorted(path.name for path in (tmp_path / "a").iterdir()) == files
+
+
+def test_export_leaves_the_network_as_it_was():
+    robot = RobotConfig(camera=CameraConfig(height_px=16, width_px=16))
+    model = trained_looking_model(robot).train()
+    before = {name: value.clone() for name, value in model.state_dict().items()}
+    policy_graph(model, robot)
+    assert model.training
+    assert all(torch.equal(before[name], value) for name, value in model.state_dict().items())
 
 
 def test_policy_that_is_half_replaced_is_not_loaded(tmp_path, monkeypatch):
     robot = RobotConfig(camera=CameraConfig(height_px=8, width_px=8))
     spec = PolicySpec(robot=robot)
     export_policy(trained_looking_model(robot), spec, tmp_path)
-    monkeypatch.setattr("readygo.services.trainer.export.HEAD_FILE", "encoder.onnx/head.onnx")
+    monkeypatch.setattr("readygo.services.trainer.export.WEIGHTS_FILE", "policy.onnx/weights.safetensors")
     with pytest.raises(PolicyError, match="cannot be written"):
         export_policy(PolicyNet(robot, NetworkConfig()), spec, tmp_path)
     with pytest.raises(PolicyError, match=r"holds no policy\.toml"):

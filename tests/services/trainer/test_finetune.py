@@ -10,7 +10,7 @@ from readygo.common.policy import PolicySpec, load_policy, load_spec, save_spec
 from readygo.common.robot import CameraConfig, RobotConfig
 from readygo.services.trainer.config import NetworkConfig
 from readygo.services.trainer.export import export_policy
-from readygo.services.trainer.finetune import load_head, save_head
+from readygo.services.trainer.finetune import load_network, save_network
 from readygo.services.trainer.model import PolicyNet
 
 NETWORK = NetworkConfig(output="weighed", widths=(4, 4, 4, 4, 4), motion="poses")
@@ -21,47 +21,45 @@ def folder(tmp_path):
     torch.manual_seed(1)
     robot = RobotConfig(v_max_mps=0.7, camera=CameraConfig(height_px=16, width_px=16))
     training = {"seed": 4, "config": {"network": section_to_mapping(NETWORK)}}
-    export_policy(PolicyNet(robot, NETWORK).eval(), PolicySpec(robot=robot, training=training), tmp_path / "policy")
+    net = PolicyNet(robot, NETWORK, reads_humans=True).eval()
+    export_policy(net, PolicySpec(robot=robot, training=training), tmp_path / "policy")
     return tmp_path / "policy"
 
 
-def answers(net, features):
-    width = net.inputs.latents_width
-    with torch.inference_mode():
-        found = torch.from_numpy(features)
-        raw = net.act(found[:, :width], net.normalise_motion(found[:, width:-2]), found[:, -2:])
-        return net.clip(net.decide(raw)).numpy()
+def decisions(folder):
+    policy, rng = load_policy(folder), np.random.default_rng(0)
+    memory, images = policy.start(), rng.integers(0, 256, (20, 1, 16, 16, 3), np.uint8)
+    commands, goals = rng.uniform(0, 0.7, (20, 1, 2)), rng.uniform(-8, 8, (20, 1, 2))
+    rows = zip(images, commands.astype(np.float32), goals.astype(np.float32), strict=True)
+    return np.concatenate([policy.step([memory], *row) for row in rows])
 
 
-def test_head_answers_as_the_policy_does_before_and_after_training(folder, tmp_path):
-    net, count = load_head(folder), load_policy(folder).spec.inputs.feature_count
-    features = np.random.default_rng(0).normal(size=(20, count)).astype(np.float32)
-    width = net.inputs.latents_width
-    parts = features[:, :width], features[:, width:-2], features[:, -2:]
-    before = answers(net, features)
-    assert np.abs(load_policy(folder).act(*parts) - before).max() < 1e-5
+def test_policy_that_is_loaded_and_saved_decides_the_same_until_it_is_trained_on(folder, tmp_path):
+    net, before = load_network(folder), decisions(folder)
+    save_network(net, folder, tmp_path / "same", {})
+    assert (tmp_path / "same" / "policy.onnx").read_bytes() == (folder / "policy.onnx").read_bytes()
     net.head.layer3.bias.data.normal_()
-    save_head(net, folder, tmp_path / "new", {"by": "hand", "steps": 3})
-    after = load_policy(tmp_path / "new")
-    assert np.abs(after.act(*parts) - answers(net, features)).max() < 1e-5
-    assert np.abs(answers(net, features) - before).max() > 1e-2
-    assert after.spec.training["fine_tuned"] == {"by": "hand", "steps": 3}
-    assert after.spec.training["seed"] == 4
-    assert (tmp_path / "new" / "encoder.onnx").read_bytes() == (folder / "encoder.onnx").read_bytes()
+    save_network(net, folder, tmp_path / "new", {"by": "hand", "steps": 3})
+    assert np.abs(decisions(tmp_path / "new") - before).max() > 1e-2
+    spec = load_spec(tmp_path / "new")
+    assert spec.training["fine_tuned"] == {"by": "hand", "steps": 3}
+    assert spec.training["seed"] == 4
+    again = load_network(tmp_path / "new").state_dict()
+    assert all(torch.equal(again[name], value) for name, value in net.state_dict().items())
 
 
 def test_policies_that_are_not_what_they_say_are_refused(folder, tmp_path):
     spec = load_spec(folder)
     with pytest.raises(PolicyError, match="began with"):
-        save_head(load_head(folder), folder, folder, {})
+        save_network(load_network(folder), folder, folder, {})
     network = section_to_mapping(dataclasses.replace(NETWORK, latent_count=8))
     save_spec(dataclasses.replace(spec, training={"config": {"network": network}}), folder)
-    with pytest.raises(PolicyError, match="is not the network"):
-        load_head(folder)
+    with pytest.raises(PolicyError, match="is not of the network"):
+        load_network(folder)
     save_spec(dataclasses.replace(spec, training={}), folder)
     with pytest.raises(PolicyError, match="does not say what network"):
-        load_head(folder)
+        load_network(folder)
     save_spec(spec, folder)
-    (folder / "head.onnx").write_bytes(b"no graph")
-    with pytest.raises(PolicyError, match=r"head\.onnx"):
-        load_head(folder)
+    (folder / "weights.safetensors").write_bytes(b"no weights")
+    with pytest.raises(PolicyError, match=r"weights\.safetensors"):
+        load_network(folder)

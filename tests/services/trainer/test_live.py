@@ -83,7 +83,7 @@ def test_what_is_heard_is_learned_and_offered(make_trainer, fleet, tmp_path):
         trainer.hear("run", episode(index))
     trainer.train(threading.Event())
     assert fleet.offered
-    assert set(fleet.offered[0]) == {"encoder.onnx", "head.onnx", "policy.toml"}
+    assert set(fleet.offered[0]) == {"policy.onnx", "policy.toml"}
     told = progress(tmp_path)
     assert told["state"] == "ended"
     assert told["samples"] == 320
@@ -204,7 +204,7 @@ def test_images_of_another_size_are_left_out(make_trainer, tmp_path):
     assert sum(progress(tmp_path)["episodes"].values()) == 5
 
 
-@pytest.mark.parametrize("file", ["encoder.onnx", "progress.json"])
+@pytest.mark.parametrize("file", ["policy.onnx", "progress.json"])
 def test_full_disk_ends_training_in_one_line_and_with_room_it_goes_on(make_trainer, tmp_path, monkeypatch, file):
     def full(path, data):
         if path.parent.name.startswith(f".{Path(file).stem}-"):

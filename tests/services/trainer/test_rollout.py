@@ -88,8 +88,8 @@ def test_exported_policy_drives_as_the_network_that_was_trained(tmp_path, output
 @pytest.mark.parametrize(("fusion", "pooled_height_px"), [("late", 24), ("early", 24), ("early", 0)])
 def test_policy_that_sees_depths_drives_as_the_network_that_was_trained(tmp_path, fusion, pooled_height_px):
     check_same_drive(tmp_path, ("rgb", "depth"), fusion=fusion, pooled_height_px=pooled_height_px)
-    encoder = onnx.load(tmp_path / "encoder.onnx")
-    assert [item.name for item in encoder.graph.input] == ["image", "depth"]
+    own = ["window", "command", "goal", "latents"] if fusion == "late" else ["command", "goal"]
+    assert input_names(tmp_path) == ["rgb", "depth", *own]
 
 
 @pytest.mark.parametrize("output", ["regression", "weighed"])
@@ -101,16 +101,15 @@ def test_policy_for_several_robots_drives_each_as_the_network_that_was_trained(t
         drawn = {field: ends[0] + (ends[1] - ends[0]) * share for field, ends in ranges.items() if ends}
         ways.append(check_same_drive(tmp_path / name, ("rgb",), ranges, drawn, output=output, motion=motion))
     assert np.abs(ways[0] - ways[1]).max() > 0.01
-    head = onnx.load(tmp_path / "a" / "head.onnx")
-    assert [item.name for item in head.graph.input] == ["features", "robot"]
+    own = "motion" if motion == "poses" else "command"
+    assert input_names(tmp_path / "a") == ["rgb", "window", own, "goal", "robot", "latents"]
     assert load_policy(tmp_path / "a").spec.robot.ranges == ranges
 
 
 @pytest.mark.parametrize("fusion", ["late", "early"])
 def test_policy_of_two_cameras_drives_as_the_network_that_was_trained(tmp_path, fusion):
     check_same_drive(tmp_path, ("rgb", "depth", "left.rgb", "left.depth"), fusion=fusion)
-    encoder = onnx.load(tmp_path / "encoder.onnx")
-    assert [item.name for item in encoder.graph.input] == ["image", "depth", "image_left", "depth_left"]
+    assert input_names(tmp_path)[:4] == ["rgb", "depth", "left.rgb", "left.depth"]
 
 
 @pytest.mark.parametrize("goal", ["image", "both"])
@@ -118,10 +117,9 @@ def test_policy_of_two_cameras_drives_as_the_network_that_was_trained(tmp_path, 
 def test_policy_that_sees_its_goal_drives_as_the_network_that_was_trained(tmp_path, goal, motion):
     check_same_drive(tmp_path, ("rgb",), goal=goal, motion=motion, output="weighed")
     assert load_policy(tmp_path).spec.wants_goal_image
-    graph = onnx.load(tmp_path / "policy.onnx").graph
     point = ["goal"] if goal == "both" else []
     own = "motion" if motion == "poses" else "command"
-    assert [item.name for item in graph.input] == ["image", "goal_image", own, *point]
+    assert input_names(tmp_path) == ["rgb", "window", "goal_frame", own, *point, "latents"]
 
 
 def test_policy_for_several_robots_that_sees_its_goal_drives_as_the_network_that_was_trained(tmp_path):
@@ -129,7 +127,7 @@ def test_policy_for_several_robots_that_sees_its_goal_drives_as_the_network_that
     drawn = {"v_max_mps": 1.2, "w_max_radps": 0.7}
     for goal in ("image", "both"):
         check_same_drive(tmp_path, ("rgb",), ranges, drawn, goal=goal, motion="command")
-        assert load_policy(tmp_path).spec.graph.inputs["robot"] is Given.ROBOT
+        assert load_policy(tmp_path).spec.graph.inputs["robot"] == Given.ROBOT
 
 
 def check_same_drive(folder, images, ranges=ONE_ROBOT, drawn=(), **settings):
@@ -154,7 +152,7 @@ def check_same_drive(folder, images, ranges=ONE_ROBOT, drawn=(), **settings):
     export_policy(model, PolicySpec(robot=robot, frame_spacing_s=0.25), folder)
     policy = load_policy(folder)
     memory, driven = policy.start(robot.with_values(dict(drawn))), []
-    memory.kept.goal_image = GOAL
+    memory.show_goal(GOAL)
     for step in range(STEPS):
         late = pictures[max(step - 2, 0)][None]
         previous = episode.actions[step - 1 : step] if step else np.zeros((1, 2), np.float32)
@@ -166,12 +164,15 @@ def check_same_drive(folder, images, ranges=ONE_ROBOT, drawn=(), **settings):
 
 def test_spec_names_what_the_network_takes(tmp_path):
     robot = RobotConfig(camera=CameraConfig(height_px=16, width_px=16))
-    config = with_overrides(TrainConfig(), fusion="early", latent_count=7, motion="poses")
-    export_policy(network(robot, config), dataclasses.replace(PolicySpec(robot=robot)), tmp_path)
-    inputs = load_policy(tmp_path).spec.inputs
-    assert (inputs.fusion.value, inputs.latent_count, inputs.motion.value, inputs.feature_count) == (
-        "early",
-        7,
-        "poses",
-        17,
+    config = with_overrides(TrainConfig(), fusion="early", frame_count=4, motion="poses")
+    export_policy(network(robot, config), PolicySpec(robot=robot), tmp_path)
+    graph = load_policy(tmp_path).spec.graph
+    assert (graph.inputs, graph.cache, graph.frame_count) == (
+        {"rgb": "rgb", "motion": "motion", "goal": "goal"},
+        {},
+        4,
     )
+
+
+def input_names(folder):
+    return [item.name for item in onnx.load(folder / "policy.onnx").graph.input]

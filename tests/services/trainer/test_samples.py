@@ -247,7 +247,7 @@ def test_driving_sees_the_windows_and_the_motion_that_training_shows(robot, late
             memory.see(np.array([clock.image_step(step, late_steps)]))
         if step % clock.control_every == 0:
             batch = make_batch(np.array([step]), table.first, timing)
-            assert [int(frame[0]) for frame in memory.window()] == batch.frames[batch.window[0]].tolist()
+            assert [int(frame.image[0]) for frame in memory.window()] == batch.frames[batch.window[0]].tolist()
             # An image of an odd step is dated between two images; the poses differ by as little.
             if step >= late_steps + 2 * spacing_steps and (step - late_steps) % clock.image_every == 0:
                 assert memory.own_motion(previous) == pytest.approx(table.motion[step], abs=1e-5)

@@ -11,7 +11,7 @@ from tests.services.trainer.conftest import QUICK, forever, quick
 
 
 def weights(folder):
-    return (folder / "encoder.onnx").read_bytes() + (folder / "head.onnx").read_bytes()
+    return (folder / "policy.onnx").read_bytes()
 
 
 def test_policy_learns_what_the_images_tell(source, tmp_path, monkeypatch):

@@ -1,0 +1,214 @@
+"""Load a policy's folder and run its graph with onnxruntime: one thread, one episode at a time.
+
+The sums of a batch are grouped differently, and an episode's result would depend on which other episodes run beside it.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.errors import PolicyError
+from readygo.common.extras import install_command
+from readygo.common.policy.artifact import SPEC_FILE, PolicySpec, load_spec
+from readygo.common.policy.graph import GRAPH_FILE, Given, GraphSpec, Port
+from readygo.common.policy.memory import Frame, PolicyMemory
+from readygo.common.policy.policy import Policy, check_policy_camera
+from readygo.common.policy.sight import channels_by_image, channels_of
+from readygo.common.policy.traits import LIMITS_AT
+from readygo.common.robot import RobotConfig
+
+_TYPES: Mapping[str, type[np.generic]] = {
+    "tensor(uint8)": np.uint8,
+    "tensor(float)": np.float32,
+    "tensor(double)": np.float64,
+    "tensor(int64)": np.int64,
+}
+_FRAME_JITTER_NS = 5_000_000
+
+
+def load_policy(folder: str | Path, *, robot: RobotConfig | None = None) -> Policy:
+    """Load an exported policy.
+
+    Args:
+        folder: The folder that training wrote.
+        robot: The robot that it shall drive, one of those that it knows if it knows several; None skips the
+            comparison.
+
+    Raises:
+        PolicyError: If a file is missing or broken, the format is another version's, the camera differs from
+            `robot`'s, or onnxruntime is not installed.
+    """
+    folder = Path(folder)
+    spec = load_spec(folder)
+    if robot is not None:
+        check_policy_camera(spec, robot)
+    policy = OnnxPolicy(spec, _open_session(folder / GRAPH_FILE))
+    _check_graph(policy, folder)
+    return policy.for_robot(robot) if robot is not None and spec.robot.ranges.varies else policy
+
+
+class OnnxPolicy(Policy):
+    """A policy of one ONNX graph that `policy.toml` describes, see `readygo.common.policy.graph`."""
+
+    def __init__(self, spec: PolicySpec, session: Any) -> None:
+        """Check that the graph fits its spec; `load_policy` makes one from files.
+
+        Args:
+            spec: What it was trained for.
+            session: onnxruntime's session of the graph.
+
+        Raises:
+            PolicyError: If the graph has other inputs or outputs than `policy.toml` says.
+        """
+        super().__init__(spec)
+        self._graph, self._session = spec.graph, session
+        self._ports = _ports(self._graph, session)
+        self._outputs = [self._graph.action, *self._graph.state.values(), *self._graph.cache.values()]
+        self._channels = {name: slice(of[0], of[-1] + 1) for name, of in channels_by_image(spec.images).items()}
+
+    def decide(
+        self,
+        memories: Sequence[PolicyMemory],
+        commands: npt.NDArray[np.float32],
+        goals_xy_m: npt.NDArray[np.float32],
+    ) -> npt.NDArray[np.float32]:
+        """Commands v [m/s], w [rad/s], shape (B, 2); a graph with a rate holds its last one in between.
+
+        Raises:
+            PolicyError: If it wants an image of the goal, and there is none.
+        """
+        rows = [
+            self._decide(memory, command, goal)
+            for memory, command, goal in zip(memories, commands, goals_xy_m, strict=True)
+        ]
+        return np.stack(rows) if rows else np.empty((0, 2), np.float32)
+
+    def _decide(
+        self, memory: PolicyMemory, command: npt.NDArray[np.float32], goal_xy_m: npt.NDArray[np.float32]
+    ) -> npt.NDArray[np.float32]:
+        if self._graph.rate_hz is None:
+            return self._run(memory, command, goal_xy_m)
+        kept, now_ns = memory.kept, memory.seen_ns
+        if kept.decision is not None and now_ns < kept.due_ns - _FRAME_JITTER_NS:
+            return kept.decision
+        period_ns = round(1e9 / self._graph.rate_hz)
+        # Its rhythm is kept where images come nearly in time, and starts again after a pause.
+        late = kept.decision is None or now_ns - kept.due_ns >= period_ns
+        kept.decision = self._run(memory, command, goal_xy_m)
+        kept.due_ns = (now_ns if late else kept.due_ns) + period_ns
+        return kept.decision
+
+    def _run(
+        self, memory: PolicyMemory, command: npt.NDArray[np.float32], goal_xy_m: npt.NDArray[np.float32]
+    ) -> npt.NDArray[np.float32]:
+        """Run the graph once; state and cache are brought up to date."""
+        graph, kept, frames = self._graph, memory.kept, memory.window()
+        goal = self._goal_frame(memory) if self.spec.wants_goal_image else None
+        known: list[Frame] = []
+        new = frames
+        if graph.cache:
+            distinct = dict.fromkeys([*frames, *([goal] if goal else [])])
+            known, new = [f for f in distinct if f.cached], [f for f in distinct if not f.cached]
+        rows = {frame: row for row, frame in enumerate([*known, *new])}
+        fed = {name: kept.state.get(name, self._ports[name].zeros()) for name in graph.state}
+        fed |= {name: self._ports[name].rows([frame.cached[name] for frame in known]) for name in graph.cache}
+        seen = self._stacked([frame.image for frame in new if frame.image is not None])
+        numbers = {Given.GOAL: goal_xy_m, Given.COMMAND: command, Given.ROBOT: memory.traits}
+        for name, given in graph.inputs.items():
+            port = self._ports[name]
+            if given in self._channels:
+                fed[name] = port.images(seen[..., self._channels[given]], together=not graph.cache)
+            elif given == Given.GOAL_IMAGE:
+                assert goal is not None
+                assert goal.image is not None
+                fed[name] = port.images(goal.image[None])
+            elif given == Given.WINDOW:
+                fed[name] = np.array([rows[frame] for frame in frames], port.dtype)
+            elif given == Given.GOAL_FRAME:
+                assert goal is not None
+                fed[name] = np.array([rows[goal]], port.dtype)
+            elif given == Given.MOTION:
+                fed[name] = np.asarray(memory.own_motion(command), port.dtype)[None]
+            else:
+                fed[name] = np.asarray(numbers[Given(given)], port.dtype)[None]
+        action, *after = self._session.run(self._outputs, fed)
+        kept.state = dict(zip(graph.state, after, strict=False))
+        for name, cached in zip(graph.cache, after[len(graph.state) :], strict=True):
+            for frame, row in zip(new, cached, strict=True):
+                frame.cached[name], frame.image = row, None
+        return self._limited(action, memory.traits[LIMITS_AT:])
+
+    def _stacked(self, images: Sequence[npt.NDArray[np.uint8]]) -> npt.NDArray[np.uint8]:
+        camera = self.spec.robot.camera
+        shape = (0, camera.height_px, camera.width_px, channels_of(self.spec.images))
+        return np.stack(images) if images else np.empty(shape, np.uint8)
+
+    def _goal_frame(self, memory: PolicyMemory) -> Frame:
+        if memory.kept.goal is None:
+            raise PolicyError(
+                "The policy wants an image of the goal: `readygo evaluate` draws it, `readygo drive` takes "
+                "--goal-image FILE."
+            )
+        return memory.kept.goal
+
+    def _limited(self, action: npt.NDArray[Any], limits: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        if action.size != 2:
+            raise PolicyError(f"The policy's {self._graph.action} must be v and w, got {action.size} numbers.")
+        (v, w), (v_max, w_max) = action.reshape(2).tolist(), limits.tolist()
+        slowest = self.spec.robot.v_min_mps / self.spec.robot.v_max_mps
+        return np.array([min(max(v, slowest * v_max), v_max), min(max(w, -w_max), w_max)], np.float32)
+
+
+def _open_session(path: Path) -> Any:
+    try:
+        import onnxruntime
+    except ImportError as error:
+        raise PolicyError(f"onnxruntime is not installed; run: {install_command('policy')}") from error
+    if not path.is_file():
+        raise PolicyError(f"Policy file {path} is missing; export the policy again.")
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    options.inter_op_num_threads = 1
+    options.log_severity_level = 4
+    try:
+        return onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime raises a dozen unrelated types for a broken file
+        reason = str(error).splitlines()[0]
+        raise PolicyError(f"Policy file {path} cannot be loaded: {reason}; export the policy again.") from error
+
+
+def _check_graph(policy: Policy, folder: Path) -> None:
+    camera, zeros = policy.spec.robot.camera, np.zeros((1, 2), np.float32)
+    shape = (1, camera.height_px, camera.width_px, channels_of(policy.spec.images))
+    memory = policy.start()
+    memory.show_goal(np.zeros((*shape[1:3], 3), np.uint8))
+    try:
+        policy.step([memory], np.zeros(shape, np.uint8), zeros, zeros)
+    except PolicyError:
+        raise
+    except Exception as error:  # as above: a graph of other inputs or shapes
+        reason = str(error).splitlines()[0]
+        raise PolicyError(f"The graph of {folder} does not fit its {SPEC_FILE}: {reason}.") from error
+
+
+def _ports(graph: GraphSpec, session: Any) -> dict[str, Port]:
+    """The graph's inputs by name.
+
+    Raises:
+        PolicyError: If it has others than it is given, lacks an output, or one is of a type that no input provides.
+    """
+    inputs, outputs = {item.name: item for item in session.get_inputs()}, {item.name for item in session.get_outputs()}
+    named = {*graph.inputs, *graph.state, *graph.cache}
+    if set(inputs) != named:
+        found, wanted = ", ".join(sorted(inputs)), ", ".join(sorted(named))
+        raise PolicyError(f"The policy's graph has the inputs {found}; its policy.toml names {wanted}.")
+    wanted_outputs = (graph.action, *graph.state.values(), *graph.cache.values())
+    if missing := [name for name in wanted_outputs if name not in outputs]:
+        raise PolicyError(f"The policy's graph has no output {missing[0]!r}; it has {', '.join(sorted(outputs))}.")
+    unknown = [item for item in inputs.values() if item.type not in _TYPES]
+    if unknown:
+        raise PolicyError(f"The policy's input {unknown[0].name} is {unknown[0].type}; make it float or uint8.")
+    return {name: Port(_TYPES[item.type], tuple(item.shape)) for name, item in inputs.items()}
