@@ -25,7 +25,6 @@ from readygo.apps.run.evaluation import (
     make_evaluator,
     make_evaluator_config,
     make_request,
-    settings_of_today,
     summarize,
 )
 from readygo.apps.run.method_files import method_hashes
@@ -165,7 +164,7 @@ def evaluate(
     hashes = method_hashes(drivers, checkpoints) if out else {}
     identity = evaluation_settings(world, request, policy=sha256, camera=camera, methods=hashes)
     total = len(request.tasks) * len(request.methods) * request.episodes
-    folder = open_results(out, identity, today=settings_of_today) if out else nullcontext()
+    folder = open_results(out, identity) if out else nullcontext()
     with folder as results, _kept(results, request, total):
         renderer = world.renderer() if needs_renderer(drivers) and not workers else None
         evaluator = make_evaluator(

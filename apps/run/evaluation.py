@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from readygo.apps.run.config import RunConfig, load_run_config, resolved_sections, sections_of_today
-from readygo.apps.run.identity import NO_IDENTITY, identity
+from readygo.apps.run.config import RunConfig, load_run_config
+from readygo.apps.run.identity import identity
 from readygo.apps.run.live_humans import live_simulations
 from readygo.apps.run.methods import named_methods
 from readygo.apps.run.origin import DataOrigin, avatars_of_policy, settings_of_policy, with_origin
@@ -15,9 +15,9 @@ from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
 from readygo.common.bus import InProcessBus
 from readygo.common.camera import CameraConfig, SensorConfig
-from readygo.common.config import section_from_mapping, section_to_mapping
+from readygo.common.config import section_to_mapping
 from readygo.common.episode import EpisodeConfig
-from readygo.common.errors import ConfigError, RunError
+from readygo.common.errors import RunError
 from readygo.common.messages import Split
 from readygo.common.policy import Policy, PolicySpec, check_policy_camera, check_policy_limits, load_policy
 from readygo.common.robot import RobotConfig
@@ -213,16 +213,6 @@ def evaluation_settings(
         "camera": camera,
         METHODS: dict(methods or {}),
     }
-
-
-def settings_of_today(kept: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Saved settings of an evaluation, completed by newer settings with values that do not change the results."""
-    try:
-        config = section_from_mapping(RunConfig, sections_of_today(kept["config"]))
-    except (KeyError, TypeError, ConfigError):
-        return kept
-    sections = {name: keys for name, keys in resolved_sections(config).items() if name not in NO_IDENTITY}
-    return {**kept, "config": sections}
 
 
 def summarize(reply: EvaluateReply, request: EvaluateRequest, evaluator: Evaluator) -> dict[str, Any]:
