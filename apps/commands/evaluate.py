@@ -153,7 +153,7 @@ def evaluate(
         humans=people,
     )
     bodies = _bodies(avatars, loaded, unseen)
-    world = evaluation_world(scene, run_config, avatars=bodies, seed=seed, scenarios=scenarios)
+    world = evaluation_world(scene, run_config, avatars=bodies, seed=seed, split=request.split, scenarios=scenarios)
     if loaded:
         check_unseen(loaded.spec, world.spec, unseen)
         for place in other_policies(drivers, checkpoints).values():

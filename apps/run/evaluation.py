@@ -131,15 +131,29 @@ def make_evaluator_config(lockstep: int) -> EvaluatorConfig:
 
 
 def evaluation_world(
-    scene: str, config: RunConfig, *, avatars: Path | None, seed: int, scenarios: Path | None = None
+    scene: str,
+    config: RunConfig,
+    *,
+    avatars: Path | None,
+    seed: int,
+    split: Split = Split.TEST,
+    scenarios: Path | None = None,
 ) -> World:
     """The world of an evaluation: scene, avatars and scenarios.
+
+    Args:
+        scene: Scene bundle, "embedded", or "embedded:SEED".
+        config: All settings.
+        avatars: Avatar file or folder of avatars; None stands for the embedded ones.
+        seed: Seed of the episodes.
+        split: Split that the episodes are drawn from.
+        scenarios: TOML file with scenarios to play instead of drawn ones.
 
     Raises:
         ReadygoError: If scene, avatars or scenarios cannot be used.
     """
     return World(
-        make_spec(open_scene(scene), avatars, config, seed=seed, split=Split.TEST, static=False, scenarios=scenarios)
+        make_spec(open_scene(scene), avatars, config, seed=seed, split=split, static=False, scenarios=scenarios)
     )
 
 
@@ -278,7 +292,9 @@ def closed_loop(scene: str, *, episodes: int, seed: int, origin: DataOrigin | No
         if scene not in evaluators:
             spec = with_origin(policy.spec, origin or DataOrigin())
             avatars = avatars_of_policy(spec)
-            world = evaluation_world(scene, settings_of_policy(spec), avatars=avatars, seed=seed)
+            world = evaluation_world(
+                scene, settings_of_policy(spec), avatars=avatars, seed=seed, split=request.split
+            )
             evaluators[scene] = make_evaluator(world, renderer=world.renderer())
         evaluator = dataclasses.replace(evaluators[scene], policy=policy)
         rates = [summary.success_rate for summary in handle_evaluate(evaluator, request).summaries.values()]
