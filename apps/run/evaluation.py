@@ -292,9 +292,7 @@ def closed_loop(scene: str, *, episodes: int, seed: int, origin: DataOrigin | No
         if scene not in evaluators:
             spec = with_origin(policy.spec, origin or DataOrigin())
             avatars = avatars_of_policy(spec)
-            world = evaluation_world(
-                scene, settings_of_policy(spec), avatars=avatars, seed=seed, split=request.split
-            )
+            world = evaluation_world(scene, settings_of_policy(spec), avatars=avatars, seed=seed, split=request.split)
             evaluators[scene] = make_evaluator(world, renderer=world.renderer())
         evaluator = dataclasses.replace(evaluators[scene], policy=policy)
         rates = [summary.success_rate for summary in handle_evaluate(evaluator, request).summaries.values()]
