@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from readygo.benchmarks.planning.movingai import load_movingai_map
 from readygo.common.avatars import load_avatars
 from readygo.common.avatars.file import load_avatar, save_avatar
 from readygo.common.avatars.importers.gltf_human import gltf_human
@@ -22,7 +23,6 @@ from readygo.common.gaussians.checkpoint import load_data_transform
 from readygo.common.gaussians.files import read_source
 from readygo.common.images.encoded import decode_image
 from readygo.common.maps.grid import GridFrame, OccupancyMap
-from readygo.common.maps.movingai import load_movingai_map
 from readygo.common.maps.ros_map import load_ros_map, load_unknown_cells, save_ros_map
 from readygo.common.policy import load_policy
 from readygo.common.policy.artifact import load_spec
