@@ -1,6 +1,6 @@
 """Certificates of a fleet: one authority, and one certificate for each role, by whose common name rights are given.
 
-It needs the extra "tls"; `readygo.apps.fleet.certs` says so where that is missing.
+It needs the extra "tls"; `readygo.apps.fleet.access` and `readygo certs` say so where that is missing.
 """
 
 import datetime

@@ -1,16 +1,20 @@
-"""TOML and JSON that was written elsewhere: parsed within limits of size, depth and numbers."""
+"""TOML, JSON and YAML that was written elsewhere, parsed within limits of size, depth and numbers; TOML of ours."""
 
 import json
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from readygo.common.files import read_regular
+import tomli_w
+
+from readygo.common.errors import ReadygoError
+from readygo.common.files import read_regular, write_whole
 
 TOML_BYTES_MAX = 2**20
 JSON_BYTES_MAX = 16 * 2**20
+YAML_BYTES_MAX = 2**16
 VALUES_MAX = 2_000_000
 """Values of a JSON document: in a few bytes each takes a hundred of memory."""
 DEPTH_MAX = 32
@@ -44,6 +48,34 @@ def read_json(path: str | Path, *, bytes_max: int = JSON_BYTES_MAX) -> Any:
         OSError: If it cannot be read, is no regular file, or larger.
     """
     return parse_json(read_regular(path, bytes_max=bytes_max), bytes_max=bytes_max)
+
+
+def write_toml(path: Path, tables: Mapping[str, Any], *, raises: type[ReadygoError]) -> None:
+    """Write plain values, lists and tables as a TOML file, whole or not at all.
+
+    Raises:
+        ReadygoError: `raises`, if the file cannot be written.
+    """
+    write_whole(path, tomli_w.dumps(tables), raises=raises)
+
+
+def read_yaml(path: str | Path) -> Any:
+    """The value of a YAML file; numbers and other scalars stay text.
+
+    Raises:
+        ValueError: If it is no YAML, or nests too deep; the message does not name the file.
+        OSError: If it cannot be read, is no regular file, or larger than `YAML_BYTES_MAX`.
+    """
+    # Imported here: few programs read YAML.
+    import yaml
+
+    text = _text(read_regular(path, bytes_max=YAML_BYTES_MAX))
+    try:
+        return yaml.load(text, Loader=yaml.BaseLoader)
+    except RecursionError:
+        raise ValueError(_TOO_DEEP) from None
+    except (yaml.YAMLError, ValueError, OverflowError) as error:
+        raise ValueError(f"it is no YAML: {' '.join(str(error).split())}") from error
 
 
 def parse_toml(text: str) -> dict[str, Any]:

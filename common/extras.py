@@ -14,13 +14,11 @@ Extra = Literal[
     "reconstruct",
     "export",
     "robot-logs",
-    "store",
     "tls",
     "monitor",
     "foxglove",
     "rerun",
     "metrics",
-    "otel",
 ]
 """Names of the extras, as in pyproject.toml."""
 
@@ -44,7 +42,7 @@ def install_command(extra: Extra) -> str:
 
 
 def is_installed(module: str) -> bool:
-    """True if a module of an extra can be found, such as "opentelemetry.sdk"; it is not imported."""
+    """True if a module of an extra can be found, such as "prometheus_client"; it is not imported."""
     try:
         return importlib.util.find_spec(module) is not None
     except (ImportError, ValueError):

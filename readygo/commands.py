@@ -81,9 +81,6 @@ COMMANDS = {
         "readygo.apps.commands.card:card", "write a README.md of a data folder: what it holds, in pictures"
     ),
     "export": Command("readygo.apps.commands.export:export", "export a dataset to the format of another framework"),
-    "store": Command(
-        "readygo.apps.commands.store:store", "copy finished shards to an object store, and read them back"
-    ),
     "learn": Command(
         "readygo.apps.commands.learn:learn", "record and train at the same time, until a policy drives well in a scene"
     ),

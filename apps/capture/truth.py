@@ -39,12 +39,6 @@ class Truth:
         """`T_world_camera`, shape (4, 4), by the names that `readygo scene poses` gives to images."""
         return {_image_name(row["image"]): np.array(row["T_world_camera"]) for row in self.content["frames"]}
 
-    @property
-    def marker_corners_m(self) -> npt.NDArray[np.float64] | None:
-        """Corners of the marker in the world [m], shape (4, 3); None without a marker."""
-        marker = self.content["marker"]
-        return None if marker is None else np.array(marker["corners_m"])
-
 
 def _image_name(image: int | str) -> str:
     return f"{image:06d}.jpg" if isinstance(image, int) else f"{Path(image).stem}.jpg"

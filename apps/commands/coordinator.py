@@ -27,7 +27,6 @@ def coordinator(
     strict: bool = False,
     metrics: Annotated[str, OBSERVING] = "",
     log_format: Annotated[LogFormat, OBSERVING] = "text",
-    traces: Annotated[str, OBSERVING] = "",
 ) -> None:
     """Coordinate the run in a data folder (router, ledger, blobs) until it is finished; a restart resumes it.
 
@@ -45,7 +44,6 @@ def coordinator(
         strict: Exit with 2 if an episode was set aside: it failed repeatedly, and the next index replaced it.
         metrics: HOST:PORT of this process's Prometheus endpoint; port 0 takes a free one, which the log names.
         log_format: "json" writes one JSON object per line.
-        traces: Destination of OpenTelemetry spans: an OTLP endpoint such as http://collector:4318, or a folder.
     """
     check_endpoints(listen, connect)
     folder = RunFolder(data)
@@ -53,7 +51,7 @@ def coordinator(
         with folder.locked():
             spec, wanted = folder.load()
             folder.save(with_priority(spec, priority), wanted)
-    observing = Observing(metrics=metrics, log_format=log_format, traces=traces)
+    observing = Observing(metrics=metrics, log_format=log_format)
     lead_run(folder, listen or connect, joins=bool(connect), certs=certs, strict=strict, observing=observing)
 
 

@@ -25,7 +25,6 @@ from readygo.apps.run.evaluation import (
     make_evaluator,
     make_evaluator_config,
     make_request,
-    settings_of_today,
     summarize,
 )
 from readygo.apps.run.method_files import method_hashes
@@ -154,7 +153,7 @@ def evaluate(
         humans=people,
     )
     bodies = _bodies(avatars, loaded, unseen)
-    world = evaluation_world(scene, run_config, avatars=bodies, seed=seed, scenarios=scenarios)
+    world = evaluation_world(scene, run_config, avatars=bodies, seed=seed, split=request.split, scenarios=scenarios)
     if loaded:
         check_unseen(loaded.spec, world.spec, unseen)
         for place in other_policies(drivers, checkpoints).values():
@@ -165,7 +164,7 @@ def evaluate(
     hashes = method_hashes(drivers, checkpoints) if out else {}
     identity = evaluation_settings(world, request, policy=sha256, camera=camera, methods=hashes)
     total = len(request.tasks) * len(request.methods) * request.episodes
-    folder = open_results(out, identity, today=settings_of_today) if out else nullcontext()
+    folder = open_results(out, identity) if out else nullcontext()
     with folder as results, _kept(results, request, total):
         renderer = world.renderer() if needs_renderer(drivers) and not workers else None
         evaluator = make_evaluator(

@@ -11,7 +11,7 @@ from readygo.apps.export.job import export as export_job
 from readygo.apps.terminal import PlainConsole
 from readygo.common.errors import ConfigError
 
-FormatName = Literal["lerobot", "gnm", "rlds", "huggingface-parquet", "webdataset", "npz"]
+FormatName = Literal["lerobot", "gnm", "huggingface-parquet", "webdataset"]
 
 
 def export(
@@ -29,8 +29,7 @@ def export(
 
     Args:
         data: Data folders.
-        to: Format: lerobot (v3.0), gnm (GNM, ViNT, NoMaD), rlds (TFRecord), huggingface-parquet, webdataset (tar) or
-            npz.
+        to: Format: lerobot (v3.0), gnm (GNM, ViNT, NoMaD), huggingface-parquet or webdataset (tar).
         out: Folder to write: new, or of the same export.
         rate_hz: Rows per second [Hz], a divisor of the data's rate; by default 4 for gnm, else one row per image.
         workers: Processes that write in parallel.

@@ -81,7 +81,6 @@ def generate(
     json: Annotated[bool, RUNNING] = False,
     metrics: Annotated[str, OBSERVING] = "",
     log_format: Annotated[LogFormat, OBSERVING] = "text",
-    traces: Annotated[str, OBSERVING] = "",
 ) -> None:
     """Record episodes of a robot among pedestrians in a scene; run the same command again to resume.
 
@@ -132,8 +131,6 @@ def generate(
         metrics: HOST:PORT of this process's Prometheus endpoint; the other processes use the same HOST, each with its
             own port; .readygo/targets in the data folder lists all of them.
         log_format: "json" writes one JSON object per line, with run, worker, stage, episode and attempt.
-        traces: Destination of OpenTelemetry spans of every episode: an OTLP endpoint such as http://collector:4318, or
-            a folder.
     """
     check_counts(1 if episodes is None else episodes, workers)
     _check_where(on, workers, listen=listen, connect=connect, slurm=slurm, watch=watch)
@@ -147,7 +144,7 @@ def generate(
         hosts=on == "hosts",
         watch=watch,
         strict=strict,
-        observing=Observing(metrics=metrics, log_format=log_format, traces=traces),
+        observing=Observing(metrics=metrics, log_format=log_format),
     )
     where.observing.check_installed()
     if again is not None:

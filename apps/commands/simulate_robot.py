@@ -116,7 +116,7 @@ def simulate_robot(
     if compressed and wire == "bridge":
         _check_suffixes(named.values())
     people = avatars_of_policy(spec) if spec and avatars is None else avatars
-    world = evaluation_world(scene, settings, avatars=people, seed=seed)
+    world = evaluation_world(scene, settings, avatars=people, seed=seed, split=Split(split))
     evaluator = make_evaluator(world, renderer=world.renderer(), methods={})
     request = make_request(episodes, tasks, ("policy",), Split(split), seed)
     drawn, _ = evaluator.source().draw(seed=seed, split=request.split, count=episodes, tasks=request.tasks)

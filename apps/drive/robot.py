@@ -77,7 +77,7 @@ class Robot:
             topics: Topics of its messages.
             dry: True sends no commands.
         """
-        self._session, self._wire, self._topics, self._dry = session, wire, topics, dry
+        self._session, self._wire, self._topics = session, wire, topics
         self._changed = threading.Condition()
         self._picture: tuple[Picture, int] | None = None
         self._named = {topic: name for name, topic in topics.beside.items()}

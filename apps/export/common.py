@@ -1,11 +1,9 @@
 """Shared parts of several formats: the task in words, JSON files, names of images."""
 
 import json
-from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from readygo.apps.export.source import ExportedEpisode
 from readygo.common.errors import DatasetError
 from readygo.common.files import write_whole
 
@@ -23,20 +21,6 @@ def write_json(path: Path, value: Any) -> None:
     write_whole(path, json.dumps(value, indent=2) + "\n", raises=DatasetError)
 
 
-def write_json_lines(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
-    """Write plain values, one a line.
-
-    Raises:
-        DatasetError: If the file cannot be written.
-    """
-    write_whole(path, "".join(f"{json.dumps(row)}\n" for row in rows), raises=DatasetError)
-
-
 def suffix(image: bytes) -> str:
     """File extension of an encoded image."""
     return "jpg" if image.startswith(_JPEG) else "png"
-
-
-def described(episode: ExportedEpisode, **more: Any) -> dict[str, Any]:
-    """The entry of an episode in a list of all episodes."""
-    return {"episode": episode.number, "name": episode.name, "rows": len(episode), **episode.facts, **more}

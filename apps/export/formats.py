@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from readygo.apps.export import gnm, lerobot, npz, parquet, rlds, webdataset
+from readygo.apps.export import gnm, lerobot, parquet, webdataset
 from readygo.apps.export.source import Part, Source
 from readygo.common.errors import ConfigError
 from readygo.common.extras import install_command
@@ -42,8 +42,6 @@ class Format:
 FORMATS: Mapping[str, Format] = {
     "lerobot": Format(write=lerobot.write, finish=lerobot.finish, part_bytes=100 * MB, package="pyarrow"),
     "gnm": Format(write=gnm.write, finish=gnm.finish, part_bytes=20 * MB, rate_hz=4),
-    "rlds": Format(write=rlds.write, finish=rlds.finish, part_bytes=150 * MB),
     "huggingface-parquet": Format(write=parquet.write, finish=parquet.finish, part_bytes=300 * MB, package="pyarrow"),
     "webdataset": Format(write=webdataset.write, finish=webdataset.finish, part_bytes=300 * MB),
-    "npz": Format(write=npz.write, finish=npz.finish, part_bytes=20 * MB),
 }

@@ -5,7 +5,6 @@ only the thread that calls it: the server starts no thread and opens no session 
 """
 
 import contextlib
-import ctypes
 import gc
 import json
 import os
@@ -16,6 +15,8 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+
+from setproctitle import setproctitle
 
 import readygo
 from readygo.apps.cli import Command, run_command
@@ -28,10 +29,6 @@ PATIENCE_S = 120.0
 REPORT_S = 30.0
 """Time for the server to report the exit code of a process [s]."""
 REQUEST_BYTES_MAX = 1 << 16
-_ROOM = 2000
-"""Longest command line of a worker in lists of processes [characters]."""
-_ARG_START = 45
-"""Field of /proc/PID/stat with the address of the command line, counted from the state on."""
 
 
 class Forked:
@@ -138,7 +135,7 @@ class ForkServer:
         self._control = ours
         with theirs, self._log.open("ab") as log:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "readygo.apps.fleet.fork_server", " " * _ROOM],
+                [sys.executable, "-m", "readygo.apps.fleet.fork_server"],
                 stdin=theirs.fileno(),
                 stdout=log,
                 stderr=log,
@@ -263,16 +260,7 @@ def _become(words: Sequence[str], standard_input: int, output: int) -> None:
         os.dup2(descriptor, number)
     os.close(standard_input)
     os.close(output)
-    _show_command(["readygo", *words])
-
-
-def _show_command(words: Sequence[str]) -> None:
-    """Set the command line that lists of processes show, cut off at the available length."""
-    fields = Path("/proc/self/stat").read_text().rpartition(")")[2].split()
-    begin, end = (int(field) for field in fields[_ARG_START : _ARG_START + 2])
-    line = "\0".join(words).encode()[: end - begin - 1]
-    ctypes.memset(begin, 0, end - begin)
-    ctypes.memmove(begin, line, len(line))
+    setproctitle(" ".join(["readygo", *words]))
 
 
 if __name__ == "__main__":

@@ -72,7 +72,6 @@ def worker(
     exit_with_parent: bool = False,
     metrics: Annotated[str, OBSERVING] = "",
     log_format: Annotated[LogFormat, OBSERVING] = "text",
-    traces: Annotated[str, OBSERVING] = "",
 ) -> None:
     """Join a fleet as one worker, until the run is finished or SIGTERM; work that has begun is finished first.
 
@@ -102,7 +101,6 @@ def worker(
         metrics: HOST:PORT of this process's Prometheus endpoint; port 0 takes a free one, which the log and a file in
             .readygo/targets of the run's data folder name.
         log_format: "json" writes one JSON object per line, with run, worker, stage, episode and attempt.
-        traces: Destination of OpenTelemetry spans: an OTLP endpoint such as http://collector:4318, or a folder.
     """
     check_endpoint(connect, "--connect")
     if role != TRAINER:
@@ -116,7 +114,7 @@ def worker(
         several = role not in _OF_ONE_RUN and (not run or "," in run)
         if not run and not several:
             raise RunError(f"A {role} needs the name of its run: pass --run.")
-        observing = Observing(metrics=metrics, log_format=log_format, traces=traces)
+        observing = Observing(metrics=metrics, log_format=log_format)
         state = RunFolder(data[0]).state if data and not several else None
         with Observer(observing, run=run, role=role, name=name, state=state) as observer:
             if role == TRAINER:

@@ -131,7 +131,7 @@ class PointNav:
         except ValueError as error:
             raise ConfigError(str(error)) from error
         place = Path(avatars) if avatars is not None else avatars_of_policy(spec) if spec is not None else None
-        self._world = evaluation_world(scene, settings, avatars=place, seed=0)
+        self._world = evaluation_world(scene, settings, avatars=place, seed=0, split=self._split)
         self._evaluator = make_evaluator(self._world, renderer=self._world.renderer())
         self._source, self._eyes = self._evaluator.source(), self._evaluator.eyes()
         self._task = Task.STATIC if humans == 0 else Task.REACTIVE if reactive else Task.DYNAMIC

@@ -17,7 +17,6 @@ from readygo.apps.run.evaluation import (
     evaluation_settings,
     evaluation_world,
     make_evaluator,
-    settings_of_today,
     summarize,
 )
 from readygo.apps.run.origin import origin_of_runs, settings_of_policy, with_origin
@@ -120,9 +119,9 @@ class Measuring:
             driven = dataclasses.replace(self._evaluators[row], policy=policy)
             settings = evaluation_settings(self._worlds[row], request, policy=sha256, camera="policy")
             folder_of_place = out / place.name
-            if not is_of(folder_of_place, settings, today=settings_of_today):
+            if not is_of(folder_of_place, settings):
                 shutil.rmtree(folder_of_place, ignore_errors=True)
-            with open_results(folder_of_place, settings, today=settings_of_today) as results:
+            with open_results(folder_of_place, settings) as results:
                 replies[place.name] = handle_evaluate(driven, request, report=report, results=results)
                 results.finish(summarize(replies[place.name], request, driven))
                 replays = Replays(

@@ -1,13 +1,12 @@
 """The trainer's interface to the supervisor: its settings, its progress and its requests, as files."""
 
-import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from readygo.apps.learn.plan import Plan
-from readygo.common.documents import read_json
+from readygo.common.documents import read_json, write_toml
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.services.trainer import best_recipe
@@ -104,19 +103,16 @@ def read_history(folder: Path) -> list[dict[str, Any]]:
 def write_trainer_config(plan: Plan, threads: int) -> Path:
     """Write the trainer's settings, the recipe "best" with the run's budget; returns the file's path."""
     budget = plan.budget
-    samples = [f"samples = {budget.samples}"] if budget.samples is not None else []
-    lines = [
-        f"minutes = {float(budget.minutes)!r}",
-        *samples,
-        f"seed = {plan.seed}",
-        f"threads = {threads}",
-        f"offer_every_s = {max(OFFER_MIN_S, 60 * budget.minutes / OFFERS)!r}",
-        "[network]",
-        f"images = {json.dumps(plan.learn.images)}",
-        f'goal = "{plan.learn.goal}"',
-    ]
+    tables = {
+        "minutes": float(budget.minutes),
+        **({"samples": budget.samples} if budget.samples is not None else {}),
+        "seed": plan.seed,
+        "threads": threads,
+        "offer_every_s": max(OFFER_MIN_S, 60 * budget.minutes / OFFERS),
+        "network": {"images": plan.learn.images, "goal": plan.learn.goal},
+    }
     path = plan.out / "trainer.toml"
-    write_whole(path, "\n".join(lines) + "\n", raises=RunError)
+    write_toml(path, tables, raises=RunError)
     return path
 
 

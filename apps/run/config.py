@@ -6,15 +6,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from readygo.common.camera import CameraConfig
-from readygo.common.camera.recorded import with_whole_camera
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.documents import read_toml
 from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import ConfigError
 from readygo.common.messages import RunSpec
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.clock import LOWEST_HZ
 from readygo.common.robot.config import with_first_camera
 from readygo.services.animator.config import AnimatorConfig
 from readygo.services.coordinator.config import CoordinatorConfig
@@ -27,10 +24,6 @@ from readygo.services.renderer import SENSOR_RECIPES, RendererConfig, SensorName
 
 _NOT_OF_RUNS = ("learn",)
 """Sections of a configuration file that runs ignore: `readygo learn` reads them."""
-RENDERED_BEFORE = {"human_light": False, "feet_on_floor": False, "contact_shadow": False, "depth": "mean"}
-"""Settings of human rendering and depth in older runs that lack these keys."""
-_RETIRED = {"episode": ("human_height_m",)}
-"""Settings of earlier versions, by section."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +102,6 @@ def _read_config(path: Path, base: RunConfig) -> RunConfig:
         robot = RobotConfig(camera=base.robot.camera) if own else RobotConfig().with_cameras_of(base.robot)
         base = dataclasses.replace(base, robot=robot)
     try:
-        _refuse_moved_keys(sections)
         return merged(base, sections)
     except ConfigError as error:
         raise ConfigError(f"Configuration {path}: {error}") from error
@@ -137,22 +129,6 @@ def merged(base: RunConfig, sections: Mapping[str, Any]) -> RunConfig:
     for name, section in sections.items():
         whole[name] = {**whole.get(name, {}), **section} if isinstance(section, Mapping) else section
     return section_from_mapping(RunConfig, whole)
-
-
-def _refuse_moved_keys(sections: dict[str, Any]) -> None:
-    """Raise ConfigError if keys of lens, light and shutter are where they were before the section `camera` existed."""
-    renderer = sections.get("renderer")
-    sensor = renderer.get("sensor") if isinstance(renderer, dict) else None
-    for name, value in sensor.items() if isinstance(sensor, dict) else ():
-        if name == "ranges":
-            raise ConfigError("renderer.sensor.ranges is no table any more: its keys stand in [renderer.sensor].")
-        if name == "sub_frames":
-            raise ConfigError("renderer.sensor.sub_frames has moved: write sub_frames in [renderer].")
-        if not isinstance(value, list) and name in {entry.name for entry in dataclasses.fields(CameraConfig)}:
-            raise ConfigError(
-                f"renderer.sensor.{name} has moved to the camera: write {name} = {value!r} in [robot.camera], or in "
-                "[camera] of robot.toml; [renderer.sensor] holds what varies, as [lowest, highest]."
-            )
 
 
 def check_cameras(config: RunConfig) -> None:
@@ -222,26 +198,21 @@ def with_priority(spec: RunSpec, priority: int) -> RunSpec:
 
 
 def config_of(spec: RunSpec) -> RunConfig:
-    """The settings of a run."""
-    return section_from_mapping(RunConfig, sections_of_today(spec.config))
+    """The settings of a run.
+
+    Raises:
+        ConfigError: If they are those of another version of readygo.
+    """
+    try:
+        return section_from_mapping(RunConfig, spec.config)
+    except ConfigError as error:
+        recorded = spec.metadata.get("readygo_version", "(unknown)")
+        raise ConfigError(
+            f"The run's settings, by readygo {recorded}, are none of this version: {error} Begin a new run, or use "
+            "that version."
+        ) from error
 
 
 def resolved_sections(config: RunConfig) -> dict[str, Any]:
     """The configuration as plain mappings, for the run's spec."""
     return section_to_mapping(config)
-
-
-def sections_of_today(sections: Mapping[str, Any]) -> dict[str, Any]:
-    """Convert a run's recorded sections to the current format.
-
-    The camera becomes one section, and retired settings are dropped. Missing keys get the values of older versions:
-    humans without light and without feet on the floor, mean depth, and a driver at the only image rate of that time.
-    """
-    today = {
-        name: {key: value for key, value in section.items() if key not in _RETIRED.get(name, ())}
-        for name, section in with_whole_camera(sections).items()
-    }
-    driver = today.get("driver", {})
-    if driver.get("camera_hz") == LOWEST_HZ and "camera_hz" not in today.get("robot", {}):
-        today["driver"] = {**driver, "camera_hz": None}
-    return {**today, "renderer": {**RENDERED_BEFORE, **today.get("renderer", {})}}

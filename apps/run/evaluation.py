@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from readygo.apps.run.config import RunConfig, load_run_config, resolved_sections, sections_of_today
-from readygo.apps.run.identity import NO_IDENTITY, identity
+from readygo.apps.run.config import RunConfig, load_run_config
+from readygo.apps.run.identity import identity
 from readygo.apps.run.live_humans import live_simulations
 from readygo.apps.run.methods import named_methods
 from readygo.apps.run.origin import DataOrigin, avatars_of_policy, settings_of_policy, with_origin
@@ -15,9 +15,9 @@ from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
 from readygo.common.bus import InProcessBus
 from readygo.common.camera import CameraConfig, SensorConfig
-from readygo.common.config import section_from_mapping, section_to_mapping
+from readygo.common.config import section_to_mapping
 from readygo.common.episode import EpisodeConfig
-from readygo.common.errors import ConfigError, RunError
+from readygo.common.errors import RunError
 from readygo.common.messages import Split
 from readygo.common.policy import Policy, PolicySpec, check_policy_camera, check_policy_limits, load_policy
 from readygo.common.robot import RobotConfig
@@ -131,15 +131,29 @@ def make_evaluator_config(lockstep: int) -> EvaluatorConfig:
 
 
 def evaluation_world(
-    scene: str, config: RunConfig, *, avatars: Path | None, seed: int, scenarios: Path | None = None
+    scene: str,
+    config: RunConfig,
+    *,
+    avatars: Path | None,
+    seed: int,
+    split: Split = Split.TEST,
+    scenarios: Path | None = None,
 ) -> World:
     """The world of an evaluation: scene, avatars and scenarios.
+
+    Args:
+        scene: Scene bundle, "embedded", or "embedded:SEED".
+        config: All settings.
+        avatars: Avatar file or folder of avatars; None stands for the embedded ones.
+        seed: Seed of the episodes.
+        split: Split that the episodes are drawn from.
+        scenarios: TOML file with scenarios to play instead of drawn ones.
 
     Raises:
         ReadygoError: If scene, avatars or scenarios cannot be used.
     """
     return World(
-        make_spec(open_scene(scene), avatars, config, seed=seed, split=Split.TEST, static=False, scenarios=scenarios)
+        make_spec(open_scene(scene), avatars, config, seed=seed, split=split, static=False, scenarios=scenarios)
     )
 
 
@@ -214,16 +228,6 @@ def evaluation_settings(
     }
 
 
-def settings_of_today(kept: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Saved settings of an evaluation, completed by newer settings with values that do not change the results."""
-    try:
-        config = section_from_mapping(RunConfig, sections_of_today(kept["config"]))
-    except (KeyError, TypeError, ConfigError):
-        return kept
-    sections = {name: keys for name, keys in resolved_sections(config).items() if name not in NO_IDENTITY}
-    return {**kept, "config": sections}
-
-
 def summarize(reply: EvaluateReply, request: EvaluateRequest, evaluator: Evaluator) -> dict[str, Any]:
     """The content of `summary.json`: scores, and the conditions of the evaluation."""
     policy = evaluator.policy
@@ -287,7 +291,7 @@ def closed_loop(scene: str, *, episodes: int, seed: int, origin: DataOrigin | No
         if scene not in evaluators:
             spec = with_origin(policy.spec, origin or DataOrigin())
             avatars = avatars_of_policy(spec)
-            world = evaluation_world(scene, settings_of_policy(spec), avatars=avatars, seed=seed)
+            world = evaluation_world(scene, settings_of_policy(spec), avatars=avatars, seed=seed, split=request.split)
             evaluators[scene] = make_evaluator(world, renderer=world.renderer())
         evaluator = dataclasses.replace(evaluators[scene], policy=policy)
         rates = [summary.success_rate for summary in handle_evaluate(evaluator, request).summaries.values()]

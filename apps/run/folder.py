@@ -1,7 +1,6 @@
 """A run's data folder."""
 
 import contextlib
-import dataclasses
 import fcntl
 import os
 import sqlite3
@@ -10,12 +9,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from readygo.apps.run.config import RunConfig, resolved_sections, sections_of_today
 from readygo.apps.run.identity import identity
-from readygo.common.config import section_from_mapping
 from readygo.common.dataset.places import own_folders, shard_folders
 from readygo.common.dataset.writer import recorder_of_shard
-from readygo.common.errors import ConfigError, MessageError, RunError
+from readygo.common.errors import MessageError, RunError
 from readygo.common.files import write_whole
 from readygo.common.locks import hold
 from readygo.common.messages import RunSpec, decode, encode
@@ -208,7 +205,7 @@ class RunFolder:
             ) from error
 
     def _compare(self, old: RunSpec, new: RunSpec) -> None:
-        theirs, ours = identity(_with_new_settings(old)), identity(_with_new_settings(new))
+        theirs, ours = identity(old), identity(new)
         different = [key for key in {**ours, **theirs} if theirs.get(key) != ours.get(key)]
         if "config" in different:
             sections = [name for name in ours["config"] if theirs["config"].get(name) != ours["config"][name]]
@@ -238,15 +235,3 @@ def _has_episodes(ledger: Path) -> bool:
             return database.execute("SELECT 1 FROM episode LIMIT 1").fetchone() is not None
     except sqlite3.Error:
         return True
-
-
-def _with_new_settings(spec: RunSpec) -> RunSpec:
-    """The spec, completed by newer settings with values that do not change the run."""
-    sections = sections_of_today(spec.config)
-    # Older versions recorded no labels: a run that resumes in such a folder must not begin to.
-    renderer = {"labels": False, **sections.get("renderer", {})}
-    try:
-        config = section_from_mapping(RunConfig, {**sections, "renderer": renderer})
-    except ConfigError:
-        return spec
-    return dataclasses.replace(spec, config=resolved_sections(config))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from readygo.apps.run.config import RENDERED_BEFORE, RunConfig, merged
+from readygo.apps.run.config import RunConfig, merged
 from readygo.apps.run.folder import RunFolder
 from readygo.common.avatars import load_avatars
 from readygo.common.avatars.cast import TEST, TEST_MIN, TRAIN, TRAIN_MIN, members, split_cast, with_cast
@@ -111,7 +111,6 @@ def settings_of_policy(spec: PolicySpec, *, humans: bool = True) -> RunConfig:
     if origin is None:
         return robot_of_policy(spec)
     sections = {name: keys for name, keys in origin.settings.items() if humans or name not in _HUMANS}
-    sections["renderer"] = {**RENDERED_BEFORE, **sections.get("renderer", {})}
     try:
         return merged(robot_of_policy(spec), sections)
     except ConfigError as error:

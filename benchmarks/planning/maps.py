@@ -8,9 +8,9 @@ from pathlib import Path
 
 from readygo.apps.run import scene_argument
 from readygo.apps.run.scene_argument import FlatMaps, open_scene
+from readygo.benchmarks.planning.movingai import load_movingai_map
 from readygo.common.errors import ConfigError, SceneError
 from readygo.common.files import cache_folder
-from readygo.common.maps.movingai import load_movingai_map
 from readygo.common.scenes import import_scene
 from readygo.services.planner import SceneMaps
 

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from numba.core.event import install_recorder
 
+from readygo.benchmarks.planning.clearance import gaussian_clearance_m
 from readygo.benchmarks.planning.maps import MapSource, open_maps
 from readygo.common.avatars import FootprintModel, load_avatars
 from readygo.common.camera.view import view_of
@@ -40,7 +41,6 @@ from readygo.services.planner import (
     handle_human_plan,
     handle_robot_plan,
 )
-from readygo.services.planner.expert.clearance import gaussian_clearance_m
 from readygo.services.planner.expert.interface import HumanBody
 from readygo.services.planner.explain.picture import draw_episode
 from readygo.services.planner.humans.mixes import MIXES, MixName

@@ -77,7 +77,7 @@ def workers_below(ancestor: int) -> list[tuple[int, str]]:
     workers = []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
-            words = (folder / "cmdline").read_bytes().decode(errors="replace").split("\0")
+            words = (folder / "cmdline").read_bytes().decode(errors="replace").replace("\0", " ").split()
             fields = (folder / "stat").read_text().rpartition(")")[2].split()
         except OSError:
             continue

@@ -21,7 +21,6 @@ from typing import Any, TypeVar
 import zenoh
 
 from readygo.common.bus.endpoint import check_endpoint
-from readygo.common.bus.envelope import opened, seal
 from readygo.common.bus.identity import ANONYMOUS, Identity, Member
 from readygo.common.bus.inbox import Inbox, Mailbox
 from readygo.common.bus.rights import refusal
@@ -207,10 +206,10 @@ class ZenohBus:
     def request(self, topic: Topic[Request, Reply], request: Request, *, timeout_s: float = 5.0) -> Reply:
         """Ask `topic`; see `Bus.request`. Waits for a server that is still starting, up to the timeout."""
         key, payload = f"{self._prefix}by/{self._asker}/{topic.name}", encode(request)
-        deadline_s = time.monotonic() + timeout_s
+        deadline_s, meant = time.monotonic() + timeout_s, topic.name.encode()
         while (remaining_s := deadline_s - time.monotonic()) > 0:
             waiting_s = max(remaining_s, 0.01)
-            for reply in self._session.get(key, payload=payload, attachment=seal(topic.name), timeout=waiting_s):
+            for reply in self._session.get(key, payload=payload, attachment=meant, timeout=waiting_s):
                 if reply.ok is not None:
                     return _decoded(topic, reply.ok.payload.to_bytes())
                 text = reply.err.payload.to_bytes().decode(errors="replace") if reply.err else "no reason given"
@@ -347,12 +346,11 @@ def _decoded(topic: Topic[Request, Reply], payload: bytes) -> Reply:
 
 def _answer(query: zenoh.Query, topic: Topic[Request, Reply], handler: Callable[[str, Request], Reply]) -> None:
     try:
-        with opened(query.attachment.to_bytes() if query.attachment else b"") as meant:
-            if meant != topic.name:
-                raise BusError(_ASTRAY)
-            asker = str(query.key_expr).split("/")[3]
-            request = decode(topic.request_type, query.payload.to_bytes() if query.payload else b"")
-            reply = encode(handler(asker, request))
+        if not query.attachment or query.attachment.to_bytes() != topic.name.encode():
+            raise BusError(_ASTRAY)
+        asker = str(query.key_expr).split("/")[3]
+        request = decode(topic.request_type, query.payload.to_bytes() if query.payload else b"")
+        reply = encode(handler(asker, request))
         query.reply(query.key_expr, reply)
     except Exception as error:
         # The asker gets the reason: a handler never swallows.

@@ -3,7 +3,7 @@
 In a shard an episode begins when the one before it has ended, its intrinsics are those of ROS, and there are messages
 that only viewers need. None of this is the episode's own: fleets record the same episodes in other orders. In canonical
 form episode `index` begins at `index * EPISODE_SLOT_NS`, pixel centres are at +0.5, and there is nothing for viewers.
-Shards of the first versions hold episodes in this form.
+A `ShardWriter` without a stage writes episodes in this form.
 """
 
 import hashlib

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from readygo.common.camera import SensorConfig
-from readygo.common.camera.recorded import with_whole_camera
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.documents import parse_json
 from readygo.common.errors import ConfigError, DatasetError
@@ -86,7 +85,7 @@ class Provenance:
 
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, Any]) -> "Provenance":
-        """What `to_mapping` gave, of this version or another one: unknown keys are left out, missing ones are empty.
+        """The provenance of `to_mapping`'s result: unknown keys are left out, missing ones are empty.
 
         Raises:
             DatasetError: If a value is of another kind than this version's.
@@ -115,7 +114,7 @@ class Provenance:
             ConfigError: If its settings are not those of a robot.
         """
         mapping = self._sections.get("robot")
-        return None if mapping is None else section_from_mapping(RobotConfig, mapping)
+        return None if mapping is None else self._read_section(RobotConfig, mapping)
 
     @property
     def sensor(self) -> SensorConfig:
@@ -125,12 +124,21 @@ class Provenance:
             ConfigError: If its settings are not those of a sensor.
         """
         renderer = self._sections.get("renderer", {})
-        return section_from_mapping(SensorConfig, renderer.get("sensor", {}))
+        return self._read_section(SensorConfig, renderer.get("sensor", {}))
+
+    def _read_section(self, cls: type[Part], mapping: Mapping[str, Any]) -> Part:
+        try:
+            return section_from_mapping(cls, mapping)
+        except ConfigError as error:
+            raise ConfigError(
+                f"The settings that readygo {self.readygo_version or '(unknown)'} recorded with the data are none of "
+                f"this version: {error} Record the data again, or read them with that version."
+            ) from error
 
     @property
     def _sections(self) -> dict[str, Any]:
         try:
-            sections = with_whole_camera(self.config or {})
+            sections = dict(self.config or {})
             if not isinstance(sections.get("renderer", {}), Mapping):
                 raise TypeError("renderer")
             return sections
@@ -139,8 +147,8 @@ class Provenance:
 
     @property
     def depth(self) -> str:
-        """What images of depth hold: "median", or "mean" as in runs that do not say it; see `RendererConfig.depth`."""
-        return str(self._sections.get("renderer", {}).get("depth", "mean"))
+        """What images of depth hold: "median" (the default) or "mean"; see `RendererConfig.depth`."""
+        return str(self._sections.get("renderer", {}).get("depth", "median"))
 
 
 def _part(cls: type[Part], mapping: Mapping[str, Any]) -> Part:

@@ -11,13 +11,13 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.documents import read_yaml
 from readygo.common.errors import SceneError
 from readygo.common.files import read_regular, write_whole
 from readygo.common.images.encoded import PICTURES, PIXELS_MAX, decode_pixels, encoded_size_px
 from readygo.common.maps.grid import GridFrame, OccupancyMap
 
 OCCUPIED_PX, UNKNOWN_PX, FREE_PX = 0, 205, 254
-_HEADER_BYTES_MAX = 2**16
 _QUARTER_TURN_TOLERANCE_RAD = 0.01
 
 
@@ -125,25 +125,27 @@ def _encoded(pixels: npt.NDArray[np.uint8], suffix: str) -> bytes:
 
 def _read_header(path: Path) -> RosMapHeader:
     try:
-        fields = _parse_flat_yaml(read_regular(path, bytes_max=_HEADER_BYTES_MAX).decode())
-    except (OSError, UnicodeDecodeError) as error:
+        fields = read_yaml(path)
+    except (OSError, ValueError) as error:
         raise SceneError(f"Map {path} cannot be read: {getattr(error, 'strerror', None) or error}.") from error
+    if not isinstance(fields, dict):
+        raise SceneError(f"Map {path} holds no keys: it is not a map_server yaml.")
     mode = fields.get("mode", "trinary")
     if mode not in ("trinary", "scale"):
         raise SceneError(f"Map {path} has mode {mode!r}; only 'trinary' and 'scale' are supported.")
     try:
-        origin = [float(word) for word in fields["origin"].split(",")]
+        origin = [float(number) for number in fields["origin"]]
         header = RosMapHeader(
-            image=fields["image"],
+            image=str(fields["image"]),
             resolution_m=float(fields["resolution"]),
             origin=(origin[0], origin[1], origin[2] if len(origin) > 2 else 0.0),
-            negate=fields.get("negate", "0").lower() in ("1", "true"),
+            negate=str(fields.get("negate", "0")).lower() in ("1", "true"),
             occupied_thresh=float(fields.get("occupied_thresh", "0.65")),
             free_thresh=float(fields.get("free_thresh", "0.196")),
         )
     except KeyError as error:
         raise SceneError(f"Map {path} lacks the key {error.args[0]!r}: it is not a map_server yaml.") from error
-    except (ValueError, IndexError) as error:
+    except (ValueError, TypeError, IndexError) as error:
         raise SceneError(f"Map {path} has a value that is not a number: {error}.") from error
     if not (0 < header.resolution_m < math.inf) or not all(map(math.isfinite, header.origin)):
         raise SceneError(f"Map {path} needs a positive resolution and a finite origin.")
@@ -153,21 +155,6 @@ def _read_header(path: Path) -> RosMapHeader:
             f"{header.occupied_thresh:g}."
         )
     return header
-
-
-def _parse_flat_yaml(text: str) -> dict[str, str]:
-    """Keys and values of a flat yaml; lists, in either style, become comma-separated words."""
-    fields: dict[str, str] = {}
-    last = ""
-    for raw in text.splitlines():
-        line = raw.split(" #")[0].strip() if not raw.startswith("#") else ""
-        if line.startswith("- ") and last:
-            fields[last] = ", ".join(filter(None, [fields[last], line[2:].strip()]))
-        elif ":" in line:
-            last, _, value = line.partition(":")
-            fields[last.strip()] = value.strip().strip("[]\"'")
-            last = last.strip()
-    return fields
 
 
 def _read_picture(path: Path, negate: bool) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:

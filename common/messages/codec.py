@@ -40,7 +40,7 @@ _PLAIN = frozenset({int, str, bytes, float, bool, types.NoneType, np.ndarray})
 """Types that are packed as they are: most of what a message holds."""
 _NEVER_OMITTED = object()
 OMITTED_WHEN_DEFAULT = {"omitted_when_default": True}
-"""Metadata of a field that was added to a message: while it has its default the bytes are those of before."""
+"""Metadata of a field that is left out of the bytes while it has its default."""
 _Build = Callable[[Any], Any]
 
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from readygo.common.camera.captured import CapturedViews, views_text
 from readygo.common.config import section_to_mapping
+from readygo.common.documents import write_toml
 from readygo.common.errors import NoGroundError, SceneError
 from readygo.common.files import unfinished_folder
 from readygo.common.gaussians import GaussianCloud, R_from_up, save_ply, transform_cloud
@@ -32,7 +33,7 @@ from readygo.common.robot import RobotConfig
 from readygo.common.scenes.edit import Box, cropped, mirrored
 from readygo.common.scenes.filmed import FILMED_MIN, filmed_share
 from readygo.common.scenes.findings import findings
-from readygo.common.scenes.manifest import FORMAT, MANIFEST, combined_hash, file_of, grid_digest, toml_text
+from readygo.common.scenes.manifest import FORMAT, MANIFEST, combined_hash, file_of, grid_digest
 from readygo.common.scenes.report import scene_report
 from readygo.common.scenes.scene import (
     CLOUD_FILE,
@@ -293,7 +294,7 @@ def fill_bundle(
     report["findings"] = findings(cloud, plan, report, views)
     (folder / REPORT_FILE).write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     manifest = _manifest(folder, plan, name, license, source, robot, map_config)
-    (folder / MANIFEST).write_text(toml_text(manifest), encoding="utf-8")
+    write_toml(folder / MANIFEST, manifest, raises=SceneError)
 
 
 def plan_of(scene: Scene) -> ScenePlan:

@@ -1,7 +1,6 @@
 """`scene.toml`: what a bundle holds, where it comes from, and the hashes of its content."""
 
 import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,32 +46,6 @@ def combined_hash(digests: Mapping[str, str]) -> str:
     """One hash of named digests; their order does not matter."""
     lines = "".join(f"{name} {digests[name]}\n" for name in sorted(digests))
     return hashlib.sha256(lines.encode()).hexdigest()
-
-
-def toml_text(mapping: Mapping[str, Any]) -> str:
-    """A mapping of plain values, lists and tables as TOML; tables inside of tables are written inline."""
-    lines = [f"{_key(key)} = {_value(value)}" for key, value in mapping.items() if not isinstance(value, Mapping)]
-    for name, table in mapping.items():
-        if isinstance(table, Mapping):
-            lines += ["", f"[{_key(name)}]", *(f"{_key(key)} = {_value(value)}" for key, value in table.items())]
-    return "\n".join(lines) + "\n"
-
-
-def _key(name: str) -> str:
-    return name if name.isidentifier() and name.isascii() else json.dumps(name, ensure_ascii=False)
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        # JSON's escapes are a subset of TOML's, which also wants DEL escaped.
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, (int, float)):
-        return repr(value)
-    if isinstance(value, Mapping):
-        return f"{{ {', '.join(f'{_key(key)} = {_value(item)}' for key, item in value.items())} }}"
-    return f"[{', '.join(_value(item) for item in value)}]"
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:

@@ -98,8 +98,7 @@ class Scene:
     @property
     def license(self) -> str:
         """Terms under which the scene may be used; empty if the bundle states none."""
-        # The first bundles spell it the British way.
-        return str(self.metadata.get("license", self.metadata.get("licence", "")))
+        return str(self.metadata.get("license", ""))
 
     @cached_property
     def cloud(self) -> GaussianCloud:

@@ -1,4 +1,4 @@
-"""The tables of a run's ledger, and what ledgers of earlier versions lack of them."""
+"""The tables of a run's ledger."""
 
 import sqlite3
 from pathlib import Path
@@ -15,7 +15,13 @@ CREATE TABLE IF NOT EXISTS episode (
     recorder TEXT NOT NULL DEFAULT '',
     reason TEXT NOT NULL DEFAULT '',
     shard TEXT NOT NULL DEFAULT '',
-    samples INTEGER NOT NULL DEFAULT 0
+    samples INTEGER NOT NULL DEFAULT 0,
+    policy TEXT NOT NULL DEFAULT '',  -- leased with the present attempt
+    driven_by TEXT NOT NULL DEFAULT '',  -- the policy that drove the durable attempt
+    assigned TEXT,  -- the policy that shall drive even if a newer one exists
+    deaths INTEGER NOT NULL DEFAULT 0,  -- workers that ended while they held the episode at its present stage
+    role TEXT NOT NULL DEFAULT '',  -- with `session` and `worker` the process that holds it: `protocol.Holder`
+    session TEXT NOT NULL DEFAULT ''
 );
 CREATE INDEX IF NOT EXISTS by_state ON episode (state, stage, idx);
 CREATE INDEX IF NOT EXISTS by_reason ON episode (reason) WHERE reason != '';
@@ -53,33 +59,23 @@ CREATE TRIGGER IF NOT EXISTS durable_forgotten AFTER DELETE ON episode WHEN old.
 END;
 """
 """How many episodes are durable, kept by the database itself: every claim asks, and to count them takes ever longer."""
-_ADDED = {
-    "policy": "TEXT NOT NULL DEFAULT ''",
-    "driven_by": "TEXT NOT NULL DEFAULT ''",
-    "assigned": "TEXT",
-    "deaths": "INTEGER NOT NULL DEFAULT 0",
-    "role": "TEXT NOT NULL DEFAULT ''",
-    "session": "TEXT NOT NULL DEFAULT ''",
-}
-"""Columns of `episode` that ledgers of earlier versions lack: the policy leased with the present attempt, the policy
-that drove the durable attempt, the policy that shall drive even if a newer one exists, the number of workers that ended
-while they held the episode at its present stage, and with `worker` the life of the process that holds it, see
-`protocol.Holder`."""
+LAYOUT = 1
+"""Number of this layout; ledgers of another one are refused, and so rebuilt from the shards."""
 
 
 def open_database(path: Path) -> sqlite3.Connection:
     """Open a ledger's file, or make it; usable from several threads that take turns.
 
     Raises:
-        sqlite3.Error: If it is no ledger or cannot be written.
+        sqlite3.Error: If it is no ledger of this layout, or cannot be written.
     """
     database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
     database.execute("PRAGMA journal_mode = WAL")
     # NORMAL loses at most the latest leases in a power cut; grants are confirmed again by the recorder's own files.
     database.execute("PRAGMA synchronous = NORMAL")
-    database.executescript(_SCHEMA)
-    present = {row[1] for row in database.execute("PRAGMA table_info(episode)")}
-    for column in _ADDED.keys() - present:
-        database.execute(f"ALTER TABLE episode ADD COLUMN {column} {_ADDED[column]}")
-    database.executescript(_DURABLE)
+    (layout,) = database.execute("PRAGMA user_version").fetchone()
+    if layout != LAYOUT and database.execute("SELECT 1 FROM sqlite_master").fetchone():
+        database.close()
+        raise sqlite3.DatabaseError(f"its layout is number {layout}, this version of readygo reads {LAYOUT}")
+    database.executescript(f"{_SCHEMA} {_DURABLE} PRAGMA user_version = {LAYOUT};")
     return database

@@ -82,7 +82,7 @@ def shown_record(record: EpisodeRecord, policy: str = "") -> LiveEvaluation:
 
 
 def record_of_mapping(mapping: Mapping[str, Any]) -> EpisodeRecord:
-    """The record of which `EpisodeRecord.to_mapping` gave the plain values; older ones lack conduct and category."""
+    """The record of which `EpisodeRecord.to_mapping` gave the plain values."""
     return EpisodeRecord(
         episode=EpisodeKey(seed=mapping["seed"], split=Split(mapping["split"]), index=mapping["index"]),
         task=Task(mapping["task"]),

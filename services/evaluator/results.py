@@ -3,7 +3,7 @@
 import fcntl
 import json
 import os
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -28,8 +28,6 @@ METHODS = "methods"
 """Key of the settings that has a hash by method, of methods that are files; it grows with the methods that drive."""
 
 Float64Array = npt.NDArray[np.float64]
-Today = Callable[[Mapping[str, Any]], Mapping[str, Any]]
-"""Adds to the settings of an older folder what it is too old to say."""
 
 
 class Results:
@@ -134,14 +132,13 @@ def read_results(folder: Path) -> Iterator[Results]:
 
 
 @contextmanager
-def open_results(folder: Path, settings: Mapping[str, Any], *, today: Today = lambda kept: kept) -> Iterator[Results]:
+def open_results(folder: Path, settings: Mapping[str, Any]) -> Iterator[Results]:
     """Begin an evaluation in a folder, or resume the one that is there.
 
     Args:
         folder: Made if it is missing.
         settings: All that records depend on besides their key, as plain values; written when the folder is new. Below
             `METHODS` only the methods count that the folder names as well; it names the others from now on.
-        today: Makes settings of an older version those of this one.
 
     Raises:
         RunError: If the folder has results of other settings or of unknown ones, another process is at work in it, or
@@ -150,7 +147,7 @@ def open_results(folder: Path, settings: Mapping[str, Any], *, today: Today = la
     with ExitStack() as files:
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            _check_settings(folder, settings, today)
+            _check_settings(folder, settings)
             records, trajectories = (
                 files.enter_context((folder / name).open("a+b", buffering=0))
                 for name in (RECORDS_FILE, TRAJECTORIES_FILE)
@@ -162,15 +159,15 @@ def open_results(folder: Path, settings: Mapping[str, Any], *, today: Today = la
         yield results
 
 
-def is_of(folder: Path, settings: Mapping[str, Any], *, today: Today = lambda kept: kept) -> bool:
+def is_of(folder: Path, settings: Mapping[str, Any]) -> bool:
     """True if `open_results` would resume in a folder."""
     try:
-        return not _differences(today(_read_settings(folder)), settings)
+        return not _differences(_read_settings(folder), settings)
     except (OSError, ValueError):
         return False
 
 
-def _check_settings(folder: Path, settings: Mapping[str, Any], today: Today) -> None:
+def _check_settings(folder: Path, settings: Mapping[str, Any]) -> None:
     """Compare with what the folder was begun with, or say what it is begun with."""
     try:
         kept = _read_settings(folder)
@@ -181,7 +178,7 @@ def _check_settings(folder: Path, settings: Mapping[str, Any], today: Today) -> 
         return
     except ValueError as error:
         raise RunError(f"{folder / SETTINGS_FILE} cannot be read: {error}; choose another --out.") from error
-    different = _differences(today(kept), settings)
+    different = _differences(kept, settings)
     if different:
         more = f" and {len(different) - DIFFERENCES_SHOWN} more" if len(different) > DIFFERENCES_SHOWN else ""
         raise RunError(

@@ -6,10 +6,8 @@ from typing import Any
 
 import torch
 
-from readygo.common.config import section_from_mapping, section_to_mapping
-from readygo.common.errors import ConfigError, PolicyError
+from readygo.common.errors import PolicyError
 from readygo.common.files import write_whole
-from readygo.common.robot import RobotConfig
 
 CHECKPOINT_FORMAT = "readygo-training/2"
 CHECKPOINT_FILE = "checkpoint.pt"
@@ -47,16 +45,7 @@ def load_checkpoint(folder: Path, identity: dict[str, Any]) -> dict[str, Any] | 
         raise PolicyError(f"{path} cannot be read: {reason}; delete it to start again.") from error
     if not isinstance(state, dict) or state.get("format") != CHECKPOINT_FORMAT:
         raise PolicyError(f"{path} is no checkpoint of this version; delete it to start again.")
-    state["identity"]["robot"] = _robot_of_today(state["identity"]["robot"])
     changed = sorted(key for key, value in identity.items() if state["identity"].get(key) != value)
     if changed:
         raise PolicyError(f"{path} belongs to a run with another {changed[0]}; give another --out, or delete it.")
     return state
-
-
-def _robot_of_today(robot: dict[str, Any]) -> dict[str, Any]:
-    """A robot as it was written down, with the settings that it is too old to have."""
-    try:
-        return section_to_mapping(section_from_mapping(RobotConfig, robot))
-    except ConfigError:
-        return robot

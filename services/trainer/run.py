@@ -287,6 +287,4 @@ def _flat(mapping: dict[str, Any]) -> dict[str, Any]:
     flat: dict[str, Any] = {}
     for name, value in mapping.items():
         flat |= value if isinstance(value, dict) else {name: value}
-    # Older checkpoints lack this key.
-    plain = {"images": ["rgb"]}
-    return {name: value for name, value in flat.items() if name not in BUDGET_FIELDS and plain.get(name) != value}
+    return {name: value for name, value in flat.items() if name not in BUDGET_FIELDS}

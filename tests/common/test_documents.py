@@ -1,5 +1,6 @@
 import os
 import time
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,13 +13,17 @@ from readygo.common.documents import (
     KEY_PARTS_MAX,
     TOML_BYTES_MAX,
     VALUES_MAX,
+    YAML_BYTES_MAX,
     parse_json,
     parse_toml,
     read_json,
     read_toml,
+    read_yaml,
+    write_toml,
 )
+from readygo.common.errors import SceneError
 
-READERS: list[Callable[[Path], Any]] = [read_toml, read_json]
+READERS: list[Callable[[Path], Any]] = [read_toml, read_json, read_yaml]
 
 
 def test_documents_are_read(tmp_path: Path) -> None:
@@ -93,9 +98,39 @@ def test_files_that_are_none_are_refused(tmp_path: Path, read: Callable[[Path], 
         read(tmp_path / "latin")
 
 
-@pytest.mark.parametrize(("read", "size"), [(read_toml, TOML_BYTES_MAX), (read_json, JSON_BYTES_MAX)])
+@pytest.mark.parametrize(
+    ("read", "size"), [(read_toml, TOML_BYTES_MAX), (read_json, JSON_BYTES_MAX), (read_yaml, YAML_BYTES_MAX)]
+)
 def test_files_beyond_the_limit_are_not_read(tmp_path: Path, read: Callable[[Path], Any], size: int) -> None:
     with (tmp_path / "a").open("wb") as file:
         file.truncate(size + 1)
     with pytest.raises(OSError, match="more than the"):
         read(tmp_path / "a")
+
+
+def test_tables_read_back_as_they_were_written(tmp_path: Path) -> None:
+    tables = {
+        "text": 'quotes " back\\slash \n tab \t umlaut ü del \x7f',
+        "number": 0.1,
+        "whole": 3,
+        "flag": True,
+        "list": [1.5, 2.5],
+        "a table": {"key with.dot": "x", "inner": {"size": 1, "name": "y"}},
+    }
+    write_toml(tmp_path / "a.toml", tables, raises=SceneError)
+    assert tomllib.loads((tmp_path / "a.toml").read_text()) == tables
+    with pytest.raises(SceneError, match=r"a\.toml"):
+        write_toml(tmp_path / "a.toml" / "b.toml", tables, raises=SceneError)
+
+
+def test_scalars_of_yaml_stay_text(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text("a: 1e-3  # small\nb: [0, 'no']\nc:\n  - 2020-01-01\n")
+    assert read_yaml(tmp_path / "a.yaml") == {"a": "1e-3", "b": ["0", "no"], "c": ["2020-01-01"]}
+
+
+@pytest.mark.parametrize("text", ["a: [", "[" * 20_000, '"\\UFFFFFFFF"', "a: \x00", "- a\nb: c"])
+def test_text_that_is_no_yaml_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
+    (tmp_path / "a.yaml").write_text(text)
+    with pytest.raises(ValueError, match=r"no YAML|nest deeper") as caught:
+        read_yaml(tmp_path / "a.yaml")
+    assert "\n" not in str(caught.value)

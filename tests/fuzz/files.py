@@ -9,25 +9,25 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from readygo.benchmarks.planning.movingai import load_movingai_map
 from readygo.common.avatars import load_avatars
 from readygo.common.avatars.file import load_avatar, save_avatar
 from readygo.common.avatars.importers.gltf_human import gltf_human
 from readygo.common.avatars.importers.hugs import CHECKPOINT_KEYS, load_checkpoint
 from readygo.common.avatars.importers.smpl_model import load_smpl_model
 from readygo.common.camera.captured import load_views
-from readygo.common.errors import ReadygoError
+from readygo.common.documents import write_toml
+from readygo.common.errors import ReadygoError, SceneError
 from readygo.common.gaussians import save_ply
 from readygo.common.gaussians.checkpoint import load_data_transform
 from readygo.common.gaussians.files import read_source
 from readygo.common.images.encoded import decode_image
 from readygo.common.maps.grid import GridFrame, OccupancyMap
-from readygo.common.maps.movingai import load_movingai_map
 from readygo.common.maps.ros_map import load_ros_map, load_unknown_cells, save_ros_map
 from readygo.common.policy import load_policy
 from readygo.common.policy.artifact import load_spec
 from readygo.common.rasterizer.packed.scene import load_packed, pack_cloud, save_packed
 from readygo.common.scenes import load_scene
-from readygo.common.scenes.manifest import toml_text
 from readygo.services.animator.smpl.refine import load_pose_prior
 from readygo.services.reconstructor.frames.exif import read_exif
 from tests.common.avatars.importers.humans import smpl_entries, write_glb, write_smpl_pickle
@@ -236,7 +236,7 @@ def _scene(folder: Path) -> Path:
         "maps": {"resolution_m": 0.05},
         "source": {"scale": 1.0},
     }
-    (folder / "scene.toml").write_text(toml_text(manifest))
+    write_toml(folder / "scene.toml", manifest, raises=SceneError)
     return folder
 
 

@@ -17,7 +17,7 @@ def test_truth_comes_back_under_the_names_that_images_get(tmp_path: Path) -> Non
     truth = read_truth(path)
     assert sorted(truth.poses) == ["000007.jpg", "0001.jpg"]
     np.testing.assert_array_equal(truth.poses["000007.jpg"], T)
-    np.testing.assert_array_equal(truth.marker_corners_m, np.ones((4, 3)))
+    np.testing.assert_array_equal(truth.content["marker"]["corners_m"], np.ones((4, 3)))
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"format": "another"}'])

@@ -15,7 +15,7 @@ def test_says_what_was_written(data: Path, tmp_path: Path, capsys: pytest.Captur
 
 def test_data_must_be_named_and_readable(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="Name a data folder"):
-        export((), to="npz", out=tmp_path / "out")
+        export((), to="gnm", out=tmp_path / "out")
     with pytest.raises(DatasetError, match="does not exist"):
-        export((tmp_path / "none",), to="npz", out=tmp_path / "out")
+        export((tmp_path / "none",), to="gnm", out=tmp_path / "out")
     assert not (tmp_path / "out").exists()

@@ -166,11 +166,11 @@ def test_count_that_cannot_be_is_refused_before_anything_is_made_or_shown(
 def test_missing_packages_of_an_option_are_said_before_anything_is_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in [name for name in sys.modules if name.split(".")[0] == "opentelemetry"]:
+    for name in [name for name in sys.modules if name.split(".")[0] == "prometheus_client"]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, "opentelemetry", None)
-    with pytest.raises(ConfigError, match="--traces needs OpenTelemetry"):
-        generate("embedded", out=tmp_path / "out", traces=str(tmp_path / "spans"))
+    monkeypatch.setitem(sys.modules, "prometheus_client", None)
+    with pytest.raises(ConfigError, match="--metrics needs prometheus-client"):
+        generate("embedded", out=tmp_path / "out", metrics="127.0.0.1:0")
     assert not (tmp_path / "out").exists()
 
 

@@ -20,13 +20,14 @@ from readygo.common.messages import ClaimStatus, Split
 from readygo.services.evaluator import EvaluateReply, Evaluator, Results, handle_evaluate, open_results
 
 METHODS = ("straight-line", "social-force")
-REQUEST = make_request(3, ("static", "dynamic"), METHODS, Split.TEST, 0)
+REQUEST = make_request(3, ("static", "dynamic"), METHODS, Split.VAL, 0)
+"""Not of the default split: workers draw the episodes of the request's."""
 
 
 @pytest.fixture(scope="module")
 def world() -> World:
     config = dataclasses.replace(RunConfig(), episode=EpisodeConfig(time_limit_s=1.0))
-    return evaluation_world("embedded", config, avatars=None, seed=0)
+    return evaluation_world("embedded", config, avatars=None, seed=0, split=REQUEST.split)
 
 
 @pytest.fixture(scope="module")

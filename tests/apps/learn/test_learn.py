@@ -67,7 +67,7 @@ def workers_of(out: Path, role: str = "") -> list[int]:
     found = []
     for entry in Path("/proc").glob("[0-9]*/cmdline"):
         try:
-            words = entry.read_bytes().decode(errors="replace").split("\0")
+            words = entry.read_bytes().decode(errors="replace").replace("\0", " ").split()
         except OSError:
             continue
         if "worker" in words and any(str(out) in word for word in words) and (not role or role in words):

@@ -1,12 +1,10 @@
-import copy
 import dataclasses
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from readygo.apps.run.config import RunConfig, load_run_config, resolved_sections, with_outputs
+from readygo.apps.run.config import RunConfig, resolved_sections, with_outputs
 from readygo.apps.run.folder import TARGETS, RunFolder
 from readygo.common.errors import RunError
 from readygo.common.messages import OnRejection
@@ -22,69 +20,6 @@ def test_folder_that_was_begun_on_a_full_disk_can_be_used_again(tmp_path: Path) 
     folder.check(SPEC)
     folder.save(SPEC, 3)
     assert folder.load() == (SPEC, 3)
-
-
-def test_folder_of_a_version_without_some_setting_can_be_gone_on_with(tmp_path: Path) -> None:
-    folder = RunFolder(tmp_path)
-    ours = dataclasses.replace(SPEC, config=resolved_sections(RunConfig()))
-    theirs = dataclasses.replace(SPEC, config=copy.deepcopy(ours.config))
-    del theirs.config["renderer"]["outputs"]
-    with folder.locked():
-        folder.save(theirs, 3)
-        folder.ledger.touch()
-    folder.check(ours)
-
-
-def test_folder_from_before_there_were_labels_is_refused_but_with_labels_off(tmp_path: Path) -> None:
-    folder = RunFolder(tmp_path)
-    with_labels = RunConfig()
-    without = dataclasses.replace(with_labels, renderer=dataclasses.replace(with_labels.renderer, labels=False))
-    old = dataclasses.replace(SPEC, config=copy.deepcopy(resolved_sections(with_labels)))
-    del old.config["renderer"]["labels"]
-    with folder.locked():
-        folder.save(old, 3)
-        folder.ledger.touch()
-    folder.check(dataclasses.replace(SPEC, config=resolved_sections(without)))
-    with pytest.raises(RunError, match=r"config \(renderer\) differ"):
-        folder.check(dataclasses.replace(SPEC, config=resolved_sections(with_labels)))
-
-
-def test_folder_from_before_depth_was_the_median_is_refused_but_with_the_mean(tmp_path: Path) -> None:
-    folder, config = RunFolder(tmp_path), RunConfig()
-    mean = dataclasses.replace(config, renderer=dataclasses.replace(config.renderer, depth="mean"))
-    old = dataclasses.replace(SPEC, config=copy.deepcopy(resolved_sections(config)))
-    del old.config["renderer"]["depth"]
-    with folder.locked():
-        folder.save(old, 3)
-        folder.ledger.touch()
-    folder.check(dataclasses.replace(SPEC, config=resolved_sections(mean)))
-    with pytest.raises(RunError, match=r"config \(renderer\) differ"):
-        folder.check(dataclasses.replace(SPEC, config=resolved_sections(config)))
-
-
-def test_folder_from_before_the_camera_was_one_section_can_be_gone_on_with(tmp_path: Path) -> None:
-    folder = RunFolder(tmp_path)
-    config = load_run_config(None, sensor="sensor_phone_like")
-    ours = dataclasses.replace(SPEC, config=resolved_sections(config))
-    with folder.locked():
-        folder.save(dataclasses.replace(SPEC, config=as_recorded_before(ours.config)), 3)
-        folder.ledger.touch()
-    folder.check(ours)
-    with pytest.raises(RunError, match=r"config \(robot, renderer\) differ"):
-        folder.check(dataclasses.replace(SPEC, config=resolved_sections(RunConfig())))
-
-
-def as_recorded_before(config: dict[str, Any]) -> dict[str, Any]:
-    """Sections as they were recorded when lens, light and shutter stood in [renderer.sensor]."""
-    old = copy.deepcopy(config)
-    camera, ranges = old["robot"]["camera"], old["renderer"]["sensor"]
-    plain = resolved_sections(RunConfig())["robot"]["camera"]
-    constants = {name: plain[name] if ranges[name] else camera[name] for name in ranges}
-    constants["distortion"] = camera["distortion"]
-    kept = ("height_px", "width_px", "horizontal_fov_deg", "mount_height_m")
-    old["robot"]["camera"] = {name: camera[name] for name in kept}
-    old["renderer"]["sensor"] = {**constants, "sub_frames": old["renderer"].pop("sub_frames"), "ranges": ranges}
-    return old
 
 
 def test_folder_with_other_outputs_is_refused(tmp_path: Path) -> None:

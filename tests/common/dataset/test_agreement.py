@@ -1,11 +1,10 @@
-import copy
 import dataclasses
 
 import pytest
 
 from readygo.common.dataset import Dataset
 from readygo.common.errors import DatasetError
-from tests.common.dataset.episodes import PROVENANCE, ROBOT, provenance_with_robot, write_shard
+from tests.common.dataset.episodes import PROVENANCE, provenance_with_robot, write_shard
 
 
 def test_mixed_image_sizes_are_refused_with_both(two_shards) -> None:
@@ -28,20 +27,11 @@ def test_mixed_sensors_are_refused_with_both(two_shards) -> None:
 
 
 def test_mixed_kinds_of_depth_are_refused_where_depths_are_recorded(two_shards) -> None:
-    median = dataclasses.replace(PROVENANCE, config={**PROVENANCE.config, "renderer": {"depth": "median"}})
-    assert (PROVENANCE.depth, median.depth) == ("mean", "median")
+    mean = dataclasses.replace(PROVENANCE, config={**PROVENANCE.config, "renderer": {"depth": "mean"}})
+    assert (PROVENANCE.depth, mean.depth) == ("median", "mean")
     write_shard(two_shards, [7], number=7, outputs=("depth",), provenance=PROVENANCE)
-    write_shard(two_shards, [8], number=8, provenance=median)
+    write_shard(two_shards, [8], number=8, provenance=mean)
     assert len(Dataset([two_shards]).shards) == 4
-    write_shard(two_shards, [9], number=9, outputs=("depth",), provenance=median)
-    with pytest.raises(DatasetError, match=r"Depths differ: mean in .*00007.mcap, median in .*00009.mcap"):
+    write_shard(two_shards, [9], number=9, outputs=("depth",), provenance=mean)
+    with pytest.raises(DatasetError, match=r"Depths differ: median in .*00007.mcap, mean in .*00009.mcap"):
         Dataset([two_shards])
-
-
-def test_shard_of_before_the_camera_was_one_section_goes_with_one_of_today(two_shards) -> None:
-    config = copy.deepcopy(dict(PROVENANCE.config))
-    camera = config["robot"]["camera"]
-    optics = {name: camera.pop(name) for name in ("distortion", "k1", "exposure_s")}
-    config["renderer"] = {"sensor": {**optics, "sub_frames": 8, "ranges": {"k1": []}}}
-    write_shard(two_shards, [9], number=9, provenance=dataclasses.replace(PROVENANCE, config=config))
-    assert Dataset([two_shards]).robot == ROBOT

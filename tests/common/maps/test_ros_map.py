@@ -184,7 +184,7 @@ def test_picture_that_is_no_file_is_refused_in_one_line(tmp_path):
     os.mkfifo(tmp_path / "pipe.png")
     for name, message in (
         ("pipe.png", "a pipe or a device"),
-        ("a\0b.png", "no file can have this name"),
+        (r'"a\0b.png"', "no file can have this name"),
         (".", "direc"),
     ):
         (tmp_path / "map.yaml").write_text(f"image: {name}\nresolution: 0.05\norigin: [0, 0, 0]\n")

@@ -1,5 +1,4 @@
 import hashlib
-import tomllib
 
 import numpy as np
 import pytest
@@ -7,7 +6,7 @@ import pytest
 from readygo.common.errors import SceneError
 from readygo.common.maps import GridFrame
 from readygo.common.scenes import load_scene
-from readygo.common.scenes.manifest import combined_hash, file_of, grid_digest, toml_text
+from readygo.common.scenes.manifest import combined_hash, file_of, grid_digest
 
 
 def test_folder_that_is_no_bundle_says_how_to_make_one(tmp_path):
@@ -23,18 +22,6 @@ def test_missing_or_cut_files_are_named(copy):
     (copy / "maps" / "human.png").write_bytes(b"")
     with pytest.raises(SceneError, match=r"human\.png has 0 bytes"):
         load_scene(copy)
-
-
-def test_toml_text_reads_back_as_it_was():
-    mapping = {
-        "text": 'quotes " back\\slash \n tab \t umlaut ü del \x7f',
-        "number": 0.1,
-        "whole": 3,
-        "flag": True,
-        "list": [1.5, 2.5],
-        "a table": {"key with.dot": "x", "inner": {"size": 1, "name": "y"}},
-    }
-    assert tomllib.loads(toml_text(mapping)) == mapping
 
 
 def test_file_is_described_by_place_hash_and_size(tmp_path):

@@ -1,5 +1,3 @@
-import shutil
-
 import numpy as np
 import pytest
 
@@ -20,14 +18,6 @@ def test_loaded_scene_has_what_was_saved(scene):
     assert loaded.maps.human.occupied[row, column]
     assert loaded.maps.floor.at(3.0, 2.0) == pytest.approx(0.0, abs=0.01)
     assert loaded.maps.robot is loaded.maps.robot
-
-
-def test_license_of_a_bundle_of_the_first_versions_is_read(scene, tmp_path):
-    old = shutil.copytree(scene.path, tmp_path / "old")
-    manifest = (old / "scene.toml").read_text()
-    (old / "scene.toml").write_text(manifest.replace('license = "CC0"', 'licence = "CC0"'))
-    assert "license" not in load_scene(old).metadata
-    assert load_scene(old).license == "CC0"
 
 
 def test_maps_load_without_the_gaussians(scene):

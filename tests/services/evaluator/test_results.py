@@ -124,16 +124,6 @@ def test_methods_that_are_files_stay_what_they_were_and_others_join(tmp_path):
     assert json.loads((tmp_path / "settings.json").read_text())["methods"] == hashes
 
 
-def test_settings_that_an_older_folder_cannot_say_are_added(tmp_path):
-    with open_results(tmp_path, SETTINGS):
-        pass
-    new = {**SETTINGS, "look": "photoreal"}
-    assert not is_of(tmp_path, new)
-    assert is_of(tmp_path, new, today=lambda kept: {"look": "photoreal", **kept})
-    with open_results(tmp_path, new, today=lambda kept: {"look": "photoreal", **kept}):
-        pass
-
-
 def test_folder_of_something_else_or_in_use_or_broken_is_refused(tmp_path):
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "episodes.jsonl").write_text("")

@@ -44,13 +44,6 @@ def test_run_of_another_identity_is_refused_by_the_first_name_that_differs(tmp_p
         load_checkpoint(tmp_path, IDENTITY | {"seed": 4, "training data": "b"})
 
 
-def test_robot_that_was_written_down_with_fewer_settings_is_the_same_robot(tmp_path):
-    camera = IDENTITY["robot"]["camera"]
-    old = {name: camera[name] for name in ("height_px", "width_px", "horizontal_fov_deg", "mount_height_m")}
-    save_checkpoint({"identity": IDENTITY | {"robot": IDENTITY["robot"] | {"camera": old}}}, tmp_path)
-    assert load_checkpoint(tmp_path, IDENTITY) is not None
-
-
 def test_checkpoint_of_another_version_is_refused(tmp_path):
     torch.save({"format": "readygo-training/1", "identity": IDENTITY}, tmp_path / "checkpoint.pt")
     with pytest.raises(PolicyError, match="no checkpoint of this version; delete it"):

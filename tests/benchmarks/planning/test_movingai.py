@@ -3,8 +3,8 @@ import os
 import numpy as np
 import pytest
 
+from readygo.benchmarks.planning.movingai import load_movingai_map
 from readygo.common.errors import SceneError
-from readygo.common.maps.movingai import load_movingai_map
 
 TEXT = "type octile\nheight 2\nwidth 4\nmap\n.@TS\nGW..\n"
 

@@ -3,11 +3,11 @@ import math
 import numpy as np
 import pytest
 
+from readygo.benchmarks.planning.clearance import gaussian_clearance_m
 from readygo.common.avatars import FootprintModel
 from readygo.common.maps import FloorMap
 from readygo.common.messages import HumanMotion, Motion
 from readygo.common.robot import RobotConfig
-from readygo.services.planner.expert.clearance import gaussian_clearance_m
 from readygo.services.planner.expert.interface import HumanBody
 from tests.services.planner.worlds import FRAME, make_avatar
 
