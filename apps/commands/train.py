@@ -69,7 +69,7 @@ def train(
 
     Args:
         data: Data folders.
-        out: Folder of the policy: encoder.onnx, head.onnx, policy.toml, metrics.json, loss.png and the checkpoint.
+        out: Folder of the policy: encoder.onnx, head.onnx, policy.toml, metrics.json, loss.svg and the checkpoint.
         minutes: Processor time per thread [min], 10 by default; includes earlier calls with the same folder.
         samples: Training budget in samples, repeats counted, instead of minutes; the result is then reproducible.
         val: Data folders for validation; by default a tenth of the episodes is held out.

@@ -14,7 +14,6 @@ from readygo.apps.monitor.recorded import Recorded
 from readygo.apps.monitor.splats import DollsHouse, dolls_house
 from readygo.apps.monitor.track import Track
 from readygo.apps.monitor.watch import Watch
-from readygo.apps.pages.charts import Curve
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.world import World
@@ -23,6 +22,7 @@ from readygo.common.dataset.index import load_index
 from readygo.common.dataset.places import find_shards
 from readygo.common.dataset.provenance import Provenance
 from readygo.common.dataset.scene_map import MapMessages, map_messages
+from readygo.common.drawing.charts import Curve
 from readygo.common.errors import ReadygoError, RunError
 from readygo.common.messages import EpisodeKey
 from readygo.common.robot import RobotConfig
