@@ -101,7 +101,7 @@ def report_html(content: EvaluationContent) -> str:
             **content.tables,
             "Where it went": _runs(content),
             "What it fails in": [failures],
-            "Films": [_video(path, _headline(record)) for record, path in content.films],
+            "Videos": [_video(path, _headline(record)) for record, path in content.films],
         },
         facts=content.facts,
     )

@@ -102,7 +102,7 @@ class MediaFigure(Block):
     image: str = ""
     """Source of an image."""
     alt: str = ""
-    """Text in place of the image."""
+    """Text instead of the image."""
     video: str = ""
     """Source of a video."""
     plays: bool = False
