@@ -9,20 +9,27 @@ from readygo.apps.report.coverage_numbers import Coverage, Histogram, Visits
 from readygo.apps.report.coverage_run import RunFacts
 from readygo.apps.report.page import (
     Block,
-    ColumnKind,
     MediaFigure,
     Meter,
     PageTable,
-    Paragraph,
     arranged,
     drawing,
     page,
     percent,
     rejections,
+    small_print,
 )
 from readygo.common.drawing.charts import bar_chart, grid_chart, rose_chart
 from readygo.common.drawing.files import Picture
-from readygo.common.drawing.plan_view import INK, WHITE, draw_scale_bar, map_window, put_text, text_width_px
+from readygo.common.drawing.plan_view import (
+    INK,
+    WHITE,
+    draw_scale_bar,
+    map_window,
+    put_text,
+    sample_grid,
+    text_width_px,
+)
 from readygo.common.maps import OccupancyMap
 
 MARGIN_M, ASPECT_MIN = 0.5, 0.5
@@ -61,7 +68,8 @@ def heat_map(visits: Visits, occupancy: OccupancyMap | None) -> Picture:
     view = map_window(ground, low_m, high_m, pixel_m=side_m / side_px)
     picture = view.rgb.copy()
     shown = visits.coarser(math.ceil(CELL_MIN_PX * view.frame.resolution_m / frame.resolution_m - 1e-6))
-    _paint(picture, shown, low_m, side_m / side_px)
+    counts = sample_grid(view, shown.episodes, shown.frame)
+    picture[counts > 0] = _heat_colours(counts[counts > 0] / max(int(shown.episodes.max()), 1))
     draw_scale_bar(picture, view)
     return np.concatenate([picture, _heat_scale(picture.shape[1], shown)])
 
@@ -69,18 +77,6 @@ def heat_map(visits: Visits, occupancy: OccupancyMap | None) -> Picture:
 def _is_vast(occupancy: OccupancyMap, visited_m: float) -> bool:
     """True if the visited part would be lost in a picture of the whole map."""
     return float(max(occupancy.occupied.shape)) * occupancy.frame.resolution_m > max(4 * visited_m, 60.0)
-
-
-def _paint(picture: Picture, visits: Visits, low_m: npt.NDArray[np.float64], pixel_m: float) -> None:
-    height, width = picture.shape[:2]
-    frame, (rows, columns) = visits.frame, visits.episodes.shape
-    x, y = low_m[0] + (np.arange(width) + 0.5) * pixel_m, low_m[1] + (np.arange(height) + 0.5) * pixel_m
-    j = np.floor((x - frame.origin_x_m) / frame.resolution_m).astype(np.int64)
-    i = np.floor((y - frame.origin_y_m) / frame.resolution_m).astype(np.int64)[::-1]
-    padded = np.pad(visits.episodes, 1)
-    counts = padded[np.clip(i + 1, 0, rows + 1)[:, None], np.clip(j + 1, 0, columns + 1)[None, :]]
-    shares = counts / max(int(visits.episodes.max()), 1)
-    picture[counts > 0] = _heat_colours(shares[counts > 0])
 
 
 def _heat_colours(shares: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
@@ -156,11 +152,10 @@ def _places(coverage: Coverage, facts: RunFacts, heat: Picture) -> list[Block]:
 def _encounters(coverage: Coverage, facts: RunFacts) -> list[Block]:
     failed = facts.failed or {}
     outcomes = sorted({outcome for counts in failed.values() for outcome in counts})
-    columns: dict[str, ColumnKind] = {"Encounter": "", "Episodes": "n", "Pedestrians": "n", "Share": ""}
+    columns = ["Encounter", "Episodes", "Pedestrians", "Share"]
     note = "Recorded episodes. Whom the rejected ones would have met is not known here."
     if facts.failed is not None:
-        columns |= {outcome.replace("_", " "): "n" for outcome in outcomes}
-        columns["Expert succeeds"] = "n"
+        columns += [*(outcome.replace("_", " ") for outcome in outcomes), "Expert succeeds"]
         note = "Recorded episodes; those in which the expert failed are not in the data and counted at the right."
     rows: list[list[str | Block]] = []
     for kind in dict.fromkeys([*coverage.encounters, *failed]):
@@ -187,7 +182,7 @@ def _encounters(coverage: Coverage, facts: RunFacts) -> list[Block]:
             "never",
         ),
     ]
-    return [PageTable(columns, rows), Paragraph(text=note, is_note=True), *arranged("pair", charts)]
+    return [PageTable(columns, rows), small_print(note), *arranged("pair", charts)]
 
 
 def _driving(coverage: Coverage) -> list[Block]:

@@ -11,30 +11,27 @@ import numpy.typing as npt
 from readygo.apps.report.health_numbers import Sightlines
 from readygo.apps.report.page import (
     Block,
-    ColumnKind,
     PageTable,
     Paragraph,
     arranged,
     drawing,
+    fact_table,
     page,
     percent,
     photograph,
+    small_print,
 )
 from readygo.common.drawing.files import Picture
-from readygo.common.drawing.plan_view import INK, Rgb, draw_scale_bar, map_window, put_mark
-from readygo.common.drawing.sheet import Swatch, line_swatch, sheet
+from readygo.common.drawing.plan_view import INK, Rgb, draw_path, draw_scale_bar, put_mark, sample_grid, window_around
+from readygo.common.drawing.sheet import area_swatch, line_swatch, sheet
 from readygo.common.maps import OccupancyMap
 from readygo.common.scenes.filmed import FILMED_MIN
-from readygo.common.scenes.top_view import TopView
 
 SIDE_MAX_PX = 1200
 TOP, ROBOT_MAP, HUMAN_MAP, VIEWS, CLARITY = "top.png", "map_robot.png", "map_human.png", "views.png", "map_views.png"
 SIGHT, FILMED, HELD_OUT = "map_sight.png", "map_filmed.png", "map_held_out.png"
 """Names of the report's pictures."""
 _PHOTOGRAPHS = (TOP, VIEWS)
-_FACTS: dict[str, ColumnKind] = {"What": "", "Value": "wide"}
-_IMAGES: dict[str, ColumnKind] = {"Number": "n", "Image": "wide", "PSNR": "n", "SSIM": "n"}
-_KINDS: dict[str, ColumnKind] = {"Kind": "", "Gaussians": "n", "Share": "n"}
 _MAP_NOTE = (
     "What blocks the robot: dark is occupied, grey is unknown or was not filmed, white too narrow, green the largest "
     "area that it can move in, orange areas cut off from that."
@@ -43,7 +40,7 @@ _FOG_NOTE = "How sharp the views are; a region in orange or brown is fog."
 _SIGHT_NOTE = (
     "Directions in which nothing stands at the height of eyes: windows, open doors, holes in walls, or the open."
 )
-SIDE_PX, MARGIN_M = 900, 0.5
+SIDE_PX = 900
 OUT: Rgb = (213, 94, 0)
 # Orange to blue, as maps of sharpness: distinguishable with every common colour vision.
 _FILMED: tuple[tuple[float, Rgb, str], ...] = (
@@ -71,12 +68,15 @@ def health_page(numbers: Mapping[str, Any], pictures: Mapping[str, Picture]) -> 
     sections: dict[str, Sequence[Block]] = {
         "What to look at": _findings(numbers["findings"]),
         "From above": _figures(pictures, {TOP: "Without its ceiling.", ROBOT_MAP: _MAP_NOTE}),
-        "Scale and registration": [PageTable(_FACTS, _origin(numbers))],
+        "Scale and registration": [fact_table(_origin(numbers))],
         "Held-out images": _held_out(numbers["held_out"], pictures),
         "What was filmed": _filmed(numbers["filmed"], pictures),
         "What the robot sees": _figures(pictures, {VIEWS: "From places all over its ground.", CLARITY: _FOG_NOTE}),
-        "Floor and walls": [PageTable(_FACTS, _floor(numbers)), *_figures(pictures, {SIGHT: _SIGHT_NOTE})],
-        "Gaussians": [PageTable(_KINDS, _unwanted(numbers)), Paragraph(text=floaters, is_note=True)],
+        "Floor and walls": [fact_table(_floor(numbers)), *_figures(pictures, {SIGHT: _SIGHT_NOTE})],
+        "Gaussians": [
+            PageTable(("Kind", "Gaussians", "Share"), _unwanted(numbers)),
+            small_print(floaters),
+        ],
     }
     return page(
         f"Health of {numbers['name']}",
@@ -89,12 +89,13 @@ def health_page(numbers: Mapping[str, Any], pictures: Mapping[str, Picture]) -> 
 
 def sightlines_map(lines: Sightlines, occupancy: OccupancyMap) -> Picture:
     """The map with the lines of sight that leave the scene."""
-    view = _window(occupancy)
+    view = window_around(occupancy, ~occupancy.occupied, side_px=SIDE_PX)
     picture = view.rgb.copy()
     reach_m = 0.5 * float(max(view.rgb.shape[:2])) * view.frame.resolution_m
     for place, row in zip(lines.places_m, lines.open, strict=True):
         for bearing in lines.bearings_rad[row]:
-            _line(picture, view, place, place + reach_m * np.array([math.cos(bearing), math.sin(bearing)]), OUT)
+            end = place + reach_m * np.array([math.cos(bearing), math.sin(bearing)])
+            draw_path(picture, view, np.stack([place, end]), OUT, width_px=1)
     for number, place in enumerate(lines.places_m, start=1):
         put_mark(picture, view, place, str(number), INK)
     draw_scale_bar(picture, view)
@@ -104,13 +105,15 @@ def sightlines_map(lines: Sightlines, occupancy: OccupancyMap) -> Picture:
 
 def filmed_map(share: npt.NDArray[np.float32], occupancy: OccupancyMap) -> Picture:
     """The map with the ground coloured by the share of the view from there that was filmed."""
-    view = _window(OccupancyMap(frame=occupancy.frame, occupied=share <= 0.0))
+    view = window_around(OccupancyMap(frame=occupancy.frame, occupied=share <= 0.0), share > 0.0, side_px=SIDE_PX)
     picture = view.rgb.copy()
-    values = _sampled(view, share, occupancy)
+    values = sample_grid(view, share, occupancy.frame)
     for limit, colour, _ in reversed(_FILMED):
         picture[(values > 0.0) & (values < limit)] = colour
     draw_scale_bar(picture, view)
-    return sheet([[picture]], [("what was filmed", INK)], [(_square(colour), text) for _, colour, text in _FILMED])
+    return sheet(
+        [[picture]], [("what was filmed", INK)], [(area_swatch(colour, 1.0), text) for _, colour, text in _FILMED]
+    )
 
 
 def held_out_map(images: Sequence[dict[str, Any]], occupancy: OccupancyMap) -> Picture | None:
@@ -118,17 +121,20 @@ def held_out_map(images: Sequence[dict[str, Any]], occupancy: OccupancyMap) -> P
     placed = [row for row in images if row["xyyaw"] is not None]
     if not placed:
         return None
-    view = _window(occupancy)
+    view = window_around(occupancy, ~occupancy.occupied, side_px=SIDE_PX)
     picture = view.rgb.copy()
     for number, row in enumerate(images, start=1):
         if row["xyyaw"] is None:
             continue
         x, y, yaw = row["xyyaw"]
         colour = next(colour for limit, colour, _ in _PSNR if row["psnr_db"] < limit)
-        _line(picture, view, np.array([x, y]), np.array([x + 0.4 * math.cos(yaw), y + 0.4 * math.sin(yaw)]), colour, 3)
+        way = np.array([[x, y], [x + 0.4 * math.cos(yaw), y + 0.4 * math.sin(yaw)]])
+        draw_path(picture, view, way, colour, width_px=3)
         put_mark(picture, view, (x, y), str(number), colour)
     draw_scale_bar(picture, view)
-    return sheet([[picture]], [("held-out images", INK)], [(_square(colour), text) for _, colour, text in _PSNR])
+    return sheet(
+        [[picture]], [("held-out images", INK)], [(area_swatch(colour, 1.0), text) for _, colour, text in _PSNR]
+    )
 
 
 def _tiles(numbers: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -152,23 +158,23 @@ def _tiles(numbers: Mapping[str, Any]) -> list[tuple[str, str]]:
 def _findings(findings: Sequence[str]) -> list[Block]:
     if not findings:
         return [Paragraph(text="Nothing looks wrong.")]
-    return [PageTable({"Look here": "wide"}, [[sentence] for sentence in findings])]
+    return [PageTable(("Look here",), [[sentence] for sentence in findings])]
 
 
-def _origin(numbers: Mapping[str, Any]) -> list[list[str]]:
+def _origin(numbers: Mapping[str, Any]) -> list[tuple[str, str]]:
     scale, verdict = numbers["scale"], numbers["registered"]
     interval = scale.get("interval_percent")
     rows = [
-        ["scale", f"{scale['metres_per_unit']:.5g} m per unit, {scale['source']}"],
-        ["its interval", "not known" if interval is None else f"+-{interval:.2f} % (95 %)"],
-        ["cameras", f"{numbers['cameras']:,}" if numbers["cameras"] else "not known"],
+        ("scale", f"{scale['metres_per_unit']:.5g} m per unit, {scale['source']}"),
+        ("its interval", "not known" if interval is None else f"+-{interval:.2f} % (95 %)"),
+        ("cameras", f"{numbers['cameras']:,}" if numbers["cameras"] else "not known"),
     ]
     if verdict:
         rows += [
-            ["images with a pose", f"{verdict['registered']} of {verdict['images']}"],
-            ["reprojection error", f"{verdict['reprojection_px']:.2f} px"],
-            ["pieces", " + ".join(map(str, verdict["components"]))],
-            ["drift", str(verdict.get("drift", "not known"))],
+            ("images with a pose", f"{verdict['registered']} of {verdict['images']}"),
+            ("reprojection error", f"{verdict['reprojection_px']:.2f} px"),
+            ("pieces", " + ".join(map(str, verdict["components"]))),
+            ("drift", str(verdict.get("drift", "not known"))),
         ]
     return rows
 
@@ -181,7 +187,7 @@ def _held_out(held_out: Mapping[str, Any] | None, pictures: Mapping[str, Picture
         for number, row in enumerate(held_out["images"], start=1)
     ]
     where = {HELD_OUT: "Where they were taken, in the colours of their PSNR; training has not seen them."}
-    return [*_figures(pictures, where), PageTable(_IMAGES, rows)]
+    return [*_figures(pictures, where), PageTable(("Number", "Image", "PSNR", "SSIM"), rows, text_columns=2)]
 
 
 def _filmed(filmed: Mapping[str, Any] | None, pictures: Mapping[str, Picture]) -> list[Block]:
@@ -193,14 +199,14 @@ def _filmed(filmed: Mapping[str, Any] | None, pictures: Mapping[str, Picture]) -
     return _figures(pictures, {FILMED: words})
 
 
-def _floor(numbers: Mapping[str, Any]) -> list[list[str]]:
+def _floor(numbers: Mapping[str, Any]) -> list[tuple[str, str]]:
     floor, holes = numbers["floor"], numbers["floor_holes"]
     return [
-        ["height of the floor", f"{floor['low_m']:.2f} to {floor['high_m']:.2f} m"],
-        ["tilt", f"{floor['tilt_deg']:.2f} deg"],
-        ["flatness (rms about its plane)", f"{1000 * floor['roughness_m']:.0f} mm"],
-        ["holes", f"{holes['count']}, {holes['total_m2']:.2f} m2; the largest {holes['largest_m2']:.2f} m2"],
-        ["directions without a wall", percent(numbers["open_share"])],
+        ("height of the floor", f"{floor['low_m']:.2f} to {floor['high_m']:.2f} m"),
+        ("tilt", f"{floor['tilt_deg']:.2f} deg"),
+        ("flatness (rms about its plane)", f"{1000 * floor['roughness_m']:.0f} mm"),
+        ("holes", f"{holes['count']}, {holes['total_m2']:.2f} m2; the largest {holes['largest_m2']:.2f} m2"),
+        ("directions without a wall", percent(numbers["open_share"])),
     ]
 
 
@@ -230,46 +236,3 @@ def _shrunk(picture: Picture) -> Picture:
         return picture
     size = (round(picture.shape[1] * share), round(picture.shape[0] * share))
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-
-
-def _window(occupancy: OccupancyMap) -> TopView:
-    """Top view of the free part of a map."""
-    cells, frame = np.argwhere(~occupancy.occupied), occupancy.frame
-    if not len(cells):
-        cells = np.array([[0, 0], np.array(occupancy.occupied.shape) - 1])
-    corner = np.array([frame.origin_x_m, frame.origin_y_m])
-    low_m = corner + cells.min(axis=0)[::-1] * frame.resolution_m - MARGIN_M
-    high_m = corner + (cells.max(axis=0)[::-1] + 1) * frame.resolution_m + MARGIN_M
-    return map_window(occupancy, low_m, high_m, pixel_m=float((high_m - low_m).max()) / SIDE_PX)
-
-
-def _sampled(view: TopView, values: npt.NDArray[np.float32], occupancy: OccupancyMap) -> npt.NDArray[np.float32]:
-    """Values of a grid's cells at the pixels of a picture, 0 beyond the grid."""
-    height, width = view.rgb.shape[:2]
-    frame, pixel_m = occupancy.frame, view.frame.resolution_m
-    x_m = view.frame.origin_x_m + (np.arange(width) + 0.5) * pixel_m
-    y_m = view.frame.origin_y_m + (np.arange(height)[::-1] + 0.5) * pixel_m
-    padded = np.pad(values, 1)
-    j = np.clip(np.floor((x_m - frame.origin_x_m) / frame.resolution_m).astype(np.int64) + 1, 0, padded.shape[1] - 1)
-    i = np.clip(np.floor((y_m - frame.origin_y_m) / frame.resolution_m).astype(np.int64) + 1, 0, padded.shape[0] - 1)
-    sampled: npt.NDArray[np.float32] = padded[i[:, None], j[None, :]]
-    return sampled
-
-
-def _line(
-    picture: Picture,
-    view: TopView,
-    begin_m: npt.NDArray[np.float64],
-    end_m: npt.NDArray[np.float64],
-    colour: Rgb,
-    width_px: int = 1,
-) -> None:
-    ends = [tuple(int(value) for value in np.rint(view.world_to_pixel(at) - 0.5)) for at in (begin_m, end_m)]
-    cv2.line(picture, ends[0], ends[1], colour, width_px, cv2.LINE_AA)
-
-
-def _square(colour: Rgb) -> Swatch:
-    def draw(picture: Picture, x: int, y: int) -> None:
-        cv2.rectangle(picture, (x - 10, y - 6), (x + 10, y + 6), colour, cv2.FILLED)
-
-    return draw

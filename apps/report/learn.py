@@ -10,7 +10,6 @@ import numpy.typing as npt
 from readygo.apps.report.page import (
     Block,
     ColourLegend,
-    ColumnKind,
     CommandLine,
     MediaFigure,
     Meter,
@@ -25,6 +24,7 @@ from readygo.apps.report.page import (
     percent,
     photograph,
     rejections,
+    small_print,
 )
 from readygo.apps.report.tables import DriverScore, success_rates
 from readygo.common.drawing.charts import Curve, line_chart
@@ -48,7 +48,6 @@ from readygo.common.scenes.top_view import TopView
 
 _PLAN_HEIGHT_PX = 760
 _END_COLOURS: tuple[Rgb, ...] = (INK, HUMANS[0], ROBOT, HUMANS[1])
-_STAGE_COLUMNS: dict[str, ColumnKind] = {"Stage": "", "CPU time": "n", "per sample": "n", "share": ""}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -185,7 +184,7 @@ def _failures(content: ReportContent) -> list[Block]:
         picture = drawing(_draw_ends(content, coloured), content.ends_note, alt="Map of the places of failure")
         blocks += arranged("stack", [legend, picture])
     blocks = arranged("pair", [*blocks, *arranged("stack", content.films)])
-    links = Paragraph(text="Test episodes, beside this page:", links=content.pages, is_note=True)
+    links = small_print("Test episodes, beside this page:", links=content.pages)
     return [*blocks, links] if content.pages else blocks
 
 
@@ -208,8 +207,8 @@ def _training(content: ReportContent) -> list[Block]:
     caption = "What training minimises, and the squared error on held-out episodes."
     charts[caption] = line_chart(content.losses, x_name="samples learned from")
     figures = [MediaFigure(chart=svg, caption=caption) for caption, svg in charts.items() if svg]
-    note = Paragraph(text=content.training_note, is_note=True) if content.training_note else None
-    return [*arranged("pair", figures), *([note] if note else [])]
+    notes = [small_print(content.training_note)] if content.training_note else []
+    return [*arranged("pair", figures), *notes]
 
 
 def _place(content: ReportContent) -> list[Block]:
@@ -243,10 +242,10 @@ def _paths_note(content: ReportContent) -> str:
 def _camera(content: ReportContent) -> list[Block]:
     blocks = image_strip(content.strip)
     if content.strip_note:
-        blocks.append(Paragraph(text=content.strip_note, is_note=True))
+        blocks.append(small_print(content.strip_note))
     if content.video:
         link = PageLink(href=content.video.name, what=content.video.name)
-        blocks.append(Paragraph(text="As a video, beside this page:", links=[link], is_note=True))
+        blocks.append(small_print("As a video, beside this page:", links=[link]))
     return blocks
 
 
@@ -261,5 +260,5 @@ def _run(run: RunNumbers) -> list[Block]:
         [stage, f"{seconds:,.1f} s", f"{1e3 * seconds / max(run.samples, 1):,.2f} ms", Meter(seconds / total_s)]
         for stage, seconds in run.cpu_s_by_stage.items()
     ]
-    tables = [PageTable(_STAGE_COLUMNS, rows) if rows else None, rejections(run.rejected, run.episodes)]
-    return [Paragraph(text=text), *arranged("pair", tables)]
+    stages = PageTable(("Stage", "CPU time", "per sample", "share"), rows) if rows else None
+    return [Paragraph(text=text), *arranged("pair", [stages, rejections(run.rejected, run.episodes)])]

@@ -18,9 +18,6 @@ from readygo.common.drawing.plan_view import Rgb
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-ColumnKind = Literal["", "n", "wide"]
-"""Kind of a table's column: "n" for numbers, "wide" for long text, "" for other text."""
-
 
 class Block:
     """A part of a page."""
@@ -62,10 +59,11 @@ class Subheading(Block):
 class PageTable(Block):
     """A table; on narrow screens every row is a card, whose lines name their columns."""
 
-    columns: Mapping[str, ColumnKind]
-    """Columns from left to right: kind by name."""
+    columns: Sequence[str]
     rows: Sequence[Sequence[str | Block]]
     """Rows with a cell per column; cards leave empty cells out."""
+    text_columns: int = 1
+    """Number of columns with text, the first ones; those behind have numbers, which are aligned at the right."""
 
 
 @dataclass(frozen=True)
@@ -188,6 +186,16 @@ def draw(template: str, macro: str, *data: Any, **named: Any) -> str:
     return str(getattr(_environment().get_template(template).module, macro)(*data, **named))
 
 
+def small_print(text: str, links: Sequence[PageLink] = ()) -> Paragraph:
+    """A paragraph of small print."""
+    return Paragraph(text=text, links=links, is_note=True)
+
+
+def fact_table(rows: Sequence[tuple[str, str]]) -> PageTable:
+    """A table of facts: name and value."""
+    return PageTable(("What", "Value"), rows, text_columns=2)
+
+
 def rejections(counts: Mapping[str, int], recorded: int) -> PageTable:
     """A table of the episodes that are not recorded.
 
@@ -200,7 +208,7 @@ def rejections(counts: Mapping[str, int], recorded: int) -> PageTable:
         [reason.replace("_", " "), f"{count:,}", percent(count / tried)]
         for reason, count in sorted(counts.items(), key=lambda item: (-item[1], item[0]))
     ]
-    columns: dict[str, ColumnKind] = {f"Not recorded, of {tried:,} tried": "wide", "Episodes": "n", "Share": "n"}
+    columns = (f"Not recorded, of {tried:,} tried", "Episodes", "Share")
     return PageTable(columns, rows or [["none", "0", "0 %"]])
 
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from readygo.apps.capture.compare import PoseErrors
-from readygo.apps.report.page import Block, PageTable, arranged, drawing, film, page
+from readygo.apps.report.page import Block, PageTable, arranged, drawing, fact_table, film, page
 from readygo.common.dataset import Dataset
 from readygo.common.documents import read_json
 from readygo.common.drawing.files import Picture
@@ -110,13 +110,13 @@ def _numbers(made: Reconstructed) -> PageTable:
     report, errors, episodes = made.report, made.errors, Dataset(made.data).episodes
     interval = report["scale"]["interval_percent"]
     rows = [
-        ["images with a pose", f"{report['verdict']['registered']} of {report['verdict']['images']}"],
-        ["error of lengths", f"{errors.scale_percent:+.2f} %; its interval says +-{interval:.2f} % (95 %)"],
-        ["error of cameras", f"{100 * errors.camera_rmse_m:.1f} cm rmse, {100 * errors.camera_max_m:.1f} cm at most"],
-        ["error of up", f"{errors.up_deg:.2f} deg"],
-        ["Gaussians", f"{report['training']['gaussians']:,}"],
-        ["held-out images", f"{report['training']['psnr_db']:.2f} dB, SSIM {report['training']['ssim']:.3f}"],
-        ["recorded", f"{len(episodes)} episodes, {sum(entry.sample_count for entry in episodes):,} samples"],
-        *[[f"time of {stage}", f"{seconds:.0f} s"] for stage, seconds in report["seconds"].items()],
+        ("images with a pose", f"{report['verdict']['registered']} of {report['verdict']['images']}"),
+        ("error of lengths", f"{errors.scale_percent:+.2f} %; its interval says +-{interval:.2f} % (95 %)"),
+        ("error of cameras", f"{100 * errors.camera_rmse_m:.1f} cm rmse, {100 * errors.camera_max_m:.1f} cm at most"),
+        ("error of up", f"{errors.up_deg:.2f} deg"),
+        ("Gaussians", f"{report['training']['gaussians']:,}"),
+        ("held-out images", f"{report['training']['psnr_db']:.2f} dB, SSIM {report['training']['ssim']:.3f}"),
+        ("recorded", f"{len(episodes)} episodes, {sum(entry.sample_count for entry in episodes):,} samples"),
+        *((f"time of {stage}", f"{seconds:.0f} s") for stage, seconds in report["seconds"].items()),
     ]
-    return PageTable({"What": "", "Value": "wide"}, rows)
+    return fact_table(rows)

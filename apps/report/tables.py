@@ -7,15 +7,14 @@ from dataclasses import dataclass
 
 from readygo.apps.report.page import (
     Block,
-    ColumnKind,
     Details,
     Estimate,
     Meter,
     PageTable,
-    Paragraph,
     RateRow,
     Subheading,
     percent,
+    small_print,
 )
 from readygo.common.episode import TaskSummary
 from readygo.services.evaluator import Category, Task, short_name
@@ -24,18 +23,10 @@ from readygo.services.evaluator.scores import MEASURES, Comparison, Group, Measu
 TASK_NAMES = {Task.STATIC: "alone", Task.DYNAMIC: "among humans", Task.REACTIVE: "among humans who make way"}
 LATEX_MEASURES = ("success", "art_s", "spl", "static_collision", "human_collision", "at_fault", "intrusion")
 _LATEX_SPECIAL = str.maketrans({"_": r"\_", "%": r"\%", "&": r"\&", "#": r"\#"})
-_SUMMARY_COLUMNS: dict[str, ColumnKind] = {
-    "Task": "",
-    "Driver": "",
-    "Success": "n",
-    "95 % interval": "n",
-    "Reaching time": "n",
-    "SPL": "n",
-    "Hit a human": "n",
-    "Hit a thing": "n",
-    "Too late": "n",
-    "Episodes": "n",
-}
+_SUMMARY_COLUMNS = (
+    *("Task", "Driver", "Success", "95 % interval", "Reaching time", "SPL"),
+    *("Hit a human", "Hit a thing", "Too late", "Episodes"),
+)
 _SUMMARY_NOTE = (
     "Success: within the goal's circle, no collision, in time. The line on a bar is Wilson's 95 % interval. The "
     "reaching time is the mean over all episodes, a failed one counting as the time limit; SPL is success weighted by "
@@ -47,18 +38,10 @@ _MEASURES_NOTE = (
     "a human's side. Near misses: encounters within 0.2 m, per episode. Jerk: root mean square of the speed's "
     "second derivative; turn acceleration: mean change of the turn rate."
 )
-_COMPARISON_COLUMNS: dict[str, ColumnKind] = {
-    "Task": "",
-    "Method": "",
-    "Reference": "",
-    "Episodes": "n",
-    "Only it succeeds": "n",
-    "Only the other": "n",
-    "McNemar's p": "n",
-    "Difference of SR": "n",
-    "Ratio of SR": "n",
-    "Ratio of times": "n",
-}
+_COMPARISON_COLUMNS = (
+    *("Task", "Method", "Reference", "Episodes", "Only it succeeds", "Only the other"),
+    *("McNemar's p", "Difference of SR", "Ratio of SR", "Ratio of times"),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,10 +71,10 @@ def success_rates(scores: Sequence[DriverScore], *, watched: str = "policy", not
                 s = score.summary
                 meter = Meter(s.success_rate, (s.success_rate_low, s.success_rate_high))
                 blocks.append(RateRow(name=score.driver, meter=meter, stands_out=score.driver == watched))
-    numbers = PageTable(_SUMMARY_COLUMNS, [_summary_cells(score) for score in scores])
+    numbers = PageTable(_SUMMARY_COLUMNS, [_summary_cells(score) for score in scores], text_columns=2)
     return [
         *blocks,
-        Paragraph(text=_SUMMARY_NOTE + note, is_note=True),
+        small_print(_SUMMARY_NOTE + note),
         Details(summary="All numbers", block=numbers),
     ]
 
@@ -101,24 +84,24 @@ def measure_tables(scores: Mapping[Group, Mapping[str, Score]]) -> list[Block]:
     blocks: list[Block] = []
     for task in _tasks(scores):
         blocks += [Subheading(TASK_NAMES[task].capitalize()), _measure_table(task, scores)]
-    return [*blocks, Paragraph(text=_MEASURES_NOTE, is_note=True)] if blocks else []
+    return [*blocks, small_print(_MEASURES_NOTE)] if blocks else []
 
 
 def comparison_tables(comparisons: Sequence[Comparison]) -> list[Block]:
     """A table of paired comparisons of methods on the same episodes; an empty list without any."""
     rows = [_comparison_cells(comparison) for comparison in comparisons]
-    return [PageTable(_COMPARISON_COLUMNS, rows)] if rows else []
+    return [PageTable(_COMPARISON_COLUMNS, rows, text_columns=3)] if rows else []
 
 
 def failure_tables(counts: Mapping[Group, Counter[Category]]) -> list[Block]:
     """A table of failure counts by method and kind; an empty list without failures."""
     kinds = [kind for kind in Category if any(kind in of_group for of_group in counts.values())]
-    columns: dict[str, ColumnKind] = {"Task": "", "Method": "", **{kind.value.capitalize(): "n" for kind in kinds}}
+    columns = ("Task", "Method", *(kind.value.capitalize() for kind in kinds))
     rows = [
         [TASK_NAMES[task], short_name(method), *(str(of_group[kind] or "") for kind in kinds)]
         for (task, method), of_group in counts.items()
     ]
-    return [PageTable(columns, rows)] if kinds else []
+    return [PageTable(columns, rows, text_columns=2)] if kinds else []
 
 
 def latex(scores: Mapping[Group, Mapping[str, Score]]) -> str:
@@ -163,7 +146,7 @@ def _measure_table(task: Task, scores: Mapping[Group, Mapping[str, Score]]) -> P
     """The table of one task: measures as rows, methods as columns."""
     methods = [method for of_task, method in scores if of_task is task]
     measures = [measure for measure in MEASURES if any(measure.name in scores[task, method] for method in methods)]
-    columns: dict[str, ColumnKind] = {"Measure": "", **{short_name(method): "n" for method in methods}}
+    columns = ("Measure", *map(short_name, methods))
     rows = [
         [_title(measure), *(_measure_cell(measure, scores[task, method].get(measure.name)) for method in methods)]
         for measure in measures
