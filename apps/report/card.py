@@ -7,6 +7,7 @@ from typing import Any
 
 from readygo.apps.pictures.side_by_side import camera_name, has_several
 from readygo.apps.report.coverage_numbers import Coverage
+from readygo.apps.report.page import draw
 from readygo.common.dataset import Dataset, recorded_clarity
 from readygo.common.dataset.aside import read_set_aside
 from readygo.common.images.names import DEPTH, RGB, cameras_of, kind_of
@@ -102,17 +103,21 @@ def card_text(name: str, dataset: Dataset, summary: Mapping[str, Any], measured:
         summary: Result of `dataset_summary`.
         measured: Coverage of the dataset.
     """
-    facts = [(key, value) for key, value in summary_lines(summary).items() if key not in _NOT_SHOWN]
-    parts = [
-        ["---", "task_categories:", "- robotics", "tags:", "- navigation", "- readygo", "---"],
-        [f"# {name}", "", _first_sentence(dataset, measured), "", f"![Recorded pictures]({FRAMES_FILE})"],
-        ["## What it holds", "", *_markdown_table(("", ""), facts), *_cameras_image(dataset)],
-        ["## Balance", "", *_balance(dataset, measured), "", f"![Episodes by place]({VISITS_FILE})"],
-        ["## Licenses", "", *_license_table(summary)],
-        ["## How it was made", "", *_origin(summary)],
-        ["## How to read it", "", *_reading(dataset)],
-    ]
-    return "\n\n".join("\n".join(part) for part in parts) + "\n"
+    return draw(
+        "card.md",
+        "card",
+        name=name,
+        about=f"{measured.episodes:,} episodes of a robot that drives to goals among people: {measured.samples:,} "
+        f"samples at {dataset.clock.rate_hz} Hz, {measured.hours:.2f} h, {measured.distance_m / 1000:.2f} km.",
+        facts={key: words for key, words in summary_lines(summary).items() if key not in _NOT_SHOWN},
+        balance=_balance(dataset, measured),
+        licenses=_license_rows(summary),
+        origin=_origin_rows(summary),
+        frames=FRAMES_FILE,
+        cameras=CAMERAS_FILE if has_several(dataset) else "",
+        visits=VISITS_FILE,
+        output=next((output for output in reversed(dataset.outputs) if output != RGB), ""),
+    )
 
 
 def _licenses(parts: Iterable[Mapping[str, Any]]) -> str:
@@ -164,36 +169,7 @@ def _others(summary: Mapping[str, Any]) -> dict[str, str]:
     return {name: f"{value.get('name', '')} {str(value[named[name]])[:16]}".strip() for name, value in found.items()}
 
 
-def _reading(dataset: Dataset) -> list[str]:
-    further = next((name for name in reversed(dataset.outputs) if name != RGB), None)
-    return [
-        "The shards are MCAP files: open one in Foxglove or Rerun, or all of them in Python:",
-        "",
-        "```python",
-        "from readygo import Dataset",
-        "",
-        'data = Dataset(".")',
-        "data.actions, data.goals_xy_m, data.decode(0)",
-        *([f'data.decode_output(0, "{further}")  # one of data.outputs'] if further else []),
-        "```",
-        "",
-        "`readygo export . --to lerobot --out FOLDER` writes them for other programs.",
-    ]
-
-
-def _cameras_image(dataset: Dataset) -> list[str]:
-    """The section with all images of sample moments; empty for a dataset with one image per moment."""
-    return ["", f"![All cameras at some moments]({CAMERAS_FILE})"] if has_several(dataset) else []
-
-
-def _first_sentence(dataset: Dataset, measured: Coverage) -> str:
-    return (
-        f"{measured.episodes:,} episodes of a robot that drives to goals among people: {measured.samples:,} samples "
-        f"at {dataset.clock.rate_hz} Hz, {measured.hours:.2f} h, {measured.distance_m / 1000:.2f} km."
-    )
-
-
-def _balance(dataset: Dataset, measured: Coverage) -> list[str]:
+def _balance(dataset: Dataset, measured: Coverage) -> list[tuple[str, ...]]:
     """Shares of episodes by outcome, driver and kind of encounter."""
     counts = {
         "outcome": Counter(entry.outcome.value for entry in dataset.episodes),
@@ -202,33 +178,24 @@ def _balance(dataset: Dataset, measured: Coverage) -> list[str]:
         "encounter": Counter({kind: count for kind, (count, _) in measured.encounters.items()}),
         "avatar": Counter(measured.avatars),
     }
-    rows = [
+    return [
         (what, value, f"{count:,}", f"{100 * count / measured.episodes:.0f} %")
         for what, found in counts.items()
         for value, count in found.most_common()
     ]
-    return _markdown_table(("", "", "episodes", "share"), rows)
 
 
-def _license_table(summary: Mapping[str, Any]) -> list[str]:
-    scene, avatars = summary["scene"], summary.get("avatars", {})
-    rows = [("scene", scene["name"] or "unknown", scene["license"] or "not given")]
+def _license_rows(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    scene = summary["scene"]
     by_license: dict[str, list[str]] = {}
-    for name, avatar in sorted(avatars.items()):
+    for name, avatar in sorted(summary.get("avatars", {}).items()):
         by_license.setdefault(avatar["license"] or "not given", []).append(name)
-    rows += [("avatars", ", ".join(names), license) for license, names in by_license.items()]
-    return _markdown_table(("", "", "license"), rows)
+    avatars = [("avatars", ", ".join(names), license) for license, names in by_license.items()]
+    return [("scene", scene["name"] or "unknown", scene["license"] or "not given"), *avatars]
 
 
-def _origin(summary: Mapping[str, Any]) -> list[str]:
+def _origin_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Versions, seed and hashes."""
     named = ("readygo_version", "commit", "numeric_class", "seed", "content_hash")
     rows = [(name.replace("_", " "), f"`{summary[name]}`") for name in named if summary.get(name) not in (None, "")]
-    rows += [("scene", f"`{summary['scene']['hash']}`")] if summary["scene"].get("hash") else []
-    return _markdown_table(("", ""), rows)
-
-
-def _markdown_table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:
-    names = list(head)
-    lines = [f"| {' | '.join(names)} |", f"|{'---|' * len(names)}"]
-    return lines + [f"| {' | '.join(str(cell).replace('|', '/') for cell in row)} |" for row in rows]
+    return rows + [("scene", f"`{summary['scene']['hash']}`")] * bool(summary["scene"].get("hash"))

@@ -175,7 +175,7 @@ def page(
 
 
 def draw(template: str, macro: str, *data: Any, **named: Any) -> str:
-    """HTML of a macro of a template.
+    """Text of a macro of a template: HTML, or Markdown of an .md file.
 
     Args:
         template: File in `templates`.
@@ -264,7 +264,8 @@ def _environment() -> "Environment":
 
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent / "templates"),
-        autoescape=True,
+        # Markdown is no HTML: its only template, of a card, has text of the dataset alone.
+        autoescape=lambda name: name is None or not name.endswith(".md"),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

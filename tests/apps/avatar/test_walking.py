@@ -5,8 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
-from readygo.apps.avatar.film import AMPLITUDE_M, FRAMING, LENGTH_M, s_curve_walk, walk_frames
+from readygo.apps.avatar.walking import AMPLITUDE_M, FRAMING, LENGTH_M, phase_rows, s_curve_walk, walk_frames
 from readygo.common.avatars import Avatar, load_avatars
+from readygo.common.errors import AvatarError
 
 
 @pytest.fixture(scope="module")
@@ -31,3 +32,15 @@ def test_pictures_show_the_human_before_wall_and_floor(person: Avatar) -> None:
     lines = first[-5].astype(int).mean(axis=1)
     assert lines.min() < lines.max() - 30
     assert (first != last).any()
+
+
+def test_phases_are_quarters_of_a_stride() -> None:
+    t = np.arange(120)
+    joints = np.zeros((120, 24, 3))
+    joints[:, 0, 0] = 0.06 * t
+    joints[:, 7, 0] = 0.06 * t + 0.3 * np.cos(2 * np.pi * (t - 8) / 20)
+    first, *others = phase_rows(joints)
+    assert first % 20 == 8
+    assert [row - first for row in others] == [5, 10, 15]
+    with pytest.raises(AvatarError, match="no whole stride"):
+        phase_rows(joints[:20])
