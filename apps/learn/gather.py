@@ -10,7 +10,7 @@ import numpy as np
 from readygo.apps.learn.choice import Measurement
 from readygo.apps.learn.curve import CurvePoint
 from readygo.apps.learn.plan import Plan
-from readygo.apps.learn.training import read_history
+from readygo.apps.learn.training import read_losses
 from readygo.apps.pictures.playback import latest_pictured, rows_of
 from readygo.apps.pictures.recorded import RecordedEpisodes
 from readygo.apps.report.evaluation import FAILURES, GALLERY_FILE, REPORT_FILE
@@ -78,7 +78,7 @@ def gather(
         strip=_strip(recorded, seen),
         strip_note=f"Episode {seen.episode.episode_id}, as recorded: {dataset.width_px}x{dataset.height_px}.",
         **_rates(points),
-        losses=_losses(plan.out / "policy"),
+        losses=tuple(read_losses(plan.out / "policy")),
         training_note=_chosen_note(chosen),
         ends=_ends(dataset, driven),
         ends_note=f"Last places of the latest {len(driven)} recorded episodes that policies drove in {place.name}.",
@@ -133,15 +133,6 @@ def _intervals(rates: Sequence[tuple[float, int]]) -> Any:
     """95 % intervals of (rate, episodes) [%], shape (2, N)."""
     ends = [wilson_interval(round(rate * episodes), episodes) for rate, episodes in rates]
     return 100 * np.array(ends, dtype=np.float64).reshape(-1, 2).T
-
-
-def _losses(folder: Path) -> tuple[Curve, ...]:
-    history = read_history(folder)
-    samples = np.array([float(entry["samples"]) for entry in history])
-    return tuple(
-        Curve(name=name, x=samples, y=np.array([float(entry[key]) for entry in history]))
-        for name, key in (("training", "train_loss"), ("held out", "validation_loss"))
-    )
 
 
 def _chosen_note(chosen: Measurement | None) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from readygo.apps.learn.curve import load_curve
-from readygo.apps.learn.training import read_history
+from readygo.apps.learn.training import read_losses
 from readygo.apps.monitor.link import Address, Link, address_of
 from readygo.apps.monitor.recorded import Recorded
 from readygo.apps.monitor.splats import DollsHouse, dolls_house
@@ -134,16 +134,14 @@ class Subject:
             return moving.track() if moving else None
 
     def losses(self) -> list[Curve]:
-        """Training and validation loss over training samples."""
-        if self._learned is not None and (history := read_history(self._learned / POLICY_FOLDER)):
-            x = np.array([entry["samples"] for entry in history], dtype=np.float64)
-            pairs = (("training", "train_loss"), ("validation", "validation_loss"))
-            return [Curve(name=name, x=x, y=np.array([entry[key] for entry in history])) for name, key in pairs]
+        """Losses of training and of held-out episodes over training samples."""
+        if self._learned is not None and (losses := read_losses(self._learned / POLICY_FOLDER)):
+            return losses
         with self.watch.lock:
             if not len(self.watch.losses):
                 return []
             columns = [self.watch.losses.curve(column) for column in (0, 1)]
-        return [Curve(name=name, x=x, y=y) for name, (x, y) in zip(("training", "validation"), columns, strict=True)]
+        return [Curve(name=name, x=x, y=y) for name, (x, y) in zip(("training", "held out"), columns, strict=True)]
 
     def success(self) -> list[Curve]:
         """Success rates over minutes: of the latest policy-driven episodes, and of measurements."""
