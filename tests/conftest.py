@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -66,6 +67,23 @@ def golden_image(request: pytest.FixtureRequest) -> Callable[[str, npt.NDArray[n
         assert stored is not None, f"{path.name} is missing: run `make golden` and look at it"
         difference = np.abs(stored[..., ::-1].astype(np.int16) - rgb)
         assert difference.max() <= 2, f"{path.name} differs in {np.mean(difference.max(axis=2) > 2):.1%} of its pixels"
+
+    return compare
+
+
+@pytest.fixture
+def golden_page(request: pytest.FixtureRequest) -> Callable[[str, str], None]:
+    """Compares a page, a chart or a table with `tests/golden/pages/NAME.txt`, but for its style and its images."""
+
+    def compare(name: str, text: str) -> None:
+        plain = re.sub(r"<style>.*?</style>", "", text, flags=re.DOTALL)
+        plain = re.sub(r"(data:[a-z/]+;base64,)[A-Za-z0-9+/=]+", r"\1", plain)
+        lines = plain.replace("><", ">\n<")
+        path = GOLDEN / "pages" / f"{name}.txt"
+        if request.config.getoption("--update-golden"):
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(lines)
+        assert lines == path.read_text(), f"{path.name} changed: if that is right, run `make golden` and look at it"
 
     return compare
 

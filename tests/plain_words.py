@@ -27,8 +27,8 @@ PHRASES = {
 }
 """What to write instead, by phrase."""
 DATA = {
-    "apps/coverage/numbers.py": "nobody",
-    "apps/coverage/runs.py": "nobody",
+    "apps/report/coverage_numbers.py": "nobody",
+    "apps/report/coverage_run.py": "nobody",
     "apps/export/common.py": "anybody",
 }
 """Words that are part of recorded or exported data, by file."""

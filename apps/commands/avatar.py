@@ -64,15 +64,15 @@ def avatar_preview(
 
     human = load_avatar(_file_of(avatar))
     if out is not None:
-        from readygo.apps.avatar.turntable import standing_pose, stride_pose, turntable
+        from readygo.apps.avatar.studio import standing_pose, stride_pose, turntable
 
         write_png(out, turntable(human, (standing_pose(), stride_pose())))
     if sheet is not None:
-        from readygo.apps.avatar.sheet import contact_sheet
+        from readygo.apps.avatar.walking import contact_sheet
 
         write_png(sheet, contact_sheet(human, seed=seed))
     if video is not None:
-        from readygo.apps.avatar.film import walk_frames
+        from readygo.apps.avatar.walking import walk_frames
 
         write_film(video, walk_frames(human, seed=seed))
 

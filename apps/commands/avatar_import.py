@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from readygo.apps.avatar.turntable import standing_pose, stride_pose, turntable
+from readygo.apps.avatar.studio import standing_pose, stride_pose, turntable
 from readygo.apps.terminal import PlainConsole
 from readygo.common.avatars import Avatar, save_avatar
 from readygo.common.avatars.importers import ImportOptions, ImportReport, import_human

@@ -2,11 +2,10 @@
 
 from pathlib import Path
 
-from readygo.apps.coverage.card import CAMERAS_FILE, CARD_FILE, FRAMES_FILE, VISITS_FILE, card_text
-from readygo.apps.coverage.numbers import casts_of, measure
-from readygo.apps.coverage.page import heat_map
-from readygo.apps.coverage.report import gather
-from readygo.apps.coverage.summary import dataset_summary
+from readygo.apps.report.card import CAMERAS_FILE, CARD_FILE, FRAMES_FILE, VISITS_FILE, card_text, dataset_summary
+from readygo.apps.report.coverage import heat_map
+from readygo.apps.report.coverage_numbers import casts_of, measure
+from readygo.apps.report.coverage_run import gather
 from readygo.apps.terminal import PlainConsole
 from readygo.apps.views.recorded import camera_moments, thumbnails
 from readygo.common.dataset import Dataset

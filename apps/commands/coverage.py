@@ -4,9 +4,9 @@ import json as json_module
 import sys
 from pathlib import Path
 
-from readygo.apps.coverage.numbers import casts_of, measure
-from readygo.apps.coverage.page import coverage_page, heat_map
-from readygo.apps.coverage.report import gather, page_numbers
+from readygo.apps.report.coverage import coverage_page, heat_map
+from readygo.apps.report.coverage_numbers import casts_of, measure
+from readygo.apps.report.coverage_run import gather, page_numbers
 from readygo.apps.terminal import PlainConsole
 from readygo.apps.views.recorded import recorded_map
 from readygo.common.dataset import Dataset, recorded_clarity

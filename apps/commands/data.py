@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from readygo.apps.commands.progress import SteadyProgress
-from readygo.apps.coverage.summary import dataset_summary, summary_lines
+from readygo.apps.report.card import dataset_summary, summary_lines
 from readygo.apps.run.completeness import MISSING, check_completeness
 from readygo.apps.terminal import PlainConsole
 from readygo.common.dataset import Dataset, Report, recorded_clarity

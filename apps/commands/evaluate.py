@@ -11,11 +11,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 
 from readygo.apps.commands.evaluate_logs import evaluate_logs
 from readygo.apps.commands.progress import SteadyProgress
-from readygo.apps.evaluation.choice import check_wanted, watched_method
 from readygo.apps.evaluation.replay import Replays
-from readygo.apps.evaluation.report import REPORT_FILE
-from readygo.apps.evaluation.watch import write_films, write_pages
+from readygo.apps.evaluation.watch import check_wanted, watched_method, write_films, write_pages
 from readygo.apps.fleet.evaluation import EvaluationFleet, by_fleet, fleet_spec, make_plan
+from readygo.apps.report.evaluation import REPORT_FILE
 from readygo.apps.run.config import RunConfig
 from readygo.apps.run.evaluation import (
     CameraName,

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from readygo.apps.drive.trials import Trial, mean_measures, read_trials
-from readygo.apps.evaluation.tables import latex
+from readygo.apps.report.tables import latex
 from readygo.apps.terminal import PlainConsole
 from readygo.common.files import write_whole
 from readygo.services.evaluator import EpisodeRecord, summarize_records, summary_mapping, summary_table

@@ -16,9 +16,9 @@ from readygo.apps.learn.config import GoalName
 from readygo.apps.learn.crew import Reach
 from readygo.apps.learn.learn import learn_policy, report_content
 from readygo.apps.learn.plan import Budget, Plan, learn_configs, make_plan
-from readygo.apps.learn.report import write_report
 from readygo.apps.learn.supervise import Now
 from readygo.apps.monitor.beside import watched
+from readygo.apps.report.learn import write_report
 from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.identity import COORDINATOR
 from readygo.common.errors import RunError

@@ -4,10 +4,19 @@ import json as json_module
 import sys
 from pathlib import Path
 
-from readygo.apps.health.numbers import health, reachable_ground, sightlines
-from readygo.apps.health.page import CLARITY, FILMED, HELD_OUT, SIGHT, VIEWS, health_page
-from readygo.apps.health.pictures import filmed_map, held_out_map, sightlines_map
 from readygo.apps.pictures.scene_maps import scene_pictures
+from readygo.apps.report.health import (
+    CLARITY,
+    FILMED,
+    HELD_OUT,
+    SIGHT,
+    VIEWS,
+    filmed_map,
+    health_page,
+    held_out_map,
+    sightlines_map,
+)
+from readygo.apps.report.health_numbers import health, reachable_ground, sightlines
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.terminal import PlainConsole
 from readygo.apps.views.pictures import clarity_map, views_sheet

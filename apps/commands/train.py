@@ -69,7 +69,7 @@ def train(
 
     Args:
         data: Data folders.
-        out: Folder of the policy: policy.onnx, policy.toml, weights.safetensors, metrics.json, loss.png, checkpoint.
+        out: Folder of the policy: policy.onnx, policy.toml, weights.safetensors, metrics.json, loss.svg, checkpoint.
         minutes: Processor time per thread [min], 10 by default; includes earlier calls with the same folder.
         samples: Training budget in samples, repeats counted, instead of minutes; the result is then reproducible.
         val: Data folders for validation; by default a tenth of the episodes is held out.

@@ -17,10 +17,10 @@ from readygo.apps.demo.reconstruction import demo_reconstruction
 from readygo.apps.learn.config import LearnConfig
 from readygo.apps.learn.learn import Learned, learn_policy, report_content
 from readygo.apps.learn.plan import Budget, learn_settings, make_plan
-from readygo.apps.learn.report import write_report
-from readygo.apps.learn.report_content import Command
 from readygo.apps.pictures.episode_film import film_frames
 from readygo.apps.pictures.recorded import RecordedEpisodes
+from readygo.apps.report.learn import write_report
+from readygo.apps.report.page import CommandLine
 from readygo.apps.run.config import RunConfig
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.warm import warm_all
@@ -136,10 +136,10 @@ def _write_pictures(out: Path, learned: Learned) -> None:
     write_report(out / "report.html", content)
 
 
-def _next_steps() -> tuple[Command, ...]:
+def _next_steps() -> tuple[CommandLine, ...]:
     return (
-        Command(what="bring a place", line="readygo scene import place.ply --name place --out out/place"),
-        Command(what="look at it", line="readygo scene inspect out/place"),
-        Command(what="learn", line="readygo learn out/place --minutes 60 --out runs/place"),
-        Command(what="measure", line="readygo evaluate out/place runs/place/policy --episodes 100"),
+        CommandLine(what="bring a place", line="readygo scene import place.ply --name place --out out/place"),
+        CommandLine(what="look at it", line="readygo scene inspect out/place"),
+        CommandLine(what="learn", line="readygo learn out/place --minutes 60 --out runs/place"),
+        CommandLine(what="measure", line="readygo evaluate out/place runs/place/policy --episodes 100"),
     )

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.pictures.plan_film import RobotView, run_film
+from readygo.apps.report.page import StripImage
 from readygo.apps.run.world import World
 from readygo.common.drawing import plan_view
 from readygo.common.drawing.files import Picture
@@ -29,15 +29,6 @@ STRIP_PX = 480
 """Approximate width of several cameras' images together in a strip [px]."""
 BEFORE_END_S = (4.0, 3.0, 2.0, 1.0, 0.5, 0.0)
 """Times of the images in the strip of a collision, before its end [s]."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class StripImage:
-    """The robot's camera image at one time."""
-
-    time_s: float
-    """Simulated time since the episode began [s]."""
-    rgb: Picture
 
 
 class _ReplayDriver:

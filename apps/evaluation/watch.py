@@ -1,13 +1,13 @@
 """Writes the videos and pages of an evaluation from its saved results."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from readygo.apps.evaluation.again import keep_spec, plan_command
-from readygo.apps.evaluation.choice import FAILURES, badness, filmed, watched_method
 from readygo.apps.evaluation.replay import Replays
-from readygo.apps.evaluation.report import (
+from readygo.apps.report.evaluation import (
+    FAILURES,
     GALLERY_FILE,
     REPORT_FILE,
     EvaluationContent,
@@ -15,17 +15,61 @@ from readygo.apps.evaluation.report import (
     gallery_html,
     report_html,
 )
-from readygo.apps.evaluation.tables import comparisons_html, failures_html, latex, measures_html
+from readygo.apps.report.page import Block
+from readygo.apps.report.tables import comparison_tables, failure_tables, latex, measure_tables
 from readygo.apps.run.evaluation import references
+from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.common.messages import RobotTrajectory
-from readygo.services.evaluator import EpisodeRecord, EvaluateReply, EvaluateRequest, short_name
+from readygo.services.evaluator import POLICY, EpisodeRecord, EvaluateReply, EvaluateRequest, short_name
 from readygo.services.evaluator.scores import compare_all, failure_counts, scores_of
 
 LATEX_FILE = "table.tex"
 FILMS_FOLDER, FILM_ENDING = "films", ".webm"
 SHOWN_MAX = 24
 """Largest number of failures on a page."""
+FAILED, WORST = "failures", "worst"
+"""Values of `--video` besides indices."""
+WORST_COUNT = 4
+
+
+def watched_method(methods: Sequence[str]) -> str:
+    """Method whose episodes are filmed and shown: the policy if it drives, else the first method."""
+    return POLICY if POLICY in methods else methods[0]
+
+
+def check_wanted(wanted: Sequence[str]) -> None:
+    """Raise RunError unless each value of `--video` is "worst", "failures" or an index."""
+    for name in wanted:
+        if name not in (FAILED, WORST) and not name.isdecimal():
+            raise RunError(f'--video takes "{FAILED}", "{WORST}" or indices of episodes, got {name!r}.')
+
+
+def episodes_to_film(records: Sequence[EpisodeRecord], wanted: Sequence[str]) -> list[EpisodeRecord]:
+    """The requested episodes, the worst first.
+
+    Args:
+        records: Episodes of one method.
+        wanted: "failures" for all failures, "worst" for the few worst episodes, and indices, of every task.
+
+    Raises:
+        RunError: If no episode has a requested index.
+    """
+    ranked = sorted(records, key=badness)
+    failed = [record for record in ranked if record.result.outcome in FAILURES]
+    indices = {int(name) for name in wanted if name.isdecimal()}
+    missing = sorted(indices - {record.episode.index for record in records})
+    if missing:
+        raise RunError(f"No episode was driven with index {missing[0]}: indices without a scenario leave gaps.")
+    chosen = failed if FAILED in wanted else ranked[:WORST_COUNT] if WORST in wanted else []
+    return [record for record in ranked if record in chosen or record.episode.index in indices]
+
+
+def badness(record: EpisodeRecord) -> tuple[int, float, int]:
+    """Sort key, the worst first: kind of failure, then smallest distance to a human."""
+    kinds = list(FAILURES)
+    kind = kinds.index(record.result.outcome) if record.result.outcome in kinds else len(kinds)
+    return kind, record.human_distance_min_m, record.episode.index
 
 
 def write_films(replays: Replays, request: EvaluateRequest, reply: EvaluateReply, wanted: Sequence[str]) -> None:
@@ -41,7 +85,7 @@ def write_films(replays: Replays, request: EvaluateRequest, reply: EvaluateReply
         RunError: If a requested episode was not driven.
         ReadygoError: If a video cannot be written.
     """
-    for record in replays.load(filmed(_watched(request, reply), wanted)):
+    for record in replays.load(episodes_to_film(_watched(request, reply), wanted)):
         path = film_path(replays.folder, record)
         if not path.exists():
             replays.film(path, record)
@@ -70,7 +114,7 @@ def write_pages(
     records, folder, scene = _watched(request, reply), replays.folder, replays.world.scene
     runs = {record.key: (record, replays.trajectory(record)) for record in replays.load(records)}
     failed = sorted((record for record in records if record.result.outcome in FAILURES), key=badness)
-    chosen = [runs[record.key] for record in shown(failed) if record.key in runs]
+    chosen = [runs[record.key] for record in failures_to_show(failed) if record.key in runs]
     content = EvaluationContent(
         title=title,
         watched=watched_method(request.methods),
@@ -94,7 +138,7 @@ def write_pages(
     write_whole(folder / LATEX_FILE, latex(scores))
 
 
-def _tables(reply: EvaluateReply, request: EvaluateRequest, time_limit_s: float) -> dict[str, str]:
+def _tables(reply: EvaluateReply, request: EvaluateRequest, time_limit_s: float) -> Mapping[str, Sequence[Block]]:
     """Tables of the report by heading."""
     compared = [
         comparison
@@ -102,13 +146,13 @@ def _tables(reply: EvaluateReply, request: EvaluateRequest, time_limit_s: float)
         for comparison in compare_all(reply.records, reference, time_limit_s=time_limit_s)
     ]
     return {
-        "All measures": measures_html(scores_of(reply.records, time_limit_s=time_limit_s)),
-        "Beside each other": comparisons_html(compared),
-        "How they fail": failures_html(failure_counts(reply.records)),
+        "All measures": measure_tables(scores_of(reply.records, time_limit_s=time_limit_s)),
+        "Comparisons": comparison_tables(compared),
+        "How they fail": failure_tables(failure_counts(reply.records)),
     }
 
 
-def shown(failed: Sequence[EpisodeRecord]) -> list[EpisodeRecord]:
+def failures_to_show(failed: Sequence[EpisodeRecord]) -> list[EpisodeRecord]:
     """The failures to show, at most `SHOWN_MAX`: taken from every task and kind in turn, in their original order."""
     groups: dict[object, list[EpisodeRecord]] = {}
     for record in failed:

@@ -7,20 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from readygo.apps.evaluation.choice import FAILURES
-from readygo.apps.evaluation.report import GALLERY_FILE, REPORT_FILE
 from readygo.apps.learn.choice import Measurement
 from readygo.apps.learn.curve import CurvePoint
 from readygo.apps.learn.plan import Plan
-from readygo.apps.learn.report_content import Command, Ends, Film, Page, ReportContent, RunNumbers, StripImage
-from readygo.apps.learn.training import read_history
-from readygo.apps.pages.charts import Curve
-from readygo.apps.pages.page import percent
-from readygo.apps.pages.scores import Score
+from readygo.apps.learn.training import read_losses
 from readygo.apps.pictures.playback import latest_pictured, rows_of
 from readygo.apps.pictures.recorded import RecordedEpisodes
+from readygo.apps.report.evaluation import FAILURES, GALLERY_FILE, REPORT_FILE
+from readygo.apps.report.learn import Ends, ReportContent, RunNumbers
+from readygo.apps.report.page import CommandLine, MediaFigure, PageLink, StripImage, film, percent
+from readygo.apps.report.tables import DriverScore
 from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset, EpisodeEntry
+from readygo.common.drawing.charts import Curve
+from readygo.common.episode import wilson_interval
 from readygo.common.messages import Driver, Outcome
 from readygo.common.scenes.top_view import TopView, top_view
 from readygo.services.evaluator import EvaluateReply
@@ -44,7 +44,7 @@ def gather(
     chosen: Measurement | None,
     replies: Mapping[str, EvaluateReply],
     run: RunNumbers,
-    commands: tuple[Command, ...],
+    commands: tuple[CommandLine, ...],
 ) -> ReportContent:
     """The report's content; maps and videos are those of the first scene.
 
@@ -78,7 +78,7 @@ def gather(
         strip=_strip(recorded, seen),
         strip_note=f"Episode {seen.episode.episode_id}, as recorded: {dataset.width_px}x{dataset.height_px}.",
         **_rates(points),
-        losses=_losses(plan.out / "policy"),
+        losses=tuple(read_losses(plan.out / "policy")),
         training_note=_chosen_note(chosen),
         ends=_ends(dataset, driven),
         ends_note=f"Last places of the latest {len(driven)} recorded episodes that policies drove in {place.name}.",
@@ -97,7 +97,7 @@ def gather(
     )
 
 
-def _story(scores: Sequence[Score]) -> str:
+def _story(scores: Sequence[DriverScore]) -> str:
     """The test result of the policy in a sentence; empty without a test."""
     tasks = list(dict.fromkeys(score.task for score in scores))
     rates = {(score.driver, score.task): percent(score.summary.success_rate) for score in scores}
@@ -117,19 +117,22 @@ def _rates(points: Sequence[CurvePoint]) -> dict[str, Any]:
         "rates_by_samples": np.array([float(point.learned) for point, _ in measured]),
     }
     rates = {
-        "static": np.array([100 * measurement.static for _, measurement in measured]),
-        "among humans": np.array([100 * measurement.dynamic for _, measurement in measured]),
+        "static": [(measurement.static, measurement.episodes) for _, measurement in measured],
+        "among humans": [(measurement.dynamic, measurement.episodes) for _, measurement in measured],
     }
-    return {axis: tuple(Curve(name=name, x=x, y=y) for name, y in rates.items()) for axis, x in axes.items()}
+    return {
+        axis: tuple(
+            Curve(name=name, x=x, y=np.array([100 * rate for rate, _ in by_point]), interval=_intervals(by_point))
+            for name, by_point in rates.items()
+        )
+        for axis, x in axes.items()
+    }
 
 
-def _losses(folder: Path) -> tuple[Curve, ...]:
-    history = read_history(folder)
-    samples = np.array([float(entry["samples"]) for entry in history])
-    return tuple(
-        Curve(name=name, x=samples, y=np.array([float(entry[key]) for entry in history]))
-        for name, key in (("training", "train_loss"), ("held out", "validation_loss"))
-    )
+def _intervals(rates: Sequence[tuple[float, int]]) -> Any:
+    """95 % intervals of (rate, episodes) [%], shape (2, N)."""
+    ends = [wilson_interval(round(rate * episodes), episodes) for rate, episodes in rates]
+    return 100 * np.array(ends, dtype=np.float64).reshape(-1, 2).T
 
 
 def _chosen_note(chosen: Measurement | None) -> str:
@@ -152,30 +155,40 @@ def _ends(dataset: Dataset, driven: Sequence[EpisodeEntry]) -> tuple[Ends, ...]:
     )
 
 
-def _hero(folder: Path, recorded: RecordedEpisodes, driven: Sequence[EpisodeEntry], view: TopView) -> Film | None:
+def _hero(
+    folder: Path, recorded: RecordedEpisodes, driven: Sequence[EpisodeEntry], view: TopView
+) -> MediaFigure | None:
     """Video of the latest successful episode of a policy that shows a human best; None without one."""
     reached = [entry for entry in reversed(driven) if entry.outcome is Outcome.SUCCESS][:SEARCHED]
-    return _film(folder / "reached.webm", recorded, recorded.best_encounter(reached), view) if reached else None
+    return (
+        _film(folder / "reached.webm", recorded, recorded.best_encounter(reached), view, plays=True)
+        if reached
+        else None
+    )
 
 
-def _failures(folder: Path, recorded: RecordedEpisodes, driven: Sequence[EpisodeEntry], view: TopView) -> list[Film]:
+def _failures(
+    folder: Path, recorded: RecordedEpisodes, driven: Sequence[EpisodeEntry], view: TopView
+) -> list[MediaFigure]:
     """Videos of the latest failed episodes of a policy, of each kind in turn."""
     kinds = [[entry for entry in reversed(driven) if entry.outcome is outcome] for outcome in FAILURES]
     chosen = [entry for turn in zip_longest(*kinds) for entry in turn if entry is not None][:FILMS]
     return [_film(folder / f"failed{k}.webm", recorded, entry, view) for k, entry in enumerate(chosen)]
 
 
-def _film(path: Path, recorded: RecordedEpisodes, entry: EpisodeEntry, view: TopView) -> Film:
+def _film(
+    path: Path, recorded: RecordedEpisodes, entry: EpisodeEntry, view: TopView, *, plays: bool = False
+) -> MediaFigure:
     recorded.write_film(path, entry, view)
     what = FAILURES.get(entry.outcome, "reached the goal")
-    return Film(path=path, note=f"Episode {entry.episode.episode_id}, driven by a policy: {what}.")
+    return film(path, f"Episode {entry.episode.episode_id}, driven by a policy: {what}.", plays=plays)
 
 
-def _pages(out: Path, replies: Mapping[str, EvaluateReply]) -> list[Page]:
+def _pages(out: Path, replies: Mapping[str, EvaluateReply]) -> list[PageLink]:
     """The pages of the test episodes in each scene."""
     pages = {GALLERY_FILE: "failures", REPORT_FILE: "all ways"}
     return [
-        Page(href=f"{TEST_FOLDER}/{name}/{file}", what=f"{what} in {name}")
+        PageLink(href=f"{TEST_FOLDER}/{name}/{file}", what=f"{what} in {name}")
         for name in replies
         for file, what in pages.items()
         if (out / TEST_FOLDER / name / file).exists()
@@ -193,9 +206,9 @@ def _strip(recorded: RecordedEpisodes, entry: EpisodeEntry) -> tuple[StripImage,
     )
 
 
-def _scores(replies: Mapping[str, EvaluateReply]) -> list[Score]:
+def _scores(replies: Mapping[str, EvaluateReply]) -> list[DriverScore]:
     return [
-        Score(
+        DriverScore(
             task=TASK_NAMES[task.value] if len(replies) == 1 else f"{TASK_NAMES[task.value]}, {name}",
             driver=method.replace("-", " "),
             summary=summary,

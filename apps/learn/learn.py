@@ -12,8 +12,9 @@ from readygo.apps.learn.curve import CurvePoint
 from readygo.apps.learn.gather import TEST_FOLDER, gather
 from readygo.apps.learn.measure import Measuring
 from readygo.apps.learn.plan import Plan, locked
-from readygo.apps.learn.report_content import Command, ReportContent, RunNumbers
 from readygo.apps.learn.supervise import Now, Supervisor
+from readygo.apps.report.learn import ReportContent, RunNumbers
+from readygo.apps.report.page import CommandLine
 from readygo.common.config import section_to_mapping
 from readygo.common.messages import StatusRequest
 from readygo.services.coordinator.handlers import handle_status
@@ -121,18 +122,20 @@ def _numbers(learned: Learned) -> RunNumbers:
     )
 
 
-def _commands(plan: Plan, scenes: tuple[str, ...], options: Mapping[str, object]) -> tuple[Command, ...]:
+def _commands(plan: Plan, scenes: tuple[str, ...], options: Mapping[str, object]) -> tuple[CommandLine, ...]:
     policy, data, budget = plan.policy, plan.places[0].folder.path, plan.budget
     named = [f"--{name} {value}" for name, value in options.items() if value is not None]
     more = f"--minutes {2 * budget.minutes:g}" if budget.samples is None else f"--samples {2 * budget.samples}"
     return (
-        Command(what="learn on", line=" ".join(["readygo learn", *scenes, *named, more, f"--out {plan.out}"])),
-        Command(what="measure", line=f"readygo evaluate {scenes[0]} {policy} --episodes 100"),
-        Command(what="check the data", line=f"readygo validate {data}"),
-        Command(what="what they cover", line=f"readygo coverage {data} --out {plan.out / 'coverage'}"),
-        Command(
+        CommandLine(what="learn on", line=" ".join(["readygo learn", *scenes, *named, more, f"--out {plan.out}"])),
+        CommandLine(what="measure", line=f"readygo evaluate {scenes[0]} {policy} --episodes 100"),
+        CommandLine(what="check the data", line=f"readygo validate {data}"),
+        CommandLine(what="what they cover", line=f"readygo coverage {data} --out {plan.out / 'coverage'}"),
+        CommandLine(
             what="record more that it drives",
             line=f"readygo generate {scenes[0]} --policy {policy} --mix 0.5 --episodes 50 --out {plan.out / 'more'}",
         ),
-        Command(what="learn from data alone", line=f"readygo train {data} --minutes 60 --out {plan.out / 'offline'}"),
+        CommandLine(
+            what="learn from data alone", line=f"readygo train {data} --minutes 60 --out {plan.out / 'offline'}"
+        ),
     )

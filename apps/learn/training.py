@@ -5,8 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from readygo.apps.learn.plan import Plan
 from readygo.common.documents import read_json, write_toml
+from readygo.common.drawing.charts import Curve
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.services.trainer import best_recipe
@@ -85,6 +88,21 @@ def _training_of(folder: Path, told: Any, told_s: float, since_s: float) -> Trai
         driven=sum(rates) / len(rates) if rates else None,
         offered=Offered(folder=folder / taken[-1]["folder"], sha256=taken[-1]["sha256"]) if taken else None,
     )
+
+
+def read_losses(folder: Path) -> list[Curve]:
+    """Losses of training and of held-out episodes over samples; empty before the trainer's first validation.
+
+    Args:
+        folder: Folder of the trainer.
+    """
+    history = read_history(folder)
+    samples = np.array([float(entry["samples"]) for entry in history])
+    return [
+        Curve(name=name, x=samples, y=np.array([float(entry[key]) for entry in history]))
+        for name, key in (("training", "train_loss"), ("held out", "validation_loss"))
+        if history
+    ]
 
 
 def read_history(folder: Path) -> list[dict[str, Any]]:

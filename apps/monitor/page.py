@@ -318,12 +318,12 @@ class Page:
                     panels.learning(losses, success),
                     panels.evaluations(watch),
                 )
-            _put(self._charts, panels.html(*parts) if any(parts) else panels.html("Numbers appear with a fleet."))
+            _put(self._charts, panels.html(*parts) if any(parts) else panels.sentence("Numbers appear with a fleet."))
 
     def _tell_moment(self, states: dict[str, LiveState]) -> None:
         name = self._followed if self._followed in states else next(iter(states), "")
         if not name:
-            _put(self._moment, panels.html('<p class="soft">No episode is under way.</p>'))
+            _put(self._moment, panels.sentence("No episode is under way."))
             _put(self._picture, "")
             return
         kind = self._track.image_format if self._track else "jpeg"

@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from readygo.apps.learn.curve import load_curve
-from readygo.apps.learn.training import read_history
+from readygo.apps.learn.training import read_losses
 from readygo.apps.monitor.link import Address, Link, address_of
 from readygo.apps.monitor.recorded import Recorded
 from readygo.apps.monitor.splats import DollsHouse, dolls_house
 from readygo.apps.monitor.track import Track
 from readygo.apps.monitor.watch import Watch
-from readygo.apps.pages.charts import Curve
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.world import World
@@ -23,6 +22,7 @@ from readygo.common.dataset.index import load_index
 from readygo.common.dataset.places import find_shards
 from readygo.common.dataset.provenance import Provenance
 from readygo.common.dataset.scene_map import MapMessages, map_messages
+from readygo.common.drawing.charts import Curve
 from readygo.common.errors import ReadygoError, RunError
 from readygo.common.messages import EpisodeKey
 from readygo.common.robot import RobotConfig
@@ -134,16 +134,14 @@ class Subject:
             return moving.track() if moving else None
 
     def losses(self) -> list[Curve]:
-        """Training and validation loss over training samples."""
-        if self._learned is not None and (history := read_history(self._learned / POLICY_FOLDER)):
-            x = np.array([entry["samples"] for entry in history], dtype=np.float64)
-            pairs = (("training", "train_loss"), ("validation", "validation_loss"))
-            return [Curve(name=name, x=x, y=np.array([entry[key] for entry in history])) for name, key in pairs]
+        """Losses of training and of held-out episodes over training samples."""
+        if self._learned is not None and (losses := read_losses(self._learned / POLICY_FOLDER)):
+            return losses
         with self.watch.lock:
             if not len(self.watch.losses):
                 return []
             columns = [self.watch.losses.curve(column) for column in (0, 1)]
-        return [Curve(name=name, x=x, y=y) for name, (x, y) in zip(("training", "validation"), columns, strict=True)]
+        return [Curve(name=name, x=x, y=y) for name, (x, y) in zip(("training", "held out"), columns, strict=True)]
 
     def success(self) -> list[Curve]:
         """Success rates over minutes: of the latest policy-driven episodes, and of measurements."""

@@ -13,18 +13,18 @@ from readygo.common.drawing.plan_view import (
     WHITE,
     Rgb,
     draw_scale_bar,
-    map_window,
     put_mark,
     put_text,
+    sample_grid,
     text_width_px,
+    window_around,
 )
-from readygo.common.drawing.sheet import Swatch, ring_swatch, sheet
+from readygo.common.drawing.sheet import Swatch, area_swatch, ring_swatch, sheet
 from readygo.common.images.clarity import SHARP_FROM
 from readygo.common.maps import OccupancyMap, clearance_m, free_components
-from readygo.common.scenes.top_view import TopView
 
 COLUMNS, TILE_WIDTH_PX, CAPTION_PX = 6, 256, 20
-MAP_SIDE_PX, MARGIN_M = 1000, 0.5
+MAP_SIDE_PX = 1000
 ALARM: Rgb = (176, 58, 0)
 # Orange to blue: distinguishable with every common colour vision, and by lightness around the limit.
 _STEPS: tuple[tuple[float, Rgb, str], ...] = (
@@ -42,7 +42,7 @@ def sharpness_colour(sharpness: float) -> Rgb:
 
 def sharpness_legend() -> list[tuple[Swatch, str]]:
     """The legend of the colours."""
-    return [(_swatch(colour), text) for _, colour, text in _STEPS]
+    return [(area_swatch(colour, 1.0), text) for _, colour, text in _STEPS]
 
 
 def views_sheet(views: SceneViews, name: str) -> Picture:
@@ -66,7 +66,7 @@ def views_sheet(views: SceneViews, name: str) -> Picture:
         (f"surface {100 * views.coverage:.0f} % of the view, {views.bare} places bare", ALARM if views.bare else INK),
     ]
     note = "number on the map, x and y [m], sharpness, share of the view that is surface"
-    return sheet(rows, headline, [(_swatch(INK), note), (_swatch(ALARM), "too little to learn from")])
+    return sheet(rows, headline, [(area_swatch(INK, 1.0), note), (area_swatch(ALARM, 1.0), "too little to learn from")])
 
 
 def clarity_map(views: SceneViews, occupancy: OccupancyMap, radius_m: float) -> Picture:
@@ -81,12 +81,13 @@ def clarity_map(views: SceneViews, occupancy: OccupancyMap, radius_m: float) -> 
         RGB image of the map.
     """
     labels, _ = free_components(clearance_m(occupancy) > radius_m)
-    view = _window(occupancy, labels == 1)
+    view = window_around(occupancy, labels == 1, side_px=MAP_SIDE_PX)
     picture = view.rgb.copy()
     xy_m = np.array([place.typical.xyyaw[:2] for place in views.places])
     colours = np.array([sharpness_colour(place.typical.sharpness) for place in views.places], dtype=np.uint8)
-    u, v, cells = _pixels_of(view, occupancy, labels == 1)
-    picture[cells] = colours[_nearest(u, v, view.world_to_pixel(xy_m))]
+    shown = sample_grid(view, labels == 1, occupancy.frame)
+    rows, columns = np.nonzero(shown)
+    picture[shown] = colours[_nearest(columns, rows, view.world_to_pixel(xy_m))]
     draw_scale_bar(picture, view)
     for number, place in enumerate(views.places, start=1):
         put_mark(picture, view, place.typical.xyyaw[:2], str(number), ALARM if place.blurred or place.bare else INK)
@@ -95,38 +96,15 @@ def clarity_map(views: SceneViews, occupancy: OccupancyMap, radius_m: float) -> 
 
 
 def _nearest(
-    u: npt.NDArray[np.float64], v: npt.NDArray[np.float64], places_px: npt.NDArray[np.float64]
+    columns: npt.NDArray[np.intp], rows: npt.NDArray[np.intp], places_px: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.intp]:
     """Number of the nearest place for each pixel, shape (N,)."""
-    owner, least = np.zeros(len(u), np.intp), np.full(len(u), np.inf)
+    owner, least = np.zeros(len(rows), np.intp), np.full(len(rows), np.inf)
     for number, (x, y) in enumerate(places_px.tolist()):
-        squared = (u - x) ** 2 + (v - y) ** 2
+        squared = (columns + 0.5 - x) ** 2 + (rows + 0.5 - y) ** 2
         closer = squared < least
         owner[closer], least[closer] = number, squared[closer]
     return owner
-
-
-def _window(occupancy: OccupancyMap, shown: npt.NDArray[np.bool_]) -> TopView:
-    cells, frame = np.argwhere(shown), occupancy.frame
-    corner = np.array([frame.origin_x_m, frame.origin_y_m])
-    low_m = corner + cells.min(axis=0)[::-1] * frame.resolution_m - MARGIN_M
-    high_m = corner + (cells.max(axis=0)[::-1] + 1) * frame.resolution_m + MARGIN_M
-    return map_window(occupancy, low_m, high_m, pixel_m=float((high_m - low_m).max()) / MAP_SIDE_PX)
-
-
-def _pixels_of(
-    view: TopView, occupancy: OccupancyMap, shown: npt.NDArray[np.bool_]
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
-    """Columns and rows of the pixels that lie on shown cells, and which those are, shape (H, W)."""
-    height, width = view.rgb.shape[:2]
-    u, v = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    x_m = view.frame.origin_x_m + u * view.frame.resolution_m
-    y_m = view.frame.origin_y_m + (height - v) * view.frame.resolution_m
-    frame, padded = occupancy.frame, np.pad(shown, 1)
-    j = np.clip(np.floor((x_m - frame.origin_x_m) / frame.resolution_m).astype(np.int64) + 1, 0, padded.shape[1] - 1)
-    i = np.clip(np.floor((y_m - frame.origin_y_m) / frame.resolution_m).astype(np.int64) + 1, 0, padded.shape[0] - 1)
-    cells = padded[i, j]
-    return u[cells], v[cells], cells
 
 
 def captioned(rgb: Picture, text: str, colour: Rgb = INK) -> Picture:
@@ -146,10 +124,3 @@ def _tile(number: int, place: Place) -> Picture:
     x_m, y_m, _ = look.xyyaw
     text = f"{number}  ({x_m:.1f}, {y_m:.1f})  sharp {look.sharpness:.0f}  surface {100 * look.coverage:.0f} %"
     return captioned(look.rgb, text, ALARM if place.blurred or place.bare else INK)
-
-
-def _swatch(colour: Rgb) -> Swatch:
-    def draw(picture: Picture, x: int, y: int) -> None:
-        cv2.rectangle(picture, (x - 10, y - 6), (x + 10, y + 6), colour, cv2.FILLED)
-
-    return draw

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -62,13 +63,51 @@ def map_window(
         pixel_m: Edge of a pixel [m].
     """
     columns, rows = (max(1, round(size)) for size in ((high_m - low_m) / pixel_m).tolist())
-    x, y = (low + (np.arange(n) + 0.5) * pixel_m for low, n in zip(low_m.tolist(), (columns, rows), strict=True))
-    frame, occupied = occupancy.frame, np.pad(occupancy.occupied, 1, constant_values=True)
-    j = np.clip(np.floor((x - frame.origin_x_m) / frame.resolution_m).astype(np.int64) + 1, 0, occupied.shape[1] - 1)
-    i = np.clip(np.floor((y - frame.origin_y_m) / frame.resolution_m).astype(np.int64) + 1, 0, occupied.shape[0] - 1)
-    shade = np.where(occupied[i[::-1, None], j[None, :], None], np.uint8(OCCUPIED), np.uint8(FREE))
-    window = GridFrame(origin_x_m=float(low_m[0]), origin_y_m=float(low_m[1]), resolution_m=pixel_m)
-    return TopView(rgb=np.repeat(shade, 3, axis=2), frame=window)
+    frame = GridFrame(origin_x_m=float(low_m[0]), origin_y_m=float(low_m[1]), resolution_m=pixel_m)
+    window = TopView(rgb=np.full((rows, columns, 3), FREE, np.uint8), frame=frame)
+    window.rgb[sample_grid(window, ~occupancy.occupied, occupancy.frame) == 0] = OCCUPIED
+    return window
+
+
+def window_around(
+    occupancy: OccupancyMap, shown: npt.NDArray[np.bool_], *, side_px: int, margin_m: float = 0.5
+) -> TopView:
+    """The window of an occupancy map that holds some cells, as a picture.
+
+    Args:
+        occupancy: The map.
+        shown: True for the cells to show, shape (H, W); the whole map if there are none.
+        side_px: Longer side of the picture [px].
+        margin_m: Margin around the cells [m].
+    """
+    cells, frame = np.argwhere(shown if shown.any() else np.ones_like(shown)), occupancy.frame
+    corner_m = np.array([frame.origin_x_m, frame.origin_y_m])
+    low_m = corner_m + cells.min(axis=0)[::-1] * frame.resolution_m - margin_m
+    high_m = corner_m + (cells.max(axis=0)[::-1] + 1) * frame.resolution_m + margin_m
+    return map_window(occupancy, low_m, high_m, pixel_m=float((high_m - low_m).max()) / side_px)
+
+
+def sample_grid(view: TopView, values: npt.NDArray[Any], frame: GridFrame) -> npt.NDArray[Any]:
+    """Values of a grid's cells at the pixels of a picture, 0 beyond the grid.
+
+    Args:
+        view: Picture of H x W pixels.
+        values: Values of the cells, shape (R, C); row 0 has the smallest y.
+        frame: Frame of the grid.
+
+    Returns:
+        Shape (H, W).
+    """
+    (height, width), pixels = view.rgb.shape[:2], view.frame
+    x_m = pixels.origin_x_m + (np.arange(width) + 0.5) * pixels.resolution_m
+    y_m = pixels.origin_y_m + (np.arange(height)[::-1] + 0.5) * pixels.resolution_m
+    j = np.floor((x_m - frame.origin_x_m) / frame.resolution_m).astype(np.int64) + 1
+    i = np.floor((y_m - frame.origin_y_m) / frame.resolution_m).astype(np.int64) + 1
+    padded = np.pad(values, 1)
+    sampled: npt.NDArray[Any] = padded[
+        np.clip(i, 0, padded.shape[0] - 1)[:, None], np.clip(j, 0, padded.shape[1] - 1)[None, :]
+    ]
+    return sampled
 
 
 def resized(view: TopView, height_px: int) -> TopView:

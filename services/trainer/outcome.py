@@ -5,6 +5,7 @@ import dataclasses
 import json
 import platform
 import shutil
+from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -13,17 +14,17 @@ import numpy as np
 import torch
 
 from readygo.common.config import section_to_mapping
+from readygo.common.drawing.charts import Curve, line_chart, write_chart
 from readygo.common.errors import PolicyError
 from readygo.common.files import write_whole
 from readygo.common.policy.artifact import METRICS_FILE
-from readygo.services.trainer.curve import draw_history
 from readygo.services.trainer.export import export_policy
 from readygo.services.trainer.model import PolicyNet, parameter_count
 from readygo.services.trainer.run import CANDIDATE_FOLDER, TrainRun
 from readygo.services.trainer.samples import spread_samples
 from readygo.services.trainer.validation import error_metrics, predict
 
-CURVE_FILE = "loss.png"
+CURVE_FILE = "loss.svg"
 FINAL_SAMPLES = 20_000
 """Most held-out samples that the reported metrics are computed on."""
 
@@ -31,11 +32,22 @@ FINAL_SAMPLES = 20_000
 def write_outcome(run: TrainRun) -> dict[str, Any]:
     """Export the chosen weights, draw the loss curve and write `metrics.json`, whose contents are returned."""
     export_chosen(run, run.out)
-    draw_history(run.out / CURVE_FILE, run.history)
+    if chart := loss_chart(run.history):
+        write_chart(run.out / CURVE_FILE, chart)
     shutil.rmtree(run.out / CANDIDATE_FOLDER, ignore_errors=True)
     metrics = _metrics(run)
     write_whole(run.out / METRICS_FILE, json.dumps(metrics, indent=2) + "\n", raises=PolicyError)
     return metrics
+
+
+def loss_chart(history: Sequence[Mapping[str, Any]]) -> str:
+    """What training minimises, and the squared error on held-out episodes, from the records of the training loop."""
+    samples = np.array([float(record["samples"]) for record in history])
+    curves = [
+        Curve(name=name, x=samples, y=np.array([float(record[key]) for record in history]))
+        for name, key in (("training", "train_loss"), ("held out", "validation_loss"))
+    ]
+    return line_chart(curves, x_name="samples learned from", what="Loss, and squared error on held-out episodes")
 
 
 def export_chosen(run: TrainRun, folder: Path) -> None:

@@ -30,7 +30,7 @@ def train(
     Args:
         source: Samples to learn from.
         config: Budget and settings.
-        out: Folder of the policy artifact; also holds `checkpoint.pt`, `loss.png` and `metrics.json`.
+        out: Folder of the policy artifact; also holds `checkpoint.pt`, `loss.svg` and `metrics.json`.
         validation: Held-out samples; None holds out whole episodes of `source`.
         evaluate: Closed-loop success rate of an exported policy, which chooses the checkpoint; without it the last one
             is taken.

@@ -1,6 +1,4 @@
 import math
-import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -8,27 +6,8 @@ import pytest
 
 from readygo.common.dataset import ShardWriter, encode_episode, shard_name
 from readygo.common.maps import GridFrame, OccupancyMap
-from tests.apps.coverage.drives import drive
+from tests.apps.report.drives import drive
 from tests.common.dataset.episodes import PROVENANCE
-
-GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "pages"
-
-
-@pytest.fixture
-def golden_page(request: pytest.FixtureRequest) -> Callable[[str, str], None]:
-    """Compares a page, a chart or a table with `tests/golden/pages/NAME.txt`, but for its style and its images."""
-
-    def compare(name: str, text: str) -> None:
-        plain = re.sub(r"<style>.*?</style>", "", text, flags=re.DOTALL)
-        plain = re.sub(r"(data:[a-z/]+;base64,)[A-Za-z0-9+/=]+", r"\1", plain)
-        lines = plain.replace("><", ">\n<")
-        path = GOLDEN / f"{name}.txt"
-        if request.config.getoption("--update-golden"):
-            path.parent.mkdir(exist_ok=True)
-            path.write_text(lines)
-        assert lines == path.read_text(), f"{path.name} changed: if that is right, run `make golden` and look at it"
-
-    return compare
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from tests.common.dataset.episodes import write_shard
 
 ROOT = Path(__file__).resolve().parents[2]
 TOPS = ("apps", "benchmarks", "common", "services")
-SHIPPED = {".css", ".html", ".json", ".npz", ".proto", ".py", ".pyi"}
+SHIPPED = {".css", ".html", ".json", ".md", ".npz", ".proto", ".py", ".pyi"}
 # Of somebody who uses readygo from a project with packages of the same names as the folders of ours.
 JOB = """
 import sys
@@ -105,7 +105,8 @@ def _install(environment: Path, *what: object) -> str:
 def _tree() -> set[str]:
     """Every file of the checkout that a wheel shall hold."""
     files = [path for top in TOPS for path in (ROOT / top).rglob("*") if path.suffix in SHIPPED]
-    names = {"readygo/" + path.relative_to(ROOT).as_posix() for path in files if "results" not in path.parts}
+    left_out = {"results", "README.md"}
+    names = {"readygo/" + path.relative_to(ROOT).as_posix() for path in files if not left_out & set(path.parts)}
     own = {f"readygo/{path.name}" for path in (ROOT / "readygo").iterdir() if path.suffix in SHIPPED}
     return names | own | {"readygo/py.typed"}
 
@@ -148,6 +149,8 @@ def test_wheel_works_beside_packages_of_the_same_names(wheel: Path, environment:
     assert _run(command, "--version", cwd=project).stdout == f"readygo {readygo.__version__}\n"
     assert "is sound: 2 episodes, 24 samples" in _run(command, "validate", "data", cwd=project).stdout
     assert "elif" in _run(command, "avatar", "list", cwd=project).stdout
+    _run(command, "coverage", "data", "--out", "page", cwd=project)
+    assert "</html>" in (project / "page" / "coverage.html").read_text()
     pytest.importorskip("gymnasium", reason="gymnasium (extra gym) is not installed")
     (project / "environments.py").write_text(GYMNASIUM)
     _run(environment / "bin" / "python", "-W", "error", "environments.py", cwd=project)

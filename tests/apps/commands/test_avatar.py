@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 import pytest
 
-from readygo.apps.avatar.sheet import TILE
+from readygo.apps.avatar.walking import TILE
 from readygo.apps.commands.avatar import avatar_list, avatar_preview
 from readygo.common.avatars import load_avatars
 from readygo.common.errors import AvatarError

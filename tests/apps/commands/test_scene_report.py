@@ -5,7 +5,7 @@ import pytest
 
 from readygo.apps.cli import run_command
 from readygo.commands import COMMANDS
-from tests.apps.health.scenes import reconstructed
+from tests.apps.report.scenes import reconstructed
 
 
 def test_report_of_a_reconstructed_room_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,7 @@ from readygo.apps.evaluation.again import SPEC_FILE, keep_spec, kept_episode, pl
 from readygo.common.errors import RunError
 from readygo.common.messages import Outcome
 from readygo.services.evaluator import Task
-from tests.apps.evaluation.test_choice import record
+from tests.apps.evaluation.records import record
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,19 @@
-from readygo.apps.evaluation.watch import SHOWN_MAX, film_path, shown, write_films, write_pages
+import pytest
+
+from readygo.apps.evaluation.watch import (
+    SHOWN_MAX,
+    check_wanted,
+    episodes_to_film,
+    failures_to_show,
+    film_path,
+    watched_method,
+    write_films,
+    write_pages,
+)
+from readygo.common.errors import RunError
 from readygo.common.messages import Outcome
-from readygo.services.evaluator import POLICY
-from tests.apps.evaluation.test_choice import record
+from readygo.services.evaluator import EXPERT, POLICY, STRAIGHT_LINE
+from tests.apps.evaluation.records import RECORDS, record
 
 
 def test_pages_and_films_are_made_of_what_was_kept(evaluated):
@@ -24,6 +36,37 @@ def test_pages_and_films_are_made_of_what_was_kept(evaluated):
 def test_page_has_room_for_some_of_every_kind():
     late = [record(index, Outcome.TIMEOUT) for index in range(40)]
     failed = [*late, record(50, Outcome.HUMAN_COLLISION)]
-    found = shown(failed)
+    found = failures_to_show(failed)
     assert len(found) == SHOWN_MAX
     assert found[-1].episode.index == 50
+
+
+def indices(*wanted):
+    return [each.episode.index for each in episodes_to_film(RECORDS, wanted)]
+
+
+def test_failures_come_by_how_bad_they_are():
+    assert indices("failures") == [3, 5, 1]
+
+
+def test_worst_are_few_and_end_with_the_success_that_came_nearest_to_a_human():
+    assert indices("worst") == [3, 5, 1, 4]
+
+
+def test_index_means_every_task_and_nothing_is_filmed_twice():
+    assert indices("5") == [5, 5]
+    assert indices("failures", "3", "0") == [3, 5, 1, 0]
+    assert indices() == []
+
+
+def test_what_is_no_episode_is_refused():
+    with pytest.raises(RunError, match="index 2: indices without a scenario leave gaps"):
+        episodes_to_film(RECORDS, ["2"])
+    with pytest.raises(RunError, match="'best'"):
+        check_wanted(["worst", "17", "best"])
+    check_wanted(["worst", "failures", "17"])
+
+
+def test_policy_is_watched_where_one_drives():
+    assert watched_method([EXPERT, POLICY]) == POLICY
+    assert watched_method([EXPERT, STRAIGHT_LINE]) == EXPERT

@@ -6,8 +6,8 @@ from readygo.apps.learn.curve import CurvePoint
 from readygo.apps.learn.gather import _story
 from readygo.apps.learn.learn import Learned, report_content
 from readygo.apps.learn.plan import Plan
-from readygo.apps.learn.report import report_html
-from readygo.apps.pages.scores import Score
+from readygo.apps.report.learn import report_html
+from readygo.apps.report.tables import DriverScore
 from readygo.common.dataset import Dataset
 from readygo.common.episode.metrics import EpisodeResult, summarize
 from readygo.common.messages import Driver, Outcome
@@ -29,6 +29,8 @@ def test_report_shows_how_it_learned_and_what_it_fails_in(tiny: Plan) -> None:
         ("static", [1.0], [50.0]),
         ("among humans", [1.0], [25.0]),
     ]
+    low, high = content.rates[0].interval.tolist()
+    assert 0 < low[0] < 50 < high[0] < 100
     assert [(curve.name, curve.x.tolist(), curve.y.tolist()) for curve in content.losses] == [
         ("training", [400.0], [0.2]),
         ("held out", [400.0], [0.3]),
@@ -57,6 +59,8 @@ def test_run_without_a_measurement_says_so(tiny: Plan) -> None:
 def test_story_names_who_drove_how_well() -> None:
     result = EpisodeResult(outcome=Outcome.SUCCESS, duration_s=1.0, path_length_m=1.0, shortest_m=1.0)
     summary = summarize([result], time_limit_s=50.0)
-    scores = [Score(task="static", driver=driver, summary=summary) for driver in ("policy", "expert", "straight line")]
+    scores = [
+        DriverScore(task="static", driver=driver, summary=summary) for driver in ("policy", "expert", "straight line")
+    ]
     assert "reaches its goal in 100 % static; the expert" in _story(scores)
     assert _story(scores[1:]) == ""

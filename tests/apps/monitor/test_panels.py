@@ -7,7 +7,7 @@ import numpy as np
 from readygo.apps.monitor import panels
 from readygo.apps.monitor.track import track_of
 from readygo.apps.monitor.watch import Seen, Watch
-from readygo.apps.pages.charts import Curve
+from readygo.common.drawing.charts import Curve
 from readygo.common.messages import Driver, Outcome
 from readygo.common.messages.live import LiveEvaluation, LivePreview
 from readygo.common.robot import RobotConfig
@@ -136,7 +136,7 @@ def test_panels_look_as_they_did(spec, golden_page: Callable[[str, str], None]) 
     watch.workers = {(seen.role, seen.name): seen for seen in members}
     parts |= {"workers": panels.workers(watch), "nobody": panels.workers(Watch())}
     text = "\n\n".join(f"{name}: {part}" for name, part in parts.items())
-    golden_page("monitor_panels", text.replace(panels.CSS, "").replace("</div>", "</div>\n"))
+    golden_page("monitor_panels", text.replace("</div>", "</div>\n"))
 
 
 def test_moments_look_as_they_did(golden_page: Callable[[str, str], None]) -> None:
@@ -153,4 +153,4 @@ def test_moments_look_as_they_did(golden_page: Callable[[str, str], None]) -> No
     )
     texts += [panels.cameras([], TWO_CAMERAS), panels.pictures({"rgb": b"1"}, "gif", RobotConfig())]
     assert panels.pictures({}, "jpeg", RobotConfig()) == ""
-    golden_page("monitor_moments", "\n\n".join(texts).replace(panels.CSS, "").replace("</div>", "</div>\n"))
+    golden_page("monitor_moments", "\n\n".join(texts).replace("</div>", "</div>\n"))

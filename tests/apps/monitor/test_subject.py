@@ -60,7 +60,7 @@ def test_a_run_that_learns_shows_its_curves(data: Path, tmp_path: Path, spec) ->
     assert subject.name == "flat"
     assert [(curve.name, curve.y.tolist()) for curve in subject.losses()] == [
         ("training", [2.0]),
-        ("validation", [3.0]),
+        ("held out", [3.0]),
     ]
     assert [(c.name, c.y.tolist()) for c in subject.success()] == [
         ("driving", [0.75]),
@@ -78,5 +78,5 @@ def test_a_run_that_is_only_heard_shows_what_was_heard() -> None:
     assert subject.success() == []
     subject.watch.losses.add(10, (1.0, 2.0))
     subject.watch.driven.add(1, (0.5,))
-    assert [curve.name for curve in subject.losses()] == ["training", "validation"]
+    assert [curve.name for curve in subject.losses()] == ["training", "held out"]
     assert [curve.name for curve in subject.success()] == ["driving"]

@@ -1,1 +1,0 @@
-"""The quality report of a scene: contents, provenance and likely defects."""

@@ -1,1 +1,0 @@
-"""Pages and charts in HTML and SVG."""

@@ -1,0 +1,1 @@
+"""Report pages in HTML: of learning runs, evaluations, datasets, scenes and reconstructions."""

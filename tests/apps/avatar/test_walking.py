@@ -1,0 +1,46 @@
+"""The film of a walk: people stand on the floor's lines."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from readygo.apps.avatar.walking import AMPLITUDE_M, FRAMING, LENGTH_M, phase_rows, s_curve_walk, walk_frames
+from readygo.common.avatars import Avatar, load_avatars
+from readygo.common.errors import AvatarError
+
+
+@pytest.fixture(scope="module")
+def person() -> Avatar:
+    return next(iter(load_avatars().values()))
+
+
+def test_walk_follows_the_s_curve_to_its_end(person: Avatar) -> None:
+    root = s_curve_walk(person).root_m
+    sway = AMPLITUDE_M * np.sin(2 * np.pi * root[:, 0] / LENGTH_M)
+    assert np.abs(root[:, 1] - sway).max() < 0.05
+    assert root[-1, 0] == pytest.approx(LENGTH_M, abs=0.1)
+
+
+def test_pictures_show_the_human_before_wall_and_floor(person: Avatar) -> None:
+    first, *_, last = itertools.islice(walk_frames(person), 0, 12)
+    assert first.shape == (FRAMING.height_px, FRAMING.width_px, 3)
+    wall = first[5, 5].astype(int)
+    middle = first[:, FRAMING.width_px // 4 : 3 * FRAMING.width_px // 4].astype(int)
+    person_rows = np.flatnonzero((np.abs(middle - wall).max(axis=2) > 100).any(axis=1))
+    assert 0.3 * FRAMING.height_px < np.ptp(person_rows) < 0.95 * FRAMING.height_px
+    lines = first[-5].astype(int).mean(axis=1)
+    assert lines.min() < lines.max() - 30
+    assert (first != last).any()
+
+
+def test_phases_are_quarters_of_a_stride() -> None:
+    t = np.arange(120)
+    joints = np.zeros((120, 24, 3))
+    joints[:, 0, 0] = 0.06 * t
+    joints[:, 7, 0] = 0.06 * t + 0.3 * np.cos(2 * np.pi * (t - 8) / 20)
+    first, *others = phase_rows(joints)
+    assert first % 20 == 8
+    assert [row - first for row in others] == [5, 10, 15]
+    with pytest.raises(AvatarError, match="no whole stride"):
+        phase_rows(joints[:20])
