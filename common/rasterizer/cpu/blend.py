@@ -378,21 +378,16 @@ def draw_slab(width: int, next_limit_bits: int, ws: Workspace, depths: Depths | 
     begin_slab(width, next_limit_bits, ws)
 
 
-@inlined
-def _state_place(columns: int, u: int, v: int) -> int:
-    """Place of a pixel's red in the state: tile, then block within the tile, then pixel within the block."""
-    tile = (v >> TILE_BITS) * columns + (u >> TILE_BITS)
-    block = ((v >> BLOCK_BITS) & 3) * 4 + ((u >> BLOCK_BITS) & 3)
-    return tile * TILE_STATE + block * BLOCK_STATE + (v & (BLOCK - 1)) * BLOCK + (u & (BLOCK - 1))
-
-
 @kernel
 def write_floats(width: int, ws: Workspace, rgb: Singles) -> None:
     """Copy the tiles' colours to an image, shape (H, W, 3)."""
     columns = (width + TILE - 1) >> TILE_BITS
     for v in range(rgb.shape[0]):
         for u in range(width):
-            place = _state_place(columns, u, v)
+            # The tile, the block in the tile, the pixel in the block.
+            tile = (v >> TILE_BITS) * columns + (u >> TILE_BITS)
+            block = ((v >> BLOCK_BITS) & 3) * 4 + ((u >> BLOCK_BITS) & 3)
+            place = tile * TILE_STATE + block * BLOCK_STATE + (v & (BLOCK - 1)) * BLOCK + (u & (BLOCK - 1))
             for channel in range(3):
                 rgb[v, u, channel] = ws.tile_state[place + LANES * channel]
 
@@ -403,7 +398,10 @@ def write_bytes(width: int, ws: Workspace, rgb: npt.NDArray[np.uint8]) -> None:
     columns = (width + TILE - 1) >> TILE_BITS
     for v in range(rgb.shape[0]):
         for u in range(width):
-            place = _state_place(columns, u, v)
+            # The tile, the block in the tile, the pixel in the block.
+            tile = (v >> TILE_BITS) * columns + (u >> TILE_BITS)
+            block = ((v >> BLOCK_BITS) & 3) * 4 + ((u >> BLOCK_BITS) & 3)
+            place = tile * TILE_STATE + block * BLOCK_STATE + (v & (BLOCK - 1)) * BLOCK + (u & (BLOCK - 1))
             for channel in range(3):
                 value = ws.tile_state[place + LANES * channel] * np.float32(255.0) + np.float32(0.5)
                 rgb[v, u, channel] = np.uint8(min(max(value, np.float32(0.0)), np.float32(255.0)))

@@ -182,8 +182,14 @@ def _replay_entry(ws: Workspace, raster: Raster, record: int, drawn: int, absolu
         transmittance = load_f16(state, place + LIGHT)
         dx = load_f16(state, place + CENTRE_X) - peek(records, r + RECORD_X)
         dy = load_f16(state, place + CENTRE_Y) - peek(records, r + RECORD_Y)
-        a, b, c = peek(records, r + RECORD_A), peek(records, r + RECORD_B), peek(records, r + RECORD_C)
-        t = log2_alpha(dx, dy, a, b, c, peek(records, r + RECORD_OPACITY))
+        t = log2_alpha(
+            dx,
+            dy,
+            peek(records, r + RECORD_A),
+            peek(records, r + RECORD_B),
+            peek(records, r + RECORD_C),
+            peek(records, r + RECORD_OPACITY),
+        )
         uncapped = exp2(t)
         drawing = (t >= LOG2_ALPHA_MIN) & (transmittance >= TRANSMITTANCE_MIN)
         alpha = where(drawing, minimum(uncapped, ALPHA_MAX), 0.0)
@@ -192,8 +198,11 @@ def _replay_entry(ws: Workspace, raster: Raster, record: int, drawn: int, absolu
         # Slopes of the planes, and gain = weight * (their sum, each times the record's number).
         red, green = load_f16(state, place + SLOPE_RED), load_f16(state, place + SLOPE_GREEN)
         blue, depth = load_f16(state, place + SLOPE_BLUE), load_f16(state, place + SLOPE_DEPTH)
-        gain = fma(peek(records, r + RECORD_GREEN), green, load_f16(state, place + SLOPES))
-        gain = fma(peek(records, r + RECORD_RED), red, gain)
+        gain = fma(
+            peek(records, r + RECORD_RED),
+            red,
+            fma(peek(records, r + RECORD_GREEN), green, load_f16(state, place + SLOPES)),
+        )
         gain = weight * fma(peek(records, r + RECORD_BLUE), blue, fma(peek(records, r + RECORD_DEPTH), depth, gain))
         if raster.feature_count:
             gain = _replay_features(raster, place, record, weight, gain, out)
@@ -209,6 +218,7 @@ def _replay_entry(ws: Workspace, raster: Raster, record: int, drawn: int, absolu
         blues = add_product(blues, weight, blue)
         if absolute:
             # d log2(alpha) / d(dx, dy) = (2 A dx + B dy, B dx + 2 C dy).
+            a, b, c = peek(records, r + RECORD_A), peek(records, r + RECORD_B), peek(records, r + RECORD_C)
             gx, gy = _magnitude(fma(vx, a + a, vy * b)), _magnitude(fma(vx, b, vy * (c + c)))
             zero = f16(0.0)
             add_block_sums(out.records, p + FEATURES + raster.feature_count, gx, gy, zero, zero)

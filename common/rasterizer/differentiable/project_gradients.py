@@ -82,21 +82,9 @@ def _row(kept: Kept, group: int, row: int) -> Any:
 
 
 @inlined
-def _offset(kept: Kept, group: int) -> Any:
-    """The offsets d of a group's means from the camera, in the world's axes [m]."""
-    return _row(kept, group, OFFSET), _row(kept, group, OFFSET + 1), _row(kept, group, OFFSET + 2)
-
-
-@inlined
 def _moment(out: Gradients, number: int) -> Any:
     """A moment of a group's gradient records."""
     return load_f16(out.sums, MOMENTS[number] * LANES)
-
-
-@inlined
-def _channel(out: Gradients, number: int) -> Any:
-    """Derivatives by red, green, blue or depth of a group's records."""
-    return load_f16(out.sums, CHANNELS[number] * LANES)
 
 
 @inlined
@@ -202,7 +190,8 @@ def _shape_gradients(
     Also returned: what the covariances add to the derivatives by R_CW, row by row.
     """
     # The forward pass once more, as in `project`.
-    x, y, z = to_camera(R, _offset(kept, group))
+    d = (_row(kept, group, OFFSET), _row(kept, group, OFFSET + 1), _row(kept, group, OFFSET + 2))
+    x, y, z = to_camera(R, d)
     inverse_z = 1.0 / z
     u, v = x * inverse_z, y * inverse_z
     uc, vc = clamped(optics, u, v)
@@ -283,7 +272,7 @@ def _shape_gradients(
     g_u = fma(gx, optics.fx, where(inside_u, 0.0 - g_uc, 0.0))
     g_v = fma(gy, optics.fy, where(inside_v, 0.0 - g_vc, 0.0))
     # u = x / z: dL / dx = g_u / z, dL / dz = -(g_u u + g_v v + g_zoom) / z and what the depth's plane gives.
-    g_depth = _channel(out, DEPTH_CHANNEL)
+    g_depth = load_f16(out.sums, CHANNELS[DEPTH_CHANNEL] * LANES)
     g_z = fnma(fma(g_u, u, fma(g_v, v, g_zoom)), inverse_z, g_depth)
     # By R through E: e for the first two rows, -(uc e_0 + vc e_1) for the third.
     t0, t1, t2 = fma(uc, e0, vc * e3), fma(uc, e1, vc * e4), fma(uc, e2, vc * e5)
@@ -300,29 +289,32 @@ def _colour_gradients(cloud: Cloud, group: int, row: int, weighty: int, dense: b
     # Black is cut off at 0, where nothing moves it: bits 0, 1 and 2 say which channels are not.
     coloured = load_i16(kept.groups, group * GROUP + LANES * COLOURED)
     g = (
-        where(has_bit(coloured, 1), _channel(out, RED_CHANNEL), 0.0),
-        where(has_bit(coloured, 2), _channel(out, GREEN_CHANNEL), 0.0),
-        where(has_bit(coloured, 4), _channel(out, BLUE_CHANNEL), 0.0),
+        where(has_bit(coloured, 1), load_f16(out.sums, CHANNELS[RED_CHANNEL] * LANES), 0.0),
+        where(has_bit(coloured, 2), load_f16(out.sums, CHANNELS[GREEN_CHANNEL] * LANES), 0.0),
+        where(has_bit(coloured, 4), load_f16(out.sums, CHANNELS[BLUE_CHANNEL] * LANES), 0.0),
     )
-    d = _offset(kept, group)
+    d = (_row(kept, group, OFFSET), _row(kept, group, OFFSET + 1), _row(kept, group, OFFSET + 2))
     inverse = 1.0 / sqrt(fma(d[0], d[0], fma(d[1], d[1], d[2] * d[2])))
     x, y, z = d[0] * inverse, d[1] * inverse, d[2] * inverse
     write_coefficient_gradients(cloud, group, (x, y, z), g, row, weighty, dense, kept, out)
     if cloud.sh_count == 1:
         return zero, zero, zero
     # Derivatives of red by the offset's x, y, z, then those of green, then those of blue.
-    red, green, blue = DERIVATIVES, DERIVATIVES + 3, DERIVATIVES + 6
     return (
-        fma(g[0], _row(kept, group, red), fma(g[1], _row(kept, group, green), g[2] * _row(kept, group, blue))),
         fma(
             g[0],
-            _row(kept, group, red + 1),
-            fma(g[1], _row(kept, group, green + 1), g[2] * _row(kept, group, blue + 1)),
+            _row(kept, group, DERIVATIVES),
+            fma(g[1], _row(kept, group, DERIVATIVES + 3), g[2] * _row(kept, group, DERIVATIVES + 6)),
         ),
         fma(
             g[0],
-            _row(kept, group, red + 2),
-            fma(g[1], _row(kept, group, green + 2), g[2] * _row(kept, group, blue + 2)),
+            _row(kept, group, DERIVATIVES + 1),
+            fma(g[1], _row(kept, group, DERIVATIVES + 4), g[2] * _row(kept, group, DERIVATIVES + 7)),
+        ),
+        fma(
+            g[0],
+            _row(kept, group, DERIVATIVES + 2),
+            fma(g[1], _row(kept, group, DERIVATIVES + 5), g[2] * _row(kept, group, DERIVATIVES + 8)),
         ),
     )
 
@@ -362,7 +354,8 @@ def _group_gradients(
         fma(R[2], g[0], fma(R[5], g[1], fma(R[8], g[2], c[2]))),
     )
     _write_rows_of_three(out.means_m, row, lanes, w[0], w[1], w[2])
-    _add_poses(lanes, _offset(kept, group), g, G, w, out)
+    d = (_row(kept, group, OFFSET), _row(kept, group, OFFSET + 1), _row(kept, group, OFFSET + 2))
+    _add_poses(lanes, d, g, G, w, out)
     if out.feature_size:
         _copy_features(group, row, weighty, out)
 

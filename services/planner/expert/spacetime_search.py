@@ -319,8 +319,12 @@ def _search(
             if count >= len(nodes):
                 return best, expansions
             nodes[count, X], nodes[count, Y], nodes[count, YAW], nodes[count, COST] = xx, yy, new_yaw, new_cost
-            links[count, PARENT], links[count, PRIMITIVE] = node, q
-            links[count, _DEPTH], links[count, _GROUP] = depth + 1, ends[q]
+            links[count, PARENT], links[count, PRIMITIVE], links[count, _DEPTH], links[count, _GROUP] = (
+                node,
+                q,
+                depth + 1,
+                ends[q],
+            )
             table_stamp[slot], table_key[slot], table_node[slot] = stamp, key, count
             waiting = push(heap_cost, heap_node, waiting, new_cost + _HEURISTIC_WEIGHT * left, count)
             count += 1
