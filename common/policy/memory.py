@@ -79,7 +79,11 @@ class PolicyMemory:
         del self._seen_ns[:stale], self._seen[:stale]
 
     def show_goal(self, image: npt.NDArray[np.uint8]) -> None:
-        """Remember the image that the robot would see at the goal, sRGB, shape (H, W, 3)."""
+        """Remember what the robot would see at the goal.
+
+        Args:
+            image: sRGB, shape (H, W, 3).
+        """
         self.kept.goal = Frame(image)
 
     @property

@@ -106,30 +106,25 @@ class OnnxPolicy(Policy):
     ) -> npt.NDArray[np.float32]:
         """Run the graph once; state and cache are brought up to date."""
         graph, kept, frames = self._graph, memory.kept, memory.window()
-        goal = self._goal_frame(memory) if self.spec.wants_goal_image else None
-        known: list[Frame] = []
-        new = frames
-        if graph.cache:
-            distinct = dict.fromkeys([*frames, *([goal] if goal else [])])
-            known, new = [f for f in distinct if f.cached], [f for f in distinct if not f.cached]
+        goal = [self._goal_frame(memory)] if self.spec.wants_goal_image else []
+        # A frame stands in the window more than once where there were fewer before it.
+        distinct = dict.fromkeys([*frames, *goal])
+        known, new = [f for f in distinct if f.cached], [f for f in distinct if not f.cached]
         rows = {frame: row for row, frame in enumerate([*known, *new])}
         fed = {name: kept.state.get(name, self._ports[name].zeros()) for name in graph.state}
         fed |= {name: self._ports[name].rows([frame.cached[name] for frame in known]) for name in graph.cache}
-        seen = self._stacked([frame.image for frame in new if frame.image is not None])
+        seen = self._stacked(new if graph.cache else frames)
         numbers = {Given.GOAL: goal_xy_m, Given.COMMAND: command, Given.ROBOT: memory.traits}
         for name, given in graph.inputs.items():
             port = self._ports[name]
             if given in self._channels:
                 fed[name] = port.images(seen[..., self._channels[given]], together=not graph.cache)
             elif given == Given.GOAL_IMAGE:
-                assert goal is not None
-                assert goal.image is not None
-                fed[name] = port.images(goal.image[None])
+                fed[name] = port.images(self._stacked(goal))
             elif given == Given.WINDOW:
                 fed[name] = np.array([rows[frame] for frame in frames], port.dtype)
             elif given == Given.GOAL_FRAME:
-                assert goal is not None
-                fed[name] = np.array([rows[goal]], port.dtype)
+                fed[name] = np.array([rows[frame] for frame in goal], port.dtype)
             elif given == Given.MOTION:
                 fed[name] = np.asarray(memory.own_motion(command), port.dtype)[None]
             else:
@@ -141,8 +136,9 @@ class OnnxPolicy(Policy):
                 frame.cached[name], frame.image = row, None
         return self._limited(action, memory.traits[LIMITS_AT:])
 
-    def _stacked(self, images: Sequence[npt.NDArray[np.uint8]]) -> npt.NDArray[np.uint8]:
-        camera = self.spec.robot.camera
+    def _stacked(self, frames: Sequence[Frame]) -> npt.NDArray[np.uint8]:
+        """Images of frames that are not encoded yet, shape (N, H, W, C)."""
+        images, camera = [frame.image for frame in frames if frame.image is not None], self.spec.robot.camera
         shape = (0, camera.height_px, camera.width_px, channels_of(self.spec.images))
         return np.stack(images) if images else np.empty(shape, np.uint8)
 
