@@ -1,6 +1,6 @@
 """A grid of commands that a policy weighs against each other: which it is follows from the robot.
 
-Shards and policies name their robot, and so their grid: those of robots that do not reverse have the grid of before.
+Shards and policies name their robot, and so their grid; that of a robot that does not reverse has no command backwards.
 """
 
 import math
