@@ -31,10 +31,10 @@ def test_json_holds_what_the_page_shows(data, tmp_path, capsys) -> None:
 
 def test_page_says_when_the_map_is_not_at_hand_and_draws_it_when_it_is_named(data, room, tmp_path) -> None:
     coverage(data, out=tmp_path / "out")
-    assert "not at hand" in (tmp_path / "out" / "coverage.html").read_text()
+    assert "not available" in (tmp_path / "out" / "coverage.html").read_text()
     save_ros_map(room, tmp_path / "room.yaml")
     coverage(data, out=tmp_path / "out", scene=str(tmp_path / "room.yaml"))
-    assert "not at hand" not in (tmp_path / "out" / "coverage.html").read_text()
+    assert "not available" not in (tmp_path / "out" / "coverage.html").read_text()
     assert json.loads((tmp_path / "out" / "coverage.json").read_text())["visited_share"] > 0
 
 
