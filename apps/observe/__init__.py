@@ -1,1 +1,1 @@
-"""Observability of a process: metrics, structured logs, traces."""
+"""Observability of a process: metrics, structured logs."""

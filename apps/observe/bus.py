@@ -1,9 +1,9 @@
-"""A bus whose requests are measured and traced."""
+"""A bus whose requests are measured."""
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, ExitStack
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
+from readygo.apps.observe.metrics import Metrics
 from readygo.common.bus import Bus, Member
 from readygo.common.messages.topics import Live, Stream, Topic
 
@@ -12,52 +12,33 @@ Reply = TypeVar("Reply")
 Message = TypeVar("Message")
 
 
-class Watcher(Protocol):
-    """Observer of a process's requests."""
-
-    def requesting(self, topic: str) -> AbstractContextManager[None]:
-        """Context that is active while this process waits for the reply to a request."""
-        ...
-
-    def handling(self, topic: str) -> AbstractContextManager[None]:
-        """Context that is active while this process handles a request."""
-        ...
-
-
 class WatchedBus:
-    """A `readygo.common.bus.Bus` whose requests are observed; lossy streams are not."""
+    """A `readygo.common.bus.Bus` whose requests are measured; lossy streams are not."""
 
-    def __init__(
-        self, bus: Bus, watchers: tuple[Watcher, ...], answered: Callable[[str, Any, Any], None] | None = None
-    ) -> None:
+    def __init__(self, bus: Bus, metrics: Metrics, answered: Callable[[Any, Any], None]) -> None:
         """Take part in a run through another bus.
 
         Args:
             bus: The bus itself.
-            watchers: Observers, the outermost first.
-            answered: Called with topic, request and reply of every request that this process has handled.
+            metrics: Gets the durations of the requests.
+            answered: Called with every request that this process has handled, and its reply.
         """
-        self._bus, self._watchers, self._answered = bus, watchers, answered
+        self._bus, self._metrics, self._answered = bus, metrics, answered
 
     def serve(self, topic: Topic[Request, Reply], handler: Callable[[Request], Reply], **rights: Any) -> None:
-        """Serve a topic with an observed handler; arguments as in `Bus.serve`."""
+        """Serve a topic with a measured handler; arguments as in `Bus.serve`."""
 
         def handle(request: Request) -> Reply:
-            with ExitStack() as watched:
-                for watcher in self._watchers:
-                    watched.enter_context(watcher.handling(topic.name))
+            with self._metrics.handling(topic.name):
                 reply = handler(request)
-            if self._answered:
-                self._answered(topic.name, request, reply)
+            self._answered(request, reply)
             return reply
 
         self._bus.serve(topic, handle, **rights)
 
     def request(self, topic: Topic[Request, Reply], request: Request, *, timeout_s: float = 5.0) -> Reply:
-        """Send a request and wait for its reply, observed."""
-        with ExitStack() as watched:
-            for watcher in self._watchers:
-                watched.enter_context(watcher.requesting(topic.name))
+        """Send a request and wait for its reply, measured."""
+        with self._metrics.requesting(topic.name):
             return self._bus.request(topic, request, timeout_s=timeout_s)
 
     def publish(self, stream: Stream[Message], message: Message) -> None:

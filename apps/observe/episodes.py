@@ -5,7 +5,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any
 
-from readygo.common.messages import ClaimReply, DoneRequest, EpisodeKey, Verdict, VerdictStatus
+from readygo.common.messages import ClaimReply, DoneRequest, Verdict, VerdictStatus
 
 EPISODES_MAX = 100_000
 """Largest number of running episodes to track."""
@@ -14,23 +14,23 @@ EPISODES_MAX = 100_000
 class EpisodeClock:
     """Measures episodes by the coordinator's replies."""
 
-    def __init__(self, done: Callable[[str, int, int, int, int], None], clock_ns: Callable[[], int] = time.time_ns):
+    def __init__(self, done: Callable[[float], None], clock_s: Callable[[], float] = time.monotonic) -> None:
         """Begin without running episodes.
 
         Args:
-            done: Called with episode, begin and end by the wall clock [ns], attempts and samples.
-            clock_ns: Returns the wall clock [ns].
+            done: Called with the duration of an episode [s].
+            clock_s: Returns the time [s].
         """
-        self._done, self._clock_ns = done, clock_ns
-        self._under_way: OrderedDict[int, tuple[EpisodeKey, int]] = OrderedDict()
+        self._done, self._clock_s = done, clock_s
+        self._under_way: OrderedDict[int, float] = OrderedDict()
 
-    def answered(self, topic: str, request: Any, reply: Any) -> None:
+    def answered(self, request: Any, reply: Any) -> None:
         """Process a handled request."""
         if isinstance(reply, ClaimReply) and reply.episode is not None:
-            self._under_way.setdefault(reply.episode.index, (reply.episode, self._clock_ns()))
+            self._under_way.setdefault(reply.episode.index, self._clock_s())
             while len(self._under_way) > EPISODES_MAX:
                 self._under_way.popitem(last=False)
         elif isinstance(request, DoneRequest) and isinstance(reply, Verdict) and reply.status is VerdictStatus.OK:
-            begun = self._under_way.pop(request.index, None)
-            if begun is not None:
-                self._done(begun[0].episode_id, begun[1], self._clock_ns(), request.attempt, request.sample_count)
+            begun_s = self._under_way.pop(request.index, None)
+            if begun_s is not None:
+                self._done(self._clock_s() - begun_s)

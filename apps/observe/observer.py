@@ -1,4 +1,4 @@
-"""Metrics and traces of one process, by wrappers around its bus and its work functions."""
+"""Metrics of one process, by wrappers around its bus and its work functions."""
 
 import contextlib
 import json
@@ -7,18 +7,16 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from readygo.apps.observe.bus import WatchedBus, Watcher
+from readygo.apps.observe.bus import WatchedBus
 from readygo.apps.observe.collectors import Restarted, of_coordinator, of_launcher, of_recorder
 from readygo.apps.observe.episodes import EpisodeClock
 from readygo.apps.observe.metrics import Gauges, Metrics
 from readygo.apps.observe.settings import Observing
-from readygo.apps.observe.traces import Traces
 from readygo.apps.run.folder import TARGETS, keep_private
 from readygo.common.bus import Bus
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.common.fleet import Inputs, StageResult, Work
-from readygo.common.fleet.at_work import AtWork
 from readygo.common.messages import ClaimReply, Stage
 from readygo.services.coordinator import Coordinator
 from readygo.services.recorder import Recorder
@@ -27,29 +25,26 @@ log = logging.getLogger(__name__)
 
 
 class Observer:
-    """Metrics and traces of a process; if both are off, it returns its arguments unchanged."""
+    """Metrics of a process; without them it returns its arguments unchanged."""
 
     def __init__(self, observing: Observing, *, run: str, role: str, name: str, state: Path | None = None) -> None:
-        """Start metrics and traces.
+        """Start the metrics.
 
         Args:
-            observing: Requested metrics, logs and traces.
+            observing: Requested metrics and logs.
             run: Name of the run.
             role: Role of the process.
             name: Name of the process.
             state: The run's state folder, for a file with the metrics' endpoint.
 
         Raises:
-            ConfigError: If metrics or traces cannot be started.
+            ConfigError: If the metrics cannot be started.
         """
         self._target: Path | None = None
         self._ends: list[Callable[[], None]] = []
         self._metrics = Metrics() if observing.metrics else None
-        self._traces = Traces(observing.traces, run=run, role=role, worker=name) if observing.traces else None
         self.metrics_at = ""
         """Endpoint of the metrics, HOST:PORT; empty without metrics."""
-        if self._traces:
-            self._ends.append(self._traces.close)
         if self._metrics:
             self.metrics_at, end = self._metrics.serve(observing.metrics)
             self._ends.append(end)
@@ -65,14 +60,15 @@ class Observer:
 
     def bus(self, bus: Bus) -> Bus:
         """The bus with observed requests."""
-        watchers: list[Watcher] = [watcher for watcher in (self._metrics, self._traces) if watcher is not None]
-        return WatchedBus(bus, tuple(watchers), EpisodeClock(self._episode_done).answered) if watchers else bus
+        if self._metrics is None:
+            return bus
+        return WatchedBus(bus, self._metrics, EpisodeClock(self._metrics.episode_done).answered)
 
     def works(self, works: Mapping[Stage, Work]) -> Mapping[Stage, Work]:
-        """A worker's work functions with measured and traced stages."""
-        if self._metrics is None and self._traces is None:
+        """A worker's work functions with measured stages."""
+        if self._metrics is None:
             return works
-        return {stage: self._watched(stage, work) for stage, work in works.items()}
+        return {stage: _measured(self._metrics, stage, work) for stage, work in works.items()}
 
     def coordinator(self, coordinator: Coordinator) -> None:
         """Add the metrics of a coordinator."""
@@ -87,7 +83,7 @@ class Observer:
         self._look_up(of_launcher(members))
 
     def close(self) -> None:
-        """Stop metrics and traces."""
+        """Stop the metrics."""
         if self._target is not None:
             self._target.unlink(missing_ok=True)
         while self._ends:
@@ -103,26 +99,16 @@ class Observer:
             keep_private(target.parents[1])
             self._target = target
 
-    def _episode_done(self, episode: str, begin_ns: int, end_ns: int, attempt: int, samples: int) -> None:
-        if self._metrics:
-            self._metrics.episode_done((end_ns - begin_ns) / 1e9)
-        if self._traces:
-            attributes = {"readygo.attempt": attempt, "readygo.samples": samples}
-            self._traces.episode(episode, begin_ns, end_ns, attributes)
 
-    def _watched(self, stage: Stage, work: Work) -> Work:
-        def watched(claim: ClaimReply, inputs: Inputs) -> StageResult | None:
-            assert claim.episode is not None
-            at_work = AtWork(stage=stage.name, episode=claim.episode.episode_id, attempt=claim.attempt)
-            begin_s, begin_cpu_s, outcome = time.perf_counter(), time.thread_time(), "failed"
-            try:
-                with self._traces.stage(at_work) if self._traces else contextlib.nullcontext():
-                    result = work(claim, inputs)
-                outcome = "rejected" if result and result.rejected else "done"
-                return result
-            finally:
-                if self._metrics:
-                    wall_s, cpu_s = time.perf_counter() - begin_s, time.thread_time() - begin_cpu_s
-                    self._metrics.stage_done(stage.name, outcome, wall_s, cpu_s)
+def _measured(metrics: Metrics, stage: Stage, work: Work) -> Work:
+    def measured(claim: ClaimReply, inputs: Inputs) -> StageResult | None:
+        begin_s, begin_cpu_s, outcome = time.perf_counter(), time.thread_time(), "failed"
+        try:
+            result = work(claim, inputs)
+            outcome = "rejected" if result and result.rejected else "done"
+            return result
+        finally:
+            wall_s, cpu_s = time.perf_counter() - begin_s, time.thread_time() - begin_cpu_s
+            metrics.stage_done(stage.name, outcome, wall_s, cpu_s)
 
-        return watched
+    return measured

@@ -1,27 +1,21 @@
-"""Settings of metrics, logs and traces of a run's processes."""
+"""Settings of metrics and logs of a run's processes."""
 
 from dataclasses import dataclass
 
-from readygo.apps.cli import Group
 from readygo.apps.observe.logs import LogFormat
 from readygo.common.errors import ConfigError
 from readygo.common.extras import install_command, is_installed
 
-OBSERVING = Group("observing")
-"""Group of these options in the help."""
-_OTEL, _OTLP = "opentelemetry.sdk.trace", "opentelemetry.exporter.otlp.proto.http.trace_exporter"
-"""Modules that traces need: for files, and additionally for a collector."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Observing:
-    """Metrics, log format and traces from the command line; by default text logs only."""
+    """Metrics and logs of the run's processes; by default text logs only."""
 
     metrics: str = ""
-    """HOST:PORT of this process's Prometheus endpoint; port 0 takes a free one, and empty serves none."""
+    """HOST:PORT of this process's Prometheus endpoint; port 0 takes a free one, which the log names. The other
+    processes of the run use the same HOST, each with its own port; .readygo/targets in the data folder lists all."""
     log_format: LogFormat = "text"
-    traces: str = ""
-    """Destination of spans: an OTLP endpoint such as http://collector:4318, or a folder for JSON lines; empty: none."""
+    """"json" writes one JSON object per line, with run, worker, stage, episode and attempt."""
 
     def __post_init__(self) -> None:
         if self.metrics:
@@ -35,16 +29,13 @@ class Observing:
         """
         if self.metrics and not is_installed("prometheus_client"):
             raise ConfigError(f"--metrics needs prometheus-client; run: {install_command('metrics')}")
-        modules = [_OTLP, _OTEL] if self.traces.startswith(("http://", "https://")) else [_OTEL]
-        if self.traces and not all(map(is_installed, modules)):
-            raise ConfigError(f"--traces needs OpenTelemetry; run: {install_command('otel')}")
 
     def of_member(self) -> list[str]:
         """Arguments of a process that this one starts on the same host, with a separate port for its metrics."""
         given = ["--log-format", self.log_format] if self.log_format != "text" else []
         if self.metrics:
             given += ["--metrics", f"{self.metrics.rpartition(':')[0]}:0"]
-        return [*given, *(["--traces", self.traces] if self.traces else [])]
+        return given
 
 
 NOTHING = Observing()

@@ -8,7 +8,14 @@ from types import SimpleNamespace
 import pytest
 from mcap.reader import make_reader
 
-from readygo.apps.commands.simulate_robot import _check_suffixes, _drive_all, _topics, _without_latency, simulate_robot
+from readygo.apps.commands.simulate_robot import (
+    SimulateRobotOptions,
+    _check_suffixes,
+    _drive_all,
+    _topics,
+    _without_latency,
+    simulate_robot,
+)
 from readygo.apps.drive.robot import Topics
 from readygo.apps.drive.trial import OUTCOMES
 from readygo.apps.drive.trial_log import RECORD
@@ -34,7 +41,7 @@ COMPRESSED = "sensor_msgs/msg/CompressedImage"
 )
 def test_manners_that_no_robot_has_are_refused_before_anything_is_loaded(options, words):
     with pytest.raises(ConfigError, match=words):
-        simulate_robot("no such scene", **options)
+        simulate_robot(SimulateRobotOptions(scene="no such scene", **options))
 
 
 def begin(*words: str) -> "subprocess.Popen[str]":

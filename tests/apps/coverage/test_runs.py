@@ -4,7 +4,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from readygo.apps.commands.coverage import coverage
+from readygo.apps.commands.coverage import CoverageOptions, coverage
 from readygo.apps.coverage.runs import failed_encounters, rejected, robot_map
 from readygo.apps.run.folder import RunFolder
 from readygo.common.dataset import ShardWriter, encode_episode, shard_name
@@ -31,7 +31,7 @@ def test_other_scene_than_the_datas_is_refused(data, tmp_path, monkeypatch) -> N
         header, samples = drive(0, yaw_rad=0.0, gaps_m=[1.0])
         writer.append(encode_episode(header, 1, samples))
     with pytest.raises(RunError, match="recorded in another scene"):
-        coverage(folder, out=tmp_path / "out", scene="elsewhere")
+        coverage(CoverageOptions(data=folder, out=tmp_path / "out", scene="elsewhere"))
 
 
 def test_failures_are_told_by_the_scenarios_of_rejected_indices(data, monkeypatch) -> None:

@@ -17,7 +17,6 @@ from readygo.common.messages import StatusReply
 from tests.apps.fleet.toy_line import DRAW, FILM, make_folder
 
 pytest.importorskip("prometheus_client", reason="prometheus-client (the extra `metrics`) is not installed")
-pytest.importorskip("opentelemetry.sdk", reason="opentelemetry-sdk (the extra `otel`) is not installed")
 LINE: tuple[Entry, ...] = (DRAW, FILM)
 
 
@@ -27,7 +26,6 @@ class Shown:
 
     page: str
     """Metrics, when all episodes but the last were done."""
-    spans: list[dict[str, object]]
     content_hash: str
     targets_after: list[Path]
 
@@ -43,15 +41,14 @@ def run(data: Path, observing: Observing) -> Shown:
             pages.append(urllib.request.urlopen(f"http://{entry['targets'][0]}/metrics").read().decode())
 
     assert run_in_process(folder, look, LINE, observing).finished
-    spans = [json.loads(line) for file in data.parent.glob("traces/*.jsonl") for line in file.read_text().splitlines()]
     after = list((folder.state / "targets").glob("*.json"))
-    return Shown(pages[-1] if pages else "", spans, Dataset([data]).content_hash, after)
+    return Shown(pages[-1] if pages else "", Dataset([data]).content_hash, after)
 
 
 @pytest.fixture(scope="module")
 def shown(tmp_path_factory: pytest.TempPathFactory) -> Shown:
     folder = tmp_path_factory.mktemp("observed")
-    return run(folder / "data", Observing(metrics="127.0.0.1:0", traces=str(folder / "traces")))
+    return run(folder / "data", Observing(metrics="127.0.0.1:0"))
 
 
 def test_samples_are_the_same_whoever_looks(shown: Shown, tmp_path: Path) -> None:
@@ -83,27 +80,6 @@ def test_disk_and_memory_are_on_the_page(shown: Shown) -> None:
 
 def test_targets_are_there_while_the_run_is(shown: Shown) -> None:
     assert shown.targets_after == []
-
-
-def test_trace_of_an_episode_has_its_stages_and_what_they_asked(shown: Shown) -> None:
-    (root,) = [span for span in shown.spans if span["name"] == "episode" and "000002" in str(span["attributes"])]
-    of_episode = [span for span in shown.spans if span["trace"] == root["trace"]]
-    below = {span["name"] for span in of_episode if span["parent"] == root["span"]}
-    assert {"draw", "film", "request coord/draw/complete"} <= below
-    by_number = {span["span"]: span for span in of_episode}
-    (grant,) = [span for span in of_episode if span["name"] == "coord/rec/grant"]
-    way = [grant]
-    while way[-1]["parent"]:
-        way.append(by_number[way[-1]["parent"]])
-    assert [span["name"] for span in way] == [
-        "coord/rec/grant",
-        "request coord/rec/grant",
-        "rec/rec0/append",
-        "request rec/rec0/append",
-        "film",
-        "episode",
-    ]
-    assert len({span["trace"] for span in shown.spans}) == 3
 
 
 def test_prometheus_of_another_user_gets_through_to_the_targets(tmp_path: Path) -> None:
