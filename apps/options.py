@@ -11,6 +11,7 @@ import inspect
 import itertools
 import re
 import shutil
+import sys
 import textwrap
 import types
 import typing
@@ -222,17 +223,28 @@ def _text(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-@functools.cache
 def _docstrings(kind: type) -> dict[str, str]:
     """The docstring below each field of a dataclass, as one line."""
     words: dict[str, str] = {}
     for each in reversed(kind.__mro__[:-1]):
-        body = typing.cast(ast.ClassDef, ast.parse(textwrap.dedent(inspect.getsource(each))).body[0]).body
-        for field, said in itertools.pairwise(body):
+        words |= _documented_fields(each.__module__).get(each.__name__, {})
+    return words
+
+
+@functools.cache
+def _documented_fields(module: str) -> dict[str, dict[str, str]]:
+    """The docstrings of fields in a module, by class and field; empty if there is no source."""
+    try:
+        tree = ast.parse(inspect.getsource(sys.modules[module]))
+    except (OSError, TypeError):
+        return {}
+    found: dict[str, dict[str, str]] = {}
+    for kind in (node for node in tree.body if isinstance(node, ast.ClassDef)):
+        for field, said in itertools.pairwise(kind.body):
             match field, said:
                 case ast.AnnAssign(target=ast.Name(name)), ast.Expr(value=ast.Constant(value=str(text))):
-                    words[name] = " ".join(text.split())
-    return words
+                    found.setdefault(kind.name, {})[name] = " ".join(text.split())
+    return found
 
 
 def _heading(kind: type) -> str:

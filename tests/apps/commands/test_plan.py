@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from readygo.apps.commands.plan import PlanEpisodeOptions, PlanOptions, _check, _check_endings, _rows, plan
+from readygo.apps.run.options import WorldOptions
 from readygo.common.errors import ConfigError, ReadygoError, RunError, SceneError
 from readygo.common.maps import save_ros_map
 from readygo.services.planner.humans.scenario_file import load_scenarios
@@ -75,7 +76,9 @@ def test_same_episode_gives_the_same_picture(place, index, tmp_path, capsys) -> 
 
 def test_static_episode_has_the_dynamic_ones_start_and_goal(place, index, capsys) -> None:
     dynamic = numbers_of(capsys, place, index=index, keys={"expert": {"mode": "paper"}})
-    static = numbers_of(capsys, place, index=index, keys={"expert": {"mode": "paper"}}, static=True)
+    static = numbers_of(
+        capsys, place, index=index, keys={"expert": {"mode": "paper"}}, episode=PlanEpisodeOptions(static=True)
+    )
     assert static["humans"] == []
     assert static["human_distance_min_m"] is None
     assert (static["start_xyyaw"], static["goal_xy_m"]) == (dynamic["start_xyyaw"], dynamic["goal_xy_m"])
@@ -124,7 +127,7 @@ def test_index_without_a_scenario_is_an_error_that_says_why(place, index, tmp_pa
         ({"picture": Path("p.jpg")}, r"--picture p\.jpg must end in \.png"),
         ({"video": Path("v.avi")}, r"--video v\.avi must end in \.webm or \.mp4"),
         ({"export": Path("s.json")}, r"--export s\.json must end in \.toml"),
-        ({"camera": True}, r"is a map"),
+        ({"episode": PlanEpisodeOptions(camera=True)}, r"is a map"),
         ({"policy": Path("policy")}, "is a map"),
     ],
 )
@@ -140,7 +143,9 @@ def test_camera_is_shown_somewhere() -> None:
 
 def test_people_scenarios_and_sensor_are_those_of_generate(place, index, tmp_path, capsys) -> None:
     crowd = numbers_of(capsys, place, index=index, people="crowd", export=tmp_path / "s.toml")
-    played = numbers_of(capsys, place, index=7, scenarios=tmp_path / "s.toml", sensor="sensor_phone_like")
+    played = numbers_of(
+        capsys, place, index=7, world=WorldOptions(scenarios=tmp_path / "s.toml", sensor="sensor_phone_like")
+    )
     assert played["episode"].endswith("000007")
     assert played["start_xyyaw"] == pytest.approx(crowd["start_xyyaw"], abs=1e-3)
     assert [human["avatar"] for human in played["humans"]] == [human["avatar"] for human in crowd["humans"]]

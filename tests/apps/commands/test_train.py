@@ -115,7 +115,7 @@ def test_data_that_cannot_be_used_are_one_line_and_leave_nothing(
 
 def test_recipe_of_another_architecture_does_not_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     write_shard(tmp_path / "data", [0, 1, 2])
-    options = ["train", str(tmp_path / "data"), "--out", str(tmp_path / "policy"), "--batch-size", "32"]
+    options = ["train", str(tmp_path / "data"), "--out", str(tmp_path / "policy"), "--sampling.batch-size", "32"]
     monkeypatch.setattr(sys, "argv", ["readygo", *options, "--samples", "32", "--recipe", "fast", "--threads", "1"])
     main()
     before = (tmp_path / "policy" / "checkpoint.pt").read_bytes()

@@ -41,7 +41,15 @@ def test_plan_tells_and_shows_it(evaluated, folder, tmp_path, capsys):
     driven = evaluated.reply.records[0]
     capsys.readouterr()
     picture = tmp_path / "episode.png"
-    plan(PlanOptions(scene=driven.episode.episode_id, from_=folder, **options_of(driven), picture=picture, json=True))
+    plan(
+        PlanOptions(
+            scene=driven.episode.episode_id,
+            from_=folder,
+            episode=PlanEpisodeOptions(**options_of(driven)),
+            picture=picture,
+            json=True,
+        )
+    )
     numbers = json.loads(capsys.readouterr().out)
     assert numbers["driver"] == driven.method
     assert numbers["outcome"] == driven.result.outcome.value
