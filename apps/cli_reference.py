@@ -1,57 +1,46 @@
 """The help of all commands as one page, and completion scripts for shells.
 
-Both are generated from signatures and docstrings, as the help is.
+Both are generated from the dataclasses of the options, as the help is.
 """
 
-import inspect
-import re
-import typing
-from collections.abc import Mapping
-from typing import Any, Literal, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Literal
 
-from readygo.apps.cli import Command, function_of, option_name, value_name
+from readygo.apps.cli import Command, function_of, options_of
+from readygo.apps.options import CommandOptions, Option, OptionGroup, describe_options, section_groups
 
 Shell = Literal["bash", "zsh", "fish"]
 
 
-class Parameter(NamedTuple):
-    """One argument of a command."""
-
-    flag: str
-    """The option as typed, such as --out, or the name of a positional argument."""
-    value: str
-    """Name of its value in the help; empty for a switch."""
-    default: str
-    """Default value; empty if the argument is required, or if its description names the default."""
-    words: str
-
-
-class Described(NamedTuple):
-    """A command with its arguments."""
-
-    words: str
-    """Text of its docstring before the arguments."""
-    parameters: tuple[Parameter, ...]
-
-
-def described(command: Command) -> Described:
-    """Description and arguments of a command; its module is imported."""
-    function = function_of(command)
-    hints = typing.get_type_hints(function, include_extras=True)
-    words, arguments = _docstring(inspect.getdoc(function) or "")
-    parameters = inspect.signature(function).parameters.values()
-    return Described(words, tuple(_parameter(each, hints[each.name], arguments) for each in parameters))
+def described(command: Command) -> CommandOptions:
+    """Description and options of a command; its module is imported."""
+    return describe_options(options_of(function_of(command)))
 
 
 def reference(commands: Mapping[str, Command]) -> str:
-    """The page of all commands, in Markdown."""
-    lines = ["# Commands", "", "Made of the code by `make golden`; the `--help` of each command says the same.", ""]
-    for name, command in commands.items():
-        about = described(command)
-        lines += [f"## readygo {name}", "", about.words, ""]
-        if about.parameters:
-            lines += ["| argument | | default |", "|---|---|---|"]
-            lines += [_row(parameter) for parameter in about.parameters] + [""]
+    """The page of all commands, in Markdown: each with its options, and then once the groups that several share."""
+    lines = ["# Commands", "", "Made of the code by `make golden`; the `--help-all` of each command says the same.", ""]
+    about = {name: described(command) for name, command in commands.items()}
+    users: dict[type, list[str]] = {}
+    for name, each in about.items():
+        for group in each.groups:
+            users.setdefault(group.kind, []).append(name)
+    shared = {kind for kind, names in users.items() if len(names) > 1}
+    sections: dict[str, OptionGroup] = {}
+    for name, each in about.items():
+        lines += [f"## readygo {name}", "", each.words, "", *_table(each.own.options)]
+        for group in each.groups:
+            if group.kind not in shared:
+                lines += [f"{group.title}: {group.words}", "", *_table(group.options)]
+        of_config = list(section_groups(each.sections, each.options)) if each.sections else []
+        sections |= {group.heading: group for group in of_config}
+        further = [_link(group.heading) for group in each.groups if group.kind in shared]
+        further += [_link(group.heading) for group in of_config]
+        if further:
+            lines += [f"Further options: {', '.join(further)}.", ""]
+    groups = {group.heading: group for each in about.values() for group in each.groups if group.kind in shared}
+    for heading, group in (groups | sections).items():
+        lines += [f"## {heading}", "", group.words, "", *_table(group.options)]
     return "\n".join(lines)
 
 
@@ -63,7 +52,7 @@ def completion(commands: Mapping[str, Command], shell: Shell) -> str:
         shell: Shell that the script is for.
     """
     options = {
-        name: [p.flag for p in described(command).parameters if p.flag.startswith("--")]
+        name: [p.flag for p in described(command).options if p.flag.startswith("--")]
         for name, command in commands.items()
     }
     if shell == "fish":
@@ -119,31 +108,16 @@ def _first_words(commands: Mapping[str, Command]) -> list[str]:
     return list(dict.fromkeys(name.split()[0] for name in commands))
 
 
-def _docstring(text: str) -> tuple[str, dict[str, str]]:
-    """The text before the sections of a docstring, and the description of every argument by name."""
-    words, _, rest = text.partition("\nArgs:\n")
-    words = re.split(r"\n(?:Returns|Raises):\n", words)[0].strip()
-    section = re.split(r"\n(?=\S)", rest)[0]
-    found = re.findall(r"^ {4}(\w+): (.*(?:\n {5,}.*)*)", section, re.MULTILINE)
-    return words, {name: " ".join(said.split()) for name, said in found}
+def _table(options: Sequence[Option]) -> list[str]:
+    if not options:
+        return []
+    return ["| argument | | default |", "|---|---|---|", *map(_row, options), ""]
 
 
-def _parameter(parameter: inspect.Parameter, hint: Any, arguments: Mapping[str, str]) -> Parameter:
-    positional = parameter.kind is inspect.Parameter.POSITIONAL_ONLY
-    plain = parameter.name if positional else parameter.name.rstrip("_").rsplit("_", 1)[-1]
-    value = "" if hint is bool else value_name(hint, plain, positional) or plain.upper()
-    unsaid = parameter.default in (inspect.Parameter.empty, None, "", ()) or hint is bool
-    name = value if positional else option_name(parameter.name)
-    given = (
-        ""
-        if unsaid
-        else " ".join(map(str, parameter.default))
-        if isinstance(parameter.default, tuple)
-        else str(parameter.default)
-    )
-    return Parameter(name, "" if positional else value, given, arguments.get(parameter.name, ""))
+def _row(option: Option) -> str:
+    typed = f"{option.flag} {option.value}".strip().replace("|", "\\|")
+    return f"| `{typed}` | {option.words} | {option.default} |".replace("  ", " ")
 
 
-def _row(parameter: Parameter) -> str:
-    typed = f"{parameter.flag} {parameter.value}".strip().replace("|", "\\|")
-    return f"| `{typed}` | {parameter.words} | {parameter.default} |".replace("  ", " ")
+def _link(heading: str) -> str:
+    return f"[{heading}](#{heading.lower().replace(' ', '-').replace('_', '-')})"

@@ -7,10 +7,11 @@ an unknown kind of error, tyro's text is printed.
 import contextlib
 import difflib
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
+from readygo.apps.options import Option, option_name
 from readygo.common.errors import ReadygoError
 
 _KINDS = {"INT": "a whole number", "FLOAT": "a number"}
@@ -22,51 +23,68 @@ _WRONG = (
 )
 """Patterns of the messages of Python and tyro for a value of a wrong type."""
 _ALIKE_MIN = 0.75
+MOVED = {
+    "--detail": "--renderer.detail lod",
+    "--disturb": "--driver.disturbed 0.5",
+    "--priority": "--coordinator.priority 1",
+    "--mode": "--expert.mode spacetime",
+    "--learning-rate": "--optimizer.learning-rate 1e-4",
+    "--batch-size": "--sampling.batch-size 64",
+    "--steps": "--gaussians.steps 7000",
+    "--frames": "--frames.count-max 300",
+    "--mapper": "--poses.mapper global",
+    "--marker-id": "--metric.marker-ids 0",
+}
+"""Keys that look like options, with what to give instead."""
 
 
 @contextlib.contextmanager
-def errors_in_one_line(options: Collection[str]) -> Iterator[None]:
+def errors_in_one_line(options: Sequence[Option], keys: Collection[str] = ()) -> Iterator[None]:
     """Make tyro raise a one-line ReadygoError instead of printing a box and exiting.
 
     Args:
-        options: All options of the command, such as "--out".
+        options: All options of the command.
+        keys: Options of configuration keys, such as "--threads".
     """
     try:
         from tyro import _errors as errors
     except ImportError:
         yield
         return
-    with errors.on_parse_error(partial(_raise, options)):
+    known = {option.flag.partition(" ")[0]: option for option in options}
+    with errors.on_parse_error(partial(_raise, known, keys)):
         yield
 
 
-def _raise(options: Collection[str], event: Any) -> None:
-    words = _words(options, event)
+def _raise(options: Mapping[str, Option], keys: Collection[str], event: Any) -> None:
+    words = _words(options, keys, event)
     if words:
         raise ReadygoError(f"{' '.join(words.split())}; see `{event.prog} --help`.")
 
 
-def _words(options: Collection[str], event: Any) -> str:
+def _words(options: Mapping[str, Option], keys: Collection[str], event: Any) -> str:
     """The error in words; empty for an unknown event."""
     match type(event).__name__:
         case "UnrecognizedArgs":
-            return _unknown(options, event.tokens)
+            return _unknown([*options, *keys], event.tokens)
         case "MissingArgs":
             # The missing argument may be there under a misspelt name.
             if any(token.startswith("-") for token in event.unrecognized_tokens):
-                return _unknown(options, event.unrecognized_tokens)
-            return f"{_list([_named(each.arg) for each in event.missing_arguments], 'and')} must be given"
+                return _unknown([*options, *keys], event.unrecognized_tokens)
+            return (
+                f"{_list([_option(options, each.arg).typed for each in event.missing_arguments], 'and')} must be given"
+            )
         case "InvalidChoice":
             # tyro lists the choices of an optional value in any order.
             choices = sorted(set(event.choices) - {"None"}) if "None" in event.choices else list(event.choices)
             close = _closest(event.value, choices)
-            return f"{_name(event.argument)} must be {_list(choices, 'or')}, got {event.value!r}{close}"
+            return f"{_option(options, event.argument).flag} must be {_list(choices, 'or')}, got {event.value!r}{close}"
         case "BadValue" if event.offending_value is not None:
-            return f"{_name(event.argument)} takes no value, got {event.offending_value!r}"
+            return f"{_option(options, event.argument).flag} takes no value, got {event.offending_value!r}"
         case "BadValue":
-            return f"{_name(event.argument)} needs a value: {_named(event.argument)}"
+            return f"{_option(options, event.argument).flag} needs a value: {_option(options, event.argument).typed}"
         case "InstantiationFailure" if event.argument is not None:
-            return f"{_name(event.argument)} {_wrong_value(event.message)}"
+            return f"{_option(options, event.argument).flag} {_wrong_value(event.message)}"
     return ""
 
 
@@ -74,6 +92,8 @@ def _unknown(options: Collection[str], tokens: list[str]) -> str:
     option = next((token.partition("=")[0] for token in tokens if token.startswith("-")), None)
     if option is None:
         return f"unexpected argument {tokens[0]!r}"
+    if option in MOVED:
+        return f"{option} is a key of the configuration: {MOVED[option]}"
     return f"unknown option {option!r}{_closest(option.replace('_', '-'), options)}"
 
 
@@ -91,16 +111,9 @@ def _wrong_value(message: str) -> str:
     return f"cannot be used: {message.rstrip('.')}"
 
 
-def _name(argument: Any) -> str:
-    """An option's name; for a positional argument, its name in the help."""
-    name = argument.lowered.metavar if argument.is_positional() else argument.lowered.name_or_flags[0]
-    return str(name).strip("[]")
-
-
-def _named(argument: Any) -> str:
-    """An option's name with the name of its value, as in the help."""
-    metavar = argument.lowered.metavar
-    return _name(argument) if argument.is_positional() or not metavar else f"{_name(argument)} {metavar}"
+def _option(options: Mapping[str, Option], argument: Any) -> Option:
+    name = argument.field.intern_name.rpartition(".")[2]
+    return options[name.upper() if argument.is_positional() else option_name(name)]
 
 
 def _list(words: list[str], last: str) -> str:

@@ -1,23 +1,31 @@
 """The commands of `readygo`, by name. The table is above all layers: it may name functions of any of them."""
 
 import sys
+from dataclasses import dataclass
 from typing import Literal
+
+from tyro.conf import Positional
 
 from readygo.apps.cli import Command
 
 
-def completion(shell: Literal["bash", "zsh", "fish"], /) -> None:
+@dataclass(frozen=True, kw_only=True)
+class CompletionOptions:
     """Print a script that completes commands and options in a shell.
 
     bash: `source <(readygo completion bash)`, in ~/.bashrc; zsh the same in ~/.zshrc; fish:
     `readygo completion fish > ~/.config/fish/completions/readygo.fish`.
-
-    Args:
-        shell: Shell that the script is for.
     """
+
+    shell: Positional[Literal["bash", "zsh", "fish"]]
+    """Shell that the script is for."""
+
+
+def completion(options: CompletionOptions) -> None:
+    """Print a script that completes commands and options in a shell."""
     from readygo.apps.cli_reference import completion as script
 
-    sys.stdout.write(script(COMMANDS, shell))
+    sys.stdout.write(script(COMMANDS, options.shell))
 
 
 COMMANDS = {

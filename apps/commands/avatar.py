@@ -2,10 +2,12 @@
 
 import json as json_module
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rich.table import Table
+from tyro.conf import Positional
 
 from readygo.apps.terminal import PlainConsole
 from readygo.common.avatars import avatar_hash, avatar_paths, load_avatar
@@ -13,15 +15,20 @@ from readygo.common.avatars.file import EMBEDDED_FOLDER
 from readygo.common.errors import AvatarError
 
 
-def avatar_list(*, avatars: Path | None = None, json: bool = False) -> None:
-    """List avatars with their heights, sizes and licenses; --json prints the full licenses.
+@dataclass(frozen=True, kw_only=True)
+class AvatarListOptions:
+    """List avatars with their heights, sizes and licenses; --json prints the full licenses."""
 
-    Args:
-        avatars: Avatar file or folder of avatars; the embedded ones by default.
-        json: Print a JSON array.
-    """
-    rows = [_described(path) for path in avatar_paths(avatars)]
-    if json:
+    avatars: Path | None = None
+    """Avatar file or folder of avatars; the embedded ones by default."""
+    json: bool = False
+    """Print a JSON array."""
+
+
+def avatar_list(options: AvatarListOptions) -> None:
+    """List avatars with their heights, sizes and licenses; --json prints the full licenses."""
+    rows = [_described(path) for path in avatar_paths(options.avatars)]
+    if options.json:
         sys.stdout.write(json_module.dumps(rows, indent=2) + "\n")
         return
     table = Table("name", "height [m]", "Gaussians", "size [MB]", "license")
@@ -31,50 +38,50 @@ def avatar_list(*, avatars: Path | None = None, json: bool = False) -> None:
     PlainConsole().print(table)
 
 
-def avatar_preview(
-    avatar: Path,
-    /,
-    *,
-    out: Path | None = None,
-    sheet: Path | None = None,
-    video: Path | None = None,
-    seed: int = 0,
-) -> None:
-    """Draw an avatar from all sides, draw four phases of its gait, or write a video of it walking.
+@dataclass(frozen=True, kw_only=True)
+class AvatarPreviewOptions:
+    """Draw an avatar from all sides, draw four phases of its gait, or write a video of it walking."""
 
-    Args:
-        avatar: Avatar file, or the name of an embedded avatar.
-        out: PNG to write: eight sides, standing and in mid-stride.
-        sheet: PNG to write: a contact sheet of four phases of the gait, each from three sides.
-        video: .webm (quick to write) or .mp4: the avatar walks an S-curve over a floor with lines every 0.5 m.
-        seed: Seed of the gait's individual style.
-    """
-    if out is None and sheet is None and video is None:
+    avatar: Positional[Path]
+    """Avatar file, or the name of an embedded avatar."""
+    out: Path | None = None
+    """PNG to write: eight sides, standing and in mid-stride."""
+    sheet: Path | None = None
+    """PNG to write: a contact sheet of four phases of the gait, each from three sides."""
+    video: Path | None = None
+    """.webm (quick to write) or .mp4: the avatar walks an S-curve over a floor with lines every 0.5 m."""
+    seed: int = 0
+    """Seed of the gait's individual style."""
+
+
+def avatar_preview(options: AvatarPreviewOptions) -> None:
+    """Draw an avatar from all sides, draw four phases of its gait, or write a video of it walking."""
+    if options.out is None and options.sheet is None and options.video is None:
         raise AvatarError("Say what to make: --out person.png, --sheet gait.png, --video person.webm, or several.")
     from readygo.common.drawing.film import CODECS, write_film
 
     for option, path, endings in (
-        ("--out", out, (".png",)),
-        ("--sheet", sheet, (".png",)),
-        ("--video", video, tuple(CODECS)),
+        ("--out", options.out, (".png",)),
+        ("--sheet", options.sheet, (".png",)),
+        ("--video", options.video, tuple(CODECS)),
     ):
         if path is not None and path.suffix.lower() not in endings:
             raise AvatarError(f"{option} {path} must end in {' or '.join(endings)}.")
     from readygo.common.drawing.files import write_png
 
-    human = load_avatar(_file_of(avatar))
-    if out is not None:
+    human = load_avatar(_file_of(options.avatar))
+    if options.out is not None:
         from readygo.apps.avatar.studio import standing_pose, stride_pose, turntable
 
-        write_png(out, turntable(human, (standing_pose(), stride_pose())))
-    if sheet is not None:
+        write_png(options.out, turntable(human, (standing_pose(), stride_pose())))
+    if options.sheet is not None:
         from readygo.apps.avatar.walking import contact_sheet
 
-        write_png(sheet, contact_sheet(human, seed=seed))
-    if video is not None:
+        write_png(options.sheet, contact_sheet(human, seed=options.seed))
+    if options.video is not None:
         from readygo.apps.avatar.walking import walk_frames
 
-        write_film(video, walk_frames(human, seed=seed))
+        write_film(options.video, walk_frames(human, seed=options.seed))
 
 
 def _described(path: Path) -> dict[str, Any]:

@@ -2,9 +2,11 @@
 
 import json as json_module
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from tyro.conf import Positional
 
 from readygo.apps.avatar.studio import standing_pose, stride_pose, turntable
 from readygo.apps.terminal import PlainConsole
@@ -18,59 +20,59 @@ _WIDE_SCALES = 10.0
 """Ratio of the largest to the median scale above which 8 bits would coarsen small scales."""
 
 
-def avatar_import(
-    file: Path,
-    /,
-    *,
-    out: Path,
-    license: str,
-    name: str | None = None,
-    height_m: float | None = None,
-    smpl: Path | None = None,
-    betas: Path | None = None,
-    weights: Path | None = None,
-    gaussians: int = 40_000,
-    preview: bool = False,
-    json: bool = False,
-) -> None:
-    """Convert a human model of another program to an avatar file; the format is detected from the file's content.
+@dataclass(frozen=True, kw_only=True)
+class AvatarImportOptions:
+    """Convert a human model of another program to an avatar file; the format is detected from the file's content."""
 
-    Args:
-        file: HUGS checkpoint (.pth), SMPL model (.pkl, .npz), skinned glTF figure (.glb, .gltf, .vrm), or 3DGS .ply.
-        out: Avatar file (.npz) to write.
-        license: License of the model, recorded in the avatar.
-        name: Name of the avatar; the file's by default.
-        height_m: True height of the person [m]; by default the file's unit is the metre.
-        smpl: SMPL model file (.pkl, .npz) of a HUGS checkpoint.
-        betas: .npz with `betas`, the body's shape, for HUGS and SMPL; the mean shape by default.
-        weights: .npz with lbs_weight (and lbs_index), joints_canonical, optionally joints_tpose, for a .ply.
-        gaussians: Target number of Gaussians for a mesh.
-        preview: Write a sheet of views beside it, as PNG.
-        json: Print the report as JSON.
-    """
-    if out.suffix.lower() != ".npz":
-        raise AvatarError(f"--out {out} must end in .npz.")
-    options = ImportOptions(
-        license=license,
-        name=name or out.stem,
-        height_m=height_m,
-        smpl=smpl,
-        betas=betas,
-        weights=weights,
-        gaussians=gaussians,
+    file: Positional[Path]
+    """HUGS checkpoint (.pth), SMPL model (.pkl, .npz), skinned glTF figure (.glb, .gltf, .vrm), or 3DGS .ply."""
+    out: Path
+    """Avatar file (.npz) to write."""
+    license: str
+    """License of the model, recorded in the avatar."""
+    name: str | None = None
+    """Name of the avatar; the file's by default."""
+    height_m: float | None = None
+    """True height of the person [m]; by default the file's unit is the metre."""
+    smpl: Path | None = None
+    """SMPL model file (.pkl, .npz) of a HUGS checkpoint."""
+    betas: Path | None = None
+    """.npz with `betas`, the body's shape, for HUGS and SMPL; the mean shape by default."""
+    weights: Path | None = None
+    """.npz with lbs_weight (and lbs_index), joints_canonical, optionally joints_tpose, for a .ply."""
+    gaussians: int = 40_000
+    """Target number of Gaussians for a mesh."""
+    preview: bool = False
+    """Write a sheet of views beside it, as PNG."""
+    json: bool = False
+    """Print the report as JSON."""
+
+
+def avatar_import(options: AvatarImportOptions) -> None:
+    """Convert a human model of another program to an avatar file; the format is detected from the file's content."""
+    if options.out.suffix.lower() != ".npz":
+        raise AvatarError(f"--out {options.out} must end in .npz.")
+    settings = ImportOptions(
+        license=options.license,
+        name=options.name or options.out.stem,
+        height_m=options.height_m,
+        smpl=options.smpl,
+        betas=options.betas,
+        weights=options.weights,
+        gaussians=options.gaussians,
     )
-    avatar, report = import_human(file, options)
+    avatar, report = import_human(options.file, settings)
     skeleton_of(avatar)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    save_avatar(avatar, out, quantise=not _has_wide_scales(avatar))
-    sheet = out.with_suffix(".png") if preview else None
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    save_avatar(avatar, options.out, quantise=not _has_wide_scales(avatar))
+    sheet = options.out.with_suffix(".png") if options.preview else None
     if sheet is not None:
         write_png(sheet, turntable(avatar, (standing_pose(), stride_pose())))
-    if json:
-        paths = {"out": str(out), "preview": None if sheet is None else str(sheet)}
+    if options.json:
+        paths = {"out": str(options.out), "preview": None if sheet is None else str(sheet)}
         sys.stdout.write(json_module.dumps({**report.as_json(), **paths}, indent=2) + "\n")
     else:
-        _print_report(report, out, sheet)
+        _print_report(report, options.out, sheet)
 
 
 def _has_wide_scales(avatar: Avatar) -> bool:

@@ -1,8 +1,10 @@
 """`readygo scene capture`: a simulated hand-held video of a scene, with its ground truth."""
 
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from rich.progress import Progress
+from tyro.conf import Positional
 
 from readygo.apps.capture.config import CaptureConfig
 from readygo.apps.capture.film import check_out, film, ground_of, plan_filming
@@ -12,75 +14,84 @@ from readygo.common.errors import ConfigError
 from readygo.services.reconstructor.metric.markers import DEFAULT_DICTIONARY
 
 
-def scene_capture(
-    scene: str,
-    /,
-    *,
-    out: Path,
-    walk: bool = False,
-    photos: bool = False,
-    marker_size_m: float = 0.2,
-    marker_dictionary: str = DEFAULT_DICTIONARY,
-    marker_id: int = 0,
-    start: tuple[float, float] | None = None,
-    radius: float = 3.0,
-    crop: tuple[float, float, float, float] | None = None,
-    seconds: float = 30.0,
-    fps: int = 3,
-    size: tuple[int, int] = (640, 480),
-    sub_frames: int = 0,
-    seed: int = 0,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class CaptureDetailOptions:
+    """Marker, area and motion blur."""
+
+    marker_dictionary: str = DEFAULT_DICTIONARY
+    """Dictionary of the marker, as OpenCV names it."""
+    marker_id: int = 0
+    """Id of the marker in the dictionary."""
+    crop: tuple[float, float, float, float] | None = None
+    """x0 y0 x1 y1 of the recorded area [m], instead of start and radius."""
+    sub_frames: int = 0
+    """Images averaged into each frame, for motion blur and rolling shutter; 0: neither."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneCaptureOptions:
     """Record a simulated hand-held video or photos of a scene, with ground-truth camera poses.
 
     A printed marker lies on the floor of the scene. NAME.truth.json beside the video holds the pose of every frame, the
     intrinsics and the marker's corners, so that a reconstruction of the video can be compared with the scene.
-
-    Args:
-        scene: Scene bundle, or "embedded".
-        out: Video to write, .mp4 or .webm; with --photos a new folder.
-        walk: Write a video of a hand-held walk.
-        photos: Write sharp JPEGs with one exposure, taken along the same walk.
-        marker_size_m: Side of the printed marker's black square [m], as of `readygo marker`; 0: no marker.
-        marker_dictionary: Dictionary of the marker, as OpenCV names it.
-        marker_id: Id of the marker in the dictionary.
-        start: Centre of the recorded area [m]; the most open place by default.
-        radius: Radius of the recorded area [m].
-        crop: x0 y0 x1 y1 of the recorded area [m], instead of start and radius.
-        seconds: Duration of the walk [s].
-        fps: Frames per second.
-        size: Width and height of the images [px]; taller than wide: portrait format.
-        sub_frames: Images averaged into each frame, for motion blur and rolling shutter; 0: neither.
-        seed: Seed of the walk.
     """
-    if walk == photos:
+
+    scene: Positional[str]
+    """Scene bundle, or "embedded"."""
+    out: Path
+    """Video to write, .mp4 or .webm; with --photos a new folder."""
+    walk: bool = False
+    """Write a video of a hand-held walk."""
+    photos: bool = False
+    """Write sharp JPEGs with one exposure, taken along the same walk."""
+    marker_size_m: float = 0.2
+    """Side of the printed marker's black square [m], as of `readygo marker`; 0: no marker."""
+    start: tuple[float, float] | None = None
+    """Centre of the recorded area [m]; the most open place by default."""
+    radius: float = 3.0
+    """Radius of the recorded area [m]."""
+    seconds: float = 30.0
+    """Duration of the walk [s]."""
+    fps: int = 3
+    """Frames per second."""
+    size: tuple[int, int] = (640, 480)
+    """Width and height of the images [px]; taller than wide: portrait format."""
+    seed: int = 0
+    """Seed of the walk."""
+    details: CaptureDetailOptions = field(default_factory=CaptureDetailOptions)
+
+
+def scene_capture(options: SceneCaptureOptions) -> None:
+    """Record a simulated hand-held video or photos of a scene, with ground-truth camera poses."""
+    if options.walk == options.photos:
         raise ConfigError("Give either --walk for a video or --photos for sharp pictures.")
     config = CaptureConfig(
-        seconds=seconds,
-        fps=fps,
-        width_px=size[0],
-        height_px=size[1],
-        marker_size_m=marker_size_m,
-        marker_dictionary=marker_dictionary,
-        marker_id=marker_id,
-        sub_frames=sub_frames,
-        photos=photos,
-        seed=seed,
+        seconds=options.seconds,
+        fps=options.fps,
+        width_px=options.size[0],
+        height_px=options.size[1],
+        marker_size_m=options.marker_size_m,
+        marker_dictionary=options.details.marker_dictionary,
+        marker_id=options.details.marker_id,
+        sub_frames=options.details.sub_frames,
+        photos=options.photos,
+        seed=options.seed,
     )
-    check_out(out, config)
-    bundle = open_scene(scene)
-    filming = plan_filming(bundle, ground_of(bundle, crop, start, radius), config)
+    check_out(options.out, config)
+    bundle = open_scene(options.scene)
+    filming = plan_filming(bundle, ground_of(bundle, options.details.crop, options.start, options.radius), config)
     notes = PlainConsole(stderr=True, soft_wrap=True)
     with Progress(console=notes, transient=True) as progress:
         task = progress.add_task("filming", total=config.frames)
-        truth = film(filming, out, lambda done: progress.update(task, completed=done))
+        truth = film(filming, options.out, lambda done: progress.update(task, completed=done))
     for note in filming.notes:
         notes.print(f"Note: {note}", markup=False)
     walked = filming.walk
     console = PlainConsole(soft_wrap=True)
     laps = walked.way_m / walked.loop_m
     console.print(
-        f"{out}: {config.frames} pictures of {size[0]}x{size[1]} px, {walked.way_m:.1f} m in {seconds:g} s, "
+        f"{options.out}: {config.frames} pictures of {options.size[0]}x{options.size[1]} px, "
+        f"{walked.way_m:.1f} m in {options.seconds:g} s, "
         f"{laps:.1f} times around.",
         markup=False,
     )

@@ -1,6 +1,9 @@
 """`readygo card`: writes a dataset card."""
 
+from dataclasses import dataclass
 from pathlib import Path
+
+from tyro.conf import Positional
 
 from readygo.apps.report.card import CAMERAS_FILE, CARD_FILE, FRAMES_FILE, VISITS_FILE, card_text, dataset_summary
 from readygo.apps.report.coverage import heat_map
@@ -13,23 +16,24 @@ from readygo.common.drawing.files import jpeg_bytes, write_png
 from readygo.common.files import write_whole
 
 
-def card(data: Path, /, *, out: Path | None = None) -> None:
-    """Write a dataset card, the README.md of a data folder: counts, balance, pictures, licenses, provenance.
+@dataclass(frozen=True, kw_only=True)
+class CardOptions:
+    """Write a dataset card, the README.md of a data folder: counts, balance, pictures, licenses, provenance."""
 
-    Args:
-        data: Data folder.
-        out: Folder to write it to; the data folder itself by default.
+    data: Positional[Path]
+    """Data folder."""
+    out: Path | None = None
+    """Folder to write it to; the data folder itself by default."""
 
-    Raises:
-        DatasetError: If there is no readable dataset.
-        ReadygoError: If the card cannot be written.
-    """
-    dataset = Dataset([data])
-    folder, name = out or data, data.resolve().name
+
+def card(options: CardOptions) -> None:
+    """Write a dataset card, the README.md of a data folder: counts, balance, pictures, licenses, provenance."""
+    dataset = Dataset([options.data])
+    folder, name = options.out or options.data, options.data.resolve().name
     casts = casts_of(dataset)
     measured = measure(dataset, casts)
-    facts = gather(data, dataset, casts, measured, "")
-    text = card_text(name, dataset, dataset_summary(dataset, data), measured)
+    facts = gather(options.data, dataset, casts, measured, "")
+    text = card_text(name, dataset, dataset_summary(dataset, options.data), measured)
     write_whole(folder / FRAMES_FILE, jpeg_bytes(thumbnails(dataset, name)))
     if (moments := camera_moments(dataset)) is not None:
         write_whole(folder / CAMERAS_FILE, jpeg_bytes(moments))

@@ -2,9 +2,13 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 
+from tyro.conf import Positional
+
 from readygo.apps.fleet.access import join
+from readygo.apps.fleet.options import JoinOptions
 from readygo.apps.fleet.runs import none_such, runs_at
 from readygo.apps.fleet.token import given_token
 from readygo.apps.run.folder import RunFolder
@@ -14,40 +18,28 @@ from readygo.common.errors import BusError, PeerError, RunError
 from readygo.common.messages import Command, ControlRequest, topics
 
 
-def pause(data: Path | None = None, /, *, connect: str = "", run: str = "", certs: Path | None = None) -> None:
-    """Pause a run: workers finish their current work and get no more until `readygo resume`.
+@dataclass(frozen=True, kw_only=True)
+class ControlOptions:
+    """Pause a run: workers finish their current work and get no more until `readygo resume`."""
 
-    Args:
-        data: Data folder that a fleet on this machine is recording into.
-        connect: Endpoint of the fleet's router, instead of the folder.
-        run: Name of the run, as `readygo generate --listen` prints it.
-        certs: Folder with an operator's certificate, for a tls/ endpoint.
-    """
-    _send(Command.PAUSE, data, connect, run, certs)
+    data: Positional[Path | None] = None
+    """Data folder that a fleet on this machine is recording into."""
+    fleet: JoinOptions = field(default_factory=JoinOptions)
 
 
-def resume(data: Path | None = None, /, *, connect: str = "", run: str = "", certs: Path | None = None) -> None:
-    """Resume a run after `readygo pause`: workers get work again.
-
-    Args:
-        data: Data folder that a fleet on this machine is recording into.
-        connect: Endpoint of the fleet's router, instead of the folder.
-        run: Name of the run, as `readygo generate --listen` prints it.
-        certs: Folder with an operator's certificate, for a tls/ endpoint.
-    """
-    _send(Command.RESUME, data, connect, run, certs)
+def pause(options: ControlOptions) -> None:
+    """Pause a run: workers finish their current work and get no more until `readygo resume`."""
+    _send(Command.PAUSE, options.data, options.fleet.connect, options.fleet.run, options.fleet.certs)
 
 
-def cancel(data: Path | None = None, /, *, connect: str = "", run: str = "", certs: Path | None = None) -> None:
-    """End a run; recorded episodes stay, and `readygo generate` can resume it.
+def resume(options: ControlOptions) -> None:
+    """Resume a run after `readygo pause`: workers get work again."""
+    _send(Command.RESUME, options.data, options.fleet.connect, options.fleet.run, options.fleet.certs)
 
-    Args:
-        data: Data folder that a fleet on this machine is recording into.
-        connect: Endpoint of the fleet's router, instead of the folder.
-        run: Name of the run, as `readygo generate --listen` prints it.
-        certs: Folder with an operator's certificate, for a tls/ endpoint.
-    """
-    _send(Command.CANCEL, data, connect, run, certs)
+
+def cancel(options: ControlOptions) -> None:
+    """End a run; recorded episodes stay, and `readygo generate` can resume it."""
+    _send(Command.CANCEL, options.data, options.fleet.connect, options.fleet.run, options.fleet.certs)
 
 
 def _send(command: Command, data: Path | None, connect: str, run: str, certs: Path | None) -> None:

@@ -2,7 +2,10 @@
 
 import json as json_module
 import sys
+from dataclasses import dataclass
 from pathlib import Path
+
+from tyro.conf import Positional
 
 from readygo.apps.report.coverage import coverage_page, heat_map
 from readygo.apps.report.coverage_numbers import casts_of, measure
@@ -17,31 +20,37 @@ PAGE_FILE, NUMBERS_FILE = "coverage.html", "coverage.json"
 MAP_FILE, SHARPNESS_FILE = "visits.png", "sharpness.png"
 
 
-def coverage(data: Path, /, *, out: Path, scene: str = "", json: bool = False) -> None:
-    """Count where robots drove, which pedestrians they met and how they moved, and show it on one page.
+@dataclass(frozen=True, kw_only=True)
+class CoverageOptions:
+    """Count where robots drove, which pedestrians they met and how they moved, and show it on one page."""
 
-    Args:
-        data: Data folder.
-        out: Folder for coverage.html, coverage.json, visits.png and sharpness.png.
-        scene: Scene bundle, "embedded", or a ROS map (.yaml) to draw on; by default the run's scene, if it is
-            available.
-        json: Print the numbers as JSON.
-    """
-    dataset = Dataset([data])
+    data: Positional[Path]
+    """Data folder."""
+    out: Path
+    """Folder for coverage.html, coverage.json, visits.png and sharpness.png."""
+    scene: str = ""
+    """Scene bundle, "embedded", or a ROS map (.yaml) to draw on; by default the run's scene, if it is available."""
+    json: bool = False
+    """Print the numbers as JSON."""
+
+
+def coverage(options: CoverageOptions) -> None:
+    """Count where robots drove, which pedestrians they met and how they moved, and show it on one page."""
+    dataset = Dataset([options.data])
     casts = casts_of(dataset)
     measured = measure(dataset, casts)
-    facts = gather(data, dataset, casts, measured, scene)
+    facts = gather(options.data, dataset, casts, measured, options.scene)
     numbers = page_numbers(measured, facts, dataset)
     clarity = recorded_clarity(dataset)
     numbers["clarity"] = clarity.to_mapping()
     heat = heat_map(measured.visits, facts.occupancy)
     sharp = recorded_map(dataset, clarity, facts.occupancy)
     html = coverage_page(measured, facts, heat, sharp)
-    write_png(out / MAP_FILE, heat)
-    write_png(out / SHARPNESS_FILE, sharp)
-    write_whole(out / NUMBERS_FILE, json_module.dumps(numbers, indent=2) + "\n")
-    write_whole(out / PAGE_FILE, html)
-    if json:
+    write_png(options.out / MAP_FILE, heat)
+    write_png(options.out / SHARPNESS_FILE, sharp)
+    write_whole(options.out / NUMBERS_FILE, json_module.dumps(numbers, indent=2) + "\n")
+    write_whole(options.out / PAGE_FILE, html)
+    if options.json:
         sys.stdout.write(json_module.dumps(numbers) + "\n")
     else:
-        PlainConsole(soft_wrap=True).print(f"Open {out / PAGE_FILE}.", markup=False)
+        PlainConsole(soft_wrap=True).print(f"Open {options.out / PAGE_FILE}.", markup=False)

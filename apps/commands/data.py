@@ -4,12 +4,14 @@ import dataclasses
 import json as json_module
 import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
+from tyro.conf import Positional
 
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.report.card import dataset_summary, summary_lines
@@ -23,21 +25,24 @@ from readygo.common.errors import ConfigError, DatasetError
 DEFECTS_SHOWN = 20
 
 
-def validate(data: Path, /, *, json: bool = False) -> None:
+@dataclass(frozen=True, kw_only=True)
+class ValidateOptions:
     """Read every byte of a dataset, and report every defect.
 
     If the run's ledger is there, the folder is also compared with what was recorded: a missing shard is a defect.
-
-    Args:
-        data: Data folder.
-        json: Print the result as JSON.
-
-    Raises:
-        DatasetError: If there is a defect.
     """
-    report = _with_completeness(_validate_with_progress(data, quiet=json))
-    clarity = recorded_clarity(Dataset([data])) if report.ok else None
-    if json:
+
+    data: Positional[Path]
+    """Data folder."""
+    json: bool = False
+    """Print the result as JSON."""
+
+
+def validate(options: ValidateOptions) -> None:
+    """Read every byte of a dataset, and report every defect."""
+    report = _with_completeness(_validate_with_progress(options.data, quiet=options.json))
+    clarity = recorded_clarity(Dataset([options.data])) if report.ok else None
+    if options.json:
         _print_json(_report_as_mapping(report) | {"clarity": clarity and clarity.to_mapping()})
     else:
         console = PlainConsole(soft_wrap=True)
@@ -47,39 +52,45 @@ def validate(data: Path, /, *, json: bool = False) -> None:
             console.print(f"note: {note}", markup=False)
         if clarity is not None:
             console.print(f"{'warning' if clarity.blurred else 'note'}: {clarity}.", markup=False)
-            console.print(f"{data} is sound: {_counts(report)}.", markup=False)
+            console.print(f"{options.data} is sound: {_counts(report)}.", markup=False)
     if not report.ok:
         more = len(report.defects) - DEFECTS_SHOWN
-        shown = f" ({more} more not shown)" if more > 0 and not json else ""
-        raise DatasetError(f"{data} has {len(report.defects)} defects{shown} in {_counts(report)}; {_remedy(report)}")
+        shown = f" ({more} more not shown)" if more > 0 and not options.json else ""
+        raise DatasetError(
+            f"{options.data} has {len(report.defects)} defects{shown} in {_counts(report)}; {_remedy(report)}"
+        )
 
 
-def inspect(data: Path, /, *, sheet: Path | None = None, overlay: Path | None = None, json: bool = False) -> None:
-    """Summarise a dataset, and draw sample images, or its labels over its images.
+@dataclass(frozen=True, kw_only=True)
+class InspectOptions:
+    """Summarise a dataset, and draw sample images, or its labels over its images."""
 
-    Args:
-        data: Data folder.
-        sheet: PNG to write: recorded images, spread over the episodes, with place and sharpness.
-        overlay: PNG to write: images with pedestrians, overlaid with their joints, boxes and ground points.
-        json: Print the complete summary as JSON.
+    data: Positional[Path]
+    """Data folder."""
+    sheet: Path | None = None
+    """PNG to write: recorded images, spread over the episodes, with place and sharpness."""
+    overlay: Path | None = None
+    """PNG to write: images with pedestrians, overlaid with their joints, boxes and ground points."""
+    json: bool = False
+    """Print the complete summary as JSON."""
 
-    Raises:
-        DatasetError: If there is no readable dataset, or no labels for an overlay.
-    """
-    for option, path in (("--sheet", sheet), ("--overlay", overlay)):
+
+def inspect(options: InspectOptions) -> None:
+    """Summarise a dataset, and draw sample images, or its labels over its images."""
+    for option, path in (("--sheet", options.sheet), ("--overlay", options.overlay)):
         if path is not None and path.suffix.lower() != ".png":
             raise ConfigError(f"{option} {path} must end in .png.")
-    dataset = Dataset([data])
-    if overlay is not None:
+    dataset = Dataset([options.data])
+    if options.overlay is not None:
         from readygo.apps.pictures.label_overlay import label_overlay
 
-        write_png(overlay, label_overlay(dataset))
-    if sheet is not None:
+        write_png(options.overlay, label_overlay(dataset))
+    if options.sheet is not None:
         from readygo.apps.views.recorded import thumbnails
 
-        write_png(sheet, thumbnails(dataset, data.resolve().name))
-    summary = dataset_summary(dataset, data)
-    if json:
+        write_png(options.sheet, thumbnails(dataset, options.data.resolve().name))
+    summary = dataset_summary(dataset, options.data)
+    if options.json:
         _print_json(summary)
         return
     table = Table(show_header=False, box=None)

@@ -2,7 +2,7 @@
 
 import json as json_module
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from readygo.apps.doctor import examine
@@ -11,18 +11,20 @@ from readygo.common.errors import ReadygoError
 MARKS = {True: "ok  ", False: "FAIL", None: "    "}
 
 
-def doctor(*, data: Path = Path(), json: bool = False) -> None:
-    """Check this machine's software, hardware and disk for readygo; changes nothing.
+@dataclass(frozen=True, kw_only=True)
+class DoctorOptions:
+    """Check this machine's software, hardware and disk for readygo; changes nothing."""
 
-    Args:
-        data: Folder for future recordings, whose disk is checked; this folder by default.
-        json: Print everything as JSON.
+    data: Path = Path()
+    """Folder for future recordings, whose disk is checked; this folder by default."""
+    json: bool = False
+    """Print everything as JSON."""
 
-    Raises:
-        ReadygoError: If something essential is missing.
-    """
-    findings = examine(data)
-    if json:
+
+def doctor(options: DoctorOptions) -> None:
+    """Check this machine's software, hardware and disk for readygo; changes nothing."""
+    findings = examine(options.data)
+    if options.json:
         sys.stdout.write(json_module.dumps([asdict(finding) for finding in findings], indent=2) + "\n")
     else:
         width = max(len(finding.name) for finding in findings)

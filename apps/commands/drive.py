@@ -4,14 +4,15 @@ import signal
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from tyro.conf import Positional, UseAppendAction
 
-from readygo.apps.cli import Group, Repeated
 from readygo.apps.drive.calibration import Rectifier, camera_from_file, camera_from_info, mount_differences
 from readygo.apps.drive.messages import Goal
 from readygo.apps.drive.named_topics import check_topics, image_topics, info_topics
@@ -41,122 +42,149 @@ SENT_HZ = 20
 """Lowest rate of commands [Hz]; it keeps the robot's watchdog from stopping it."""
 
 
-def drive(
-    policy: Path,
-    /,
-    *,
-    goal: tuple[float, float] | None = None,
-    goal_frame: Literal["start", "odom"] = "start",
-    goal_topic: str = "",
-    goal_image: Path | None = None,
-    goal_radius: float | None = None,
-    time_limit: float | None = None,
-    v_max: float | None = None,
-    w_max: float | None = None,
-    rate_hz: float | None = None,
-    robot: Path | None = None,
-    dry_run: bool = False,
-    image: Annotated[tuple[str, ...], Group("connection"), Repeated()] = (),
-    depth: Annotated[tuple[str, ...], Group("connection"), Repeated()] = (),
-    odom: Annotated[str, Group("connection")] = "/odom",
-    cmd_vel: Annotated[str, Group("connection")] = "/cmd_vel",
-    camera_info: Annotated[str, Group("connection")] = "",
-    calibration: Annotated[Path | None, Group("connection")] = None,
-    wire: Annotated[WireName, Group("connection")] = "ros2",
-    connect: Annotated[str, Group("connection")] = "tcp/127.0.0.1:7447",
-    domain: Annotated[int, Group("connection")] = 0,
-    prefix: Annotated[str, Group("connection")] = "",
-    stamped: Annotated[bool, Group("connection")] = False,
-    log: Annotated[Path | None, Group("trial")] = None,
-    task: Annotated[TaskLabel, Group("trial")] = "static",
-    outcome_topic: Annotated[str, Group("trial")] = "",
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class DriveLimitOptions:
+    """Limits of the trial and of the robot's motion."""
+
+    goal_frame: Literal["start", "odom"] = "start"
+    """Frame of `goal`: the robot's start pose, or "odom", the frame of the odometry."""
+    goal_radius: float | None = None
+    """Distance from the goal at which the robot has arrived [m]; by default as in the policy's training."""
+    time_limit: float | None = None
+    """Longest trial [s]; by default as in the policy's training."""
+    v_max: float | None = None
+    """Largest speed [m/s], at most the policy's."""
+    w_max: float | None = None
+    """Largest yaw rate [rad/s], at most the policy's."""
+    rate_hz: float | None = None
+    """Lowest rate of commands [Hz]; by default the control rate of the policy's robot, at least 20. Each image
+    triggers a command immediately as well."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveTopicOptions:
+    """Further topics of the robot."""
+
+    depth: UseAppendAction[tuple[str, ...]] = ()
+    """Topic of the depth images that the policy uses: Image in millimetres (16UC1) or metres (32FC1), or
+    CompressedImage (compressedDepth), aligned to the images; NAME=/topic for further cameras."""
+    odom: str = "/odom"
+    """Topic of the Odometry."""
+    cmd_vel: str = "/cmd_vel"
+    """Topic of the commands, Twist, or TwistStamped if the robot subscribes to that."""
+    camera_info: str = ""
+    """Topic of the first camera's CameraInfo; by default next to its image topic, as for further cameras."""
+    outcome_topic: str = ""
+    """Topic of a String that ends the trial: success, timeout, static_collision or human_collision."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RosOptions:
+    """Names of the robot in ROS."""
+
+    domain: int = 0
+    """ROS_DOMAIN_ID of the robot."""
+    prefix: str = ""
+    """Key prefix, behind a bridge with a namespace."""
+    stamped: bool = False
+    """Send TwistStamped behind a bridge."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveOptions:
     """Drive a robot to a goal with a policy that sees its camera images; this machine needs no ROS.
 
     The robot is stopped while images or odometry are older than 0.3 s, and when the trial ends: at the goal, at the
     time limit, at Ctrl-C, or if a clock, the odometry or the policy is invalid. Keep its emergency stop at hand.
-
-    Args:
-        policy: Folder of a trained policy.
-        goal: Goal position, ahead and left of the robot's start pose [m]; see `goal_frame`.
-        goal_frame: Frame of `goal`: the robot's start pose, or "odom", the frame of the odometry.
-        goal_topic: Topic of a PoseStamped goal in the odometry's frame, such as /goal_pose, instead of `goal`.
-        goal_image: Image file of the camera's view at the goal, for a policy with image goals; the goal position still
-            determines arrival.
-        goal_radius: Distance from the goal at which the robot has arrived [m]; by default as in the policy's training.
-        time_limit: Longest trial [s]; by default as in the policy's training.
-        v_max: Largest speed [m/s], at most the policy's.
-        w_max: Largest yaw rate [rad/s], at most the policy's.
-        rate_hz: Lowest rate of commands [Hz]; by default the control rate of the policy's robot, at least 20. Each
-            image triggers a command immediately as well.
-        robot: robot.toml of this robot, for a policy trained for several robots (docs/learn.md).
-        dry_run: Print the commands instead of sending them.
-        image: Topic of the images, Image or CompressedImage, /camera/image_raw by default; --image NAME=/topic for each
-            further camera that the policy uses.
-        depth: Topic of the depth images that the policy uses: Image in millimetres (16UC1) or metres (32FC1), or
-            CompressedImage (compressedDepth), aligned to the images; NAME=/topic for further cameras.
-        odom: Topic of the Odometry.
-        cmd_vel: Topic of the commands, Twist, or TwistStamped if the robot subscribes to that.
-        camera_info: Topic of the first camera's CameraInfo; by default next to its image topic, as for further cameras.
-        calibration: Calibration file instead of a CameraInfo: robot.toml, or .yaml of ROS's camera_calibration.
-        wire: Transport: "ros2" is rmw_zenoh, "bridge" zenoh-bridge-ros2dds, "plain" MessagePack without ROS
-            (docs/robots.md).
-        connect: Endpoint of the robot's Zenoh router.
-        domain: ROS_DOMAIN_ID of the robot.
-        prefix: Key prefix, behind a bridge with a namespace.
-        stamped: Send TwistStamped behind a bridge.
-        log: MCAP file to record the trial in.
-        task: Task under which `readygo evaluate --from-logs` counts the trial.
-        outcome_topic: Topic of a String that ends the trial: success, timeout, static_collision or human_collision.
-
-    Raises:
-        ReadygoError: If policy, robot or calibration cannot be used.
     """
-    check_endpoint(connect, "--connect")
-    loaded, console = _loaded(policy, robot), PlainConsole(soft_wrap=True)
-    in_start_frame = goal_frame == "start" and not goal_topic
-    config = _config(loaded, in_start_frame, goal_radius, time_limit, v_max, w_max)
-    least_hz = max(SENT_HZ, loaded.spec.robot.control_hz)
+
+    policy: Positional[Path]
+    """Folder of a trained policy."""
+    goal: tuple[float, float] | None = None
+    """Goal position, ahead and left of the robot's start pose [m]; see `goal_frame`."""
+    goal_topic: str = ""
+    """Topic of a PoseStamped goal in the odometry's frame, such as /goal_pose, instead of `goal`."""
+    goal_image: Path | None = None
+    """Image file of the camera's view at the goal, for a policy with image goals; the goal position still
+    determines arrival."""
+    robot: Path | None = None
+    """robot.toml of this robot, for a policy trained for several robots (docs/learn.md)."""
+    dry_run: bool = False
+    """Print the commands instead of sending them."""
+    image: UseAppendAction[tuple[str, ...]] = ()
+    """Topic of the images, Image or CompressedImage, /camera/image_raw by default; --image NAME=/topic for each
+    further camera that the policy uses."""
+    calibration: Path | None = None
+    """Calibration file instead of a CameraInfo: robot.toml, or .yaml of ROS's camera_calibration."""
+    wire: WireName = "ros2"
+    """Transport: "ros2" is rmw_zenoh, "bridge" zenoh-bridge-ros2dds, "plain" MessagePack without ROS
+    (docs/robots.md)."""
+    connect: str = "tcp/127.0.0.1:7447"
+    """Endpoint of the robot's Zenoh router."""
+    log: Path | None = None
+    """MCAP file to record the trial in."""
+    task: TaskLabel = "static"
+    """Task under which `readygo evaluate --from-logs` counts the trial."""
+    limits: DriveLimitOptions = field(default_factory=DriveLimitOptions)
+    topics: DriveTopicOptions = field(default_factory=DriveTopicOptions)
+    ros: RosOptions = field(default_factory=RosOptions)
+
+
+def drive(options: DriveOptions) -> None:
+    """Drive a robot to a goal with a policy that sees its camera images; this machine needs no ROS."""
+    check_endpoint(options.connect, "--connect")
+    policy, console = _loaded(options.policy, options.robot), PlainConsole(soft_wrap=True)
+    robot, inputs = policy.spec.robot, policy.spec.images
+    config = _config(policy, options)
+    least_hz = max(SENT_HZ, robot.control_hz)
+    rate_hz = options.limits.rate_hz
     if rate_hz is not None and rate_hz < least_hz:
         raise ConfigError(f"--rate-hz must be at least {least_hz}, got {rate_hz:g}.")
-    if (goal is None) == (not goal_topic):
+    if (options.goal is None) == (not options.goal_topic):
         raise ConfigError("Say where to go: either --goal X Y or --goal-topic TOPIC.")
-    named = image_topics(image, depth, loaded.spec.robot)
-    check_topics(named, loaded.spec.images, loaded.spec.robot)
-    shown = _goal_image(loaded, goal_image)
-    infos = {} if calibration else {**info_topics(named), **({"": camera_info} if camera_info else {})}
-    topics = Topics(
-        image=named.pop(RGB),
-        odometry=odom,
-        command=cmd_vel,
-        camera_info=infos.pop("", ""),
-        goal=goal_topic,
-        outcome=outcome_topic,
-        beside=named,
-        infos=infos,
-    )
+    named = image_topics(options.image, options.topics.depth, robot)
+    check_topics(named, inputs, robot)
+    goal_image = _goal_image(policy, options.goal_image)
     signal.signal(signal.SIGHUP, _hang_up)
-    spoken = make_wire(wire, domain=domain, prefix=prefix, stamped=stamped, node="readygo_drive")
-    cameras = {name: camera_on(loaded.spec.robot, name) for name in cameras_of(loaded.spec.images)}
+    ros, calibration = options.ros, options.calibration
+    wire = make_wire(options.wire, domain=ros.domain, prefix=ros.prefix, stamped=ros.stamped, node="readygo_drive")
+    cameras = {name: camera_on(robot, name) for name in cameras_of(inputs)}
     own = {name: camera_from_file(camera, calibration, name) for name, camera in cameras.items()} if calibration else {}
-    machine = connected(connect, spoken, topics, dry=dry_run)
+    machine = connected(options.connect, wire, _topics(options, named), dry=options.dry_run)
     try:
         rectify = {
             name: _rectifier(camera, own[name] if own else _camera_of(camera, machine, name), console)
             for name, camera in cameras.items()
         }
-        where = Goal(x_m=goal[0], y_m=goal[1]) if goal else _goal_of(machine)
-        pilot = _pilot(loaded, rectify, config, where, shown)
+        where = Goal(x_m=options.goal[0], y_m=options.goal[1]) if options.goal else _goal_of(machine)
+        pilot = _pilot(policy, rectify, config, where, goal_image)
         record = {
-            "policy": policy.resolve().name,
-            "policy_sha256": policy_sha256(policy),
-            "task": task,
+            "policy": options.policy.resolve().name,
+            "policy_sha256": policy_sha256(options.policy),
+            "task": options.task,
             "time_limit_s": config.time_limit_s,
         }
-        _drive(machine, pilot, rate_hz or least_hz, log, record, console, loaded.spec.robot)
+        _drive(machine, pilot, rate_hz or least_hz, options.log, record, console, robot)
     finally:
         with _undisturbed():
             machine.close()
+
+
+def _topics(options: DriveOptions, named: Mapping[str, str]) -> Topics:
+    """All topics of the robot; `named` are those of its images."""
+    infos = {} if options.calibration else info_topics(named)
+    if options.topics.camera_info and not options.calibration:
+        infos = {**infos, "": options.topics.camera_info}
+    return Topics(
+        image=named[RGB],
+        odometry=options.topics.odom,
+        command=options.topics.cmd_vel,
+        camera_info=infos.get("", ""),
+        goal=options.goal_topic,
+        outcome=options.topics.outcome_topic,
+        beside={name: topic for name, topic in named.items() if name != RGB},
+        infos={name: topic for name, topic in infos.items() if name},
+    )
 
 
 def _loaded(folder: Path, robot: Path | None) -> Policy:
@@ -202,27 +230,21 @@ def _drive(
         raise RunError(f"The robot was stopped: {pilot.reason}.")
 
 
-def _config(
-    policy: Policy,
-    in_start_frame: bool,
-    goal_radius_m: float | None,
-    time_limit_s: float | None,
-    v_max_mps: float | None,
-    w_max_radps: float | None,
-) -> DriveConfig:
+def _config(policy: Policy, options: DriveOptions) -> DriveConfig:
     """The settings of a trial: those of the policy's training where none are given.
 
     Raises:
         ConfigError: If the limits are not the policy's.
     """
+    limits = options.limits
     spec = policy.spec
     episode = settings_of_policy(spec).episode
     config = DriveConfig(
-        v_max_mps=spec.robot.v_max_mps if v_max_mps is None else v_max_mps,
-        w_max_radps=spec.robot.w_max_radps if w_max_radps is None else w_max_radps,
-        goal_radius_m=episode.success_radius_m if goal_radius_m is None else goal_radius_m,
-        time_limit_s=episode.time_limit_s if time_limit_s is None else time_limit_s,
-        goal_in_start_frame=in_start_frame,
+        v_max_mps=spec.robot.v_max_mps if limits.v_max is None else limits.v_max,
+        w_max_radps=spec.robot.w_max_radps if limits.w_max is None else limits.w_max,
+        goal_radius_m=episode.success_radius_m if limits.goal_radius is None else limits.goal_radius,
+        time_limit_s=episode.time_limit_s if limits.time_limit is None else limits.time_limit,
+        goal_in_start_frame=limits.goal_frame == "start" and not options.goal_topic,
     )
     try:
         limited(spec.robot, config)

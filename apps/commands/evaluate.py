@@ -4,18 +4,21 @@ import json as json_module
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from tyro.conf import Positional
 
 from readygo.apps.commands.evaluate_logs import evaluate_logs
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.evaluation.replay import Replays
 from readygo.apps.evaluation.watch import check_wanted, watched_method, write_films, write_pages
 from readygo.apps.fleet.evaluation import EvaluationFleet, by_fleet, fleet_spec, make_plan
+from readygo.apps.fleet.options import RouterOptions
 from readygo.apps.report.evaluation import REPORT_FILE
-from readygo.apps.run.config import RunConfig
+from readygo.apps.run.config import RunConfig, RunKeys
 from readygo.apps.run.evaluation import (
     CameraName,
     evaluation_config,
@@ -28,9 +31,11 @@ from readygo.apps.run.evaluation import (
 )
 from readygo.apps.run.method_files import method_hashes
 from readygo.apps.run.methods import CHECKPOINTS, named_methods, needs_renderer, other_policies
+from readygo.apps.run.options import WorldOptions
 from readygo.apps.run.origin import avatars_of_policy, check_unseen, unseen_avatars
 from readygo.apps.run.policy import policy_sha256
 from readygo.apps.run.spec import episode_count
+from readygo.apps.run.world import World
 from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.config import section_to_mapping
@@ -49,158 +54,205 @@ from readygo.services.evaluator import (
     summary_table,
 )
 from readygo.services.planner.humans.mixes import MixName
-from readygo.services.renderer import SensorName
 
 TaskName = Literal["static", "dynamic", "reactive"]
 Show = Callable[[EpisodeRecord], None]
 Say = Callable[[str], None]
 
 
-def evaluate(
-    scene: str = "",
-    policy: Path | None = None,
-    /,
-    *,
-    from_logs: Path | None = None,
-    episodes: int | None = None,
-    tasks: tuple[TaskName, ...] = ("static", "dynamic"),
-    methods: tuple[str, ...] = ("policy", "expert", "straight-line"),
-    split: Literal["train", "val", "test"] = "test",
-    seed: int = 0,
-    out: Path | None = None,
-    video: tuple[str, ...] = (),
-    avatars: Path | None = None,
-    unseen: tuple[Literal["avatars", "scenes"], ...] = (),
-    robot: Path | None = None,
-    config: Path | None = None,
-    sensor: SensorName | None = None,
-    camera: CameraName = "policy",
-    people: MixName | None = None,
-    scenarios: Path | None = None,
-    control_hz: float | None = None,
-    lockstep: int = 8,
-    checkpoints: Path = CHECKPOINTS,
-    workers: int = 0,
-    listen: str = "",
-    certs: Path | None = None,
-    json: bool = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class TrialOptions:
+    """Which episodes are driven, and how."""
+
+    from_logs: Path | None = None
+    """Folder with logs of `readygo drive --log`, instead of a scene: prints the results of a real robot's trials;
+    `labels.toml` in it adds what the logs do not record."""
+    split: Literal["train", "val", "test"] = "test"
+    """Split that the episodes are drawn from."""
+    seed: int = 0
+    """Seed of the episodes."""
+    unseen: tuple[Literal["avatars", "scenes"], ...] = ()
+    """What must be new to the policy, else the command fails: "avatars" uses the test part if the policy's data
+    use the training part (at least six avatars there, two here); "scenes"."""
+    camera: CameraName = "policy"
+    """"policy" uses the camera that the policy was trained with, and rejects a different one in `robot`, `config`
+    or `sensor`; "robot" uses the given one."""
+    control_hz: float | None = None
+    """Rate of the policy's decisions [Hz], by default the robot's control rate; the command is held between
+    decisions, and the policy's memory still sees every image."""
+    lockstep: int = 8
+    """Episodes simulated in parallel."""
+    checkpoints: Path = CHECKPOINTS
+    """Folder with gnm_large.pth, vint.pth, nomad.pth, the policy vid2sim and others, or runs of `readygo learn`,
+    for the methods that need them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluateOptions:
     """Drive a policy, the expert and a straight-line baseline through the same episodes, and report success rates.
 
     With `out`, every episode is saved when it ends. After an interruption the same command resumes, also with more
     episodes, tasks or methods.
-
-    Args:
-        scene: Scene bundle, "embedded", or "embedded:SEED".
-        policy: Folder of a trained policy; without one, only the other methods drive.
-        from_logs: Folder with logs of `readygo drive --log`, instead of a scene: prints the results of a real robot's
-            trials; `labels.toml` in it adds what the logs do not record.
-        episodes: Episodes per task; by default 100, or the number of entries in the scenario file.
-        tasks: "static" has no pedestrians, "dynamic" has pedestrians that ignore the robot, "reactive" has the same
-            pedestrians, who avoid the robot.
-        methods: Drivers: policy, expert, expert-paper, straight-line, social-force, gaussnav, splat-nav, vid2sim, gnm,
-            vint, nomad, further policies by the names of their folders in `checkpoints`, or your class as
-            my_package:MyDriver or folder/file.py:MyDriver.
-        split: Split that the episodes are drawn from.
-        seed: Seed of the episodes.
-        out: Folder for episodes.jsonl, trajectories.jsonl, summary.json, videos, and pages with the failures.
-        video: Episodes of the policy to write as videos into `out`: "worst", "failures" or indices, such as worst 17; a
-            later call writes them without driving the episodes again.
-        avatars: Avatar file or folder of avatars; by default those of the policy's data, else the embedded ones. The
-            suffix ":train" or ":test", also after "embedded", selects one part.
-        unseen: What must be new to the policy, else the command fails: "avatars" uses the test part if the policy's
-            data use the training part (at least six avatars there, two here); "scenes".
-        robot: robot.toml; by default the robot in `config`, else the policy's.
-        config: TOML file with sections of settings, as for `readygo generate`; other settings are those of the policy's
-            data.
-        sensor: Recipe of the camera's lens, light and shutter and of their variation; overrides robot and `config`.
-        camera: "policy" uses the camera that the policy was trained with, and rejects a different one in `robot`,
-            `config` or `sensor`; "robot" uses the given one.
-        people: Scenario mix: how many pedestrians there are and how they meet the robot; overrides `config`. By default
-            as in the policy's data, else "paper".
-        scenarios: TOML file with starts, goals and pedestrians to play in order, instead of drawn ones.
-        control_hz: Rate of the policy's decisions [Hz], by default the robot's control rate; the command is held
-            between decisions, and the policy's memory still sees every image.
-        lockstep: Episodes simulated in parallel.
-        checkpoints: Folder with gnm_large.pth, vint.pth, nomad.pth, the policy vid2sim and others, or runs of
-            `readygo learn`, for the methods that need them.
-        workers: Processes that drive, one per core; 0 drives in this process. The results are the same.
-        listen: Endpoint of the workers' router, such as tcp/127.0.0.1:7447, for workers that you start by hand or on
-            other machines (`readygo worker evaluator`); a free loopback port by default.
-        certs: Folder with certificates of coordinator and evaluator (`readygo certs issue`), for a tls/ endpoint.
-        json: Print the summary as JSON.
     """
-    if from_logs is not None:
-        evaluate_logs(from_logs, out, json=json)
+
+    scene: Positional[str] = ""
+    """Scene bundle, "embedded", or "embedded:SEED"."""
+    policy: Positional[Path | None] = None
+    """Folder of a trained policy; without one, only the other methods drive."""
+    episodes: int | None = None
+    """Episodes per task; by default 100, or the number of entries in the scenario file."""
+    tasks: tuple[TaskName, ...] = ("static", "dynamic")
+    """"static" has no pedestrians, "dynamic" has pedestrians that ignore the robot, "reactive" has the same
+    pedestrians, who avoid the robot."""
+    methods: tuple[str, ...] = ("policy", "expert", "straight-line")
+    """Drivers: policy, expert, expert-paper, straight-line, social-force, gaussnav, splat-nav, vid2sim, gnm, vint,
+    nomad, further policies by the names of their folders in `checkpoints`, or your class as my_package:MyDriver or
+    folder/file.py:MyDriver."""
+    out: Path | None = None
+    """Folder for episodes.jsonl, trajectories.jsonl, summary.json, videos, and pages with the failures."""
+    video: tuple[str, ...] = ()
+    """Episodes of the policy to write as videos into `out`: "worst", "failures" or indices, such as worst 17; a
+    later call writes them without driving the episodes again."""
+    robot: Path | None = None
+    """robot.toml; by default the robot in `config`, else the policy's."""
+    config: Path | None = None
+    """TOML file with sections of settings, as for `readygo generate`; other settings are those of the policy's
+    data."""
+    people: MixName | None = None
+    """Scenario mix: how many pedestrians there are and how they meet the robot; overrides `config`. By default as
+    in the policy's data, else "paper"."""
+    workers: int = 0
+    """Processes that drive, one per core; 0 drives in this process. The results are the same."""
+    json: bool = False
+    """Print the summary as JSON."""
+    trials: TrialOptions = field(default_factory=TrialOptions)
+    world: WorldOptions = field(default_factory=WorldOptions)
+    fleet: RouterOptions = field(default_factory=RouterOptions)
+    keys: RunKeys = field(default_factory=dict)
+
+
+def evaluate(options: EvaluateOptions) -> None:
+    """Drive a policy, the expert and a straight-line baseline through the same episodes, and report success rates."""
+    trials, out = options.trials, options.out
+    if trials.from_logs is not None:
+        evaluate_logs(trials.from_logs, out, json=options.json)
         return
-    if not scene:
+    if not options.scene:
         raise RunError("Say where: readygo evaluate SCENE POLICY, or --from-logs FOLDER for trials of a real robot.")
-    check_wanted(video)
-    _check_folder(out, workers, listen, video)
-    count = episode_count(scenarios) if episodes is None else episodes
-    drivers = methods if policy else _without_policy(methods)
-    request = make_request(count, tasks, drivers, Split(split), seed, control_hz=control_hz)
-    settings = make_evaluator_config(lockstep)
-    loaded = load_policy(policy) if policy else None
-    trained = loaded.spec.robot if loaded and camera == "policy" else None
-    run_config = evaluation_config(
-        loaded.spec if loaded else None,
-        camera,
-        config=config,
-        robot=load_robot(robot, cameras_of=trained) if robot else None,
-        sensor=sensor,
-        humans=people,
-    )
-    bodies = _bodies(avatars, loaded, unseen)
-    world = evaluation_world(scene, run_config, avatars=bodies, seed=seed, split=request.split, scenarios=scenarios)
-    if loaded:
-        check_unseen(loaded.spec, world.spec, unseen)
-        for place in other_policies(drivers, checkpoints).values():
-            check_unseen(load_spec(place), world.spec, unseen)
-    elif unseen:
-        raise RunError("--unseen is about a policy's data: name the policy.")
-    sha256 = policy_sha256(policy) if policy and out else ""
-    hashes = method_hashes(drivers, checkpoints) if out else {}
-    identity = evaluation_settings(world, request, policy=sha256, camera=camera, methods=hashes)
+    check_wanted(options.video)
+    _check_folder(out, options.workers, options.fleet.listen, options.video)
+    request = _request(options)
+    settings = make_evaluator_config(trials.lockstep)
+    policy = load_policy(options.policy) if options.policy else None
+    world = _world(options, policy)
+    _check_unseen(options, policy, world, request.methods)
+    sha256 = policy_sha256(options.policy) if options.policy and out else ""
+    hashes = method_hashes(request.methods, trials.checkpoints) if out else {}
+    identity = evaluation_settings(world, request, policy=sha256, camera=trials.camera, methods=hashes)
     total = len(request.tasks) * len(request.methods) * request.episodes
     folder = open_results(out, identity) if out else nullcontext()
     with folder as results, _kept(results, request, total):
-        renderer = world.renderer() if needs_renderer(drivers) and not workers else None
+        renderer = world.renderer() if needs_renderer(request.methods) and not options.workers else None
         evaluator = make_evaluator(
             world,
             renderer=renderer,
-            policy=loaded,
+            policy=policy,
             evaluator_config=settings,
-            camera=camera,
-            methods=named_methods(world, drivers, checkpoints, request.hold_steps(world.config.robot.clock)),
+            camera=trials.camera,
+            methods=named_methods(
+                world, request.methods, trials.checkpoints, request.hold_steps(world.config.robot.clock)
+            ),
         )
-        with _progress(PlainConsole(stderr=True), total, quiet=json) as (show, say):
-            elsewhere = None
-            if workers and results is not None:
-                fleet = EvaluationFleet(
-                    spec=fleet_spec(world, policy if "policy" in drivers else None),
-                    plan=make_plan(
-                        request, camera=camera, lockstep=lockstep, checkpoints=checkpoints, method_hashes=hashes
-                    ),
-                    request=request,
-                    results=results,
-                    workers=workers,
-                    listen=listen,
-                    certs=certs,
-                    report=show,
-                    say=say,
-                )
-                elsewhere = by_fleet(fleet)
+        with _progress(PlainConsole(stderr=True), total, quiet=options.json) as (show, say):
+            fleet = _fleet(options, world, request, results, hashes, show, say) if options.workers and results else None
+            elsewhere = by_fleet(fleet) if fleet else None
             reply = handle_evaluate(evaluator, request, report=show, results=results, elsewhere=elsewhere)
-        summary = summarize(reply, request, evaluator) | _settings_said(run_config, identity)
+        summary = summarize(reply, request, evaluator) | _settings_said(world.config, identity)
         if results is not None:
             results.finish(summary)
-            sees = loaded.spec.images if loaded else ()
+            sees = policy.spec.images if policy else ()
             replays = Replays(world, results, reply.episodes, renderer, evaluator.simulation, sees=sees)
-            write_films(replays, request, reply, video)
-            title = f"{policy or watched_method(request.methods)} in {world.scene.name}"
+            write_films(replays, request, reply, options.video)
+            title = f"{options.policy or watched_method(request.methods)} in {world.scene.name}"
             write_pages(replays, request, reply, title=title)
-    _print(summary, reply, out, json=json)
+    _print(summary, reply, out, json=options.json)
+
+
+def _request(options: EvaluateOptions) -> EvaluateRequest:
+    """The episodes to drive and who drives them."""
+    return make_request(
+        episode_count(options.world.scenarios) if options.episodes is None else options.episodes,
+        options.tasks,
+        options.methods if options.policy else _without_policy(options.methods),
+        Split(options.trials.split),
+        options.trials.seed,
+        control_hz=options.trials.control_hz,
+    )
+
+
+def _world(options: EvaluateOptions, policy: Policy | None) -> World:
+    """Scene, pedestrians and settings of the episodes."""
+    camera = options.trials.camera
+    trained = policy.spec.robot if policy and camera == "policy" else None
+    config = evaluation_config(
+        policy.spec if policy else None,
+        camera,
+        config=options.config,
+        robot=load_robot(options.robot, cameras_of=trained) if options.robot else None,
+        sensor=options.world.sensor,
+        humans=options.people,
+        keys=options.keys,
+    )
+    bodies = _bodies(options.world.avatars, policy, options.trials.unseen)
+    return evaluation_world(
+        options.scene,
+        config,
+        avatars=bodies,
+        seed=options.trials.seed,
+        split=Split(options.trials.split),
+        scenarios=options.world.scenarios,
+    )
+
+
+def _check_unseen(options: EvaluateOptions, policy: Policy | None, world: World, methods: Sequence[str]) -> None:
+    """Raise an error if a policy's data hold avatars or scenes that must be new to it."""
+    unseen = options.trials.unseen
+    if policy:
+        check_unseen(policy.spec, world.spec, unseen)
+        for place in other_policies(methods, options.trials.checkpoints).values():
+            check_unseen(load_spec(place), world.spec, unseen)
+    elif unseen:
+        raise RunError("--unseen is about a policy's data: name the policy.")
+
+
+def _fleet(
+    options: EvaluateOptions,
+    world: World,
+    request: EvaluateRequest,
+    results: Results,
+    hashes: dict[str, str],
+    show: Show,
+    say: Say,
+) -> EvaluationFleet:
+    """The processes that drive the episodes."""
+    trials = options.trials
+    return EvaluationFleet(
+        spec=fleet_spec(world, options.policy if "policy" in request.methods else None),
+        plan=make_plan(
+            request,
+            camera=trials.camera,
+            lockstep=trials.lockstep,
+            checkpoints=trials.checkpoints,
+            method_hashes=hashes,
+        ),
+        request=request,
+        results=results,
+        workers=options.workers,
+        listen=options.fleet.listen,
+        certs=options.fleet.certs,
+        report=show,
+        say=say,
+    )
 
 
 def _bodies(avatars: Path | None, policy: Policy | None, unseen: Sequence[str]) -> Path | None:

@@ -5,34 +5,29 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from tyro.conf import Positional
 
-from readygo.apps.cli import Bare, Group
 from readygo.apps.commands.coordinator import check_endpoints, lead_run, report_set_aside
 from readygo.apps.commands.progress import SteadyProgress
+from readygo.apps.fleet.options import FleetOptions
 from readygo.apps.fleet.run import Show, begin, check_counts, record
 from readygo.apps.fleet.slurm import check_slurm
 from readygo.apps.monitor.beside import watched
-from readygo.apps.observe.logs import LogFormat
-from readygo.apps.observe.settings import NOTHING, OBSERVING, Observing
+from readygo.apps.observe.settings import Observing
 from readygo.apps.run.again import prepare_again
-from readygo.apps.run.config import (
-    RunConfig,
-    load_run_config,
-    with_detail,
-    with_disturbance,
-    with_outputs,
-    with_priority,
-)
+from readygo.apps.run.config import RunKeys, load_run_config, with_run_keys
 from readygo.apps.run.folder import RunFolder
+from readygo.apps.run.options import WorldOptions
 from readygo.apps.run.origin import avatars_of_policy, robot_of_policy
 from readygo.apps.run.policy import with_expert, with_policy
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import episode_count, make_spec
+from readygo.apps.sections import merge_tables
 from readygo.apps.terminal import PlainConsole
 from readygo.apps.views.recorded import run_clarity
 from readygo.common.bus.endpoint import check_endpoint
@@ -41,225 +36,184 @@ from readygo.common.messages import RunSpec, Split, StatusReply
 from readygo.common.policy import load_spec
 from readygo.common.robot import load_robot
 from readygo.services.planner.humans.mixes import MixName
-from readygo.services.renderer import SensorName
 
-Detail = Literal["exact", "lod"]
 Place = Literal["local", "slurm", "hosts"]
-HUMANS, DRIVING, IMAGES, RUNNING = (Group(name) for name in ("humans", "driving", "images", "running"))
-
-
-def generate(
-    scene: str = "",
-    /,
-    *,
-    out: Path,
-    episodes: int | None = None,
-    workers: Annotated[int, RUNNING] = 1,
-    split: Literal["train", "val", "test"] = "train",
-    seed: int = 0,
-    avatars: Annotated[Path | None, HUMANS] = None,
-    static: Annotated[bool, HUMANS] = False,
-    people: Annotated[MixName | None, HUMANS] = None,
-    scenarios: Annotated[Path | None, HUMANS] = None,
-    policy: Annotated[Path | None, DRIVING] = None,
-    mix: Annotated[float | None, DRIVING] = None,
-    disturb: Annotated[float | None, Bare("0.5"), DRIVING] = None,
-    again: Path | None = None,
-    outputs: Annotated[str, IMAGES] = "",
-    detail: Annotated[Detail | None, IMAGES] = None,
-    robot: Annotated[Path | None, DRIVING] = None,
-    config: Path | None = None,
-    sensor: Annotated[SensorName | None, IMAGES] = None,
-    listen: Annotated[str, RUNNING] = "",
-    connect: Annotated[str, RUNNING] = "",
-    priority: Annotated[int | None, RUNNING] = None,
-    certs: Annotated[Path | None, RUNNING] = None,
-    on: Annotated[Place, RUNNING] = "local",
-    slurm: Annotated[str, RUNNING] = "",
-    watch: Annotated[bool, RUNNING] = False,
-    strict: Annotated[bool, RUNNING] = False,
-    json: Annotated[bool, RUNNING] = False,
-    metrics: Annotated[str, OBSERVING] = "",
-    log_format: Annotated[LogFormat, OBSERVING] = "text",
-) -> None:
-    """Record episodes of a robot among pedestrians in a scene; run the same command again to resume.
-
-    Args:
-        scene: Scene bundle, "embedded", or "embedded:SEED".
-        out: Data folder for the shards.
-        episodes: Episodes to record; by default 100, or the number of entries in the scenario file.
-        workers: Renderer processes, or driver processes with a policy, in addition to one process for each other role;
-            0 does everything in this process.
-        split: Split of the episodes; train, val and test never share an episode.
-        seed: Seed of the run.
-        avatars: Avatar file or folder of avatars; by default those of the policy's data, else the embedded ones. The
-            suffix ":train" or ":test", also after "embedded", selects one part.
-        static: Record without pedestrians.
-        people: Scenario mix: how many pedestrians there are and how they meet the robot; overrides `config`. "paper" by
-            default.
-        scenarios: TOML file with starts, goals and pedestrians to play in order, instead of drawn ones.
-        policy: Folder of a trained policy for DAgger: the policy or the expert drives, every sample has expert labels,
-            and failed episodes are kept. The robot is the policy's unless `robot` or `config` names one.
-        mix: Policy fraction: share of the episodes that the policy drives, 0..1; 0.5 by default.
-        disturb: Noise injection (DART): share of the expert's episodes with perturbed motion and actuation delay, 0..1;
-            0.5 without a number. The data then show how to recover, every sample has expert labels, and failed
-            episodes are kept.
-        again: Data folder whose episodes are recorded again, each driven by the same policy as before; `scene` and the
-            settings of the run come from there.
-        outputs: Images to record, separated by commas: rgb, depth, median_depth, alpha, mask, normal, such as
-            rgb,depth,mask; only rgb by default.
-        detail: Level of detail: "lod" draws distant objects and pedestrians with fewer Gaussians, about twice as fast;
-            by default as in `config`, else "exact".
-        robot: robot.toml of a different robot.
-        config: TOML file with sections of settings.
-        sensor: Recipe of the camera's lens, light and shutter and of their variation; overrides robot and `config`.
-        listen: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447, for workers that you start by hand; a free
-            loopback port by default.
-        connect: Endpoint of a running router (`readygo router`) that several runs share, instead of `listen`; only with
-            `on` "hosts".
-        priority: Priority of this run, -1000..1000: workers of several runs serve higher ones first; as in `config`, or
-            0.
-        certs: Folder of certificates (`readygo certs issue`), for a tls/ endpoint.
-        on: Where workers run. "local": on this machine. "slurm": submits one array of `workers` jobs, which do all
-            stages and are requeued after preemption; `listen` must be an address that the nodes reach, with tls/ or on
-            a trusted network. "hosts": starts no workers and no recorder; you start them on other machines with
-            `readygo worker`, and `readygo coordinator` resumes the run if this command ends.
-        slurm: Options of sbatch, such as "--partition=short --time=2:00:00".
-        watch: Show the run live on a web page, as `readygo monitor` does.
-        strict: Exit with 2 if an episode was set aside: it failed repeatedly, and the next index replaced it.
-        json: Print the summary as JSON.
-        metrics: HOST:PORT of this process's Prometheus endpoint; the other processes use the same HOST, each with its
-            own port; .readygo/targets in the data folder lists all of them.
-        log_format: "json" writes one JSON object per line, with run, worker, stage, episode and attempt.
-    """
-    check_counts(1 if episodes is None else episodes, workers)
-    _check_where(on, workers, listen=listen, connect=connect, slurm=slurm, watch=watch)
-    where = Where(
-        workers=workers,
-        endpoint=listen or connect,
-        joins=bool(connect),
-        priority=priority,
-        slurm=slurm if on == "slurm" else None,
-        certs=certs,
-        hosts=on == "hosts",
-        watch=watch,
-        strict=strict,
-        observing=Observing(metrics=metrics, log_format=log_format),
-    )
-    where.observing.check_installed()
-    if again is not None:
-        if scene:
-            raise RunError("--again has the scene of the run that it makes again: name one of the two.")
-        spec, wanted = prepare_again(again, out)
-        _record(spec, out, wanted, where, json=json)
-        return
-    if not scene:
-        raise RunError('Name a scene: a bundle, or "embedded".')
-    if mix is not None and policy is None:
-        raise RunError("--mix is the share of a policy's episodes: name the policy with --policy.")
-    trained = load_spec(policy) if policy else None
-    base = robot_of_policy(trained) if trained else None
-    run_config = load_run_config(config, load_robot(robot) if robot else None, sensor, people, base=base)
-    run_config = _as_told(run_config, outputs, detail, disturb)
-    if trained and not (avatars or static):
-        avatars = avatars_of_policy(trained)
-    spec = make_spec(
-        open_scene(scene), avatars, run_config, seed=seed, split=Split(split), static=static, scenarios=scenarios
-    )
-    if policy is not None:
-        spec = with_policy(spec, run_config, policy, 0.5 if mix is None else mix)
-    elif disturb is not None or run_config.driver.disturbed:
-        spec = with_expert(spec)
-    wanted = episode_count(scenarios) if episodes is None else episodes
-    _record(spec, out, wanted, where, json=json)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Where:
-    """Number and location of a run's workers, and how they connect."""
+class RecordingOptions:
+    """Which episodes are recorded, and who drives."""
 
-    workers: int
-    endpoint: str
-    """Endpoint of the router; empty for a free loopback port."""
-    joins: bool
-    """True if the run joins a router that runs already."""
-    priority: int | None
-    slurm: str | None
-    certs: Path | None
-    hosts: bool
-    """True if all workers and recorders are on other machines."""
-    watch: bool = False
+    split: Literal["train", "val", "test"] = "train"
+    """Split of the episodes; train, val and test never share an episode."""
+    static: bool = False
+    """Record without pedestrians."""
+    mix: float | None = None
+    """Policy fraction: share of the episodes that the policy drives, 0..1; 0.5 by default."""
+    again: Path | None = None
+    """Data folder whose episodes are recorded again, each driven by the same policy as before; `scene` and the
+    settings of the run come from there."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaceOptions:
+    """Where the workers run."""
+
+    on: Place = "local"
+    """Where workers run. "local": on this machine. "slurm": submits one array of `workers` jobs, which do all
+    stages and are requeued after preemption; `listen` must be an address that the nodes reach, with tls/ or on a
+    trusted network. "hosts": starts no workers and no recorder; you start them on other machines with `readygo
+    worker`, and `readygo coordinator` resumes the run if this command ends."""
+    slurm: str = ""
+    """Options of sbatch, such as "--partition=short --time=2:00:00"."""
     strict: bool = False
-    """True if an episode that was set aside is a failure."""
-    observing: Observing = NOTHING
+    """Exit with 2 if an episode was set aside: it failed repeatedly, and the next index replaced it."""
 
 
-def _check_where(on: Place, workers: int, *, listen: str, connect: str, slurm: str, watch: bool) -> None:
+@dataclass(frozen=True, kw_only=True)
+class GenerateOptions:
+    """Record episodes of a robot among pedestrians in a scene; run the same command again to resume."""
+
+    scene: Positional[str] = ""
+    """Scene bundle, "embedded", or "embedded:SEED"."""
+    out: Path
+    """Data folder for the shards."""
+    episodes: int | None = None
+    """Episodes to record; by default 100, or the number of entries in the scenario file."""
+    workers: int = 1
+    """Renderer processes, or driver processes with a policy, in addition to one process for each other role; 0
+    does everything in this process."""
+    seed: int = 0
+    """Seed of the run."""
+    people: MixName | None = None
+    """Scenario mix: how many pedestrians there are and how they meet the robot; overrides `config`. "paper" by
+    default."""
+    policy: Path | None = None
+    """Folder of a trained policy for DAgger: the policy or the expert drives, every sample has expert labels, and
+    failed episodes are kept. The robot is the policy's unless `robot` or `config` names one."""
+    outputs: str = ""
+    """Images to record, separated by commas: rgb, depth, median_depth, alpha, mask, normal, such as
+    rgb,depth,mask; only rgb by default."""
+    robot: Path | None = None
+    """robot.toml of a different robot."""
+    config: Path | None = None
+    """TOML file with sections of settings; `--SECTION.KEY VALUE` overrides it."""
+    watch: bool = False
+    """Show the run live on a web page, as `readygo monitor` does."""
+    json: bool = False
+    """Print the summary as JSON."""
+    recording: RecordingOptions = field(default_factory=RecordingOptions)
+    world: WorldOptions = field(default_factory=WorldOptions)
+    fleet: FleetOptions = field(default_factory=FleetOptions)
+    place: PlaceOptions = field(default_factory=PlaceOptions)
+    observe: Observing = field(default_factory=Observing)
+    keys: RunKeys = field(default_factory=dict)
+
+
+def generate(options: GenerateOptions) -> None:
+    """Record episodes of a robot among pedestrians in a scene; run the same command again to resume."""
+    check_counts(1 if options.episodes is None else options.episodes, options.workers)
+    _check_place(options)
+    options.observe.check_installed()
+    spec, wanted = _repeated_run(options) if options.recording.again else _new_run(options)
+    _record(spec, wanted, options)
+
+
+def _check_place(options: GenerateOptions) -> None:
     """Check that the options of workers and endpoints fit together.
 
     Raises:
         RunError: If some contradict each other.
         ConfigError: If an endpoint is malformed.
     """
-    for option, endpoint in (("--listen", listen), ("--connect", connect)):
+    on, workers, fleet = options.place.on, options.workers, options.fleet
+    for option, endpoint in (("--listen", fleet.listen), ("--connect", fleet.connect)):
         if endpoint:
             check_endpoint(endpoint, option)
     if on == "slurm":
-        check_slurm(workers, listen)
-    elif slurm:
+        check_slurm(workers, fleet.listen)
+    elif options.place.slurm:
         raise RunError("--slurm has options of sbatch: it goes with --on slurm.")
     elif on == "hosts":
-        check_endpoints(listen, connect)
-    if connect and on != "hosts":
+        check_endpoints(fleet.listen, fleet.connect)
+    if fleet.connect and on != "hosts":
         raise RunError("--connect is for a run whose workers and recorders are on other machines: add --on hosts.")
-    if watch and workers == 0 and on != "hosts":
+    if options.watch and workers == 0 and on != "hosts":
         raise RunError("--watch needs a fleet to hear: give --workers 1 or more.")
 
 
-def _as_told(config: RunConfig, outputs: str, detail: Detail | None, disturb: float | None) -> RunConfig:
-    """The run's settings, overridden by the options that were given."""
-    if outputs:
-        config = with_outputs(config, outputs)
-    if detail:
-        config = with_detail(config, detail)
-    return config if disturb is None else with_disturbance(config, disturb)
+def _repeated_run(options: GenerateOptions) -> tuple[RunSpec, int]:
+    """The spec of the run that is recorded again, and its number of episodes."""
+    assert options.recording.again is not None
+    if options.scene:
+        raise RunError("--again has the scene of the run that it makes again: name one of the two.")
+    if others := sorted(set(options.keys) - {"coordinator"}):
+        raise RunError(f"--again has the settings of the run that it makes again: leave out --{others[0]}.")
+    spec, wanted = prepare_again(options.recording.again, options.out)
+    return with_run_keys(spec, options.keys), wanted
 
 
-def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool) -> None:
+def _new_run(options: GenerateOptions) -> tuple[RunSpec, int]:
+    """The spec of a run from the options, and its number of episodes."""
+    recording, world = options.recording, options.world
+    if not options.scene:
+        raise RunError('Name a scene: a bundle, or "embedded".')
+    if recording.mix is not None and options.policy is None:
+        raise RunError("--mix is the share of a policy's episodes: name the policy with --policy.")
+    trained = load_spec(options.policy) if options.policy else None
+    outputs = [name.strip() for name in options.outputs.split(",")]
+    config = load_run_config(
+        options.config,
+        load_robot(options.robot) if options.robot else None,
+        world.sensor,
+        options.people,
+        base=robot_of_policy(trained) if trained else None,
+        keys=merge_tables({"renderer": {"outputs": outputs}} if options.outputs else {}, options.keys),
+    )
+    spec = make_spec(
+        open_scene(options.scene),
+        avatars_of_policy(trained) if trained and not (world.avatars or recording.static) else world.avatars,
+        config,
+        seed=options.seed,
+        split=Split(recording.split),
+        static=recording.static,
+        scenarios=world.scenarios,
+    )
+    if options.policy is not None:
+        spec = with_policy(spec, config, options.policy, 0.5 if recording.mix is None else recording.mix)
+    elif config.driver.disturbed or "disturbed" in options.keys.get("driver", {}):
+        spec = with_expert(spec)
+    return spec, episode_count(world.scenarios) if options.episodes is None else options.episodes
+
+
+def _record(spec: RunSpec, episodes: int, options: GenerateOptions) -> None:
     """Record a run, and print its progress and its summary."""
-    if where.priority is not None:
-        spec = with_priority(spec, where.priority)
-    join = _how_to_join(spec, out, where) if where.endpoint else ""
-    page = watched(out, (RunFolder(out).state / "endpoint").exists, where.certs) if where.watch else nullcontext()
-    if where.hosts:
+    out, fleet, strict = options.out, options.fleet, options.place.strict
+    endpoint = fleet.listen or fleet.connect
+    join = _how_to_join(spec, out, endpoint, fleet.certs) if endpoint else ""
+    page = watched(out, (RunFolder(out).state / "endpoint").exists, fleet.certs) if options.watch else nullcontext()
+    if options.place.on == "hosts":
         begin(spec, out, episodes)
         sys.stderr.write(f"{join}\n")
         with page:
-            lead_run(
-                RunFolder(out),
-                where.endpoint,
-                joins=where.joins,
-                certs=where.certs,
-                strict=where.strict,
-                observing=where.observing,
-            )
+            lead_run(RunFolder(out), fleet, strict=strict, observing=options.observe)
         return
-    with page, progress_bar(first_words=join, quiet=json) as show:
+    with page, progress_bar(first_words=join, quiet=options.json) as show:
         summary = record(
             spec,
             out,
             episodes=episodes,
-            workers=where.workers,
-            listen=where.endpoint,
-            slurm=where.slurm,
-            certs=where.certs,
+            workers=options.workers,
+            listen=endpoint,
+            slurm=options.place.slurm if options.place.on == "slurm" else None,
+            certs=fleet.certs,
             show=show,
-            observing=where.observing,
+            observing=options.observe,
         )
     clarity = run_clarity(spec, out)
-    if json:
+    if options.json:
         sys.stdout.write(json_module.dumps({**summary, "clarity": clarity.to_mapping()}) + "\n")
-        report_set_aside(out, strict=where.strict)
+        report_set_aside(out, strict=strict)
         return
     console = PlainConsole(stderr=True, soft_wrap=True)
     console.print(
@@ -269,15 +223,15 @@ def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool
         console.print(f"  rejected {count}: {reason}", markup=False)
     for text in clarity.warnings():
         console.print(f"Warning: {text}", markup=False)
-    report_set_aside(out, strict=where.strict)
+    report_set_aside(out, strict=strict)
     console.print(f"Next: readygo validate {out} && readygo train {out} --out policy", markup=False)
     console.print(f"What it covers: readygo coverage {out} --out coverage", markup=False)
 
 
-def _how_to_join(spec: RunSpec, out: Path, where: Where) -> str:
+def _how_to_join(spec: RunSpec, out: Path, endpoint: str, certs: Path | None) -> str:
     proof = f"READYGO_TOKEN=$(tail -1 {RunFolder(out).state / 'endpoint'}) "
-    command = f"readygo worker {spec.stages[-1].role} --connect {where.endpoint} --run {spec.run}"
-    return f"More workers can join: {f'{command} --certs CERTS' if where.certs else proof + command}"
+    command = f"readygo worker {spec.stages[-1].role} --connect {endpoint} --run {spec.run}"
+    return f"More workers can join: {f'{command} --certs CERTS' if certs else proof + command}"
 
 
 @contextmanager

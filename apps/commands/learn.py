@@ -4,21 +4,26 @@ import json as json_module
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn
+from tyro.conf import Fixed, Positional
 
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.fleet.access import identity_for
-from readygo.apps.learn.config import GoalName
+from readygo.apps.fleet.options import RouterOptions
+from readygo.apps.learn.config import GoalName, LearnConfig
 from readygo.apps.learn.crew import Reach
 from readygo.apps.learn.learn import learn_policy, report_content
 from readygo.apps.learn.plan import Budget, Plan, learn_configs, make_plan
 from readygo.apps.learn.supervise import Now
 from readygo.apps.monitor.beside import watched
 from readygo.apps.report.learn import write_report
+from readygo.apps.run.config import RunConfig
+from readygo.apps.sections import Keys, Sections
 from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.identity import COORDINATOR
 from readygo.common.errors import RunError
@@ -28,83 +33,102 @@ Show = Callable[[Now], None]
 Tested = Callable[[EpisodeRecord], None]
 
 
-def learn(
-    scenes: tuple[str, ...],
-    /,
-    *,
-    out: Path,
-    minutes: float = 60.0,
-    samples: int | None = None,
-    episodes: int = 100,
-    seed: int = 0,
-    avatars: Path | None = None,
-    robot: Path | None = None,
-    config: Path | None = None,
-    inputs: str = "",
-    cameras: str = "",
-    goal: GoalName | None = None,
-    on: Literal["local", "hosts"] = "local",
-    listen: str = "",
-    certs: Path | None = None,
-    watch: bool = False,
-    json: bool = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class LearnTrainingOptions:
+    """Budget, cameras and avatars of the training."""
+
+    samples: int | None = None
+    """Training budget in samples, repeats counted, instead of minutes: the result depends less on the machine's
+    load."""
+    avatars: Path | None = None
+    """Avatar file or folder of avatars; the embedded ones by default."""
+    cameras: str = ""
+    """Cameras of the robot that the policy uses, by their names in robot.toml, including the first one; only the
+    first one by default."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearnOptions:
     """Record episodes and train a policy at the same time; run the same command again to resume.
 
     First the expert drives, with noise injection. Then DAgger: the current policy drives most episodes, and the expert
     labels every sample. The policy with the best success rate on the split val is kept and evaluated on the split test.
-
-    Args:
-        scenes: Scene bundles, "embedded" or "embedded:SEED"; one policy learns in all of them.
-        out: Folder of the run, new or to resume: data, policy, curve.json, evaluation and report.html.
-        minutes: Wall time of recording and training, including earlier calls [min]; training ends earlier if the policy
-            stops improving. The test is not included.
-        samples: Training budget in samples, repeats counted, instead of minutes: the result depends less on the
-            machine's load.
-        episodes: Test episodes per task and scene, each driven by the policy, the expert and a straight-line baseline;
-            0: no test.
-        seed: Seed of the episodes and of the training.
-        avatars: Avatar file or folder of avatars; the embedded ones by default.
-        robot: robot.toml; without a camera in it, or without the file, the camera has 72x128 pixels.
-        config: TOML file with sections of settings, as for `readygo generate`, and [learn]: `mix`, the policy fraction
-            of the episodes, `reuse`, how often each sample is used for training, and others.
-        inputs: Images that the policy uses and that are recorded, separated by commas: rgb, depth; rgb by default.
-        cameras: Cameras of the robot that the policy uses, by their names in robot.toml, including the first one; only
-            the first one by default.
-        goal: Goal input of the policy: "point" (the default) is its position, "image" the robot's view at the goal, or
-            "both".
-        on: Where episodes are driven: "local" shares this machine's cores between driving and training; "hosts" uses
-            them for training only, and `readygo worker all` drives on other machines.
-        listen: Endpoint of the fleet's router, for workers on other machines, such as tls/10.0.0.5:7447.
-        certs: Folder with certificates of coordinator, recorder.rec0, trainer and all, for a tls/ endpoint.
-        watch: Show the run live on a web page, as `readygo monitor` does.
-        json: Print the result as JSON.
     """
-    if episodes < 0:
-        raise RunError(f"--episodes must be at least 0, got {episodes}.")
-    if on == "hosts" and not listen:
+
+    scenes: Positional[tuple[str, ...]]
+    """Scene bundles, "embedded" or "embedded:SEED"; one policy learns in all of them."""
+    out: Path
+    """Folder of the run, new or to resume: data, policy, curve.json, evaluation and report.html."""
+    minutes: float = 60.0
+    """Wall time of recording and training, including earlier calls [min]; training ends earlier if the policy
+    stops improving. The test is not included."""
+    episodes: int = 100
+    """Test episodes per task and scene, each driven by the policy, the expert and a straight-line baseline; 0: no
+    test."""
+    seed: int = 0
+    """Seed of the episodes and of the training."""
+    robot: Path | None = None
+    """robot.toml; without a camera in it, or without the file, the camera has 72x128 pixels."""
+    config: Path | None = None
+    """TOML file with sections of settings, as for `readygo generate`, and [learn]; `--SECTION.KEY VALUE` overrides
+    it."""
+    inputs: str = ""
+    """Images that the policy uses and that are recorded, separated by commas: rgb, depth; rgb by default."""
+    goal: GoalName | None = None
+    """Goal input of the policy: "point" (the default) is its position, "image" the robot's view at the goal, or
+    "both"."""
+    on: Literal["local", "hosts"] = "local"
+    """Where episodes are driven: "local" shares this machine's cores between driving and training; "hosts" uses
+    them for training only, and `readygo worker all` drives on other machines."""
+    watch: bool = False
+    """Show the run live on a web page, as `readygo monitor` does."""
+    json: bool = False
+    """Print the result as JSON."""
+    training: LearnTrainingOptions = field(default_factory=LearnTrainingOptions)
+    fleet: RouterOptions = field(default_factory=RouterOptions)
+    keys: Annotated[Keys, Sections(RunConfig, learn=LearnConfig), Fixed] = field(default_factory=dict)
+
+
+def learn(options: LearnOptions) -> None:
+    """Record episodes and train a policy at the same time; run the same command again to resume."""
+    if options.episodes < 0:
+        raise RunError(f"--episodes must be at least 0, got {options.episodes}.")
+    if options.on == "hosts" and not options.fleet.listen:
         raise RunError("--on hosts needs --listen with an address that they reach, such as tls/10.0.0.5:7447.")
-    if listen or certs:
+    if options.fleet.listen or options.fleet.certs:
         # Check certificates before any work is done.
-        identity_for(listen, COORDINATOR, certs=certs)
+        identity_for(options.fleet.listen, COORDINATOR, certs=options.fleet.certs)
     plan = make_plan(
-        scenes,
-        out,
-        *learn_configs(config, robot, inputs, cameras, goal, scene_count=max(len(scenes), 1)),
-        Budget(minutes=minutes, samples=samples),
-        avatars=avatars,
-        seed=seed,
+        options.scenes,
+        options.out,
+        *learn_configs(
+            options.config,
+            options.robot,
+            options.inputs,
+            options.training.cameras,
+            options.goal,
+            scene_count=max(len(options.scenes), 1),
+            keys=options.keys,
+        ),
+        Budget(minutes=options.minutes, samples=options.training.samples),
+        avatars=options.training.avatars,
+        seed=options.seed,
     )
-    if listen:
-        sys.stderr.write(f"{_how_to_join(plan, listen, certs)}\n")
-    reach = Reach(listen=listen, certs=certs, hosts=on == "hosts")
-    page = watched(out, partial(_has_begun, plan), certs) if watch else nullcontext()
-    with page, live_line(6 * episodes * len(scenes), quiet=json) as (show, tested):
-        learned = learn_policy(plan, episodes=episodes, show=show, tested=tested, reach=reach)
-    report = out / "report.html"
-    named = {"avatars": avatars, "robot": robot, "config": config, "seed": seed or None}
-    write_report(report, report_content(learned, scenes, **named))
-    if json:
+    if options.fleet.listen:
+        sys.stderr.write(f"{_how_to_join(plan, options.fleet.listen, options.fleet.certs)}\n")
+    reach = Reach(listen=options.fleet.listen, certs=options.fleet.certs, hosts=options.on == "hosts")
+    page = watched(options.out, partial(_has_begun, plan), options.fleet.certs) if options.watch else nullcontext()
+    with page, live_line(6 * options.episodes * len(options.scenes), quiet=options.json) as (show, tested):
+        learned = learn_policy(plan, episodes=options.episodes, show=show, tested=tested, reach=reach)
+    report = options.out / "report.html"
+    named = {
+        "avatars": options.training.avatars,
+        "robot": options.robot,
+        "config": options.config,
+        "seed": options.seed or None,
+    }
+    write_report(report, report_content(learned, options.scenes, **named))
+    if options.json:
         sys.stdout.write(json_module.dumps(learned.to_mapping()) + "\n")
         return
     console = PlainConsole(soft_wrap=True)

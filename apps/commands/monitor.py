@@ -7,10 +7,12 @@ import secrets
 import sys
 import threading
 import webbrowser
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
 
-from readygo.apps.cli import Bare
+from tyro.conf import Positional
+
+from readygo.apps.fleet.options import JoinOptions
 from readygo.apps.fleet.token import given_token
 from readygo.apps.monitor.feed import Feed
 from readygo.apps.monitor.foxglove_sink import FoxgloveSink
@@ -26,61 +28,60 @@ PAGE_TOKEN_VARIABLE = "READYGO_MONITOR_TOKEN"
 """Environment variable with the token that the page requires on non-loopback addresses; random if unset."""
 
 
-def monitor(
-    data: Path | None = None,
-    /,
-    *,
-    connect: str = "",
-    run: str = "",
-    certs: Path | None = None,
-    scene: str = "",
-    host: str = "127.0.0.1",
-    port: int = 8080,
-    open: bool = False,
-    foxglove: Annotated[int | None, Bare("8765")] = None,
-    rerun: Annotated[str | None, Bare("spawn")] = None,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class MonitorOptions:
     """Show a run on a web page: scene, robots and pedestrians in motion, images, metrics, workers; read-only.
 
     The page can be opened and closed at any time without an effect on the run. It also shows finished data folders.
-
-    Args:
-        data: Data folder, live or recorded, or the folder of `readygo learn`.
-        connect: Endpoint of a fleet's router, instead of the folder; its token is read from READYGO_TOKEN.
-        run: Name of the run, as `readygo generate --listen` prints it.
-        certs: Folder with a monitor's certificate, for a tls/ endpoint.
-        scene: Scene bundle or "embedded", if the scene is not where the run found it.
-        host: Address of the page; on any address but this machine's loopback one the page requires the token in the
-            link.
-        port: Port of the page; 0 takes a free one.
-        open: Open the page in this machine's browser.
-        foxglove: Serve the run to Foxglove on this port, 8765 without a number, instead of the page: the channels of a
-            shard, live.
-        rerun: Show the run in Rerun instead of the page: without a value a viewer is started; else the address of a
-            viewer, such as rerun+http://127.0.0.1:9876/proxy, or an .rrd file.
     """
-    if (data is None) == (not connect):
+
+    data: Positional[Path | None] = None
+    """Data folder, live or recorded, or the folder of `readygo learn`."""
+    scene: str = ""
+    """Scene bundle or "embedded", if the scene is not where the run found it."""
+    host: str = "127.0.0.1"
+    """Address of the page; on any address but this machine's loopback one the page requires the token in the link."""
+    port: int = 8080
+    """Port of the page; 0 takes a free one."""
+    open: bool = False
+    """Open the page in this machine's browser."""
+    foxglove: int | None = None
+    """Serve the run to Foxglove on this port, 8765 without a number, instead of the page: the channels of a shard,
+    live."""
+    rerun: str | None = None
+    """Show the run in Rerun instead of the page: without a value a viewer is started; else the address of a
+    viewer, such as rerun+http://127.0.0.1:9876/proxy, or an .rrd file."""
+    fleet: JoinOptions = field(default_factory=JoinOptions)
+
+
+def monitor(options: MonitorOptions) -> None:
+    """Show a run on a web page: scene, robots and pedestrians in motion, images, metrics, workers; read-only."""
+    if (options.data is None) == (not options.fleet.connect):
         raise RunError("Name what to watch: a folder, or --connect ENDPOINT --run RUN.")
-    if connect and not run:
+    if options.fleet.connect and not options.fleet.run:
         raise RunError(
             "--connect needs the name of the run as well: --run RUN, as `readygo generate --listen` prints it."
         )
-    if connect:
+    if options.fleet.connect:
         # Otherwise the page would retry a malformed endpoint forever.
-        check_endpoint(connect, "--connect")
-    if data is not None:
-        subjects = subjects_of(data, scene, certs)
+        check_endpoint(options.fleet.connect, "--connect")
+    if options.data is not None:
+        subjects = subjects_of(options.data, options.scene, options.fleet.certs)
     else:
-        subjects = [subject_at(Address(connect, run, given_token(), certs), scene)]
+        subjects = [
+            subject_at(
+                Address(options.fleet.connect, options.fleet.run, given_token(), options.fleet.certs), options.scene
+            )
+        ]
     with contextlib.ExitStack() as opened:
         for subject in subjects:
             opened.callback(subject.close)
             subject.start()
         try:
-            if foxglove is not None or rerun is not None:
-                _feed(opened, subjects[0], foxglove, rerun)
+            if options.foxglove is not None or options.rerun is not None:
+                _feed(opened, subjects[0], options.foxglove, options.rerun)
             else:
-                _serve(opened, subjects, host, port, browser=open)
+                _serve(opened, subjects, options.host, options.port, browser=options.open)
             _wait()
         except KeyboardInterrupt as stop:
             raise KeyboardInterrupt("the run is as it was.") from stop

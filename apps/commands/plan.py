@@ -1,72 +1,67 @@
 """`readygo plan`: replays one episode of the expert or of a policy, and explains it."""
 
 import dataclasses
-import inspect
 import json as json_module
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
+import tyro
 from rich.table import Table
+from tyro.conf import Positional
 
-from readygo.apps.cli import option_name
 from readygo.apps.evaluation.again import kept_episode
-from readygo.apps.run.config import RunConfig, check_cameras
+from readygo.apps.options import option_name
+from readygo.apps.run.config import RunConfig, RunKeys, check_cameras
 from readygo.apps.run.evaluation import evaluation_config
+from readygo.apps.run.options import WorldOptions
 from readygo.apps.run.origin import avatars_of_policy
 from readygo.apps.run.scene_argument import open_maps
 from readygo.apps.run.take import Take, Takes, policy_driver
 from readygo.apps.terminal import PlainConsole
 from readygo.common.avatars import Avatar
 from readygo.common.avatars.cast import load_cast
-from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.drawing.files import Picture, write_png
 from readygo.common.drawing.film import CODECS
 from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeKey, Split
-from readygo.common.policy import load_policy
+from readygo.common.policy import Policy, load_policy
 from readygo.common.robot import load_robot
 from readygo.common.scenes import Scene
-from readygo.services.planner import ExpertConfig, RobotPlanner
+from readygo.services.planner import RobotPlanner
 from readygo.services.planner.explain.numbers import Numbers, run_numbers, scenario_numbers
 from readygo.services.planner.explain.picture import Look, draw_episode, draw_run
 from readygo.services.planner.humans.mixes import MixName
 from readygo.services.planner.humans.scenario_file import load_scenarios, save_scenarios
-from readygo.services.renderer import Renderer, SensorName
+from readygo.services.renderer import Renderer
 
 if TYPE_CHECKING:
     from readygo.apps.pictures.plan_film import RobotView
 
-_WITH_RESULTS = ("scene", "from_", "task", "method", "picture", "video", "camera", "export", "json")
-"""Arguments that go with an episode of an evaluation."""
+_WITH_RESULTS = ("scene", "from_", "task", "method", "picture", "video", "camera", "export", "json", "keys")
+"""Fields that go with an episode of an evaluation; the keys are checked by their sections."""
 
 
-def plan(
-    scene: str,
-    /,
-    *,
-    from_: Path | None = None,
-    task: Literal["static", "dynamic", "reactive"] | None = None,
-    method: str = "",
-    index: int = 0,
-    seed: int = 0,
-    split: Literal["train", "val", "test"] = "train",
-    mode: str = "",
-    static: bool = False,
-    people: MixName | None = None,
-    scenarios: Path | None = None,
-    policy: Path | None = None,
-    config: Path | None = None,
-    robot: Path | None = None,
-    sensor: SensorName | None = None,
-    avatars: Path | None = None,
-    picture: Path | None = None,
-    video: Path | None = None,
-    camera: bool = False,
-    export: Path | None = None,
-    json: bool = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class PlanEpisodeOptions:
+    """Which episode, and what is shown of it."""
+
+    task: Literal["static", "dynamic", "reactive"] | None = None
+    """Task of the evaluation, with `from`."""
+    method: str = ""
+    """Driver, with `from`; the policy by default, else the expert."""
+    split: Literal["train", "val", "test"] = "train"
+    """Split that the episode is drawn from."""
+    static: bool = False
+    """Leave the pedestrians out."""
+    camera: bool = False
+    """Show the robot's camera images in picture and video, as `generate` records them; always shown with a policy."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanOptions:
     """Replay one episode, and show what the expert or a policy did, and why.
 
     With the seed, split, index and settings of `readygo generate` it is the same episode. Episodes that generate
@@ -75,109 +70,123 @@ def plan(
 
     `readygo plan --from RESULTS test-0-000003` replays an episode of an evaluation by its executed commands, with any
     driver; all settings are those of the evaluation.
-
-    Args:
-        scene: Scene bundle, "embedded", or a ROS map (.yaml) with a flat floor; with `from`, the name of an episode.
-        from_: Folder of an evaluation (`readygo evaluate --out`).
-        task: Task of the evaluation, with `from`.
-        method: Driver, with `from`; the policy by default, else the expert.
-        index: Index of the episode.
-        seed: Seed of the run.
-        split: Split that the episode is drawn from.
-        mode: Planning mode of the expert, "paper" or "spacetime"; as in `config` by default.
-        static: Leave the pedestrians out.
-        people: Scenario mix: how many pedestrians there are and how they meet the robot, as for `readygo generate`.
-        scenarios: TOML file with scenarios to play instead of drawn ones: entry `index` modulo their number.
-        policy: Folder of a trained policy that drives instead of the expert; robot, camera, avatars and settings are
-            those of its data unless other options name them.
-        config: TOML file with sections of settings, as for `readygo generate`.
-        robot: robot.toml of a different robot.
-        sensor: Recipe of the camera's lens, light and shutter and of their variation.
-        avatars: Avatar file or folder of avatars; by default those of the policy's data, else the embedded ones.
-        picture: PNG to write: the map, the paths, rejected plans, what the robot saw and expected, the outcome.
-        video: .webm (quick to write) or .mp4: the same over time, in real time.
-        camera: Show the robot's camera images in picture and video, as `generate` records them; always shown with a
-            policy.
-        export: TOML file for the scenario, to edit or share.
-        json: Print the numbers as JSON.
     """
-    given = dict(locals())
-    _check_endings(picture, video, export)
-    if from_ is not None:
-        _refuse_settings(given)
-        with kept_episode(from_, scene, task or "", method) as (replays, record):
-            run = replays.run(record)
-            take = Take(scenario=run.scenario, run=run, rejected="", drive_ms=0.0)
-            view = replays.view(run) if picture or video else None
-            numbers = {"episode": record.episode.episode_id, "driver": run.driver, **run_numbers(run)}
-            planner = replays.world.robot_planner.of(record.episode)
-            _show(take, numbers, planner, view, picture, video, export, json=json)
+
+    scene: Positional[str]
+    """Scene bundle, "embedded", or a ROS map (.yaml) with a flat floor; with `from`, the name of an episode."""
+    from_: Annotated[Path | None, tyro.conf.arg(name="from")] = None
+    """Folder of an evaluation (`readygo evaluate --out`)."""
+    index: int = 0
+    """Index of the episode."""
+    seed: int = 0
+    """Seed of the run."""
+    people: MixName | None = None
+    """Scenario mix: how many pedestrians there are and how they meet the robot, as for `readygo generate`."""
+    policy: Path | None = None
+    """Folder of a trained policy that drives instead of the expert; robot, camera, avatars and settings are those
+    of its data unless other options name them."""
+    config: Path | None = None
+    """TOML file with sections of settings, as for `readygo generate`."""
+    robot: Path | None = None
+    """robot.toml of a different robot."""
+    picture: Path | None = None
+    """PNG to write: the map, the paths, rejected plans, what the robot saw and expected, the outcome."""
+    video: Path | None = None
+    """.webm (quick to write) or .mp4: the same over time, in real time."""
+    export: Path | None = None
+    """TOML file for the scenario, to edit or share."""
+    json: bool = False
+    """Print the numbers as JSON."""
+    episode: PlanEpisodeOptions = field(default_factory=PlanEpisodeOptions)
+    world: WorldOptions = field(default_factory=WorldOptions)
+    keys: RunKeys = field(default_factory=dict)
+
+
+def plan(options: PlanOptions) -> None:
+    """Replay one episode, and show what the expert or a policy did, and why."""
+    _check_endings(options.picture, options.video, options.export)
+    if options.from_ is not None:
+        _replay_kept(options, options.from_)
         return
-    if task or method:
+    episode = options.episode
+    if episode.task or episode.method:
         raise RunError("--task and --method choose an episode of an evaluation: give its folder with --from.")
-    camera = camera or policy is not None
-    _check(scene, index, seed, camera=camera)
-    if camera and policy is None and picture is None and video is None:
+    camera = episode.camera or options.policy is not None
+    _check(options.scene, options.index, options.seed, camera=camera)
+    if camera and options.policy is None and options.picture is None and options.video is None:
         raise RunError("--camera shows the robot's view: say where with --picture FILE.png or --video FILE.webm.")
-    driving = load_policy(policy) if policy else None
-    run_config = evaluation_config(
-        driving.spec if driving else None,
-        "policy",
-        config=config,
-        robot=load_robot(robot, cameras_of=driving.spec.robot if driving else None) if robot else None,
-        sensor=sensor,
-        humans=people,
+    policy = load_policy(options.policy) if options.policy else None
+    config = _config(options, policy)
+    avatars, scenarios = options.world.avatars, options.world.scenarios
+    if policy and not (avatars or episode.static):
+        avatars = avatars_of_policy(policy.spec)
+    maps, bundle = open_maps(options.scene)
+    humans = {} if episode.static else load_cast(avatars)
+    takes = Takes(maps, humans, config, load_scenarios(scenarios) if scenarios else None)
+    renderer = _renderer(bundle, humans, config) if camera and bundle else None
+    take = takes.take(
+        EpisodeKey(seed=options.seed, split=Split(episode.split), index=options.index),
+        static=episode.static,
+        policy=policy_driver(policy, renderer) if policy and renderer else None,
     )
-    if mode:
-        run_config = dataclasses.replace(run_config, expert=_with_mode(run_config.expert, mode))
-    if driving and not (avatars or static):
-        avatars = avatars_of_policy(driving.spec)
-    maps, bundle = open_maps(scene)
-    humans = {} if static else load_cast(avatars)
-    takes = Takes(maps, humans, run_config, load_scenarios(scenarios) if scenarios else None)
-    renderer = _renderer(bundle, humans, run_config) if camera and bundle else None
-    policy_drives = policy_driver(driving, renderer) if driving and renderer else None
-    take = takes.take(EpisodeKey(seed=seed, split=Split(split), index=index), static=static, policy=policy_drives)
-    sees = driving.spec.images if driving else ()
     planner = takes.robot_planner.of(take.scenario.episode)
-    numbers = _numbers(take, run_config.expert.mode)
-    _show(take, numbers, planner, _look(take, renderer, sees), picture, video, export, json=json)
+    look = _look(take, renderer, policy.spec.images if policy else ())
+    _show(take, _numbers(take, config.expert.mode), planner, look, options)
 
 
-def _refuse_settings(given: Mapping[str, Any]) -> None:
-    """Raise RunError if an option changes what an evaluation has fixed.
+def _replay_kept(options: PlanOptions, results: Path) -> None:
+    """Show an episode of an evaluation."""
+    _refuse_settings(options)
+    with kept_episode(results, options.scene, options.episode.task or "", options.episode.method) as (replays, record):
+        run = replays.run(record)
+        take = Take(scenario=run.scenario, run=run, rejected="", drive_ms=0.0)
+        view = replays.view(run) if options.picture or options.video else None
+        numbers = {"episode": record.episode.episode_id, "driver": run.driver, **run_numbers(run)}
+        _show(take, numbers, replays.world.robot_planner.of(record.episode), view, options)
 
-    Args:
-        given: Arguments of `plan`, by name.
-    """
-    parameters = inspect.signature(plan).parameters.values()
-    changed = [option_name(p.name) for p in parameters if p.name not in _WITH_RESULTS and given[p.name] != p.default]
+
+def _refuse_settings(options: PlanOptions) -> None:
+    """Raise RunError if an option changes what an evaluation has fixed."""
+    plain = PlanOptions(scene=options.scene)
+    changed = [
+        option_name(entry.name)
+        for ours, theirs in ((options, plain), (options.episode, plain.episode), (options.world, plain.world))
+        for entry in dataclasses.fields(ours)
+        if entry.name not in _WITH_RESULTS
+        and not dataclasses.is_dataclass(getattr(ours, entry.name))
+        and getattr(ours, entry.name) != getattr(theirs, entry.name)
+    ]
+    changed += [option_name(section) for section in options.keys]
     if changed:
         raise RunError(f"--from takes all settings from the evaluation: leave out {', '.join(changed)}.")
 
 
-def _show(
-    take: Take,
-    numbers: Numbers,
-    planner: RobotPlanner,
-    look: "RobotView | None",
-    picture: Path | None,
-    video: Path | None,
-    export: Path | None,
-    *,
-    json: bool,
-) -> None:
+def _config(options: PlanOptions, policy: Policy | None) -> RunConfig:
+    cameras_of = policy.spec.robot if policy else None
+    return evaluation_config(
+        policy.spec if policy else None,
+        "policy",
+        config=options.config,
+        robot=load_robot(options.robot, cameras_of=cameras_of) if options.robot else None,
+        sensor=options.world.sensor,
+        humans=options.people,
+        keys=options.keys,
+    )
+
+
+def _show(take: Take, numbers: Numbers, planner: RobotPlanner, look: "RobotView | None", options: PlanOptions) -> None:
     """Write the requested files, and print the numbers."""
-    if picture is not None:
-        write_png(picture, _picture(take, planner, look))
-    if video is not None:
-        _write_video(video, take, planner, look)
-    if export is not None:
-        save_scenarios(export, [take.scenario])
-    if json:
+    if options.picture is not None:
+        write_png(options.picture, _picture(take, planner, look))
+    if options.video is not None:
+        _write_video(options.video, take, planner, look)
+    if options.export is not None:
+        save_scenarios(options.export, [take.scenario])
+    if options.json:
         sys.stdout.write(json_module.dumps(numbers, indent=2) + "\n")
     else:
-        _print(numbers, [path for path in (picture, video, export) if path is not None])
+        files = (options.picture, options.video, options.export)
+        _print(numbers, [path for path in files if path is not None])
 
 
 def _check(scene: str, index: int, seed: int, *, camera: bool) -> None:
@@ -194,10 +203,6 @@ def _check_endings(picture: Path | None, video: Path | None, export: Path | None
     for option, path, endings in files:
         if path is not None and path.suffix.lower() not in endings:
             raise RunError(f"{option} {path} must end in {' or '.join(endings)}.")
-
-
-def _with_mode(expert: ExpertConfig, mode: str) -> ExpertConfig:
-    return section_from_mapping(ExpertConfig, {**section_to_mapping(expert), "mode": mode}, where="--")
 
 
 def _renderer(scene: Scene, avatars: dict[str, Avatar], config: RunConfig) -> Renderer:

@@ -3,15 +3,18 @@
 import json as json_module
 import sys
 import time
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from rich.table import Table
+from tyro.conf import Fixed, Positional
 
 from readygo.apps.commands.progress import EVERY_S
-from readygo.apps.commands.scene_report import scene_report
+from readygo.apps.commands.scene_report import SceneReportOptions, scene_report
 from readygo.apps.fleet.reconstruction import ask_worker
+from readygo.apps.run.config import read_sections
+from readygo.apps.sections import Keys, Sections, with_keys
 from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.errors import ConfigError
@@ -26,181 +29,131 @@ from readygo.services.reconstructor.metric.markers import DEFAULT_DICTIONARY
 from readygo.services.reconstructor.poses.config import PosesConfig
 from readygo.services.reconstructor.reconstruct import GAUSSIANS, STAGES, Job, reconstruct
 from readygo.services.reconstructor.stages import StageProgress
-from readygo.services.reconstructor.training.config import Device, GaussiansConfig, Preset
-from readygo.services.reconstructor.training.config import preset as settings_of
+from readygo.services.reconstructor.training.config import Device, Preset, preset
+
+PoseKeys = Annotated[Keys, Sections(frames=FramesConfig, poses=PosesConfig, metric=MetricConfig), Fixed]
+ReconstructorKeys = Annotated[Keys, Sections(ReconstructorConfig), Fixed]
 
 
-def scene_poses(
-    source: Path,
-    /,
-    *,
-    out: Path,
-    marker_size_m: float = 0.0,
-    marker_dictionary: str = DEFAULT_DICTIONARY,
-    marker_id: tuple[int, ...] = (),
-    marker_on: Literal["auto", "floor", "wall"] = "auto",
-    length: tuple[str, ...] = (),
-    scale: float = 0.0,
-    frames: int = 300,
-    mapper: Literal["auto", "incremental", "global"] = "auto",
-    threads: int = 0,
-    json: bool = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class ScenePosesOptions:
     """Find camera poses of a video or photos in metres, z up and z = 0 on the floor, without training Gaussians.
 
     The folder `posed` then holds a COLMAP model with undistorted pinhole images, for any Gaussian trainer. Finished
     stages are kept: run the same command to resume, or with a different marker or length.
-
-    Args:
-        source: A video, a folder of photos, or a folder with a COLMAP model and images/.
-        out: State folder, new or to resume.
-        marker_size_m: Side of the black square of the printed markers [m]; see `readygo marker`.
-        marker_dictionary: Dictionary of the markers, as OpenCV names it.
-        marker_id: Ids of the markers of that size; all detected ones by default.
-        marker_on: Surface on which the markers lie; auto infers it from the camera's orientation.
-        length: Length between two points picked in two images, "a.jpg:u,v a.jpg:u,v b.jpg:u,v b.jpg:u,v = 2.35", both
-            ends in each image [px, m]; with a marker, it checks the marker.
-        scale: Metres per unit of the map, without marker or length.
-        frames: Largest number of video frames to use.
-        mapper: auto is incremental up to 200 images, global beyond.
-        threads: 0 uses all cores; 1 gives the same map each time.
-        json: Print the report as JSON.
     """
-    metric = _metric(
-        marker_size_m=marker_size_m,
-        marker_dictionary=marker_dictionary,
-        marker_ids=marker_id,
-        marker_on=marker_on,
-        lengths=length,
-        scale=scale,
-    )
-    report = find_poses(
-        source, out, _config(metric, frames, mapper, threads, GaussiansConfig()), Lines(POSE_STAGES).say
-    )
-    if json:
+
+    source: Positional[Path]
+    """A video, a folder of photos, or a folder with a COLMAP model and images/."""
+    out: Path
+    """State folder, new or to resume."""
+    marker_size_m: float = 0.0
+    """Side of the black square of the printed markers [m]; see `readygo marker`."""
+    length: tuple[str, ...] = ()
+    """Length between two points picked in two images, "a.jpg:u,v a.jpg:u,v b.jpg:u,v b.jpg:u,v = 2.35", both ends
+    in each image [px, m]; with a marker, it checks the marker."""
+    scale: float = 0.0
+    """Metres per unit of the map, without marker or length."""
+    json: bool = False
+    """Print the report as JSON."""
+    config: Path | None = None
+    """TOML file with sections of settings; `--SECTION.KEY VALUE` overrides it."""
+    keys: PoseKeys = field(default_factory=dict)
+
+
+def scene_poses(options: ScenePosesOptions) -> None:
+    """Find camera poses of a video or photos in metres, z up and z = 0 on the floor, without training Gaussians."""
+    config = _config(options, ReconstructorConfig())
+    report = find_poses(options.source, options.out, config, Lines(POSE_STAGES).say)
+    if options.json:
         sys.stdout.write(json_module.dumps(report) + "\n")
         return
-    table = Table(title=f"poses of {source.name}", show_header=False)
+    table = Table(title=f"poses of {options.source.name}", show_header=False)
     for label, text in _rows(report):
         table.add_row(label, text)
-    table.add_row("model and images", str(out / POSED))
-    table.add_row("picture", str(out / POSED / PICTURE_FILE))
+    table.add_row("model and images", str(options.out / POSED))
+    table.add_row("picture", str(options.out / POSED / PICTURE_FILE))
     PlainConsole().print(table, markup=False)
 
 
-def reconstruct_command(
-    source: Path,
-    /,
-    *,
-    out: Path,
-    marker_size_m: float = 0.0,
-    marker_dictionary: str = DEFAULT_DICTIONARY,
-    marker_id: tuple[int, ...] = (),
-    marker_on: Literal["auto", "floor", "wall"] = "auto",
-    length: tuple[str, ...] = (),
-    scale: float = 0.0,
-    preset: Preset = "draft",
-    steps: int | None = None,
-    side_px: int | None = None,
-    plain: bool = False,
-    device: Device = "cpu",
-    frames: int = 300,
-    mapper: Literal["auto", "incremental", "global"] = "auto",
-    threads: int = 0,
-    license: str = "",
-    work: Path | None = None,
-    listen: str = "",
-    json: bool = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class ReconstructOptions:
     """Make a scene bundle from a video or photos: metric poses, Gaussians, maps.
 
     Finished stages are kept, and an interrupted training resumes: run the same command.
-
-    Args:
-        source: A video, a folder of photos, or a folder with a COLMAP model and images/.
-        out: Scene bundle to make; must not exist.
-        marker_size_m: Side of the black square of the printed markers [m]; see `readygo marker`.
-        marker_dictionary: Dictionary of the markers, as OpenCV names it.
-        marker_id: Ids of the markers of that size; all detected ones by default.
-        marker_on: Surface on which the markers lie; auto infers it from the camera's orientation.
-        length: Length between two points picked in two images, "a.jpg:u,v a.jpg:u,v b.jpg:u,v b.jpg:u,v = 2.35", both
-            ends in each image [px, m]; with a marker, it checks the marker.
-        scale: Metres per unit of the map, without marker or length.
-        preset: draft takes minutes on two cores; standard and high take longer.
-        steps: Training steps; those of the preset by default.
-        side_px: Longer side of the training images [px]: larger ones are scaled down; that of the preset by default.
-        plain: Train without the surface losses: faster, better images, worse depths and maps.
-        device: cuda trains with gsplat's kernels on a GPU; experimental, no GPU has run it yet.
-        frames: Largest number of video frames to use.
-        mapper: auto is incremental up to 200 images, global beyond.
-        threads: Threads of the mapper; 0 uses all cores, 1 gives the same map each time.
-        license: License of the scene; recorded in everything made from it.
-        work: State folder; OUT.work by default.
-        listen: Let a `readygo worker reconstructor` do the job that joins at this endpoint, such as tcp/0.0.0.0:7447,
-            on a machine with the same paths.
-        json: Print the report as JSON.
     """
-    metric = _metric(
-        marker_size_m=marker_size_m,
-        marker_dictionary=marker_dictionary,
-        marker_ids=marker_id,
-        marker_on=marker_on,
-        lengths=length,
-        scale=scale,
+
+    source: Positional[Path]
+    """A video, a folder of photos, or a folder with a COLMAP model and images/."""
+    out: Path
+    """Scene bundle to make; must not exist."""
+    marker_size_m: float = 0.0
+    """Side of the black square of the printed markers [m]; see `readygo marker`."""
+    length: tuple[str, ...] = ()
+    """Length between two points picked in two images, "a.jpg:u,v a.jpg:u,v b.jpg:u,v b.jpg:u,v = 2.35", both ends
+    in each image [px, m]; with a marker, it checks the marker."""
+    scale: float = 0.0
+    """Metres per unit of the map, without marker or length."""
+    preset: Preset = "draft"
+    """draft takes minutes on two cores; standard and high take longer."""
+    device: Device = "cpu"
+    """cuda trains with gsplat's kernels on a GPU; experimental, no GPU has run it yet."""
+    license: str = ""
+    """License of the scene; recorded in everything made from it."""
+    work: Path | None = None
+    """State folder; OUT.work by default."""
+    listen: str = ""
+    """Let a `readygo worker reconstructor` do the job that joins at this endpoint, such as tcp/0.0.0.0:7447, on a
+    machine with the same paths."""
+    json: bool = False
+    """Print the report as JSON."""
+    config: Path | None = None
+    """TOML file with sections of settings; `--SECTION.KEY VALUE` overrides it."""
+    keys: ReconstructorKeys = field(default_factory=dict)
+
+
+def reconstruct_command(options: ReconstructOptions) -> None:
+    """Make a scene bundle from a video or photos: metric poses, Gaussians, maps."""
+    config = _config(options, ReconstructorConfig(gaussians=preset(options.preset)))
+    config = replace(config, gaussians=replace(config.gaussians, device=options.device))
+    if options.listen:
+        check_endpoint(options.listen, "--listen")
+    job = Job(
+        source=options.source,
+        out=options.out,
+        work=options.work or options.out.with_name(f"{options.out.name}.work"),
+        license=options.license,
     )
-    config = _config(metric, frames, mapper, threads, _gaussians(preset, steps, side_px, plain, device))
-    if listen:
-        check_endpoint(listen, "--listen")
-    job = Job(source=source, out=out, work=work or out.with_name(f"{out.name}.work"), license=license)
     lines = Lines(STAGES)
     try:
-        report = ask_worker(job, config, listen, lines) if listen else reconstruct(job, config, lines.say)
+        report = (
+            ask_worker(job, config, options.listen, lines) if options.listen else reconstruct(job, config, lines.say)
+        )
     except KeyboardInterrupt:
         # The job removes its folder if no stage in it is finished.
         kept = f"finished stages stay in {job.work}" if job.work.exists() else "no stage is finished yet"
         words = f"{kept}, run the same command again to resume."
         raise KeyboardInterrupt(words) from None
-    if json:
+    if options.json:
         sys.stdout.write(json_module.dumps(report) + "\n")
         return
-    _print_scene(source, job, report)
-    scene_report(str(out))
+    _print_scene(options.source, job, report)
+    scene_report(SceneReportOptions(scene=str(options.out)))
 
 
-def _metric(**settings: Any) -> MetricConfig:
+def _config(options: ScenePosesOptions | ReconstructOptions, base: ReconstructorConfig) -> ReconstructorConfig:
+    """The settings: the base, changed by the file, the options and the keys of the command line.
+
+    Raises:
+        ConfigError: If the file cannot be read, or a value is wrong.
+    """
+    given = {"marker_size_m": options.marker_size_m, "lengths": list(options.length), "scale": options.scale}
+    metric = {"metric": {name: value for name, value in given.items() if value}}
     try:
-        return MetricConfig(**settings)
-    except ValueError as error:
-        raise ConfigError(str(error)) from error
-
-
-def _gaussians(preset: Preset, steps: int | None, side_px: int | None, plain: bool, device: Device) -> GaussiansConfig:
-    """A preset, overridden by the options that were given."""
-    settings = settings_of(preset)
-    changes: dict[str, Any] = {"steps": steps, "side_max_px": side_px, "device": device}
-    try:
-        settings = replace(settings, **{name: value for name, value in changes.items() if value is not None})
-    except ValueError as error:
-        raise ConfigError(str(error)) from error
-    return replace(settings, geometry=replace(settings.geometry, enabled=False)) if plain else settings
-
-
-def _config(
-    metric: MetricConfig,
-    frames: int,
-    mapper: Literal["auto", "incremental", "global"],
-    threads: int,
-    gaussians: GaussiansConfig,
-) -> ReconstructorConfig:
-    try:
-        return ReconstructorConfig(
-            frames=FramesConfig(count_max=frames),
-            poses=PosesConfig(mapper=mapper, threads=threads),
-            metric=metric,
-            gaussians=gaussians,
-        )
-    except ValueError as error:
-        raise ConfigError(str(error)) from error
+        config = with_keys(base, read_sections(options.config) if options.config else {})
+    except ConfigError as error:
+        raise ConfigError(f"Configuration {options.config}: {str(error).removeprefix('--')}") from error
+    return with_keys(with_keys(config, metric), options.keys)
 
 
 class Lines:
@@ -267,22 +220,25 @@ def _rows(report: dict[str, Any]) -> list[tuple[str, str]]:
     return [*rows, *(("note", note) for note in report["notes"])]
 
 
-def marker(
-    *,
-    size_m: float = 0.2,
-    out: Path,
-    dictionary: str = DEFAULT_DICTIONARY,
-    id: int = 0,
-    page: Literal["A4", "A3", "A2", "letter"] = "A3",
-) -> None:
-    """Write a PDF with one marker at true size: print it at 100 %, measure it, and put it on the floor.
+@dataclass(frozen=True, kw_only=True)
+class MarkerOptions:
+    """Write a PDF with one marker at true size: print it at 100 %, measure it, and put it on the floor."""
 
-    Args:
-        size_m: Side of the black square [m].
-        out: PDF to write.
-        dictionary: ArUco or AprilTag dictionary, as OpenCV names it.
-        id: Id of the marker in the dictionary.
-        page: Paper size; the marker needs a white border of one cell.
-    """
-    write_whole(out, marker_pdf(dictionary, id, size_m, page))
-    PlainConsole(soft_wrap=True).print(f"{out}: marker {id} of {dictionary}, {size_m:g} m wide.", markup=False)
+    size_m: float = 0.2
+    """Side of the black square [m]."""
+    out: Path
+    """PDF to write."""
+    dictionary: str = DEFAULT_DICTIONARY
+    """ArUco or AprilTag dictionary, as OpenCV names it."""
+    id: int = 0
+    """Id of the marker in the dictionary."""
+    page: Literal["A4", "A3", "A2", "letter"] = "A3"
+    """Paper size; the marker needs a white border of one cell."""
+
+
+def marker(options: MarkerOptions) -> None:
+    """Write a PDF with one marker at true size: print it at 100 %, measure it, and put it on the floor."""
+    write_whole(options.out, marker_pdf(options.dictionary, options.id, options.size_m, options.page))
+    PlainConsole(soft_wrap=True).print(
+        f"{options.out}: marker {options.id} of {options.dictionary}, {options.size_m:g} m wide.", markup=False
+    )

@@ -2,10 +2,12 @@
 
 import json as json_module
 import sys
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from rich.table import Table
+from tyro.conf import Positional
 
 from readygo.apps.pictures.scene_maps import scene_pictures
 from readygo.apps.pictures.scene_survey import survey_picture
@@ -30,77 +32,87 @@ from readygo.common.scenes.survey import Survey, advice, survey, survey_row
 FINDINGS_FILE = "findings.png"
 
 
-def scene_import(
-    source: Path,
-    /,
-    *,
-    out: Path,
-    name: str = "",
-    sky: Path | None = None,
-    up: str = "+z",
-    scale: float = 1.0,
-    translate: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    license: str = "",
-    robot: Path | None = None,
-    resolution: float = 0.05,
-    crop: tuple[float, float, float, float] | None = None,
-    crop_z: tuple[float, float] | None = None,
-    close_coarse: bool = False,
-    keep_unfilmed: bool = False,
-    mirror: bool = False,
-    drop_bad: bool = False,
-    json: bool = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class ImportGeometryOptions:
+    """Further changes of the geometry and of the maps."""
+
+    translate: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Translation after rotation and scaling [m]."""
+    crop_z: tuple[float, float] | None = None
+    """z0 z1 of the part to keep [m]."""
+    close_coarse: bool = False
+    """Block unobserved ground for robots and pedestrians: ground that only huge Gaussians represent."""
+    keep_unfilmed: bool = False
+    """Keep positions from which the robot would see unobserved parts; only if the source has cameras."""
+    mirror: bool = False
+    """Mirror the scene: for a mirrored file, in which text reads backwards."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneImportOptions:
     """Make a scene bundle (Gaussians, maps, report) from a Gaussian file or from the output of a training.
 
     The command reports likely defects of the scene, and marks them on its map in inspect/findings.png. If the import
     fails because of the scene, a picture beside OUT and a table show the file's contents, possible up directions and
     possible lengths of its unit, and the error says what to try.
-
-    Args:
-        source: A .ply of 3DGS, 2DGS or PGSR, a .compressed.ply, .splat or .spz, a checkpoint of gsplat or nerfstudio,
-            or the output folder of one of these trainings: its newest iteration and its cameras are read.
-        out: Folder to make; must not exist.
-        name: Name of the scene; the folder's by default.
-        sky: Gaussians of the distant surroundings, in the same frame as the source.
-        up: Axis of the file that points up: +x, +y, +z, -x, -y or -z, written with the equals sign, as in --up=-y; a
-            direction such as --up=0.1,-0.99,0.05; "cameras", the mean up direction of the cameras; or "auto", which
-            estimates it if it is unambiguous, near the cameras' up direction if there are cameras.
-        scale: Metres per unit of the file.
-        translate: Translation after rotation and scaling [m].
-        license: License of the scene; recorded in everything made from it.
-        robot: robot.toml with the height and radius that the maps are made for.
-        resolution: Edge of map cells [m].
-        crop: x0 y0 x1 y1 of the part to keep [m], after rotation, scaling and translation.
-        crop_z: z0 z1 of the part to keep [m].
-        close_coarse: Block unobserved ground for robots and pedestrians: ground that only huge Gaussians represent.
-        keep_unfilmed: Keep positions from which the robot would see unobserved parts; only if the source has cameras.
-        mirror: Mirror the scene: for a mirrored file, in which text reads backwards.
-        drop_bad: Drop, and count, Gaussians that cannot be drawn (non-finite numbers, beyond 10 km) or are larger than
-            a fifth of the scene.
-        json: Print one JSON object instead of a table.
     """
-    chosen = None if robot is None else load_robot(robot)
+
+    source: Positional[Path]
+    """A .ply of 3DGS, 2DGS or PGSR, a .compressed.ply, .splat or .spz, a checkpoint of gsplat or nerfstudio, or
+    the output folder of one of these trainings: its newest iteration and its cameras are read."""
+    out: Path
+    """Folder to make; must not exist."""
+    name: str = ""
+    """Name of the scene; the folder's by default."""
+    sky: Path | None = None
+    """Gaussians of the distant surroundings, in the same frame as the source."""
+    up: str = "+z"
+    """Axis of the file that points up: +x, +y, +z, -x, -y or -z, written with the equals sign, as in --up=-y; a
+    direction such as --up=0.1,-0.99,0.05; "cameras", the mean up direction of the cameras; or "auto", which
+    estimates it if it is unambiguous, near the cameras' up direction if there are cameras."""
+    scale: float = 1.0
+    """Metres per unit of the file."""
+    license: str = ""
+    """License of the scene; recorded in everything made from it."""
+    robot: Path | None = None
+    """robot.toml with the height and radius that the maps are made for."""
+    resolution: float = 0.05
+    """Edge of map cells [m]."""
+    crop: tuple[float, float, float, float] | None = None
+    """x0 y0 x1 y1 of the part to keep [m], after rotation, scaling and translation."""
+    drop_bad: bool = False
+    """Drop, and count, Gaussians that cannot be drawn (non-finite numbers, beyond 10 km) or are larger than a
+    fifth of the scene."""
+    json: bool = False
+    """Print one JSON object instead of a table."""
+    geometry: ImportGeometryOptions = field(default_factory=ImportGeometryOptions)
+
+
+def scene_import(options: SceneImportOptions) -> None:
+    """Make a scene bundle (Gaussians, maps, report) from a Gaussian file or from the output of a training."""
+    chosen = None if options.robot is None else load_robot(options.robot)
     try:
         scene = import_scene(
-            source,
-            out,
-            name=name,
-            sky=sky,
-            up=up,
-            scale=scale,
-            translate_m=translate,
-            license=license,
+            options.source,
+            options.out,
+            name=options.name,
+            sky=options.sky,
+            up=options.up,
+            scale=options.scale,
+            translate_m=options.geometry.translate,
+            license=options.license,
             robot=chosen,
-            resolution_m=resolution,
-            crop=crop_box(crop, crop_z),
-            close_coarse=close_coarse,
-            close_unfilmed=not keep_unfilmed,
-            mirror=mirror,
-            drop_bad=drop_bad,
+            resolution_m=options.resolution,
+            crop=crop_box(options.crop, options.geometry.crop_z),
+            close_coarse=options.geometry.close_coarse,
+            close_unfilmed=not options.geometry.keep_unfilmed,
+            mirror=options.geometry.mirror,
+            drop_bad=options.drop_bad,
         )
     except NoGroundError as error:
-        raise SceneError(f"{error} {_shown(source, out, up, scale, json=json)}") from error
+        raise SceneError(
+            f"{error} {_shown(options.source, options.out, options.up, options.scale, json=options.json)}"
+        ) from error
     seen = scene_views(scene, chosen or RobotConfig())
     report = json_module.loads((scene.path / "report.json").read_text())
     pictures = []
@@ -108,43 +120,44 @@ def scene_import(
         pictures.append(scene.path / "inspect" / FINDINGS_FILE)
         plan = plan_of(scene)
         write_png(pictures[0], _findings(scene, plan, seen, report))
-    _print(scene, report, seen, pictures, json=json)
+    _print(scene, report, seen, pictures, json=options.json)
 
 
-def scene_inspect(
-    scene: str,
-    /,
-    *,
-    out: Path | None = None,
-    radius: float | None = None,
-    robot: Path | None = None,
-    json: bool = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class SceneInspectOptions:
     """Measure a scene bundle, and draw the scene, its maps and sample views of the robot's camera.
 
     Map colours: dark is occupied, grey has no visible floor, white is too narrow for the agent, green is the largest
     connected free area, orange areas are disconnected from it. views.png shows the robot's views from positions all
     over the green area, map_views.png the sharpness of these views as colours: orange and brown are blurred.
     findings.png marks likely defects, with labels: rough ground, unobserved ground, positions without a usable view.
-
-    Args:
-        scene: Scene bundle, "embedded", or "embedded:SEED".
-        out: Folder for the pictures; the bundle's inspect/ by default.
-        radius: Radius of the robot's disc [m]; by default the one that the scene was imported for.
-        robot: robot.toml with the camera of the sample views.
-        json: Print one JSON object instead of a table.
     """
-    bundle = open_scene(scene)
-    radius_m = float(bundle.metadata["maps"]["planning_radius_m"]) if radius is None else radius
+
+    scene: Positional[str]
+    """Scene bundle, "embedded", or "embedded:SEED"."""
+    out: Path | None = None
+    """Folder for the pictures; the bundle's inspect/ by default."""
+    radius: float | None = None
+    """Radius of the robot's disc [m]; by default the one that the scene was imported for."""
+    robot: Path | None = None
+    """robot.toml with the camera of the sample views."""
+    json: bool = False
+    """Print one JSON object instead of a table."""
+
+
+def scene_inspect(options: SceneInspectOptions) -> None:
+    """Measure a scene bundle, and draw the scene, its maps and sample views of the robot's camera."""
+    bundle = open_scene(options.scene)
+    radius_m = float(bundle.metadata["maps"]["planning_radius_m"]) if options.radius is None else options.radius
     if not radius_m > 0:
         raise SceneError(f"--radius must be positive, got {radius_m}.")
     maps = bundle.maps
     report = scene_report(bundle.cloud, bundle.sky, maps.robot, maps.human, maps.floor, radius_m)
     plan = plan_of(bundle)
     report["findings"] = findings(bundle.cloud, plan, report, bundle.views)
-    folder = bundle.path / "inspect" if out is None else out
+    folder = bundle.path / "inspect" if options.out is None else options.out
     folder.mkdir(parents=True, exist_ok=True)
-    seen = scene_views(bundle, RobotConfig() if robot is None else load_robot(robot), radius_m=radius_m)
+    seen = scene_views(bundle, RobotConfig() if options.robot is None else load_robot(options.robot), radius_m=radius_m)
     pictures = {
         **scene_pictures(bundle, radius_m),
         "views.png": views_sheet(seen, bundle.name),
@@ -153,7 +166,7 @@ def scene_inspect(
     }
     for file, picture in pictures.items():
         write_png(folder / file, picture)
-    _print(bundle, report, seen, [folder / file for file in pictures], json=json)
+    _print(bundle, report, seen, [folder / file for file in pictures], json=options.json)
 
 
 def _findings(scene: Scene, plan: ScenePlan, seen: SceneViews, report: dict[str, Any]) -> Picture:

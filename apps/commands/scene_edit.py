@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy.typing as npt
+from tyro.conf import Positional
 
 from readygo.apps.pictures.scene_survey import change_picture
 from readygo.apps.run.scene_argument import open_scene
@@ -34,76 +35,100 @@ class _Original:
     config: MapConfig = dataclasses.field(default_factory=MapConfig)
 
 
-def scene_crop(
-    scene: str,
-    /,
-    *,
-    out: Path,
-    box: tuple[float, float, float, float] | None = None,
-    z: tuple[float, float] | None = None,
-) -> None:
-    """Crop a scene, and rebuild its maps.
+@dataclass(frozen=True, kw_only=True)
+class SceneCropOptions:
+    """Crop a scene, and rebuild its maps."""
 
-    Args:
-        scene: Scene bundle, "embedded", or a Gaussian file in metres, z up.
-        out: Folder of the bundle to make, or a .ply file; must not exist. A picture shows before and after.
-        box: x0 y0 x1 y1 of the part to keep [m].
-        z: z0 z1 of the part to keep [m].
-    """
-    part = crop_box(box, z)
+    scene: Positional[str]
+    """Scene bundle, "embedded", or a Gaussian file in metres, z up."""
+    out: Path
+    """Folder of the bundle to make, or a .ply file; must not exist. A picture shows before and after."""
+    box: tuple[float, float, float, float] | None = None
+    """x0 y0 x1 y1 of the part to keep [m]."""
+    z: tuple[float, float] | None = None
+    """z0 z1 of the part to keep [m]."""
+
+
+def scene_crop(options: SceneCropOptions) -> None:
+    """Crop a scene, and rebuild its maps."""
+    part = crop_box(options.box, options.z)
     if part is None:
         raise SceneError("Say what is kept: --box X0 Y0 X1 Y1, --z Z0 Z1, or both.")
-    original = _opened(scene, out)
-    _write(original, cropped(original.cloud, part), original.sky, out, f"cropped to {part}")
+    original = _opened(options.scene, options.out)
+    _write(original, cropped(original.cloud, part), original.sky, options.out, f"cropped to {part}")
 
 
-def scene_align(scene: str, /, *, out: Path, up: str = "auto") -> None:
-    """Rotate and shift a scene so that its floor is level and at height 0, and rebuild its maps.
+@dataclass(frozen=True, kw_only=True)
+class SceneAlignOptions:
+    """Rotate and shift a scene so that its floor is level and at height 0, and rebuild its maps."""
 
-    Args:
-        scene: Scene bundle, "embedded", or a Gaussian file in metres, z up.
-        out: Folder of the bundle to make, or a .ply file; must not exist. A picture shows before and after.
-        up: Direction that points up: an axis, three numbers with commas, or "auto" for the normal of the floor.
-    """
-    original = _opened(scene, out)
-    R, translate_m, name = levelling(original.cloud, up)
+    scene: Positional[str]
+    """Scene bundle, "embedded", or a Gaussian file in metres, z up."""
+    out: Path
+    """Folder of the bundle to make, or a .ply file; must not exist. A picture shows before and after."""
+    up: str = "auto"
+    """Direction that points up: an axis, three numbers with commas, or "auto" for the normal of the floor."""
+
+
+def scene_align(options: SceneAlignOptions) -> None:
+    """Rotate and shift a scene so that its floor is level and at height 0, and rebuild its maps."""
+    original = _opened(options.scene, options.out)
+    R, translate_m, name = levelling(original.cloud, options.up)
     words = f"turned so that {name} is up, and moved by {translate_m[2]:.3f} m"
-    _write_moved(original, out, words, R=R, translate_m=translate_m)
+    _write_moved(original, options.out, words, R=R, translate_m=translate_m)
 
 
-def scene_scale(scene: str, /, *, out: Path, factor: float | None = None, room_height: float | None = None) -> None:
-    """Scale a scene, and rebuild its maps.
+@dataclass(frozen=True, kw_only=True)
+class SceneScaleOptions:
+    """Scale a scene, and rebuild its maps."""
 
-    Args:
-        scene: Scene bundle, "embedded", or a Gaussian file, z up.
-        out: Folder of the bundle to make, or a .ply file; must not exist. A picture shows before and after.
-        factor: Factor for all lengths.
-        room_height: Height of the ceiling above the floor after scaling [m], instead of `factor`.
-    """
-    if (factor is None) == (room_height is None):
+    scene: Positional[str]
+    """Scene bundle, "embedded", or a Gaussian file, z up."""
+    out: Path
+    """Folder of the bundle to make, or a .ply file; must not exist. A picture shows before and after."""
+    factor: float | None = None
+    """Factor for all lengths."""
+    room_height: float | None = None
+    """Height of the ceiling above the floor after scaling [m], instead of `factor`."""
+
+
+def scene_scale(options: SceneScaleOptions) -> None:
+    """Scale a scene, and rebuild its maps."""
+    if (options.factor is None) == (options.room_height is None):
         raise SceneError("Give either --factor or --room-height.")
-    original = _opened(scene, out)
-    by = room_scale(original.cloud, room_height) if room_height is not None else factor
+    original = _opened(options.scene, options.out)
+    by = room_scale(original.cloud, options.room_height) if options.room_height is not None else options.factor
     if by is None or not 0 < by < float("inf"):
         raise SceneError(f"The factor must be positive, got {by}.")
-    _write_moved(original, out, f"scaled by {by:.4g}", scale=by)
+    _write_moved(original, options.out, f"scaled by {by:.4g}", scale=by)
 
 
-def scene_clean(scene: str, /, *, out: Path, kinds: str = "huge,floaters") -> None:
+@dataclass(frozen=True, kw_only=True)
+class SceneCleanOptions:
     """Remove and count unwanted Gaussians, and rebuild the scene's maps.
 
     Huge ones are larger than a fifth of the scene; floaters are small isolated groups, and clouds of them around a
     scene; haze is faint and several times larger than usual, as some glass is, too.
-
-    Args:
-        scene: Scene bundle, "embedded", or a Gaussian file in metres, z up.
-        out: Folder of the bundle to make, or a .ply file; must not exist. A picture shows before and after.
-        kinds: Kinds to remove, separated by commas, of huge, floaters and haze; "all" removes all three.
     """
-    original = _opened(scene, out)
-    wanted = tuple(KINDS) if kinds == "all" else tuple(word.strip() for word in kinds.split(",") if word.strip())
+
+    scene: Positional[str]
+    """Scene bundle, "embedded", or a Gaussian file in metres, z up."""
+    out: Path
+    """Folder of the bundle to make, or a .ply file; must not exist. A picture shows before and after."""
+    kinds: str = "huge,floaters"
+    """Kinds to remove, separated by commas, of huge, floaters and haze; "all" removes all three."""
+
+
+def scene_clean(options: SceneCleanOptions) -> None:
+    """Remove and count unwanted Gaussians, and rebuild the scene's maps."""
+    original = _opened(options.scene, options.out)
+    wanted = (
+        tuple(KINDS)
+        if options.kinds == "all"
+        else tuple(word.strip() for word in options.kinds.split(",") if word.strip())
+    )
     cloud, counts = cleaned(original.cloud, wanted)
-    _write(original, cloud, original.sky, out, f"cleaned of {counts}")
+    _write(original, cloud, original.sky, options.out, f"cleaned of {counts}")
 
 
 def _opened(scene: str, out: Path) -> _Original:

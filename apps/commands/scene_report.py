@@ -2,7 +2,10 @@
 
 import json as json_module
 import sys
+from dataclasses import dataclass
 from pathlib import Path
+
+from tyro.conf import Positional
 
 from readygo.apps.pictures.scene_maps import scene_pictures
 from readygo.apps.report.health import (
@@ -28,30 +31,30 @@ from readygo.common.robot import RobotConfig, load_robot
 PAGE_FILE, NUMBERS_FILE = "report.html", "report.json"
 
 
-def scene_report(
-    scene: str,
-    /,
-    *,
-    out: Path | None = None,
-    radius: float | None = None,
-    robot: Path | None = None,
-    json: bool = False,
-) -> None:
-    """Write a scene's quality report: scale, registration, held-out images, floaters, holes, coverage, top views.
+@dataclass(frozen=True, kw_only=True)
+class SceneReportOptions:
+    """Write a scene's quality report: scale, registration, held-out images, floaters, holes, coverage, top views."""
 
-    Args:
-        scene: Scene bundle, or "embedded".
-        out: Folder for report.html and report.json; the bundle's inspect/ by default.
-        radius: Radius of the robot's disc [m]; by default the one that the scene was imported for.
-        robot: robot.toml with the camera of the sample views.
-        json: Print the numbers as JSON.
-    """
-    bundle = open_scene(scene)
-    radius_m = float(bundle.metadata["maps"]["planning_radius_m"]) if radius is None else radius
+    scene: Positional[str]
+    """Scene bundle, or "embedded"."""
+    out: Path | None = None
+    """Folder for report.html and report.json; the bundle's inspect/ by default."""
+    radius: float | None = None
+    """Radius of the robot's disc [m]; by default the one that the scene was imported for."""
+    robot: Path | None = None
+    """robot.toml with the camera of the sample views."""
+    json: bool = False
+    """Print the numbers as JSON."""
+
+
+def scene_report(options: SceneReportOptions) -> None:
+    """Write a scene's quality report: scale, registration, held-out images, floaters, holes, coverage, top views."""
+    bundle = open_scene(options.scene)
+    radius_m = float(bundle.metadata["maps"]["planning_radius_m"]) if options.radius is None else options.radius
     if not radius_m > 0:
         raise SceneError(f"--radius must be positive, got {radius_m}.")
     lines = sightlines(bundle, reachable_ground(bundle, radius_m))
-    seen = scene_views(bundle, RobotConfig() if robot is None else load_robot(robot), radius_m=radius_m)
+    seen = scene_views(bundle, RobotConfig() if options.robot is None else load_robot(options.robot), radius_m=radius_m)
     numbers = health(bundle, radius_m, lines, seen)
     occupancy = bundle.maps.robot
     pictures = {
@@ -65,10 +68,10 @@ def scene_report(
     placed = held_out_map(numbers["held_out"]["images"], occupancy) if numbers["held_out"] else None
     if placed is not None:
         pictures[HELD_OUT] = placed
-    folder = bundle.path / "inspect" if out is None else out
+    folder = bundle.path / "inspect" if options.out is None else options.out
     write_whole(folder / NUMBERS_FILE, json_module.dumps(numbers, indent=2) + "\n", raises=SceneError)
     write_whole(folder / PAGE_FILE, health_page(numbers, pictures), raises=SceneError)
-    if json:
+    if options.json:
         sys.stdout.write(json_module.dumps(numbers) + "\n")
     else:
         PlainConsole(soft_wrap=True).print(f"Open {folder / PAGE_FILE}.", markup=False)

@@ -3,14 +3,14 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
+from tyro.conf import Positional, UseAppendAction
 
-from readygo.apps.cli import Group, Repeated
 from readygo.apps.drive.calibration import Rectifier, info_of
 from readygo.apps.drive.messages import Goal
 from readygo.apps.drive.named_topics import image_topics, info_topics
@@ -19,7 +19,7 @@ from readygo.apps.drive.rehearsal import rehearsed
 from readygo.apps.drive.robot import Topics
 from readygo.apps.drive.simulated import Look, Manners, SimulatedRobot
 from readygo.apps.drive.wires import COMPRESSED_DEPTH_SUFFIX, COMPRESSED_SUFFIX, WireName, make_wire
-from readygo.apps.run.config import RunConfig
+from readygo.apps.run.config import RunConfig, RunKeys
 from readygo.apps.run.evaluation import (
     evaluation_config,
     evaluation_world,
@@ -35,117 +35,143 @@ from readygo.common.episode import EpisodeSimulation
 from readygo.common.errors import ConfigError
 from readygo.common.images.names import RGB, cameras_of
 from readygo.common.messages import Outcome, Split
-from readygo.common.policy import load_policy, load_spec
+from readygo.common.policy import PolicySpec, load_policy, load_spec
 from readygo.common.policy.sight import camera_on
 from readygo.common.robot import load_robot
 from readygo.services.evaluator import Evaluator, MatchedEpisode
 from readygo.services.evaluator.eyes import Eyes
 
 
-def simulate_robot(
-    scene: str,
-    policy: Path | None = None,
-    /,
-    *,
-    episodes: int = 1,
-    tasks: tuple[Literal["static", "dynamic", "reactive"], ...] = ("static",),
-    split: Literal["train", "val", "test"] = "test",
-    seed: int = 0,
-    robot: Path | None = None,
-    config: Path | None = None,
-    avatars: Path | None = None,
-    latency_s: Annotated[float, Group("manners")] = 0.05,
-    jitter_s: Annotated[float, Group("manners")] = 0.01,
-    drop_share: Annotated[float, Group("manners")] = 0.02,
-    camera_hz: Annotated[float | None, Group("manners")] = None,
-    compressed: Annotated[bool, Group("manners")] = False,
-    rehearse: bool = False,
-    image: Annotated[tuple[str, ...], Group("topics"), Repeated()] = (),
-    depth: Annotated[tuple[str, ...], Group("topics"), Repeated()] = (),
-    odom: Annotated[str, Group("topics")] = "/odom",
-    cmd_vel: Annotated[str, Group("topics")] = "/cmd_vel",
-    wire: Annotated[WireName, Group("topics")] = "ros2",
-    listen: Annotated[str, Group("topics")] = "tcp/127.0.0.1:7447",
-    domain: Annotated[int, Group("topics")] = 0,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class RobotPeopleOptions:
+    """Episodes and pedestrians."""
+
+    split: Literal["train", "val", "test"] = "test"
+    """Split that the episodes are drawn from."""
+    avatars: Path | None = None
+    """Avatar file or folder of avatars; by default those of the policy's data, else the embedded ones."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotTopicOptions:
+    """Further topics of the robot."""
+
+    depth: UseAppendAction[tuple[str, ...]] = ()
+    """Topic of depth images (16UC1), such as /camera/depth, NAME=/topic for further cameras; by default the robot
+    has no depth camera."""
+    odom: str = "/odom"
+    """Topic of the Odometry."""
+    cmd_vel: str = "/cmd_vel"
+    """Topic of the commands."""
+    domain: int = 0
+    """ROS_DOMAIN_ID."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulateRobotOptions:
     """Simulate a robot in a scene in real time: publish images and odometry, and follow cmd_vel.
 
     The episodes are those of `readygo evaluate SCENE POLICY`. An episode begins with the first command of `readygo
     drive POLICY --goal-topic /goal_pose --outcome-topic /outcome`, and the next one begins after the commands have
     stopped.
-
-    Args:
-        scene: Scene bundle, "embedded", or "embedded:SEED".
-        policy: Folder of a trained policy: robot, avatars and settings are those of its data.
-        episodes: Episodes per task.
-        tasks: Tasks, as in `readygo evaluate`.
-        split: Split that the episodes are drawn from.
-        seed: Seed of the episodes.
-        robot: robot.toml; its camera may differ from the policy's.
-        config: TOML file with sections of settings.
-        avatars: Avatar file or folder of avatars; by default those of the policy's data, else the embedded ones.
-        latency_s: Mean delay between capture and transmission of an image [s].
-        jitter_s: Standard deviation of that delay [s].
-        drop_share: Share of images that are lost, 0..1.
-        camera_hz: Images per second [Hz]: the rate of the robot's camera divided by an integer; by default its full
-            rate.
-        compressed: Send CompressedImage: JPEG, and depths as compressedDepth.
-        rehearse: Offline simulation: the policy drives in this process, as in `readygo drive`, in simulated time and
-            without a network.
-        image: Topic of the images, /camera/image_raw by default; --image NAME=/topic for each further camera, by
-            default /NAME/image_raw.
-        depth: Topic of depth images (16UC1), such as /camera/depth, NAME=/topic for further cameras; by default the
-            robot has no depth camera.
-        odom: Topic of the Odometry.
-        cmd_vel: Topic of the commands.
-        wire: Transport, as in `readygo drive`.
-        listen: Endpoint of the Zenoh router that this command opens.
-        domain: ROS_DOMAIN_ID.
     """
-    check_endpoint(listen, "--listen")
-    console = PlainConsole(soft_wrap=True)
-    manners = _manners(latency_s, jitter_s, drop_share, camera_hz, compressed)
-    spec = load_spec(policy) if policy else None
-    own = load_robot(robot) if robot else None
-    settings = evaluation_config(spec, "robot" if own else "policy", config=config, robot=own, sensor=None, humans=None)
-    if settings.robot.ranges.varies:
-        raise ConfigError("A simulated robot is one robot: name it with --robot robot.toml, without [ranges].")
-    settings = _without_latency(settings)
+
+    scene: Positional[str]
+    """Scene bundle, "embedded", or "embedded:SEED"."""
+    policy: Positional[Path | None] = None
+    """Folder of a trained policy: robot, avatars and settings are those of its data."""
+    episodes: int = 1
+    """Episodes per task."""
+    tasks: tuple[Literal["static", "dynamic", "reactive"], ...] = ("static",)
+    """Tasks, as in `readygo evaluate`."""
+    seed: int = 0
+    """Seed of the episodes."""
+    robot: Path | None = None
+    """robot.toml; its camera may differ from the policy's."""
+    config: Path | None = None
+    """TOML file with sections of settings; `--SECTION.KEY VALUE` overrides it."""
+    rehearse: bool = False
+    """Offline simulation: the policy drives in this process, as in `readygo drive`, in simulated time and without
+    a network."""
+    image: UseAppendAction[tuple[str, ...]] = ()
+    """Topic of the images, /camera/image_raw by default; --image NAME=/topic for each further camera, by default
+    /NAME/image_raw."""
+    wire: WireName = "ros2"
+    """Transport, as in `readygo drive`."""
+    listen: str = "tcp/127.0.0.1:7447"
+    """Endpoint of the Zenoh router that this command opens."""
+    people: RobotPeopleOptions = field(default_factory=RobotPeopleOptions)
+    manners: Manners = field(default_factory=Manners)
+    topics: RobotTopicOptions = field(default_factory=RobotTopicOptions)
+    keys: RunKeys = field(default_factory=dict)
+
+
+def simulate_robot(options: SimulateRobotOptions) -> None:
+    """Simulate a robot in a scene in real time: publish images and odometry, and follow cmd_vel."""
+    check_endpoint(options.listen, "--listen")
+    console, manners = PlainConsole(soft_wrap=True), options.manners
+    spec = load_spec(options.policy) if options.policy else None
+    settings = _settings(options, spec)
     manners.image_every(settings.robot.clock)
-    named = image_topics(image, depth, settings.robot, every_camera=True)
-    if compressed and wire == "bridge":
+    named = image_topics(options.image, options.topics.depth, settings.robot, every_camera=True)
+    if manners.compressed and options.wire == "bridge":
         _check_suffixes(named.values())
-    people = avatars_of_policy(spec) if spec and avatars is None else avatars
-    world = evaluation_world(scene, settings, avatars=people, seed=seed, split=Split(split))
+    people = avatars_of_policy(spec) if spec and options.people.avatars is None else options.people.avatars
+    world = evaluation_world(options.scene, settings, avatars=people, seed=options.seed)
     evaluator = make_evaluator(world, renderer=world.renderer(), methods={})
-    request = make_request(episodes, tasks, ("policy",), Split(split), seed)
-    drawn, _ = evaluator.source().draw(seed=seed, split=request.split, count=episodes, tasks=request.tasks)
-    sees = spec.images if rehearse and spec is not None else tuple(named)
-    eyes, rng = evaluator.eyes(sees), np.random.default_rng(seed)
+    request = make_request(options.episodes, options.tasks, ("policy",), Split(options.people.split), options.seed)
+    drawn, _ = evaluator.source().draw(
+        seed=options.seed, split=request.split, count=options.episodes, tasks=request.tasks
+    )
+    sees = spec.images if options.rehearse and spec is not None else tuple(named)
+    eyes, rng = evaluator.eyes(sees), np.random.default_rng(options.seed)
     eyes.look([evaluator.simulation(drawn[0])])
 
     def look(simulation: EpisodeSimulation) -> dict[str, npt.NDArray[Any]]:
         return {name: images[0] for name, images in eyes.measured([simulation]).items()}
 
     with ExitStack() as stack:
-        if rehearse:
-            run = _rehearsal(policy, settings, look, manners, rng, eyes)
+        machine = None
+        if options.rehearse:
+            run = _rehearsal(options.policy, settings, look, manners, rng, eyes)
         else:
             infos = {name: info_of(camera_on(settings.robot, name)) for name in cameras_of(named)}
-            topics = _topics(named, odom, cmd_vel)
-            stack.enter_context(closing(Router(listen)))
-            session = stack.enter_context(closing(ForeignSession(listen)))
-            spoken = make_wire(wire, domain=domain, prefix="", stamped=False, node="readygo_robot")
-            machine = SimulatedRobot(session, spoken, topics, infos, look, manners, rng)
-            console.print(f"a robot waits at {listen}", markup=False)
+            topics = _topics(named, options.topics.odom, options.topics.cmd_vel)
+            stack.enter_context(closing(Router(options.listen)))
+            session = stack.enter_context(closing(ForeignSession(options.listen)))
+            domain = options.topics.domain
+            wire = make_wire(options.wire, domain=domain, prefix="", stamped=False, node="readygo_robot")
+            machine = SimulatedRobot(session, wire, topics, infos, look, manners, rng)
+            console.print(f"a robot waits at {options.listen}", markup=False)
             run = machine.drive
         found = {
             task: _drive_all(run, evaluator, [e for e in drawn if e.task is task], console) for task in request.tasks
         }
     for task, outcomes in found.items():
         console.print(f"{task.value}: {outcomes[Outcome.SUCCESS]} of {outcomes.total()} succeed")
-    if not rehearse and machine.behind:
+    if machine and machine.behind:
         console.print(f"this machine was too slow for real time {machine.behind} times")
+
+
+def _settings(options: SimulateRobotOptions, policy: PolicySpec | None) -> RunConfig:
+    """The settings of the episodes; the camera has no latency, the simulated transport adds it.
+
+    Raises:
+        ConfigError: If the robot's parameters are ranges.
+    """
+    robot = load_robot(options.robot) if options.robot else None
+    settings = evaluation_config(
+        policy,
+        "robot" if robot else "policy",
+        config=options.config,
+        robot=robot,
+        sensor=None,
+        humans=None,
+        keys=options.keys,
+    )
+    if settings.robot.ranges.varies:
+        raise ConfigError("A simulated robot is one robot: name it with --robot robot.toml, without [ranges].")
+    return _without_latency(settings)
 
 
 def _drive_all(
@@ -223,17 +249,6 @@ def _check_suffixes(topics: Iterable[str]) -> None:
                 f"Behind a bridge topics of compressed images end in {COMPRESSED_SUFFIX} or {COMPRESSED_DEPTH_SUFFIX}, "
                 f"got {topic}."
             )
-
-
-def _manners(
-    latency_s: float, jitter_s: float, drop_share: float, camera_hz: float | None, compressed: bool
-) -> Manners:
-    try:
-        return Manners(
-            latency_s=latency_s, jitter_s=jitter_s, drop_share=drop_share, camera_hz=camera_hz, compressed=compressed
-        )
-    except ValueError as error:
-        raise ConfigError(str(error)) from error
 
 
 def _without_latency(settings: RunConfig) -> RunConfig:

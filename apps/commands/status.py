@@ -3,12 +3,15 @@
 import json as json_module
 import sys
 import time
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from rich.live import Live
+from tyro.conf import Positional
 
 from readygo.apps.commands.control import joined, shown_role
 from readygo.apps.fleet.access import join
+from readygo.apps.fleet.options import JoinOptions
 from readygo.apps.fleet.runs import ANY_RUN, HEAR_S, Runs
 from readygo.apps.observe.status import Look, Observed, runs_table, status_table
 from readygo.apps.terminal import PlainConsole
@@ -19,41 +22,37 @@ LISTEN_S = 1.5
 """Time in which every process reports its use of the machine once [s]."""
 
 
-def status(
-    data: Path | None = None,
-    /,
-    *,
-    connect: str = "",
-    run: str = "",
-    certs: Path | None = None,
-    watch: bool = False,
-    json: bool = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class StatusOptions:
     """Show the progress of a run: the queue of every stage, rates, remaining time, workers with their leases, disks.
 
     With only `connect` it lists the runs of a router, highest priority first.
-
-    Args:
-        data: Data folder that a fleet on this machine is recording into.
-        connect: Endpoint of the fleet's router, instead of the folder.
-        run: Name of the run, as `readygo generate --listen` prints it; without it all runs are listed.
-        certs: Folder with a certificate of a monitor or an operator, for a tls/ endpoint.
-        watch: Refresh until the run is finished, or Ctrl-C.
-        json: Print all numbers as JSON.
     """
-    if data is None and connect and not run:
-        _list(connect, certs, watch=watch, json=json)
+
+    data: Positional[Path | None] = None
+    """Data folder that a fleet on this machine is recording into."""
+    watch: bool = False
+    """Refresh until the run is finished, or Ctrl-C."""
+    json: bool = False
+    """Print all numbers as JSON."""
+    fleet: JoinOptions = field(default_factory=JoinOptions)
+
+
+def status(options: StatusOptions) -> None:
+    """Show the progress of a run."""
+    if options.data is None and options.fleet.connect and not options.fleet.run:
+        _list(options.fleet.connect, options.fleet.certs, watch=options.watch, json=options.json)
         return
-    with joined(data, connect, run, certs) as bus:
+    with joined(options.data, options.fleet.connect, options.fleet.run, options.fleet.certs) as bus:
         look = Look(bus)
-        if json:
+        if options.json:
             observed = look.now()
             plain = {**section_to_mapping(observed.status), "fleet": section_to_mapping(observed.fleet)}
             sys.stdout.write(json_module.dumps(plain) + "\n")
             return
         time.sleep(LISTEN_S)
         console = PlainConsole()
-        if not watch:
+        if not options.watch:
             console.print(status_table(look.now()))
             return
         _watch(look, console)

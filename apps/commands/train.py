@@ -5,12 +5,14 @@ import math
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from tyro.conf import Fixed, Positional
 
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.run.evaluation import closed_loop
@@ -24,6 +26,7 @@ from readygo.apps.run.training import (
     run_network_training,
     run_training,
 )
+from readygo.apps.sections import Keys, Sections
 from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.identity import TRAINER
 from readygo.common.dataset import Dataset
@@ -36,113 +39,115 @@ if TYPE_CHECKING:
 
 HISTORY_KEYS = ("history",)
 """Metrics that are too long for the terminal; `metrics.json` has them."""
+NETWORK_KEYS = ("threads", "cache_mb", "batch_size", "learning_rate", "validation_fraction")
+"""Keys that the training of a published network has as well."""
 
 
-def train(
-    data: tuple[Path, ...],
-    /,
-    *,
-    out: Path,
-    minutes: float | None = None,
-    samples: int | None = None,
-    val: tuple[Path, ...] = (),
-    val_scene: str = "",
-    val_episodes: int = 30,
-    recipe: Literal["best", "fast", "paper", "gnm", "vint", "nomad"] | None = None,
-    config: Path | None = None,
-    inputs: str = "",
-    cameras: str = "",
-    goal: Literal["point", "image", "both"] | None = None,
-    learning_rate: float | None = None,
-    batch_size: int | None = None,
-    seed: int | None = None,
-    threads: int | None = None,
-    device: Literal["auto", "cpu", "cuda"] | None = None,
-    memory_mb: int | None = None,
-    cache_mb: int | None = None,
-    live: str = "",
-    run: str = "",
-    certs: Path | None = None,
-    json: bool = False,
-) -> None:
-    """Train a policy on recorded episodes; run again to resume, or with more minutes or samples to train longer.
+@dataclass(frozen=True, kw_only=True)
+class TrainDetailOptions:
+    """Cameras and closed-loop validation."""
 
-    Args:
-        data: Data folders.
-        out: Folder of the policy: policy.onnx, policy.toml, weights.safetensors, metrics.json, loss.svg, checkpoint.
-        minutes: Processor time per thread [min], 10 by default; includes earlier calls with the same folder.
-        samples: Training budget in samples, repeats counted, instead of minutes; the result is then reproducible.
-        val: Data folders for validation; by default a tenth of the episodes is held out.
-        val_scene: Scene ("embedded" or a bundle) whose closed-loop success rate selects the checkpoint; its time is not
-            counted. By default the last weights are used.
-        val_episodes: Episodes per such measurement, from the split val.
-        recipe: "best" learns most from data with expert labels at every state, and is the default for such data; "fast"
-            is the paper's network adapted to minutes on a CPU, the default for other data; "paper" trains that network
-            as in the paper, with Adam at a constant 1e-4. "gnm", "vint" and "nomad" train these published networks with
-            their own losses on the expert's trajectories: `out` is then a folder for `readygo evaluate --checkpoints`,
-            and training starts from published weights if they lie there.
-        config: TOML file with fields of `TrainConfig` that override the recipe's.
-        inputs: Images that the policy uses, separated by commas: rgb, and depth if the data have it; rgb by default.
-        cameras: Cameras of the robot that the policy uses, by their names in robot.toml, separated by commas, including
-            the first one; only the first one by default.
-        goal: Goal input of the policy: "point" (the default) is its position, "image" the robot's view at the goal,
-            which the data must have (goal_image under [renderer]), or "both".
-        learning_rate: Learning rate; the recipe's by default.
-        batch_size: Samples per step; the recipe's by default.
-        seed: Seed of weights, order and augmentation; 0 by default.
-        threads: CPU threads; 0, the default, uses all cores.
-        device: Device to train on; "auto", the default, uses a CUDA device if there is one.
-        memory_mb: Memory limit for recorded episodes [MB], 2048 by default; beyond it they are subsampled.
-        cache_mb: Memory limit for decoded frames [MB], 1024 by default.
-        live: Endpoint of a fleet's router, such as tcp/127.0.0.1:7447: train while the fleet records, and offer the
-            trained policies to it. `data` then are the folders to catch up from, also while they grow; the first is the
-            fleet's own.
-        run: Name of the fleet's run, as `readygo generate --listen` prints it.
-        certs: Folder with a trainer's certificate, for a tls/ endpoint.
-        json: Print the metrics as JSON.
-    """
-    settings = {
-        "minutes": minutes,
-        "samples": samples,
-        "batch_size": batch_size,
-        "seed": seed,
-        "threads": threads,
-        "device": device,
-        "memory_mb": memory_mb,
-        "cache_mb": cache_mb,
-        "learning_rate": learning_rate,
-        "goal": goal,
-    }
-    console = PlainConsole(stderr=True)
-    if recipe in NETWORKS:
-        if live or run or val or val_scene or config or inputs or cameras or goal:
-            raise ConfigError(
-                f"--recipe {recipe} takes no --val, --val-scene, --config, --live, --run, --inputs, --cameras "
-                "and --goal."
-            )
-        unused = ("memory_mb", "device", "goal")
-        _train_network(recipe, data, out, {k: v for k, v in settings.items() if k not in unused}, as_json=json)
+    val_episodes: int = 30
+    """Episodes per such measurement, from the split val."""
+    cameras: str = ""
+    """Cameras of the robot that the policy uses, by their names in robot.toml, separated by commas, including the
+    first one; only the first one by default."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainFleetOptions:
+    """Training while a fleet records."""
+
+    live: str = ""
+    """Endpoint of a fleet's router, such as tcp/127.0.0.1:7447: train while the fleet records, and offer the
+    trained policies to it. `data` then are the folders to catch up from, also while they grow; the first is the
+    fleet's own."""
+    run: str = ""
+    """Name of the fleet's run, as `readygo generate --listen` prints it."""
+    certs: Path | None = None
+    """Folder with a trainer's certificate, for a tls/ endpoint."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainOptions:
+    """Train a policy on recorded episodes; run again to resume, or with more minutes or samples to train longer."""
+
+    data: Positional[tuple[Path, ...]]
+    """Data folders."""
+    out: Path
+    """Folder of the policy: policy.onnx, policy.toml, weights.safetensors, metrics.json, loss.svg, checkpoint."""
+    minutes: float | None = None
+    """Processor time per thread [min], 10 by default; includes earlier calls with the same folder."""
+    samples: int | None = None
+    """Training budget in samples, repeats counted, instead of minutes; the result is then reproducible."""
+    val: tuple[Path, ...] = ()
+    """Data folders for validation; by default a tenth of the episodes is held out."""
+    val_scene: str = ""
+    """Scene ("embedded" or a bundle) whose closed-loop success rate selects the checkpoint; its time is not
+    counted. By default the last weights are used."""
+    recipe: Literal["best", "fast", "paper", "gnm", "vint", "nomad"] | None = None
+    """"best" learns most from data with expert labels at every state, and is the default for such data; "fast" is
+    the paper's network adapted to minutes on a CPU, the default for other data; "paper" trains that network as in
+    the paper, with Adam at a constant 1e-4. "gnm", "vint" and "nomad" train these published networks with their
+    own losses on the expert's trajectories: `out` is then a folder for `readygo evaluate --checkpoints`, and
+    training starts from published weights if they lie there."""
+    config: Path | None = None
+    """TOML file with settings that override the recipe's; `--KEY VALUE` and `--SECTION.KEY VALUE` override it."""
+    inputs: str = ""
+    """Images that the policy uses, separated by commas: rgb, and depth if the data have it; rgb by default."""
+    goal: Literal["point", "image", "both"] | None = None
+    """Goal input of the policy: "point" (the default) is its position, "image" the robot's view at the goal, which
+    the data must have (goal_image under [renderer]), or "both"."""
+    seed: int | None = None
+    """Seed of weights, order and augmentation; 0 by default."""
+    json: bool = False
+    """Print the metrics as JSON."""
+    details: TrainDetailOptions = field(default_factory=TrainDetailOptions)
+    fleet: TrainFleetOptions = field(default_factory=TrainFleetOptions)
+    keys: Annotated[Keys, Sections(TrainConfig), Fixed] = field(default_factory=dict)
+
+
+def train(options: TrainOptions) -> None:
+    """Train a policy on recorded episodes; run again to resume, or with more minutes or samples to train longer."""
+    if options.recipe in NETWORKS:
+        _train_network(options.recipe, options)
         return
-    if live:
-        if cameras:
-            raise ConfigError('--live takes no --cameras: say [network] images = ["rgb", "left.rgb"] in --config.')
-        images = chosen_images(inputs, "", RobotConfig()) if inputs else None
-        chosen = make_config(recipe or "best", config, images=images, **settings)
-        metrics = _train_live(chosen, out, live, run, data, certs)
-    else:
-        dataset = _open(data)
-        images = chosen_images(inputs, cameras, dataset.robot or RobotConfig()) if inputs or cameras else None
-        chosen = make_config(recipe or _default_recipe(dataset, console, quiet=json), config, images=images, **settings)
-        origin = origin_of_data(data)
-        if len(origin.scenes) > 1 and not json:
-            console.print(f"Data of {len(origin.scenes)} scenes: {', '.join(origin.scenes.values())}.", markup=False)
-        evaluate = closed_loop(val_scene, episodes=val_episodes, seed=seed or 0, origin=origin) if val_scene else None
-        with _progress(console, quiet=json) as show:
-            metrics = run_training(dataset, chosen, out, val=val, evaluate=evaluate, show=show)
-        if metrics:
-            note_origin(out, origin)
+    metrics = _train_live(options) if options.fleet.live else _train_on_data(options)
     if metrics:
-        _report(metrics, out, as_json=json)
+        _report(metrics, options.out, as_json=options.json)
+
+
+def _settings(options: TrainOptions) -> dict[str, Any]:
+    """The settings that are options of their own."""
+    return {
+        "minutes": options.minutes,
+        "samples": options.samples,
+        "seed": options.seed,
+        "goal": options.goal,
+    }
+
+
+def _train_on_data(options: TrainOptions) -> dict[str, Any]:
+    """Train on recorded episodes; returns the metrics, empty in helper processes of a training."""
+    console, cameras = PlainConsole(stderr=True), options.details.cameras
+    dataset = _open(options.data)
+    images = None
+    if options.inputs or cameras:
+        images = chosen_images(options.inputs, cameras, dataset.robot or RobotConfig())
+    recipe = options.recipe or _default_recipe(dataset, console, quiet=options.json)
+    config = make_config(recipe, options.config, options.keys, images=images, **_settings(options))
+    origin = origin_of_data(options.data)
+    if len(origin.scenes) > 1 and not options.json:
+        console.print(f"Data of {len(origin.scenes)} scenes: {', '.join(origin.scenes.values())}.", markup=False)
+    evaluate = None
+    if options.val_scene:
+        count = options.details.val_episodes
+        evaluate = closed_loop(options.val_scene, episodes=count, seed=options.seed or 0, origin=origin)
+    with _progress(console, quiet=options.json) as show:
+        metrics = run_training(dataset, config, options.out, val=options.val, evaluate=evaluate, show=show)
+    if metrics:
+        note_origin(options.out, origin)
+    return metrics
 
 
 def _open(data: tuple[Path, ...]) -> Dataset:
@@ -159,11 +164,15 @@ def _default_recipe(dataset: Dataset, console: PlainConsole, *, quiet: bool) -> 
     return recipe
 
 
-def _train_live(
-    config: TrainConfig, out: Path, live: str, run: str, data: tuple[Path, ...], certs: Path | None
-) -> dict[str, Any]:
+def _train_live(options: TrainOptions) -> dict[str, Any]:
     """Train while a fleet records, until the budget is spent, Ctrl-C or SIGTERM."""
-    if not run:
+    fleet = options.fleet
+    if options.details.cameras:
+        raise ConfigError("--live takes no --cameras: say --network.images rgb,left.rgb.")
+    images = chosen_images(options.inputs, "", RobotConfig()) if options.inputs else None
+    recipe = options.recipe or "best"
+    config = make_config(recipe, options.config, options.keys, images=images, **_settings(options))
+    if not fleet.run:
         raise ConfigError("--live needs the name of the fleet's run: pass --run.")
     from readygo.apps.fleet.access import join
     from readygo.apps.fleet.trainer import train_beside
@@ -171,19 +180,39 @@ def _train_live(
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
-    bus = join(live, run, TRAINER, certs=certs)
+    bus = join(fleet.live, fleet.run, TRAINER, certs=fleet.certs)
     try:
-        return train_beside({run: bus}, config, out, data=data, stop=stop)
+        return train_beside({fleet.run: bus}, config, options.out, data=options.data, stop=stop)
     finally:
         bus.close()
 
 
-def _train_network(name: str, data: tuple[Path, ...], out: Path, settings: dict[str, Any], *, as_json: bool) -> None:
+def _network_settings(name: str, options: TrainOptions) -> dict[str, Any]:
+    """The settings of training a published network: some options and keys, by their names there.
+
+    Raises:
+        ConfigError: If an option or key does not go with it.
+    """
+    fleet = options.fleet
+    others = (fleet.live, fleet.run, options.val, options.val_scene, options.config, options.inputs)
+    if any(others) or options.details.cameras or options.goal:
+        raise ConfigError(
+            f"--recipe {name} takes no --val, --val-scene, --config, --live, --run, --inputs, --cameras and --goal."
+        )
+    keys = {key: value for key, value in options.keys.items() if not isinstance(value, Mapping)}
+    keys |= {key: value for part in options.keys.values() if isinstance(part, Mapping) for key, value in part.items()}
+    if unknown := sorted(set(keys) - set(NETWORK_KEYS)):
+        raise ConfigError(f"--recipe {name} takes no key {unknown[0]}; it takes {', '.join(NETWORK_KEYS)}.")
+    return keys | {"minutes": options.minutes, "samples": options.samples, "seed": options.seed}
+
+
+def _train_network(name: str, options: TrainOptions) -> None:
     """Train a published network, and print its waypoint error against the expert."""
-    dataset, config = _open(data), make_network_config(name, settings)
-    with _progress(PlainConsole(stderr=True), quiet=as_json) as show:
-        metrics = run_network_training(dataset, config, out, show)
-    if as_json:
+    config = make_network_config(name, _network_settings(name, options))
+    dataset = _open(options.data)
+    with _progress(PlainConsole(stderr=True), quiet=options.json) as show:
+        metrics = run_network_training(dataset, config, options.out, show)
+    if options.json:
         sys.stdout.write(json_module.dumps(metrics) + "\n")
         return
     console = PlainConsole(soft_wrap=True)
@@ -196,7 +225,7 @@ def _train_network(name: str, data: tuple[Path, ...], out: Path, settings: dict[
             f"Held out ({metrics['held_out_episodes']} episodes): {metrics['waypoint_error_m']:.3f} m from where the "
             f"expert went to where it steers; {metrics['waypoint_error_of_mean_m']:.3f} m to the mean."
         )
-    console.print(f"Next: readygo evaluate SCENE --methods {name} --checkpoints {out}", markup=False)
+    console.print(f"Next: readygo evaluate SCENE --methods {name} --checkpoints {options.out}", markup=False)
 
 
 @contextmanager

@@ -2,92 +2,58 @@
 
 import json as json_module
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any
 
 from rich.table import Table
+from tyro.conf import Fixed, Positional
 
+from readygo.apps.run.config import read_sections
+from readygo.apps.sections import Keys, Sections, with_keys
 from readygo.apps.terminal import PlainConsole
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.extras import install_command
-from readygo.services.reconstructor.training import config as configs
-from readygo.services.reconstructor.training.config import Device, GaussiansConfig, Preset, weak_texture
+from readygo.services.reconstructor.training.config import GaussiansConfig, Preset, preset, weak_texture
 
 
-def scene_train(
-    posed: Path,
-    /,
-    *,
-    out: Path,
-    preset: Preset = "draft",
-    steps: int | None = None,
-    batch: int | None = None,
-    gaussians: int | None = None,
-    side_px: int | None = None,
-    hold_out: int | None = None,
-    method: Literal["gradients", "mcmc"] | None = None,
-    plain: bool = False,
-    neighbour_distance_m: float | None = None,
-    bare_walls: bool = False,
-    device: Device = "cpu",
-    seed: int = 0,
-    json: bool = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class SceneTrainOptions:
     """Train Gaussians on posed images; writes OUT/gaussians.ply and the quality on held-out images.
 
     After an interruption the same command resumes, with the same result. OUT/previews shows held-out photos, the
     rendered Gaussians from the same poses, and the difference.
-
-    Args:
-        posed: Folder with images/ and a COLMAP model in sparse/0, as `readygo scene poses` writes to OUT/posed.
-        out: Folder of the training, new or to resume.
-        preset: draft takes minutes on two cores; standard and high take longer.
-        steps: Optimiser steps.
-        batch: Views per step, rendered in parallel on as many cores.
-        gaussians: Largest number of Gaussians.
-        side_px: Longer side of the training images [px]: larger ones are scaled down.
-        hold_out: Every n-th image is held out: it measures the quality and is not trained on; 0: none.
-        method: gradients adds Gaussians where image gradients are large; mcmc moves Gaussians within a fixed budget.
-        plain: Train without the surface losses (PGSR): faster, better images, worse depths and maps.
-        neighbour_distance_m: Largest distance between views that the surface losses compare [m]; not with plain.
-        bare_walls: Settings for rooms with little texture.
-        device: cuda trains with gsplat's kernels on a GPU; experimental, no GPU has run it yet.
-        seed: Seed of everything random.
-        json: Print the report as JSON.
     """
-    config = _config(
-        preset,
-        steps=steps,
-        batch=batch,
-        side_max_px=side_px,
-        hold_out=hold_out,
-        device=device,
-        density={"count_max": gaussians, "method": method},
-        geometry={"enabled": False if plain else None, "distance_max_m": neighbour_distance_m},
-    )
-    config = replace(weak_texture(config) if bare_walls else config, seed=seed)
+
+    posed: Positional[Path]
+    """Folder with images/ and a COLMAP model in sparse/0, as `readygo scene poses` writes to OUT/posed."""
+    out: Path
+    """Folder of the training, new or to resume."""
+    preset: Preset = "draft"
+    """draft takes minutes on two cores; standard and high take longer."""
+    bare_walls: bool = False
+    """Settings for rooms with little texture."""
+    json: bool = False
+    """Print the report as JSON."""
+    config: Path | None = None
+    """TOML file with settings; `--KEY VALUE` and `--SECTION.KEY VALUE` override it."""
+    keys: Annotated[Keys, Sections(GaussiansConfig), Fixed] = field(default_factory=dict)
+
+
+def scene_train(options: SceneTrainOptions) -> None:
+    """Train Gaussians on posed images; writes OUT/gaussians.ply and the quality on held-out images."""
+    config = weak_texture(preset(options.preset)) if options.bare_walls else preset(options.preset)
+    config = with_keys(config, read_sections(options.config) if options.config else {})
+    config = with_keys(config, options.keys)
     notes = PlainConsole(stderr=True)
-    report = _train(posed, out, config, notes)
-    if json:
+    report = _train(options.posed, options.out, config, notes)
+    if options.json:
         sys.stdout.write(json_module.dumps(report) + "\n")
         return
-    table = Table(title=f"Gaussians of {posed}", show_header=False)
+    table = Table(title=f"Gaussians of {options.posed}", show_header=False)
     for label, text in _rows(report):
         table.add_row(label, text)
     PlainConsole().print(table)
-
-
-def _config(name: Preset, **changes: Any) -> GaussiansConfig:
-    """A preset, overridden by the options that were given."""
-    config = configs.preset(name)
-    try:
-        for key in ("density", "geometry"):
-            part = {field: value for field, value in changes.pop(key).items() if value is not None}
-            config = replace(config, **{key: replace(getattr(config, key), **part)})
-        return replace(config, **{field: value for field, value in changes.items() if value is not None})
-    except ValueError as error:
-        raise ConfigError(str(error)) from error
 
 
 def _train(posed: Path, out: Path, config: GaussiansConfig, notes: PlainConsole) -> dict[str, Any]:

@@ -1,12 +1,18 @@
 """`readygo warm`: compiles the kernels once per machine, before workers need them."""
 
 import time
+from dataclasses import dataclass
 
 from readygo.apps.run.warm import warm_all
 from readygo.apps.terminal import PlainConsole
 
 
-def warm() -> None:
+@dataclass(frozen=True, kw_only=True)
+class WarmOptions:
+    """Compile all numba kernels into the user's cache; later processes load them in under a second."""
+
+
+def warm(options: WarmOptions) -> None:
     """Compile all numba kernels into the user's cache; later processes load them in under a second."""
     begin_s = time.monotonic()
     warm_all()

@@ -53,41 +53,48 @@ class _Timer:
         self.console.print(Text.assemble((f"{time.monotonic() - self.begin_s:5.0f} s", "bold"), f"  {text}"))
 
 
-def demo(*, out: Path = Path("demo"), minutes: float = 3.3, episodes: int = 10, reconstruct: bool = False) -> None:
-    """Train a policy in the embedded scene, evaluate it, and write a report and a video.
+@dataclass(frozen=True, kw_only=True)
+class DemoOptions:
+    """Train a policy in the embedded scene, evaluate it, and write a report and a video."""
 
-    Args:
-        out: Folder for report.html, episode.webm and intermediate files; an earlier demo in it is replaced.
-        minutes: Time of recording and training [min].
-        episodes: Test episodes per task, the same for every driver.
-        reconstruct: Demonstrate reconstruction instead: film a room of the scene, reconstruct it from the video, record
-            episodes in the result, and compare it with the ground truth, in reconstruction.html.
+    out: Path = Path("demo")
+    """Folder for report.html, episode.webm and intermediate files; an earlier demo in it is replaced."""
+    minutes: float = 3.3
+    """Time of recording and training [min]."""
+    episodes: int = 10
+    """Test episodes per task, the same for every driver."""
+    reconstruct: bool = False
+    """Demonstrate reconstruction instead: film a room of the scene, reconstruct it from the video, record episodes
+    in the result, and compare it with the ground truth, in reconstruction.html."""
 
-    Raises:
-        ReadygoError: If `out` holds files of something else, or something cannot be made.
-    """
+
+def demo(options: DemoOptions) -> None:
+    """Train a policy in the embedded scene, evaluate it, and write a report and a video."""
     console = PlainConsole(stderr=True, soft_wrap=True)
     timer = _Timer(console=console, begin_s=time.monotonic())
-    _clear(out)
+    _clear(options.out)
     timer.say("compiling kernels (once per machine) and building the embedded scene")
     warm_all()
-    if reconstruct:
-        path = demo_reconstruction(open_scene(SCENE), out, timer.say, Lines(STAGES).say)
+    if options.reconstruct:
+        path = demo_reconstruction(open_scene(SCENE), options.out, timer.say, Lines(STAGES).say)
         timer.say("done")
         sys.stdout.write(f"Open {path}.\nNext, your own place: readygo marker --out marker.pdf, docs/own-place.md\n")
         return
-    budget = Budget(minutes=minutes)
-    plan = make_plan((SCENE,), out / "run", _settings(), LEARN, budget, avatars=None, seed=0)
-    timer.say(f"recording and learning side by side for {minutes:g} min, then {episodes} test episodes per task")
+    budget = Budget(minutes=options.minutes)
+    plan = make_plan((SCENE,), options.out / "run", _settings(), LEARN, budget, avatars=None, seed=0)
+    timer.say(
+        f"recording and learning side by side for {options.minutes:g} min, "
+        f"then {options.episodes} test episodes per task"
+    )
     data = plan.places[0].folder.path
-    with live_line(6 * episodes) as (show, tested), ProcessPoolExecutor(1, get_context("spawn")) as beside:
+    with live_line(6 * options.episodes) as (show, tested), ProcessPoolExecutor(1, get_context("spawn")) as beside:
         checks: list[Future[Report]] = []
 
         def check_data() -> None:
             checks.append(beside.submit(validate, data))
 
-        learned = learn_policy(plan, episodes=episodes, show=show, recorded=check_data, tested=tested)
-        _write_pictures(out, learned)
+        learned = learn_policy(plan, episodes=options.episodes, show=show, recorded=check_data, tested=tested)
+        _write_pictures(options.out, learned)
         report = checks[0].result()
     if not report.ok:
         raise DatasetError(f"{data} has defects, the first: {report.defects[0]}")
@@ -96,7 +103,7 @@ def demo(*, out: Path = Path("demo"), minutes: float = 3.3, episodes: int = 10, 
     console.print(summary_table(learned.replies[plan.places[0].name].summaries))
     timer.say("done")
     sys.stdout.write(
-        f"Open {out / 'report.html'} and {out / 'episode.webm'}.\n"
+        f"Open {options.out / 'report.html'} and {options.out / 'episode.webm'}.\n"
         "Next, your own place: readygo scene import SCENE.ply --out out/place && "
         "readygo learn out/place --minutes 60 --out runs/place\n"
     )

@@ -8,10 +8,12 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
+
+from tyro.conf import Positional
 
 from readygo.apps.cli import USER_MISTAKE
 from readygo.apps.fleet.access import join_in_time
@@ -19,9 +21,9 @@ from readygo.apps.fleet.process import LATE_S, keep_the_heap_small, stop_signal,
 from readygo.apps.fleet.runs import ANY_RUN, Runs
 from readygo.apps.fleet.several import record_for, work_for
 from readygo.apps.observe.health import showing_health
-from readygo.apps.observe.logs import LogFormat, begin_logging
+from readygo.apps.observe.logs import begin_logging
 from readygo.apps.observe.observer import Observer
-from readygo.apps.observe.settings import OBSERVING, Observing
+from readygo.apps.observe.settings import Observing
 from readygo.apps.run.aside import keep_scenario, note_set_aside
 from readygo.apps.run.config import config_of
 from readygo.apps.run.folder import RunFolder
@@ -58,21 +60,8 @@ TICK_S = 0.2
 """Period in which the coordinator frees expired leases and publishes the run's status [s]."""
 
 
-def worker(
-    role: str,
-    /,
-    *,
-    connect: str,
-    run: str = "",
-    name: str = "",
-    data: tuple[Path, ...] = (),
-    out: Path | None = None,
-    config: Path | None = None,
-    certs: Path | None = None,
-    exit_with_parent: bool = False,
-    metrics: Annotated[str, OBSERVING] = "",
-    log_format: Annotated[LogFormat, OBSERVING] = "text",
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class WorkerOptions:
     """Join a fleet as one worker, until the run is finished or SIGTERM; work that has begun is finished first.
 
     Files of the run that the machine lacks (scene, avatars, policy) are fetched, checked and cached for all its
@@ -83,58 +72,67 @@ def worker(
 
     Exit status 78 means that a user must mend something first (settings, data, disk); a restart does not help. Without
     certificates, the environment variable READYGO_TOKEN must hold the run's token.
-
-    Args:
-        role: coordinator, recorder, the role of a stage (human-planner, animator, robot-planner, renderer or driver),
-            all, which does every stage in one process, trainer, or reconstructor.
-        connect: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447 or tls/lab1:7447.
-        run: Name of the run, as `readygo generate --listen` or `readygo reconstruct --listen` prints it, or several
-            separated by commas; by default a recorder or a stage's worker serves all present and future runs of the
-            router.
-        name: Name of this worker; must differ between workers of one role.
-        data: Data folder of the run, for coordinator and recorder; a trainer catches up from it, with one folder per
-            run. A recorder of several runs makes a folder for each run in it.
-        out: Folder of the policy (trainer only).
-        config: TOML file with fields of `TrainConfig` that override the recipe's (trainer only).
-        certs: Folder of certificates; the worker presents its role's to a tls/ endpoint.
-        exit_with_parent: Exit as soon as standard input is closed.
-        metrics: HOST:PORT of this process's Prometheus endpoint; port 0 takes a free one, which the log and a file in
-            .readygo/targets of the run's data folder name.
-        log_format: "json" writes one JSON object per line, with run, worker, stage, episode and attempt.
     """
-    check_endpoint(connect, "--connect")
-    if role != TRAINER:
+
+    role: Positional[str]
+    """coordinator, recorder, the role of a stage (human-planner, animator, robot-planner, renderer or driver),
+    all, which does every stage in one process, trainer, or reconstructor."""
+    connect: str
+    """Endpoint of the fleet's router, such as tcp/127.0.0.1:7447 or tls/lab1:7447."""
+    run: str = ""
+    """Name of the run, as `readygo generate --listen` or `readygo reconstruct --listen` prints it, or several
+    separated by commas; by default a recorder or a stage's worker serves all present and future runs of the
+    router."""
+    name: str = ""
+    """Name of this worker; must differ between workers of one role."""
+    data: tuple[Path, ...] = ()
+    """Data folder of the run, for coordinator and recorder; a trainer catches up from it, with one folder per run.
+    A recorder of several runs makes a folder for each run in it."""
+    out: Path | None = None
+    """Folder of the policy (trainer only)."""
+    config: Path | None = None
+    """TOML file with fields of `TrainConfig` that override the recipe's (trainer only)."""
+    certs: Path | None = None
+    """Folder of certificates; the worker presents its role's to a tls/ endpoint."""
+    exit_with_parent: bool = False
+    """Exit as soon as standard input is closed."""
+    observe: Observing = field(default_factory=Observing)
+
+
+def worker(options: WorkerOptions) -> None:
+    """Join a fleet as one worker, until the run is finished or SIGTERM; work that has begun is finished first."""
+    check_endpoint(options.connect, "--connect")
+    if options.role != TRAINER:
         keep_the_heap_small()
-    stop = stop_signal(exit_with_parent)
+    stop = stop_signal(options.exit_with_parent)
     watch_thread(threading.main_thread())
-    name = name or f"{role}-{socket.gethostname()}-{os.getpid()}"
-    begin_logging(log_format, run=run, role=role, worker=name)
+    name = options.name or f"{options.role}-{socket.gethostname()}-{os.getpid()}"
+    begin_logging(options.observe.log_format, run=options.run, role=options.role, worker=name)
     try:
-        joined = partial(join_in_time, connect, role=role, stop=stop, certs=certs)
-        several = role not in _OF_ONE_RUN and (not run or "," in run)
-        if not run and not several:
-            raise RunError(f"A {role} needs the name of its run: pass --run.")
-        observing = Observing(metrics=metrics, log_format=log_format)
-        state = RunFolder(data[0]).state if data and not several else None
-        with Observer(observing, run=run, role=role, name=name, state=state) as observer:
-            if role == TRAINER:
-                buses: dict[str, Bus] = {each: joined(each) for each in run.split(",")}
-                _train(buses, data, out, config, stop)
-            elif role == RECONSTRUCTOR:
-                _reconstruct(joined(run), name, stop, observer)
+        joined = partial(join_in_time, options.connect, role=options.role, stop=stop, certs=options.certs)
+        several = options.role not in _OF_ONE_RUN and (not options.run or "," in options.run)
+        if not options.run and not several:
+            raise RunError(f"A {options.role} needs the name of its run: pass --run.")
+        state = RunFolder(options.data[0]).state if options.data and not several else None
+        with Observer(options.observe, run=options.run, role=options.role, name=name, state=state) as observer:
+            if options.role == TRAINER:
+                buses: dict[str, Bus] = {each: joined(each) for each in options.run.split(",")}
+                _train(buses, options.data, options.out, options.config, stop)
+            elif options.role == RECONSTRUCTOR:
+                _reconstruct(joined(options.run), name, stop, observer)
             else:
-                part = _Part(role, name, data, observer, partial(joined, name=name), stop)
+                part = _Part(options.role, name, options.data, observer, partial(joined, name=name), stop)
                 if several:
-                    _serve_runs(part, [each for each in run.split(",") if each])
+                    _serve_runs(part, [each for each in options.run.split(",") if each])
                 else:
-                    _take_part(part, run, stop.is_set, alone=not exit_with_parent)
+                    _take_part(part, options.run, stop.is_set, alone=not options.exit_with_parent)
     except BusError as error:
-        if log_format == "text":
+        if options.observe.log_format == "text":
             raise
         log.critical("%s", error)
         raise SystemExit(USER_MISTAKE) from error
     except ReadygoError as error:
-        if log_format == "text":
+        if options.observe.log_format == "text":
             sys.stderr.write(f"readygo: {strip_controls(str(error))}\n")
         else:
             log.critical("%s", error)

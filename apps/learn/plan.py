@@ -18,6 +18,7 @@ from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.sight import chosen_images
 from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
+from readygo.apps.sections import NO_KEYS, Keys, with_keys
 from readygo.common.camera import CameraConfig
 from readygo.common.documents import read_json
 from readygo.common.errors import ConfigError, RunError, SceneError
@@ -105,7 +106,7 @@ class Plan:
         return self.out / "curve.json"
 
 
-def learn_settings(config: Path | None, robot: Path | None, *, scene_count: int = 1) -> RunConfig:
+def learn_settings(config: Path | None, robot: Path | None, *, scene_count: int = 1, keys: Keys = NO_KEYS) -> RunConfig:
     """The settings of the recording runs, with defaults for training instead of those of `readygo generate`.
 
     Defaults: small images with levels of detail and without labels, few per second; first only episodes without
@@ -115,6 +116,7 @@ def learn_settings(config: Path | None, robot: Path | None, *, scene_count: int 
         config: TOML file with sections of settings.
         robot: The robot's file.
         scene_count: Number of scenes that share the first episodes.
+        keys: Keys of the command line, by section.
 
     Raises:
         ConfigError: If a file cannot be read or holds an unknown key or a wrong value.
@@ -127,7 +129,7 @@ def learn_settings(config: Path | None, robot: Path | None, *, scene_count: int 
         driver=DriverConfig(disturbed=DISTURBED, camera_hz=_pictures_hz(own or RobotConfig())),
         renderer=RendererConfig(detail="lod", labels=False),
     )
-    return load_run_config(config, own, base=base)
+    return load_run_config(config, own, base=base, keys=keys)
 
 
 def learn_configs(
@@ -138,6 +140,7 @@ def learn_configs(
     goal: GoalName | None = None,
     *,
     scene_count: int = 1,
+    keys: Keys = NO_KEYS,
 ) -> tuple[RunConfig, LearnConfig]:
     """The settings of the recording runs and of training; all inputs of the policy are recorded.
 
@@ -148,11 +151,14 @@ def learn_configs(
         cameras: Cameras that the policy uses, separated by commas; as in the section `[learn]` if empty.
         goal: Goal input of the policy; as in `[learn]` by default.
         scene_count: Number of scenes that share the first episodes.
+        keys: Keys of the command line, by section.
 
     Raises:
         ConfigError: If a file cannot be read or holds an unknown key or a wrong value, or there is no such image.
     """
-    runs, learn = learn_settings(config, robot, scene_count=scene_count), load_learn_config(config)
+    of_runs = {name: section for name, section in keys.items() if name != "learn"}
+    runs = learn_settings(config, robot, scene_count=scene_count, keys=of_runs)
+    learn = with_keys(load_learn_config(config), keys.get("learn", {}), "learn.")
     images = chosen_images(inputs, cameras, runs.robot) if inputs or cameras else learn.images
     try:
         learn = dataclasses.replace(learn, images=images, goal=goal or learn.goal)

@@ -2,22 +2,20 @@
 
 from dataclasses import dataclass
 
-from readygo.apps.cli import Group
 from readygo.apps.observe.logs import LogFormat
 from readygo.common.errors import ConfigError
 from readygo.common.extras import install_command, is_installed
 
-OBSERVING = Group("observing")
-"""Group of these options in the help."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Observing:
-    """Metrics and log format from the command line; by default text logs only."""
+    """Metrics and logs of the run's processes; by default text logs only."""
 
     metrics: str = ""
-    """HOST:PORT of this process's Prometheus endpoint; port 0 takes a free one, and empty serves none."""
+    """HOST:PORT of this process's Prometheus endpoint; port 0 takes a free one, which the log names. The other
+    processes of the run use the same HOST, each with its own port; .readygo/targets in the data folder lists all."""
     log_format: LogFormat = "text"
+    """"json" writes one JSON object per line, with run, worker, stage, episode and attempt."""
 
     def __post_init__(self) -> None:
         if self.metrics:

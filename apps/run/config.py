@@ -4,8 +4,11 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any
 
+from tyro.conf import Fixed
+
+from readygo.apps.sections import NO_KEYS, Keys, Sections, with_keys
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.documents import read_toml
 from readygo.common.episode import EpisodeConfig
@@ -50,6 +53,10 @@ class RunConfig:
             )
 
 
+RunKeys = Annotated[Keys, Sections(RunConfig), Fixed]
+"""Keys of a run's settings as the command line gives them: the type of a field of a command's options."""
+
+
 def load_run_config(
     path: Path | None,
     robot: RobotConfig | None = None,
@@ -57,8 +64,9 @@ def load_run_config(
     people: MixName | None = None,
     *,
     base: RunConfig | None = None,
+    keys: Keys = NO_KEYS,
 ) -> RunConfig:
-    """The base settings, changed by the sections of a TOML file, by a robot, a sensor recipe and a scenario mix.
+    """The base settings, changed by the sections of a TOML file, by a robot, a sensor recipe, a scenario mix and keys.
 
     Args:
         path: TOML file with sections of settings.
@@ -66,6 +74,7 @@ def load_run_config(
         sensor: Recipe for the optics of the robot's camera and their variation.
         people: Scenario mix: how many humans there are and how they meet the robot.
         base: Settings that file and arguments do not change; the defaults if None.
+        keys: Keys of the command line, by section.
 
     Raises:
         ConfigError: If the file cannot be read or holds an unknown key or a wrong value.
@@ -80,7 +89,7 @@ def load_run_config(
     if people is not None:
         episode, planner = MIXES[people](config.episode, config.human_planner)
         config = dataclasses.replace(config, episode=episode, human_planner=planner)
-    return config
+    return with_keys(config, keys)
 
 
 def _with_sensor(config: RunConfig, name: SensorName) -> RunConfig:
@@ -140,61 +149,14 @@ def check_cameras(config: RunConfig) -> None:
         check_sensor(config.renderer.sensor, camera)
 
 
-def with_outputs(config: RunConfig, names: str) -> RunConfig:
-    """The configuration with other recorded images.
-
-    Args:
-        config: A configuration.
-        names: Names of the images, separated by commas.
+def with_run_keys(spec: RunSpec, keys: Keys) -> RunSpec:
+    """The run with keys of the command line; the run's name stays.
 
     Raises:
-        ConfigError: If a name is unknown, or rgb is missing.
+        ConfigError: If a value is out of range.
     """
-    try:
-        renderer = dataclasses.replace(config.renderer, outputs=tuple(name.strip() for name in names.split(",")))
-    except ValueError as error:
-        raise ConfigError(f"--{error}") from error
-    return dataclasses.replace(config, renderer=renderer)
-
-
-def with_detail(config: RunConfig, detail: Literal["exact", "lod"]) -> RunConfig:
-    """The configuration with another level of detail.
-
-    Raises:
-        ConfigError: If the configuration's backend has none.
-    """
-    try:
-        renderer = dataclasses.replace(config.renderer, detail=detail)
-    except ValueError as error:
-        raise ConfigError(f"--detail: {error}") from error
-    return dataclasses.replace(config, renderer=renderer)
-
-
-def with_disturbance(config: RunConfig, share: float) -> RunConfig:
-    """The configuration with another share of the expert's episodes with noise injection.
-
-    Raises:
-        ConfigError: If `share` is not in 0..1.
-    """
-    try:
-        driver = dataclasses.replace(config.driver, disturbed=share)
-    except ValueError as error:
-        raise ConfigError(f"--disturb is the share of the expert's episodes: {error}") from error
-    return dataclasses.replace(config, driver=driver)
-
-
-def with_priority(spec: RunSpec, priority: int) -> RunSpec:
-    """The run with another priority; its other settings stay.
-
-    Raises:
-        ConfigError: If `priority` is out of range.
-    """
-    try:
-        dataclasses.replace(config_of(spec).coordinator, priority=priority)
-    except ValueError as error:
-        raise ConfigError(f"--{error}") from error
-    section = {**spec.config.get("coordinator", {}), "priority": priority}
-    return dataclasses.replace(spec, config={**spec.config, "coordinator": section})
+    changed = section_to_mapping(with_keys(config_of(spec), keys))
+    return dataclasses.replace(spec, config={**spec.config, **{name: changed[name] for name in keys}})
 
 
 def config_of(spec: RunSpec) -> RunConfig:

@@ -13,6 +13,7 @@ from readygo.apps.run.origin import DataOrigin, avatars_of_policy, settings_of_p
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
+from readygo.apps.sections import NO_KEYS, Keys
 from readygo.common.bus import InProcessBus
 from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.config import section_to_mapping
@@ -58,6 +59,7 @@ def evaluation_config(
     robot: RobotConfig | None,
     sensor: SensorName | None,
     humans: MixName | None,
+    keys: Keys = NO_KEYS,
 ) -> RunConfig:
     """The settings of an evaluation; by default those of the policy's data, including the robot.
 
@@ -68,6 +70,7 @@ def evaluation_config(
         robot: Robot to use.
         sensor: Recipe of the camera.
         humans: Scenario mix.
+        keys: Keys of the command line, by section.
 
     Raises:
         ConfigError: If the file cannot be read.
@@ -75,7 +78,7 @@ def evaluation_config(
             `camera` asks for the policy's.
     """
     base = settings_of_policy(trained_settings(policy, camera), humans=humans is None) if policy else None
-    settings = load_run_config(config, robot, sensor, humans, base=base)
+    settings = load_run_config(config, robot, sensor, humans, base=base, keys=keys)
     if policy is not None:
         check_policy_limits(policy, settings.robot)
     if policy is not None and camera == "policy":

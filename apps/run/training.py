@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from readygo.apps.run.methods import NETWORKS
+from readygo.apps.sections import NO_KEYS, Keys, merge_tables, with_keys
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.dataset import Dataset
 from readygo.common.documents import read_toml
@@ -19,12 +20,13 @@ if TYPE_CHECKING:
     from readygo.services.trainer.run import Evaluate, TrainProgress
 
 
-def make_config(recipe: str, file: Path | None = None, **settings: Any) -> TrainConfig:
-    """The recipe's configuration, overridden by a file and by the settings that are not None.
+def make_config(recipe: str, file: Path | None = None, keys: Keys = NO_KEYS, **settings: Any) -> TrainConfig:
+    """The recipe's configuration, overridden by a file, by keys and by the settings that are not None.
 
     Args:
         recipe: One of `RECIPES`.
         file: TOML file with fields of `TrainConfig`.
+        keys: Keys of the command line.
         settings: Fields of `TrainConfig` or of its sections.
 
     Raises:
@@ -33,20 +35,15 @@ def make_config(recipe: str, file: Path | None = None, **settings: Any) -> Train
     config = RECIPES[recipe]()
     if file is not None:
         try:
-            merged = _merged(section_to_mapping(config), read_toml(file))
+            merged = merge_tables(section_to_mapping(config), read_toml(file))
         except (OSError, ValueError) as error:
             raise ConfigError(f"Settings {file} cannot be read: {error}.") from error
         config = section_from_mapping(TrainConfig, {k: v for k, v in merged.items() if v is not None})
+    config = with_keys(config, keys)
     try:
         return with_overrides(config, **settings)
     except ValueError as error:
         raise ConfigError(str(error)) from error
-
-
-def _merged(mapping: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    nested = {k: v for k, v in over.items() if isinstance(v, dict) and isinstance(mapping.get(k), dict)}
-    both = {k: _merged(mapping[k], v) for k, v in nested.items()}
-    return mapping | over | both
 
 
 def default_recipe(dataset: Dataset) -> str:

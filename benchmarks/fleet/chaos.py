@@ -69,59 +69,61 @@ class Outcome:
         return not (self.missing or self.double or self.torn or self.wrong or self.orphans)
 
 
-def bench_chaos(
-    *,
-    scene: str = "embedded",
-    episodes: int = 500,
-    faults: int = 200,
-    workers: int = 2,
-    seed: int = 0,
-    longest_s: float = 12.0,
-    disk_mib: int = 1024,
-    folder: Path | None = None,
-    json: bool = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class BenchChaosOptions:
     """Record a run among random faults, and compare it with the same run left alone, in one process.
 
     Workers, recorders, coordinator and launcher are killed, stopped and ended; blobs, shards and the ledger are damaged
     and removed, the disk is full, strangers lie. Exits with 2 if an episode is missing, double, torn or wrong.
-
-    Args:
-        scene: Scene bundle, "embedded", or "embedded:SEED".
-        episodes: Episodes to record.
-        faults: Faults meanwhile.
-        workers: Renderers.
-        seed: Seed of the faults and of the run.
-        longest_s: Longest time that a process is stopped or a disk full [s].
-        disk_mib: Size of the disk in memory that the data are on, for full disks; without the right to mount one, or
-            with 0, these faults are skipped [MiB].
-        folder: Keep data and logs here; a temporary folder by default.
-        json: Print JSON.
     """
-    if episodes < 1 or faults < 0 or longest_s <= 0.3:
+
+    scene: str = "embedded"
+    """Scene bundle, "embedded", or "embedded:SEED"."""
+    episodes: int = 500
+    """Episodes to record."""
+    faults: int = 200
+    """Faults meanwhile."""
+    workers: int = 2
+    """Renderers."""
+    seed: int = 0
+    """Seed of the faults and of the run."""
+    longest_s: float = 12.0
+    """Longest time that a process is stopped or a disk full [s]."""
+    disk_mib: int = 1024
+    """Size of the disk in memory that the data are on, for full disks; without the right to mount one, or with 0,
+    these faults are skipped [MiB]."""
+    folder: Path | None = None
+    """Keep data and logs here; a temporary folder by default."""
+    json: bool = False
+    """Print JSON."""
+
+
+def bench_chaos(options: BenchChaosOptions) -> None:
+    """Record a run among random faults, and compare it with the same run left alone, in one process."""
+    if options.episodes < 1 or options.faults < 0 or options.longest_s <= 0.3:
         raise ConfigError("--episodes must be at least 1, --faults at least 0 and --longest-s above 0.3.")
     with contextlib.ExitStack() as stack:
-        place = folder or Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        place = options.folder or Path(stack.enter_context(tempfile.TemporaryDirectory()))
         place.mkdir(parents=True, exist_ok=True)
         own = "".join(f"{name} = {json_module.dumps(str(place / name))}\n" for name in ("rec1", "rec2"))
-        command = ["generate", scene, "--episodes", str(episodes), "--seed", str(seed)]
+        command = ["generate", options.scene, "--episodes", str(options.episodes), "--seed", str(options.seed)]
         # In one process: the bytes are the same, and no fleet has to start.
         alone = [*command, "--workers", "0", "--config", _settings(place / "alone.toml", SETTINGS)]
         alone_s = _undisturbed(alone, place)
         command += ["--config", _settings(place / "settings.toml", f"{SETTINGS}\n[coordinator.folders]\n{own}")]
-        command += ["--workers", str(workers)]
-        disk = stack.enter_context(small_disk(place / "data", disk_mib))
-        planned = schedule(episodes, faults, seed, longest_s=longest_s)
+        command += ["--workers", str(options.workers)]
+        disk = stack.enter_context(small_disk(place / "data", options.disk_mib))
+        planned = schedule(options.episodes, options.faults, options.seed, longest_s=options.longest_s)
         begin_s = time.monotonic()
         site = Site([*command, "--out", str(place / "data")], RunFolder(place / "data"), place / "chaos.log")
         traces = disturb(site, planned, place / "faults.log")
         outcome = compare([place / "alone"], site.places(), validate(place / "data"))
         outcome.orphans = _orphans(site)
-        if folder and disk and not outcome.ok:
+        if options.folder and disk and not outcome.ok:
             shutil.copytree(place / "data", place / "found")
         result = report(traces, outcome, site)
         result |= {"alone_s": round(alone_s, 1), "wall_s": round(time.monotonic() - begin_s, 1), "small_disk": disk}
-    sys.stdout.write((json_module.dumps(result) if json else _text(result)) + "\n")
+    sys.stdout.write((json_module.dumps(result) if options.json else _text(result)) + "\n")
     if not outcome.ok or site.hung:
         raise DatasetError("The disturbed run is not what it should be.")
 

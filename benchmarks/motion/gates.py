@@ -5,6 +5,7 @@ import json as json_module
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -62,23 +63,35 @@ class Gate(NamedTuple):
         return bool(self.low <= self.value <= self.high)
 
 
-def bench_motion(*, avatar: str = "", style: float = 1.0, mocap: Path | None = None, json: bool = False) -> None:
-    """Measure how human the gait is, on straight, curved, interrupted and turning paths.
+@dataclass(frozen=True, kw_only=True)
+class BenchMotionOptions:
+    """Measure how human the gait is, on straight, curved, interrupted and turning paths."""
 
-    Args:
-        avatar: An embedded avatar's name, or an avatar file; empty is the first embedded one.
-        style: How much people differ, 0 to 1.
-        mocap: Folder of CMU's 02.asf, 02_01.amc, 02_02.amc and 02_03.amc; by default shared/data/motion/cmu beside the
-            project, if it is there.
-        json: Print one JSON object instead of a table.
-    """
-    body = _avatar(avatar)
-    gates = [*path_gates(body, style), *steady_gates(body), *run_gates(body, style), *feature_gates(body)]
-    folder = mocap or MOCAP
+    avatar: str = ""
+    """An embedded avatar's name, or an avatar file; empty is the first embedded one."""
+    style: float = 1.0
+    """How much people differ, 0 to 1."""
+    mocap: Path | None = None
+    """Folder of CMU's 02.asf, 02_01.amc, 02_02.amc and 02_03.amc; by default shared/data/motion/cmu beside the
+    project, if it is there."""
+    json: bool = False
+    """Print one JSON object instead of a table."""
+
+
+def bench_motion(options: BenchMotionOptions) -> None:
+    """Measure how human the gait is, on straight, curved, interrupted and turning paths."""
+    body = _avatar(options.avatar)
+    gates = [
+        *path_gates(body, options.style),
+        *steady_gates(body),
+        *run_gates(body, options.style),
+        *feature_gates(body),
+    ]
+    folder = options.mocap or MOCAP
     gates += mocap_gates(body, folder) if folder.is_dir() else []
     gates.append(Gate("ms_per_10s", cost_ms(body), 0.0, 60.0))
     mocap_note = "present" if folder.is_dir() else "absent"
-    if json:
+    if options.json:
         rows = [{**gate._asdict(), "held": gate.held} for gate in gates]
         result: dict[str, Any] = {"avatar": body.name, "mocap": mocap_note, "gates": rows}
         sys.stdout.write(json_module.dumps(result) + "\n")

@@ -7,7 +7,7 @@ import json as json_module
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -26,49 +26,57 @@ Mode = Literal["paper", "spacetime", "near_field", "oracle"]
 Task = Literal["dynamic", "static"]
 
 
-def bench_plan(
-    *,
-    maps: tuple[str, ...] = ("embedded",),
-    episodes: int = 200,
-    modes: tuple[Mode, ...] = ("paper", "spacetime", "near_field", "oracle"),
-    tasks: tuple[Task, ...] = ("dynamic", "static"),
-    people: MixName = "paper",
-    workers: int = 2,
-    seed: int = 2,
-    data: Path | None = None,
-    pictures: Path | None = None,
-    json: bool = False,
-) -> None:
-    """Measure success, times and smoothness of the robot experts.
+@dataclass(frozen=True, kw_only=True)
+class BenchPlanOptions:
+    """Measure success, times and smoothness of the robot experts."""
 
-    Args:
-        maps: Where to drive: "embedded", scene bundles, map files (.yaml, MovingAI .map), or names in the data folder:
-            willow, home, any other map there, and scenes, which are imported into the user's cache once.
-        episodes: Accepted test episodes per map.
-        modes: Experts that drive through each of them.
-        tasks: With people and without, between the same starts and goals.
-        people: Mix of the people: a recipe of the planner.
-        workers: Processes; only the time that it takes depends on them.
-        seed: Seed of the episodes.
-        data: Folder with scenes/ and maps/; ../shared/data beside the checkout by default, if it is there.
-        pictures: Folder for a picture of every failure, by map, task, mode and category.
-        json: Print one JSON object instead of a table.
-    """
-    for name, value in (("--episodes", episodes), ("--workers", workers)):
+    maps: tuple[str, ...] = ("embedded",)
+    """Where to drive: "embedded", scene bundles, map files (.yaml, MovingAI .map), or names in the data folder:
+    willow, home, any other map there, and scenes, which are imported into the user's cache once."""
+    episodes: int = 200
+    """Accepted test episodes per map."""
+    modes: tuple[Mode, ...] = ("paper", "spacetime", "near_field", "oracle")
+    """Experts that drive through each of them."""
+    tasks: tuple[Task, ...] = ("dynamic", "static")
+    """With people and without, between the same starts and goals."""
+    people: MixName = "paper"
+    """Mix of the people: a recipe of the planner."""
+    workers: int = 2
+    """Processes; only the time that it takes depends on them."""
+    seed: int = 2
+    """Seed of the episodes."""
+    data: Path | None = None
+    """Folder with scenes/ and maps/; ../shared/data beside the checkout by default, if it is there."""
+    pictures: Path | None = None
+    """Folder for a picture of every failure, by map, task, mode and category."""
+    json: bool = False
+    """Print one JSON object instead of a table."""
+
+
+def bench_plan(options: BenchPlanOptions) -> None:
+    """Measure success, times and smoothness of the robot experts."""
+    for name, value in (("--episodes", options.episodes), ("--workers", options.workers)):
         if value < 1:
             raise ConfigError(f"{name} must be at least 1, got {value}.")
-    if seed < 0:
-        raise ConfigError(f"--seed must not be negative, got {seed}.")
-    if data is not None and not data.is_dir():
-        raise ConfigError(f"--data {data} is no folder.")
-    if not maps:
+    if options.seed < 0:
+        raise ConfigError(f"--seed must not be negative, got {options.seed}.")
+    if options.data is not None and not options.data.is_dir():
+        raise ConfigError(f"--data {options.data} is no folder.")
+    if not options.maps:
         raise ConfigError("--maps needs at least one map.")
-    data = data or default_data_folder()
-    sources = [find_map(name, data) for name in maps]
-    job = Job(source=sources[0], modes=modes, tasks=tasks, seed=seed, people=people, pictures=pictures)
+    data = options.data or default_data_folder()
+    sources = [find_map(name, data) for name in options.maps]
+    job = Job(
+        source=sources[0],
+        modes=options.modes,
+        tasks=options.tasks,
+        seed=options.seed,
+        people=options.people,
+        pictures=options.pictures,
+    )
     jobs = [replace(job, source=source) for source in sources]
-    result = measure(jobs, episodes, process_count=workers, quiet=json)
-    sys.stdout.write(json_module.dumps(result) + "\n" if json else text(result))
+    result = measure(jobs, options.episodes, process_count=options.workers, quiet=options.json)
+    sys.stdout.write(json_module.dumps(result) + "\n" if options.json else text(result))
 
 
 def measure(jobs: list[Job], episodes: int, *, process_count: int, quiet: bool) -> dict[str, Any]:

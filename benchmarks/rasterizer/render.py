@@ -7,7 +7,7 @@ import json as json_module
 import os
 import platform
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -36,65 +36,75 @@ BOUND_GAUSSIANS_MAX = 5_000_000
 """Larger scenes are not unpacked again to count their work."""
 
 
-def bench_render(
-    *,
-    scene: str = "",
-    synthetic: str = "",
-    avatars: int = 2,
-    placement: Placement = "free",
-    avatar_folder: Path | None = None,
-    avatar_gaussians: str = "",
-    motion: Path | None = None,
-    size: str = "144x256",
-    frames: int = 400,
-    views: int = 20,
-    threads: int = 1,
-    backend: Backend = "cpu",
-    lod: Switch = "off",
-    peers: bool = True,
-    seed: int = 0,
-    json: bool = False,
-) -> None:
-    """Measure how fast images of a scene with walking people are drawn.
+@dataclass(frozen=True, kw_only=True)
+class BenchAvatarOptions:
+    """Pedestrians in the images."""
 
-    Args:
-        scene: Scene bundle, or "embedded" (the default).
-        synthetic: Instead of a scene: a flat of that many Gaussians of SH degree 3, such as 500k, 1.5M or 20M.
-        avatars: People in every image, 0 to 8, 2 m and more ahead of the camera.
-        placement: Where people stand: on free ground in sight of the camera, or anywhere, even inside of objects.
-        avatar_folder: Folder of avatars; the embedded ones by default.
-        avatar_gaussians: Gaussians per person, such as 30k; as many as they have by default.
-        motion: How people walk: .npz with root_m and pose_axis_angle; the built-in gait by default.
-        size: Height and width of the image [px].
-        frames: Images that each process times.
-        views: Standpoints of the camera among which they are divided.
-        threads: Processes of one thread each that draw at the same time; images/s are their sum.
-        backend: Rasterizer to measure.
-        lod: Level of detail.
-        peers: Measure the peers and the bound too.
-        seed: Seed of standpoints, of people's habits and of the synthetic flat.
-        json: Print one JSON object instead of a table.
-    """
-    height_px, width_px = _size(size)
+    placement: Placement = "free"
+    """Where people stand: on free ground in sight of the camera, or anywhere, even inside of objects."""
+    avatar_folder: Path | None = None
+    """Folder of avatars; the embedded ones by default."""
+    avatar_gaussians: str = ""
+    """Gaussians per person, such as 30k; as many as they have by default."""
+    motion: Path | None = None
+    """How people walk: .npz with root_m and pose_axis_angle; the built-in gait by default."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchRenderOptions:
+    """Measure how fast images of a scene with walking people are drawn."""
+
+    scene: str = ""
+    """Scene bundle, or "embedded" (the default)."""
+    synthetic: str = ""
+    """Instead of a scene: a flat of that many Gaussians of SH degree 3, such as 500k, 1.5M or 20M."""
+    avatars: int = 2
+    """People in every image, 0 to 8, 2 m and more ahead of the camera."""
+    size: str = "144x256"
+    """Height and width of the image [px]."""
+    frames: int = 400
+    """Images that each process times."""
+    views: int = 20
+    """Standpoints of the camera among which they are divided."""
+    threads: int = 1
+    """Processes of one thread each that draw at the same time; images/s are their sum."""
+    backend: Backend = "cpu"
+    """Rasterizer to measure."""
+    lod: Switch = "off"
+    """Level of detail."""
+    peers: bool = True
+    """Measure the peers and the bound too."""
+    seed: int = 0
+    """Seed of standpoints, of people's habits and of the synthetic flat."""
+    json: bool = False
+    """Print one JSON object instead of a table."""
+    pedestrians: BenchAvatarOptions = field(default_factory=BenchAvatarOptions)
+
+
+def bench_render(options: BenchRenderOptions) -> None:
+    """Measure how fast images of a scene with walking people are drawn."""
+    height_px, width_px = _size(options.size)
     job = Job(
-        scene=scene,
-        synthetic=synthetic,
-        avatars=avatars,
-        placement=placement,
-        avatar_folder=avatar_folder,
-        avatar_gaussians=gaussian_count(avatar_gaussians) if avatar_gaussians else None,
-        motion=motion,
+        scene=options.scene,
+        synthetic=options.synthetic,
+        avatars=options.avatars,
+        placement=options.pedestrians.placement,
+        avatar_folder=options.pedestrians.avatar_folder,
+        avatar_gaussians=gaussian_count(options.pedestrians.avatar_gaussians)
+        if options.pedestrians.avatar_gaussians
+        else None,
+        motion=options.pedestrians.motion,
         height_px=height_px,
         width_px=width_px,
-        frames=frames,
-        views=views,
-        threads=threads,
-        backend=backend,
-        lod=lod,
-        seed=seed,
+        frames=options.frames,
+        views=options.views,
+        threads=options.threads,
+        backend=options.backend,
+        lod=options.lod,
+        seed=options.seed,
     )
-    result = run(job, peers=peers)
-    sys.stdout.write(json_module.dumps(result) + "\n" if json else table(result))
+    result = run(job, peers=options.peers)
+    sys.stdout.write(json_module.dumps(result) + "\n" if options.json else table(result))
 
 
 def run(job: Job, *, peers: bool = True) -> dict[str, Any]:

@@ -44,7 +44,7 @@ def main(
     """
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "readygo", "generate", scene, "--out", f"{folder}/data", "--json"]
-        command += ["--episodes", str(episodes), "--workers", str(workers), "--detail", detail]
+        command += ["--episodes", str(episodes), "--workers", str(workers), "--renderer.detail", detail]
         command += ["--avatars", str(avatars)] if avatars else []
         with subprocess.Popen(command, stdout=subprocess.DEVNULL) as run:
             readings = _watched(run)

@@ -124,7 +124,7 @@ class Dataset:
         if not self.has_risks:
             raise DatasetError(
                 f"The samples of {self.shards[0].parent} have no risks of commands; record with this version and "
-                "`readygo generate --policy` or --disturb."
+                "`readygo generate --policy` or --driver.disturbed."
             )
         known = np.frombuffer(b"".join(self._risk_rows), np.uint8).reshape(-1, len(command_grid(self.robot)))
         return spread(known, self._asked, UNKNOWN_RISK)
@@ -150,7 +150,7 @@ class Dataset:
         if not self.has_expert:
             raise DatasetError(
                 f"The samples of {self.shards[0].parent} have no commands of the expert; record with "
-                "`readygo generate --disturb` or `--policy`."
+                "`readygo generate --driver.disturbed` or `--policy`."
             )
         return spread(commands_of(self._expert_messages()), self._asked, np.nan)
 

@@ -126,7 +126,9 @@ def scores_of(run: TrainRun) -> dict[str, Any]:
     rows = spread_samples(table, SAMPLES)
     rows = rows[table.risks[rows, 0] != UNKNOWN_RISK]
     if not len(rows):
-        raise DatasetError("The data do not name the risks of commands; record them with --disturb or --policy.")
+        raise DatasetError(
+            "The data do not name the risks of commands; record them with --driver.disturbed or --policy."
+        )
     answers, read = answers_of(run, rows)
     likely, obstacle, human = answers.split(COMMAND_COUNT, dim=1)
     truth, known = table.risks[rows], run.training.table.risks

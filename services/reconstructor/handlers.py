@@ -170,7 +170,7 @@ def make_markers(
         some = names[:: max(1, len(names) // _TRIED_IMAGES)]
         others = other_dictionaries(place, some, dictionary)
         remedy = f"found instead: {'; '.join(others)}" if others else "no other dictionary has one either"
-        raise SceneError(f"No image shows a marker of {dictionary}; {remedy}. Name it with --marker-dictionary.")
+        raise SceneError(f"No image shows a marker of {dictionary}; {remedy}. Name it with --metric.marker-dictionary.")
     return {"sightings": [{**asdict(each), "corners_px": each.corners_px.tolist()} for each in found]}
 
 

@@ -146,7 +146,8 @@ def make_scene(job: Job, report: dict[str, Any], folder: Path) -> dict[str, Any]
         )
     except NoGroundError as error:
         raise SceneError(
-            f"{error} What the Gaussians look like: {job.work / GAUSSIANS / 'previews'}; train longer (--steps, "
+            f"{error} What the Gaussians look like: {job.work / GAUSSIANS / 'previews'}; train longer "
+            "(--gaussians.steps, "
             "--preset standard), and film the floor as well."
         ) from error
     return {"removed": counted(removed), "sky": len(sky)}

@@ -184,7 +184,8 @@ def worded(folder: Path) -> Iterator[None]:
             raise RunError(f"The disk of {folder} is full{why}. Make room and {_AGAIN}") from error
         if isinstance(error, MemoryError) or any(each in words.lower() for each in _MEMORY_WORDS):
             raise RunError(
-                "Memory ran out: close other programs, or take fewer images (--frames) or a smaller --preset, and "
+                "Memory ran out: close other programs, or take fewer images (--frames.count-max) or a smaller "
+                "--preset, and "
                 f"{_AGAIN}"
             ) from error
         raise

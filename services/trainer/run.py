@@ -239,7 +239,7 @@ class TrainRun:
     def _remedy(self) -> str:
         saved = (self.out / CHECKPOINT_FILE).exists()
         kept = f"the checkpoint in {self.out} is from before that" if saved else "there is no earlier checkpoint"
-        return f"{kept}; continue with a lower --learning-rate in another --out"
+        return f"{kept}; continue with a lower --optimizer.learning-rate in another --out"
 
     def _roll_out(self, evaluate: Evaluate) -> None:
         export_policy(self.learner.average, self.spec, self.out / CANDIDATE_FOLDER)

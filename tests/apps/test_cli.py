@@ -1,6 +1,5 @@
 import errno
 import functools
-import importlib
 import inspect
 import os
 import re
@@ -8,12 +7,17 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
-import docstring_parser
 import pytest
+import tyro
+from tyro.conf import Positional
 
-from readygo.apps.cli import Command, option_name, parse, run_command
+from readygo.apps.cli import Command, function_of, options_of, parse, run_command
+from readygo.apps.options import SHORT_MAX, describe_options, option_name
+from readygo.apps.sections import Keys
 from readygo.commands import COMMANDS
 from readygo.common.errors import RunError
 
@@ -30,9 +34,17 @@ ERRORS = {
 }
 
 
-def fail(how: str, /) -> None:
+@dataclass(frozen=True, kw_only=True)
+class FailOptions:
     """Fail in one of the ways above."""
-    raise ERRORS[how]
+
+    how: Positional[str]
+    """The way."""
+
+
+def fail(options: FailOptions) -> None:
+    """Fail."""
+    raise ERRORS[options.how]
 
 
 FAIL = {"fail": Command(f"{__name__}:fail", "fails")}
@@ -76,37 +88,44 @@ def test_unknown_command_is_one_line(argv: list[str], message: str, capsys: pyte
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_help_names_values_after_what_they_are(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as stopped:
-        parse(COMMANDS, [*name.split(), "--help"])
-    assert stopped.value.code == 0
+    parse(COMMANDS, [*name.split(), "--help-all"])()
     shown = capsys.readouterr().out
     assert f"usage: readygo {name}" in shown
     assert re.findall(r"\bSTR\b|\{None\}", shown) == []
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_help_explains_every_argument(name: str) -> None:
-    module, function_name = COMMANDS[name].path.split(":")
-    function = getattr(importlib.import_module(module), function_name)
-    documented = {entry.arg_name for entry in docstring_parser.parse(inspect.getdoc(function) or "").params}
-    assert set(inspect.signature(function).parameters) == documented
+def test_short_help_has_at_most_12_options_and_names_where_the_others_are(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parse(COMMANDS, [*name.split(), "--help"])()
+    shown = capsys.readouterr().out
+    assert len(re.findall(r"^  (?! )", shown, re.MULTILINE)) <= SHORT_MAX
+    parse(COMMANDS, [*name.split(), "--help-all"])()
+    everything = capsys.readouterr().out
+    assert shown.startswith(everything) == (shown == everything)
+    assert (f"All options: readygo {name} --help-all" in shown) == (shown != everything)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_explains_every_option(name: str) -> None:
+    options = describe_options(options_of(function_of(COMMANDS[name]))).options
+    assert [option.flag for option in options if not option.words] == []
 
 
 def test_value_names_say_scene_and_data(capsys: pytest.CaptureFixture[str]) -> None:
     shown = ""
     for command in ("generate", "evaluate", "train"):
-        with pytest.raises(SystemExit):
-            parse(COMMANDS, [command, "--help"])
+        parse(COMMANDS, [command, "--help-all"])()
         shown += capsys.readouterr().out
-    for text in ("] [SCENE]\n", "] [SCENE] [POLICY]\n", "] DATA [DATA ...]\n", "--out PATH ", "--val-scene SCENE "):
+    for text in (" [SCENE] --", " [SCENE] [POLICY] [OPT", " DATA [DATA ...] --", "--out PATH ", "--val-scene SCENE "):
         assert text in shown
     assert "--split {train,val,test}" in shown
     assert "--people {paper,varied,crowd}" in shown
 
 
 def test_help_names_defaults_only_where_there_is_something_to_name(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        parse(COMMANDS, ["learn", "--help"])
+    parse(COMMANDS, ["learn", "--help"])()
     shown = capsys.readouterr().out
     for text in ("default: None", "default: ''", "default: )"):
         assert text not in shown
@@ -134,7 +153,12 @@ def test_what_a_user_can_mend_is_one_line(
     assert capsys.readouterr().err == f"readygo: {message}\n"
 
 
-def be_terminated() -> None:
+@dataclass(frozen=True, kw_only=True)
+class NoOptions:
+    """Wait."""
+
+
+def be_terminated(options: NoOptions) -> None:
     """Get a SIGTERM, and end what was begun."""
     try:
         os.kill(os.getpid(), signal.SIGTERM)
@@ -157,7 +181,7 @@ def test_sigterm_ends_a_command_as_ctrl_c_does(capsys: pytest.CaptureFixture[str
 
 
 STOPPED_IN_A_DESTRUCTOR = """
-import os, signal, sys, time
+import dataclasses, os, signal, sys, time
 from readygo.apps import cli
 
 class Last:
@@ -165,7 +189,11 @@ class Last:
         os.kill(os.getpid(), signal.{name})
         time.sleep(5.0)
 
-def wait():
+@dataclasses.dataclass
+class NoOptions:
+    pass
+
+def wait(options: NoOptions):
     last = Last()
     del last
     time.sleep(60.0)
@@ -233,12 +261,19 @@ def test_terminal_without_unicode_gets_question_marks() -> None:
 
 
 @pytest.mark.parametrize(
-    ("argv", "share"), [(["--disturb"], 0.5), (["--disturb", "--static"], 0.5), (["--disturb", "0.2"], 0.2), ([], None)]
+    ("argv", "keys"),
+    [
+        ("--driver.disturbed 0.2 --static", {"driver": {"disturbed": 0.2}}),
+        ("--renderer.outputs=rgb,depth", {"renderer": {"outputs": ["rgb", "depth"]}}),
+        ("--robot.camera.k1 -0.2", {"robot": {"camera": {"k1": -0.2}}}),
+        ("", {}),
+    ],
 )
-def test_option_may_go_without_its_value_where_that_is_said(argv: list[str], share: float | None) -> None:
-    call = parse(COMMANDS, ["generate", "embedded", "--out", "data", *argv])
+def test_keys_of_the_configuration_are_options(argv: str, keys: Keys) -> None:
+    call = parse(COMMANDS, ["generate", "embedded", "--out", "data", *argv.split()])
     assert isinstance(call, functools.partial)
-    assert call.keywords["disturb"] == share
+    assert call.args[0].keys == keys
+    assert call.args[0].recording.static is ("--static" in argv)
 
 
 @pytest.mark.parametrize("endpoint", ["foo", "tcp/127.0.0.1:99999"])
@@ -276,21 +311,26 @@ def test_endpoint_that_is_none_is_one_line_and_nothing_is_made(
     assert not out.exists()
 
 
-def choose(place: str, /, *, from_: str = "", to_there: str = "") -> tuple[str, str, str]:
-    """Choose.
+@dataclass(frozen=True, kw_only=True)
+class ChooseOptions:
+    """Choose."""
 
-    Args:
-        place: Where.
-        from_: Whence.
-        to_there: Whither.
-    """
-    return place, from_, to_there
+    place: Positional[str]
+    """Where."""
+    from_: Annotated[str, tyro.conf.arg(name="from")] = ""
+    """Whence."""
+    to_there: str = ""
+    """Whither."""
+
+
+def choose(options: ChooseOptions) -> tuple[str, str, str]:
+    """Choose."""
+    return options.place, options.from_, options.to_there
 
 
 def test_option_may_be_called_by_a_word_of_the_language(capsys: pytest.CaptureFixture[str]) -> None:
     assert (option_name("from_"), option_name("to_there")) == ("--from", "--to-there")
     commands = {"choose": Command(f"{__name__}:choose", "chooses")}
     assert parse(commands, ["choose", "here", "--from", "a", "--to-there", "b"])() == ("here", "a", "b")
-    with pytest.raises(SystemExit):
-        parse(commands, ["choose", "--help"])
+    parse(commands, ["choose", "--help"])()
     assert "--from FROM" in capsys.readouterr().out

@@ -201,7 +201,7 @@ def scale_of_markers(measures: Sequence[MarkerMeasure], size_m: float, printed_s
         said = "; ".join(f"marker {m.marker}: {m.metres_per_unit:.4g} m per unit +-{_percent(m)}" for m in measures)
         raise SceneError(
             f"Markers contradict each other: {said}, each taken as {size_m:g} m wide. Measure them, and name the one "
-            "that has this size with --marker-id."
+            "that has this size with --metric.marker-ids."
         )
     kept = ~apart[best]
     weights = kept / np.maximum(sigmas, 1e-6) ** 2

@@ -32,7 +32,8 @@ def check_memory(posed: Posed, settings: GaussiansConfig) -> None:
         raise RunError(
             f"The training needs about {needed / 1e9:.1f} GB of memory ({settings.density.count_max:,} Gaussians, "
             f"{settings.batch} views a step of {width}x{height} px), {free / 1e9:.1f} GB are free: close other "
-            "programs, take a smaller --preset, or lower --gaussians and --side-px."
+            "programs, take a smaller --preset, or lower "
+            "density.count_max and side_max_px."
         )
 
 
@@ -48,7 +49,8 @@ def gpu_memory(settings: GaussiansConfig) -> Iterator[None]:
     except torch.OutOfMemoryError as error:
         raise RunError(
             f"The GPU's memory ran out with at most {settings.density.count_max:,} Gaussians: close what else uses it "
-            "and run the same command again, or restart with a smaller --preset, or lower --gaussians and --side-px."
+            "and run the same command again, or restart with a smaller --preset, or lower "
+            "density.count_max and side_max_px."
         ) from error
 
 

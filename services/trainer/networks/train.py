@@ -132,7 +132,9 @@ class _Learner:
         loss = loss_of(config.network, run.network, batch, generator)
         value = float(loss.detach())
         if not math.isfinite(value):
-            raise PolicyError(f"The loss is {value} after {run.samples} samples; try a smaller --learning-rate.")
+            raise PolicyError(
+                f"The loss is {value} after {run.samples} samples; try a smaller --optimizer.learning-rate."
+            )
         run.optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         run.optimizer.step()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from readygo.__main__ import main
-from readygo.apps.commands.avatar_import import _has_wide_scales, _print_report, avatar_import
+from readygo.apps.commands.avatar_import import AvatarImportOptions, _has_wide_scales, _print_report, avatar_import
 from readygo.common.avatars import load_avatar, load_avatars
 from readygo.common.avatars.importers import ImportReport
 from readygo.common.avatars.importers.report import SkeletonReport
@@ -23,7 +23,11 @@ def test_report_as_json_describes_the_avatar_that_was_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     person = write_glb(tmp_path / "person.glb")
-    avatar_import(person, out=tmp_path / "ann.npz", license="CC-BY 4.0, me", gaussians=3000, preview=True, json=True)
+    avatar_import(
+        AvatarImportOptions(
+            file=person, out=tmp_path / "ann.npz", license="CC-BY 4.0, me", gaussians=3000, preview=True, json=True
+        )
+    )
     report = json.loads(capsys.readouterr().out)
     avatar = load_avatar(tmp_path / "ann.npz")
     assert (avatar.name, avatar.license) == ("ann", "CC-BY 4.0, me")
@@ -35,7 +39,7 @@ def test_report_as_json_describes_the_avatar_that_was_written(
 
 def test_printed_report_names_bones_and_license(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     person = write_glb(tmp_path / "person.glb", prefix="[rig] ")
-    avatar_import(person, out=tmp_path / "ann.npz", license="CC0-1.0", gaussians=2000)
+    avatar_import(AvatarImportOptions(file=person, out=tmp_path / "ann.npz", license="CC0-1.0", gaussians=2000))
     printed = capsys.readouterr().out
     assert "left_knee       [rig] LeftLeg" in printed
     assert "license: CC0-1.0" in printed
@@ -56,7 +60,9 @@ def test_small_scales_survive_beside_large_ones(tmp_path: Path) -> None:
         joints_tpose=source.joints_tpose_m,
         R_canonical_to_tpose=source.R_tpose_canonical,
     )
-    avatar_import(tmp_path / "p.ply", out=tmp_path / "a.npz", license="x", weights=tmp_path / "w.npz")
+    avatar_import(
+        AvatarImportOptions(file=tmp_path / "p.ply", out=tmp_path / "a.npz", license="x", weights=tmp_path / "w.npz")
+    )
     loaded = load_avatar(tmp_path / "a.npz").cloud.scales_m
     np.testing.assert_allclose(loaded[10:] / scales[10:], loaded[10, 0] / scales[10, 0], rtol=1e-3)
 
@@ -103,7 +109,11 @@ def test_humans_who_cannot_walk_are_refused(tmp_path: Path) -> None:
         R_canonical_to_tpose=source.R_tpose_canonical,
     )
     with pytest.raises(AvatarError, match="cannot walk"):
-        avatar_import(tmp_path / "p.ply", out=tmp_path / "a.npz", license="x", weights=tmp_path / "w.npz")
+        avatar_import(
+            AvatarImportOptions(
+                file=tmp_path / "p.ply", out=tmp_path / "a.npz", license="x", weights=tmp_path / "w.npz"
+            )
+        )
     assert not (tmp_path / "a.npz").exists()
 
 

@@ -2,14 +2,14 @@ from pathlib import Path
 
 import cv2
 
-from readygo.apps.commands.card import card
+from readygo.apps.commands.card import CardOptions, card
 from readygo.common.dataset import Dataset
 from tests.common.dataset.episodes import write_left_shard
 
 
 def test_folder_describes_itself_and_stays_a_dataset(data: Path) -> None:
     before = Dataset([data]).content_hash
-    card(data)
+    card(CardOptions(data=data))
     text = (data / "README.md").read_text()
     for picture in ("card/frames.jpg", "card/visits.png"):
         assert f"({picture})" in text
@@ -20,7 +20,7 @@ def test_folder_describes_itself_and_stays_a_dataset(data: Path) -> None:
 
 def test_every_camera_has_its_picture(tmp_path: Path) -> None:
     write_left_shard(tmp_path, [0, 1])
-    card(tmp_path)
+    card(CardOptions(data=tmp_path))
     text = (tmp_path / "README.md").read_text()
     assert "(card/cameras.jpg)" in text
     assert cv2.imread(str(tmp_path / "card" / "cameras.jpg")) is not None

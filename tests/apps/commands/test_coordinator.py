@@ -2,7 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.commands.coordinator import coordinator
+from readygo.apps.commands.coordinator import CoordinatorOptions, coordinator
+from readygo.apps.fleet.options import FleetOptions
 from readygo.common.bus.zenoh_bus import free_endpoint
 from readygo.common.errors import CertificateError, RunError
 from readygo.services.coordinator import Ledger, Written
@@ -14,7 +15,7 @@ def test_run_that_is_done_is_over_at_once(tmp_path: Path, capsys: pytest.Capture
     ledger = Ledger(folder.ledger, folder.load()[0].stages)
     ledger.adopt(0, Written(recorder="rec0", attempt=1, shard="shard-rec0-00000.mcap", samples=4))
     ledger.close()
-    coordinator(folder.path, listen=free_endpoint())
+    coordinator(CoordinatorOptions(data=folder.path, fleet=FleetOptions(listen=free_endpoint())))
     said = "1 episodes, 4 samples, in the shards of their recorders."
     assert capsys.readouterr().err.splitlines()[-1] == said
     assert not (folder.state / "endpoint").exists()
@@ -22,10 +23,10 @@ def test_run_that_is_done_is_over_at_once(tmp_path: Path, capsys: pytest.Capture
 
 def test_what_cannot_be_led_is_said_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="is no data folder of a run"):
-        coordinator(tmp_path / "nothing", listen=free_endpoint())
+        coordinator(CoordinatorOptions(data=tmp_path / "nothing", fleet=FleetOptions(listen=free_endpoint())))
     folder = make_folder(tmp_path / "data", [DRAW, FILM], wanted=1)
     with pytest.raises(CertificateError, match="needs certificates: pass --certs"):
-        coordinator(folder.path, listen="tls/127.0.0.1:7447")
+        coordinator(CoordinatorOptions(data=folder.path, fleet=FleetOptions(listen="tls/127.0.0.1:7447")))
 
 
 def test_episodes_that_were_set_aside_are_warned_of_and_fail_a_strict_run(
@@ -38,7 +39,7 @@ def test_episodes_that_were_set_aside_are_warned_of_and_fail_a_strict_run(
     ledger.adopt(1, Written(recorder="rec0", attempt=1, shard="shard-rec0-00000.mcap", samples=4))
     ledger.close()
     warning = "Warning: Episode 0 was set aside, the next index took its place: stage film failed: no floor"
-    coordinator(folder.path, listen=free_endpoint())
+    coordinator(CoordinatorOptions(data=folder.path, fleet=FleetOptions(listen=free_endpoint())))
     assert capsys.readouterr().err.splitlines()[-1] == warning
     with pytest.raises(RunError, match=r"1 episodes of .* were set aside, which --strict does not allow"):
-        coordinator(folder.path, listen=free_endpoint(), strict=True)
+        coordinator(CoordinatorOptions(data=folder.path, strict=True, fleet=FleetOptions(listen=free_endpoint())))

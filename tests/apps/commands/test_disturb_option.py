@@ -1,11 +1,11 @@
-"""`readygo generate --disturb`: the expert is pushed and obeyed late, and says what it would do."""
+"""`readygo generate --driver.disturbed`: the expert is pushed and obeyed late, and says what it would do."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from readygo.apps.commands.generate import generate
+from readygo.apps.commands.generate import GenerateOptions, RecordingOptions, generate
 from readygo.common.dataset import Dataset, validate
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.messages import Driver
@@ -21,6 +21,11 @@ time_limit_s = 8.0
 """
 
 
+def keys(share: float) -> dict[str, dict[str, float]]:
+    """The key of noise injection in a share of the episodes."""
+    return {"driver": {"disturbed": share}}
+
+
 @pytest.fixture(scope="module")
 def scene(embedded_bundle: Path) -> str:
     return str(embedded_bundle)
@@ -30,13 +35,19 @@ def scene(embedded_bundle: Path) -> str:
 def options(tmp_path_factory: pytest.TempPathFactory) -> dict:
     path = tmp_path_factory.mktemp("settings") / "short.toml"
     path.write_text(CONFIG)
-    return {"config": path, "static": True, "disturb": 0.3, "episodes": EPISODES, "json": True}
+    return {
+        "config": path,
+        "recording": RecordingOptions(static=True),
+        "keys": keys(0.3),
+        "episodes": EPISODES,
+        "json": True,
+    }
 
 
 @pytest.fixture(scope="module")
 def recorded(scene: str, options: dict, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("data") / "zero"
-    generate(scene, out=out, workers=0, **options)
+    generate(GenerateOptions(scene=scene, out=out, workers=0, **options))
     return out
 
 
@@ -58,30 +69,30 @@ def test_share_of_the_episodes_is_disturbed_and_the_expert_says_what_it_would_do
 def test_run_goes_on_where_it_was_and_with_the_same_share_alone(
     recorded: Path, scene: str, options: dict, tmp_path: Path
 ) -> None:
-    generate(scene, out=tmp_path / "data", workers=0, **{**options, "episodes": 1})
-    generate(scene, out=tmp_path / "data", workers=0, **options)
+    generate(GenerateOptions(scene=scene, out=tmp_path / "data", workers=0, **{**options, "episodes": 1}))
+    generate(GenerateOptions(scene=scene, out=tmp_path / "data", workers=0, **options))
     assert _hash(tmp_path / "data") == _hash(recorded)
     with pytest.raises(RunError, match=r"holds data of another run: config \(driver\) differ"):
-        generate(scene, out=tmp_path / "data", workers=0, **{**options, "disturb": 0.25})
+        generate(GenerateOptions(scene=scene, out=tmp_path / "data", workers=0, **{**options, "keys": keys(0.25)}))
 
 
 def test_fleet_of_two_drivers_gives_the_same_bytes(recorded: Path, scene: str, options: dict, tmp_path: Path) -> None:
-    generate(scene, out=tmp_path / "two", workers=2, **options)
+    generate(GenerateOptions(scene=scene, out=tmp_path / "two", workers=2, **options))
     assert _hash(tmp_path / "two") == _hash(recorded)
 
 
 def test_run_is_made_again_from_its_data_alone(recorded: Path, tmp_path: Path) -> None:
-    generate(again=recorded, out=tmp_path / "again", workers=0, json=True)
+    generate(GenerateOptions(out=tmp_path / "again", workers=0, json=True, recording=RecordingOptions(again=recorded)))
     assert _hash(tmp_path / "again") == _hash(recorded)
 
 
 def test_what_makes_no_run_is_refused_in_a_line(scene: str, options: dict, recorded: Path, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"--disturb is the share of the expert's episodes: disturbed must be 0\.\.1"):
-        generate(scene, out=tmp_path / "data", **{**options, "disturb": 2.0})
+    with pytest.raises(ConfigError, match=r"--driver\.disturbed must be 0\.\.1"):
+        generate(GenerateOptions(scene=scene, out=tmp_path / "data", **{**options, "keys": keys(2.0)}))
     with pytest.raises(RunError, match="Name a scene"):
-        generate(out=tmp_path / "data")
+        generate(GenerateOptions(out=tmp_path / "data"))
     with pytest.raises(RunError, match="name one of the two"):
-        generate(scene, again=recorded, out=tmp_path / "data")
+        generate(GenerateOptions(scene=scene, out=tmp_path / "data", recording=RecordingOptions(again=recorded)))
     with pytest.raises(RunError, match="is no data folder of a run"):
-        generate(again=tmp_path, out=tmp_path / "data")
+        generate(GenerateOptions(out=tmp_path / "data", recording=RecordingOptions(again=tmp_path)))
     assert not (tmp_path / "data").exists()

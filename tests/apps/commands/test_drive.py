@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from readygo.apps.commands import drive as command
-from readygo.apps.commands.drive import drive
+from readygo.apps.commands.drive import DriveLimitOptions, DriveOptions, drive
 from readygo.apps.drive.calibration import info_of
 from readygo.apps.drive.messages import Command
 from readygo.apps.drive.ros_codec import IMAGE_TYPE, TWIST_TYPE, RosCodec
@@ -65,7 +65,17 @@ def standing_robot():
 def test_trial_is_driven_logged_and_told(policy, standing_robot, tmp_path, capsys):
     endpoint, told = standing_robot
     path = tmp_path / "trial.mcap"
-    drive(policy, goal=(5.0, 0.0), time_limit=0.6, wire="bridge", connect=endpoint, log=path, task="dynamic")
+    drive(
+        DriveOptions(
+            policy=policy,
+            goal=(5.0, 0.0),
+            wire="bridge",
+            connect=endpoint,
+            log=path,
+            task="dynamic",
+            limits=DriveLimitOptions(time_limit=0.6),
+        )
+    )
     out = capsys.readouterr().out
     assert "out of time after 0." in out
     assert "Hz possible), commands" in out
@@ -106,26 +116,26 @@ def test_whoever_ends_it_the_robot_stands(policy, standing_robot, tmp_path, numb
 )
 def test_what_makes_no_trial_is_said(policy, options, error, words):
     with pytest.raises(error, match=words):
-        drive(policy, **options)
+        drive(DriveOptions(policy=policy, **options))
 
 
 def test_policy_for_several_robots_wants_to_know_which_one_it_drives(policy, tmp_path):
     text = (policy / "policy.toml").read_text()
     (policy / "policy.toml").write_text(text.replace("v_max_mps = []", "v_max_mps = [0.5, 1.2]"))
     with pytest.raises(ConfigError, match="knows several robots: say which one it drives with --robot"):
-        drive(policy, goal=(1.0, 0.0))
+        drive(DriveOptions(policy=policy, goal=(1.0, 0.0)))
     robot = tmp_path / "robot.toml"
     robot.write_text("v_max_mps = 1.5\n")
     with pytest.raises(PolicyError, match=r"other ranges: v_max_mps 1\.5 \(the policy's: 0\.5 to 1\.2\)"):
-        drive(policy, goal=(1.0, 0.0), robot=robot)
+        drive(DriveOptions(policy=policy, goal=(1.0, 0.0), robot=robot))
     robot.write_text("v_max_mps = 0.8\n")
     with pytest.raises(ConfigError, match=r"at most 0\.8, what the policy learned, got 1"):
-        drive(policy, goal=(1.0, 0.0), robot=robot, v_max=1.0)
+        drive(DriveOptions(policy=policy, goal=(1.0, 0.0), robot=robot, limits=DriveLimitOptions(v_max=1.0)))
 
 
 def test_what_is_no_policy_is_said(tmp_path):
     with pytest.raises(PolicyError, match=r"holds no policy\.toml"):
-        drive(tmp_path, goal=(1.0, 0.0))
+        drive(DriveOptions(policy=tmp_path, goal=(1.0, 0.0)))
 
 
 LEARNED = RobotConfig(v_max_mps=0.9, w_max_radps=0.7, camera=CameraConfig(latency_s=0.1), camera_hz=10, control_hz=20)

@@ -111,7 +111,7 @@ def test_policys_robot_drives_unless_the_configuration_names_another(
     monkeypatch.setattr(evaluate_command, "load_policy", lambda _: Trained())
     monkeypatch.setattr(evaluate_command, "evaluation_world", world)
     with pytest.raises(StoppedError):
-        evaluate_command.evaluate("embedded", tmp_path, config=config)
+        evaluate_command.evaluate(evaluate_command.EvaluateOptions(scene="embedded", policy=tmp_path, config=config))
 
 
 def test_ctrl_c_says_how_much_is_kept(evaluate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,17 @@ from types import SimpleNamespace
 import pytest
 
 from readygo.apps.commands import generate as command
-from readygo.apps.commands.generate import Where, _check_where, _how_to_join, _record, generate, progress_bar
+from readygo.apps.commands.generate import (
+    GenerateOptions,
+    PlaceOptions,
+    _check_place,
+    _how_to_join,
+    _record,
+    generate,
+    progress_bar,
+)
+from readygo.apps.fleet.options import FleetOptions
+from readygo.apps.observe.settings import Observing
 from readygo.apps.run.folder import RunFolder
 from readygo.benchmarks.recording.memory import workers_below
 from readygo.common.dataset import Dataset, validate
@@ -45,7 +55,7 @@ def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def in_one_process(scene: Path, config: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("data") / "zero"
-    generate(str(scene), out=out, episodes=EPISODES, workers=0, config=config, json=True)
+    generate(GenerateOptions(scene=str(scene), out=out, episodes=EPISODES, workers=0, config=config, json=True))
     return out
 
 
@@ -81,7 +91,11 @@ def test_depth_and_masks_are_recorded_beside_the_same_images(
     in_one_process: Path, scene: Path, config: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "rich"
-    generate(str(scene), out=out, episodes=1, workers=0, config=config, outputs="rgb,depth,mask", json=True)
+    generate(
+        GenerateOptions(
+            scene=str(scene), out=out, episodes=1, workers=0, config=config, outputs="rgb,depth,mask", json=True
+        )
+    )
     rich, plain = Dataset([out]), Dataset([in_one_process])
     assert rich.outputs == ("rgb", "depth", "mask")
     assert [rich.image(sample) for sample in range(len(rich))] == [plain.image(sample) for sample in range(len(rich))]
@@ -93,26 +107,30 @@ def test_depth_and_masks_are_recorded_beside_the_same_images(
         assert depth_m.min() > 0.64 * rich.truth["human_distance_m"][sample] - 0.8
     assert validate(out).ok
     with pytest.raises(RunError, match=r"config \(renderer\) differ"):
-        generate(str(scene), out=out, episodes=1, workers=0, config=config, json=True)
+        generate(GenerateOptions(scene=str(scene), out=out, episodes=1, workers=0, config=config, json=True))
 
 
 def test_running_again_on_a_complete_folder_changes_nothing(in_one_process: Path, scene: Path, config: Path) -> None:
     before = {path.name: path.read_bytes() for path in in_one_process.glob("shard-*")}
-    generate(str(scene), out=in_one_process, episodes=EPISODES, workers=0, config=config, json=True)
+    generate(
+        GenerateOptions(scene=str(scene), out=in_one_process, episodes=EPISODES, workers=0, config=config, json=True)
+    )
     assert {path.name: path.read_bytes() for path in in_one_process.glob("shard-*")} == before
 
 
 def test_folder_of_another_run_is_refused_by_name(in_one_process: Path, scene: Path, config: Path) -> None:
     with pytest.raises(RunError, match="holds data of another run: seed differ"):
-        generate(str(scene), out=in_one_process, episodes=EPISODES, workers=0, config=config, seed=1)
+        generate(
+            GenerateOptions(scene=str(scene), out=in_one_process, episodes=EPISODES, workers=0, config=config, seed=1)
+        )
     with pytest.raises(RunError, match=r"config \(episode\) differ"):
-        generate(str(scene), out=in_one_process, episodes=EPISODES, workers=0)
+        generate(GenerateOptions(scene=str(scene), out=in_one_process, episodes=EPISODES, workers=0))
 
 
 def test_folder_with_foreign_files_is_refused(tmp_path: Path, scene: Path) -> None:
     (tmp_path / "thesis.tex").write_text("")
     with pytest.raises(RunError, match="holds files of something else"):
-        generate(str(scene), out=tmp_path, episodes=1, workers=0)
+        generate(GenerateOptions(scene=str(scene), out=tmp_path, episodes=1, workers=0))
 
 
 @pytest.mark.slow
@@ -158,7 +176,7 @@ def test_count_that_cannot_be_is_refused_before_anything_is_made_or_shown(
     counts: dict[str, int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(RunError, match=r"--episodes must be 1\.\."):
-        generate("a scene that is not there", out=tmp_path / "out", **counts)  # type: ignore[arg-type]
+        generate(GenerateOptions(scene="a scene that is not there", out=tmp_path / "out", **counts))  # type: ignore[arg-type]
     assert capsys.readouterr() == ("", "")
     assert not (tmp_path / "out").exists()
 
@@ -170,11 +188,10 @@ def test_missing_packages_of_an_option_are_said_before_anything_is_made(
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "prometheus_client", None)
     with pytest.raises(ConfigError, match="--metrics needs prometheus-client"):
-        generate("embedded", out=tmp_path / "out", metrics="127.0.0.1:0")
+        generate(GenerateOptions(scene="embedded", out=tmp_path / "out", observe=Observing(metrics="127.0.0.1:0")))
     assert not (tmp_path / "out").exists()
 
 
-HERE = Where(workers=3, endpoint="", joins=False, priority=None, slurm=None, certs=None, hosts=False)
 SUMMARY = {"episodes": 7, "samples": 1234, "wall_s": 5.67, "rejected": {"timeout": 2, "no <path>": 1}}
 
 
@@ -195,12 +212,20 @@ SUMMARY = {"episodes": 7, "samples": 1234, "wall_s": 5.67, "rejected": {"timeout
     ],
 )
 def test_places_of_workers_that_do_not_go_together_are_refused(where: dict[str, object], words: str) -> None:
-    options = {"workers": 1, "listen": "", "connect": "", "slurm": "", "watch": False, **where}
+    place = {name: where[name] for name in ("on", "slurm") if name in where}
+    fleet = {name: where[name] for name in ("listen", "connect") if name in where}
+    options = GenerateOptions(
+        out=Path("out"),
+        workers=int(str(where.get("workers", 1))),
+        watch=bool(where.get("watch", False)),
+        place=PlaceOptions(**place),  # type: ignore[arg-type]
+        fleet=FleetOptions(**fleet),  # type: ignore[arg-type]
+    )
     if not words:
-        _check_where(**options)  # type: ignore[arg-type]
+        _check_place(options)
         return
     with pytest.raises((RunError, CertificateError), match=words):
-        _check_where(**options)  # type: ignore[arg-type]
+        _check_place(options)
 
 
 @pytest.fixture
@@ -222,13 +247,18 @@ def test_run_is_recorded_where_it_was_asked_for_and_told_in_a_few_lines(
     recorded: list[dict[str, object]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, certs = tmp_path / "data", tmp_path / "certs"
-    where = dataclasses.replace(HERE, endpoint="tls/lab:7447", slurm="-p short", certs=certs)
-    _record(SPEC, out, 9, where, json=False)
+    options = GenerateOptions(
+        out=out,
+        workers=3,
+        fleet=FleetOptions(listen="tls/lab:7447", certs=certs),
+        place=PlaceOptions(on="slurm", slurm="-p short"),
+    )
+    _record(SPEC, 9, options)
     (asked,) = recorded
     asked.pop("show")
     assert asked == {
         "spec": SPEC, "out": out, "episodes": 9, "workers": 3, "listen": "tls/lab:7447", "slurm": "-p short",
-        "certs": certs, "observing": where.observing,
+        "certs": certs, "observing": options.observe,
     }  # fmt: skip
     assert capsys.readouterr().err.splitlines()[-6:] == [
         f"7 episodes, 1,234 samples in {out} (5.7 s).",
@@ -238,11 +268,10 @@ def test_run_is_recorded_where_it_was_asked_for_and_told_in_a_few_lines(
         f"Next: readygo validate {out} && readygo train {out} --out policy",
         f"What it covers: readygo coverage {out} --out coverage",
     ]
-    _record(SPEC, out, 9, dataclasses.replace(HERE, priority=7), json=True)
+    _record(SPEC, 9, GenerateOptions(out=out, json=True))
     said = capsys.readouterr()
     assert json.loads(said.out) == {**SUMMARY, "clarity": {"sharp": 3}}
     assert said.err == ""
-    assert recorded[1]["spec"].config["coordinator"]["priority"] == 7
 
 
 def test_run_on_other_hosts_is_led_from_here_without_workers(
@@ -250,27 +279,25 @@ def test_run_on_other_hosts_is_led_from_here_without_workers(
 ) -> None:
     begun, led = [], []
     monkeypatch.setattr(command, "begin", lambda *words: begun.append(words))
-    monkeypatch.setattr(command, "lead_run", lambda folder, endpoint, **more: led.append((folder.path, endpoint, more)))
-    where = dataclasses.replace(HERE, endpoint="tcp/lab:7447", joins=True, hosts=True)
-    _record(SPEC, tmp_path, 5, where, json=False)
+    monkeypatch.setattr(command, "lead_run", lambda folder, fleet, **more: led.append((folder.path, fleet, more)))
+    fleet = FleetOptions(connect="tcp/lab:7447")
+    options = GenerateOptions(out=tmp_path, fleet=fleet, place=PlaceOptions(on="hosts"))
+    _record(SPEC, 5, options)
     assert begun == [(SPEC, tmp_path, 5)]
-    assert led == [
-        (tmp_path, "tcp/lab:7447", {"joins": True, "certs": None, "strict": False, "observing": where.observing})
-    ]
+    assert led == [(tmp_path, fleet, {"strict": False, "observing": options.observe})]
     assert recorded == []
-    assert capsys.readouterr().err == _how_to_join(SPEC, tmp_path, where) + "\n"
+    assert capsys.readouterr().err == _how_to_join(SPEC, tmp_path, "tcp/lab:7447", None) + "\n"
 
 
 def test_further_workers_are_told_how_to_join(tmp_path: Path) -> None:
     state, role = RunFolder(tmp_path).state / "endpoint", SPEC.stages[-1].role
     command = f"readygo worker {role} --connect tcp/lab:7447 --run {SPEC.run}"
-    open_to_all = dataclasses.replace(HERE, endpoint="tcp/lab:7447")
     assert (
-        _how_to_join(SPEC, tmp_path, open_to_all)
+        _how_to_join(SPEC, tmp_path, "tcp/lab:7447", None)
         == f"More workers can join: READYGO_TOKEN=$(tail -1 {state}) {command}"
     )
-    certified = dataclasses.replace(open_to_all, certs=tmp_path)
-    assert _how_to_join(SPEC, tmp_path, certified) == f"More workers can join: {command} --certs CERTS"
+    certified = _how_to_join(SPEC, tmp_path, "tcp/lab:7447", tmp_path)
+    assert certified == f"More workers can join: {command} --certs CERTS"
 
 
 def test_progress_tells_samples_a_second_of_this_command(

@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 
 from readygo.__main__ import main
-from readygo.apps.commands.evaluate import evaluate
-from readygo.apps.commands.generate import generate
+from readygo.apps.commands.evaluate import EvaluateOptions, evaluate
+from readygo.apps.commands.generate import GenerateOptions, generate
 from readygo.apps.run.config import RunConfig, load_run_config
 from readygo.apps.run.folder import RunFolder
+from readygo.apps.run.options import WorldOptions
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
@@ -92,15 +93,17 @@ def test_exported_episodes_give_the_same_samples_as_the_drawn_ones(exported: Pat
     digests = []
     for name, scenarios in (("drawn", None), ("played", exported)):
         generate(
-            "embedded",
-            out=tmp_path / name,
-            episodes=2,
-            workers=0,
-            seed=3,
-            people="varied",
-            scenarios=scenarios,
-            config=config,
-            json=True,
+            GenerateOptions(
+                scene="embedded",
+                out=tmp_path / name,
+                episodes=2,
+                workers=0,
+                seed=3,
+                people="varied",
+                config=config,
+                json=True,
+                world=WorldOptions(scenarios=scenarios),
+            )
         )
         data = Dataset([tmp_path / name])
         digests.append({entry.episode.episode_id: entry.sha256 for entry in data.episodes})
@@ -110,12 +113,14 @@ def test_exported_episodes_give_the_same_samples_as_the_drawn_ones(exported: Pat
 
 def test_evaluation_plays_every_entry_of_a_file_once(exported: Path, tmp_path: Path, capsys) -> None:
     evaluate(
-        "embedded",
-        methods=("straight-line",),
-        tasks=("dynamic",),
-        scenarios=exported,
-        out=tmp_path / "results",
-        json=True,
+        EvaluateOptions(
+            scene="embedded",
+            methods=("straight-line",),
+            tasks=("dynamic",),
+            out=tmp_path / "results",
+            json=True,
+            world=WorldOptions(scenarios=exported),
+        )
     )
     summary = json.loads(capsys.readouterr().out)
     assert summary["episodes"] == 5

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from readygo.apps.commands import import_log as command
-from readygo.apps.commands.import_log import import_log
+from readygo.apps.commands.import_log import ImportLogOptions, import_log
 from readygo.apps.robot_logs.convert import Converted, LogTopics
 
 
@@ -16,6 +16,6 @@ def test_topics_reach_the_conversion(
         "convert",
         lambda *given, **more: asked.append(given[2]) or Converted(episodes=2, samples=80, drift_m=0.02),
     )
-    import_log(tmp_path, out=tmp_path / "out", image="/a", odom="/b", camera_info="/c")
+    import_log(ImportLogOptions(log=tmp_path, out=tmp_path / "out", image="/a", odom="/b", camera_info="/c"))
     assert asked == [LogTopics(image="/a", odometry="/b", camera_info="/c")]
     assert "2 episodes, 80 samples, at most 0.02 m off" in capsys.readouterr().out

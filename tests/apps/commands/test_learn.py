@@ -9,7 +9,8 @@ import pytest
 
 from readygo.__main__ import main
 from readygo.apps.commands import learn as command
-from readygo.apps.commands.learn import learn, line_of
+from readygo.apps.commands.learn import LearnOptions, LearnTrainingOptions, learn, line_of
+from readygo.apps.fleet.options import RouterOptions
 from readygo.apps.learn.choice import Measurement
 from readygo.apps.learn.supervise import Now
 
@@ -72,9 +73,12 @@ def test_command_passes_on_what_it_is_told(wired, tmp_path: Path, capsys: pytest
     asked, plan, learned = wired
     out, config, robot, certs = (tmp_path / name for name in ("run", "a.toml", "robot.toml", "certs"))
     learn(
-        ("one", "two"), out=out, minutes=7.0, samples=900, episodes=4, seed=3, avatars=tmp_path, robot=robot,
-        config=config, inputs="rgb,depth", cameras="left", goal="image", on="hosts", listen="tls/lab:1", certs=certs,
-        watch=True, json=True,
+        LearnOptions(
+            scenes=("one", "two"), out=out, minutes=7.0, episodes=4, seed=3, robot=robot, config=config,
+            inputs="rgb,depth", goal="image", on="hosts", watch=True, json=True,
+            training=LearnTrainingOptions(samples=900, avatars=tmp_path, cameras="left"),
+            fleet=RouterOptions(listen="tls/lab:1", certs=certs),
+        )
     )  # fmt: skip
     assert asked["identity_for"] == (("tls/lab:1", "coordinator"), {"certs": certs})
     assert asked["learn_configs"] == ((config, robot, "rgb,depth", "left", "image"), {"scene_count": 2})
@@ -101,7 +105,7 @@ def test_command_passes_on_what_it_is_told(wired, tmp_path: Path, capsys: pytest
 
 def test_command_on_this_machine_is_neither_watched_nor_joined(wired, tmp_path: Path, capsys) -> None:
     asked, plan, _ = wired
-    learn((), out=tmp_path / "run")
+    learn(LearnOptions(scenes=(), out=tmp_path / "run"))
     assert set(asked) == {"learn_configs", "make_plan", "learn_policy", "report_content", "write_report"}
     assert asked["learn_configs"][1] == {"scene_count": 1}
     assert asked["report_content"][1]["seed"] is None
@@ -109,7 +113,7 @@ def test_command_on_this_machine_is_neither_watched_nor_joined(wired, tmp_path: 
     assert (reach.listen, reach.hosts) == ("", False)
     said = capsys.readouterr().out
     assert f"The policy: {plan.policy}. How it learned and what it fails in: {tmp_path / 'run' / 'report.html'}" in said
-    learn(("one",), out=tmp_path / "run", listen="tcp/lab:1")
+    learn(LearnOptions(scenes=("one",), out=tmp_path / "run", fleet=RouterOptions(listen="tcp/lab:1")))
     token = f"READYGO_TOKEN=$(tail -1 {tmp_path / 'state' / 'endpoint'}) "
     assert f"More workers can join: {token}readygo worker all --connect tcp/lab:1\n" in capsys.readouterr().err
 

@@ -3,20 +3,21 @@ from pathlib import Path
 import pytest
 
 from readygo.apps.commands import monitor as command
-from readygo.apps.commands.monitor import monitor
+from readygo.apps.commands.monitor import MonitorOptions, monitor
+from readygo.apps.fleet.options import JoinOptions
 from readygo.common.bus.zenoh_bus import free_endpoint
 from readygo.common.errors import BusError, RunError
 
 
 def test_it_must_be_said_what_to_watch(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="Name what to watch"):
-        monitor()
+        monitor(MonitorOptions())
     with pytest.raises(RunError, match="Name what to watch"):
-        monitor(tmp_path, connect="tcp/127.0.0.1:1")
+        monitor(MonitorOptions(data=tmp_path, fleet=JoinOptions(connect="tcp/127.0.0.1:1")))
     with pytest.raises(RunError, match="--run RUN"):
-        monitor(connect="tcp/127.0.0.1:1")
+        monitor(MonitorOptions(fleet=JoinOptions(connect="tcp/127.0.0.1:1")))
     with pytest.raises(BusError, match="No router answers"):
-        monitor(connect=free_endpoint(), run="run-a")
+        monitor(MonitorOptions(fleet=JoinOptions(connect=free_endpoint(), run="run-a")))
 
 
 def test_page_ends_at_ctrl_c_and_says_that_nothing_changed(data: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
@@ -26,10 +27,10 @@ def test_page_ends_at_ctrl_c_and_says_that_nothing_changed(data: Path, monkeypat
     monkeypatch.setattr("readygo.apps.commands.monitor._wait", stop)
     monkeypatch.setattr("readygo.apps.commands.monitor.Screen", lambda *_, **__: _Screen())
     with pytest.raises(KeyboardInterrupt, match="as it was"):
-        monitor(data, port=0)
+        monitor(MonitorOptions(data=data, port=0))
     assert "http://127.0.0.1:4711/" in capsys.readouterr().err
     with pytest.raises(KeyboardInterrupt):
-        monitor(data, port=0, host="0.0.0.0")
+        monitor(MonitorOptions(data=data, port=0, host="0.0.0.0"))
     assert "/?token=" in capsys.readouterr().err, "other hosts are asked for a token"
 
 
@@ -71,9 +72,9 @@ def test_browser_is_opened_where_there_is_a_desktop_and_somebody_asks_for_it(
     monkeypatch.setattr(command, "Screen", lambda *_, **more: screens.append(more) or _Screen())
     monkeypatch.setattr(command, "_wait", lambda: None)
     monkeypatch.setenv("READYGO_MONITOR_TOKEN", "mine")
-    monitor(data, port=0, open=True)
-    monitor(data, port=0, open=False)
-    monitor(data, port=7, host="::", open=True)
+    monitor(MonitorOptions(data=data, port=0, open=True))
+    monitor(MonitorOptions(data=data, port=0, open=False))
+    monitor(MonitorOptions(data=data, port=7, host="::", open=True))
     assert opened == (["http://127.0.0.1:4711/", "http://[::]:4711/?token=mine"] if desktop else [])
     assert [(one["host"], one["port"], one["token"]) for one in screens] == [
         ("127.0.0.1", 0, ""), ("127.0.0.1", 0, ""), ("::", 7, "mine")

@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from readygo.apps.commands.plan import _check, _check_endings, _rows, plan
+from readygo.apps.commands.plan import PlanEpisodeOptions, PlanOptions, _check, _check_endings, _rows, plan
+from readygo.apps.run.options import WorldOptions
 from readygo.common.errors import ConfigError, ReadygoError, RunError, SceneError
 from readygo.common.maps import save_ros_map
 from readygo.services.planner.humans.scenario_file import load_scenarios
@@ -29,7 +30,7 @@ def index(place: str) -> int:
     """The first index that has a scenario."""
     for number in range(20):
         try:
-            plan(place, seed=SEED, index=number, mode="paper", json=True)
+            plan(PlanOptions(scene=place, seed=SEED, index=number, keys={"expert": {"mode": "paper"}}, json=True))
         except RunError:
             continue
         return number
@@ -38,12 +39,12 @@ def index(place: str) -> int:
 
 def numbers_of(capsys: pytest.CaptureFixture[str], place: str, **options) -> dict:
     capsys.readouterr()
-    plan(place, seed=SEED, json=True, **options)
+    plan(PlanOptions(scene=place, seed=SEED, json=True, **options))
     return json.loads(capsys.readouterr().out)
 
 
 def test_numbers_tell_the_robots_and_every_humans_story(place, index, capsys) -> None:
-    numbers = numbers_of(capsys, place, index=index, mode="paper")
+    numbers = numbers_of(capsys, place, index=index, keys={"expert": {"mode": "paper"}})
     assert numbers["episode"] == f"train-{SEED}-{index:06d}"
     assert numbers["mode"] == "paper"
     assert numbers["outcome"] in {"success", "human_collision", "static_collision", "timeout"}
@@ -59,22 +60,34 @@ def test_numbers_tell_the_robots_and_every_humans_story(place, index, capsys) ->
 
 def test_same_episode_gives_the_same_picture(place, index, tmp_path, capsys) -> None:
     for name in ("a", "b"):
-        plan(place, seed=SEED, index=index, mode="paper", picture=tmp_path / name / "p.png")
+        plan(
+            PlanOptions(
+                scene=place,
+                seed=SEED,
+                index=index,
+                keys={"expert": {"mode": "paper"}},
+                picture=tmp_path / name / "p.png",
+            )
+        )
     assert (tmp_path / "a" / "p.png").read_bytes() == (tmp_path / "b" / "p.png").read_bytes()
     assert cv2.imread(str(tmp_path / "a" / "p.png")).shape[1] > 600
     assert "p.png" in capsys.readouterr().out
 
 
 def test_static_episode_has_the_dynamic_ones_start_and_goal(place, index, capsys) -> None:
-    dynamic = numbers_of(capsys, place, index=index, mode="paper")
-    static = numbers_of(capsys, place, index=index, mode="paper", static=True)
+    dynamic = numbers_of(capsys, place, index=index, keys={"expert": {"mode": "paper"}})
+    static = numbers_of(
+        capsys, place, index=index, keys={"expert": {"mode": "paper"}}, episode=PlanEpisodeOptions(static=True)
+    )
     assert static["humans"] == []
     assert static["human_distance_min_m"] is None
     assert (static["start_xyyaw"], static["goal_xy_m"]) == (dynamic["start_xyyaw"], dynamic["goal_xy_m"])
 
 
 def test_film_shows_every_step_in_real_time(place, index, tmp_path, capsys) -> None:
-    numbers = numbers_of(capsys, place, index=index, mode="paper", static=True, video=tmp_path / "v.webm")
+    numbers = numbers_of(
+        capsys, place, index=index, keys={"expert": {"mode": "paper"}}, static=True, video=tmp_path / "v.webm"
+    )
     film = cv2.VideoCapture(str(tmp_path / "v.webm"))
     assert film.get(cv2.CAP_PROP_FPS) == pytest.approx(20.0)
     assert film.get(cv2.CAP_PROP_FRAME_COUNT) == round(numbers["duration_s"] * 20)
@@ -85,7 +98,7 @@ def test_film_shows_every_step_in_real_time(place, index, tmp_path, capsys) -> N
 
 
 def test_exported_scenario_can_be_read_again(place, index, tmp_path, capsys) -> None:
-    numbers = numbers_of(capsys, place, index=index, mode="paper", export=tmp_path / "s.toml")
+    numbers = numbers_of(capsys, place, index=index, keys={"expert": {"mode": "paper"}}, export=tmp_path / "s.toml")
     (scripted,) = load_scenarios(tmp_path / "s.toml").entries
     assert [round(value, 4) for value in scripted.goal_m] == numbers["goal_xy_m"]
     assert [human.avatar for human in scripted.humans] == [human["avatar"] for human in numbers["humans"]]
@@ -94,14 +107,14 @@ def test_exported_scenario_can_be_read_again(place, index, tmp_path, capsys) -> 
 def test_modes_drive_differently(place, index, capsys) -> None:
     assert numbers_of(capsys, place, index=index)["mode"] == "spacetime"
     with pytest.raises(ConfigError, match="mode must be one of"):
-        plan(place, seed=SEED, index=index, mode="telepathy")
+        plan(PlanOptions(scene=place, seed=SEED, index=index, keys={"expert": {"mode": "telepathy"}}))
 
 
 def test_index_without_a_scenario_is_an_error_that_says_why(place, index, tmp_path) -> None:
     config = tmp_path / "crowded.toml"
     config.write_text('[human_planner]\neffort = "quick"\n[episode]\nhuman_radius_m = 3.0\n')
     with pytest.raises(RunError, match=r"has no scenario: no room for a human\. Ask for another --index"):
-        plan(place, seed=SEED, index=index, config=config, picture=tmp_path / "p.png")
+        plan(PlanOptions(scene=place, seed=SEED, index=index, config=config, picture=tmp_path / "p.png"))
     assert not (tmp_path / "p.png").exists()
 
 
@@ -112,23 +125,25 @@ def test_index_without_a_scenario_is_an_error_that_says_why(place, index, tmp_pa
         ({"picture": Path("p.jpg")}, r"--picture p\.jpg must end in \.png"),
         ({"video": Path("v.avi")}, r"--video v\.avi must end in \.webm or \.mp4"),
         ({"export": Path("s.json")}, r"--export s\.json must end in \.toml"),
-        ({"camera": True}, r"is a map"),
+        ({"episode": PlanEpisodeOptions(camera=True)}, r"is a map"),
         ({"policy": Path("policy")}, "is a map"),
     ],
 )
 def test_arguments_that_make_no_sense_are_refused(place, options, message) -> None:
     with pytest.raises(RunError, match=message):
-        plan(place, seed=SEED, **options)
+        plan(PlanOptions(scene=place, seed=SEED, **options))
 
 
 def test_camera_is_shown_somewhere() -> None:
     with pytest.raises(RunError, match=r"say where with --picture FILE\.png or --video"):
-        plan("embedded", camera=True)
+        plan(PlanOptions(scene="embedded", episode=PlanEpisodeOptions(camera=True)))
 
 
 def test_people_scenarios_and_sensor_are_those_of_generate(place, index, tmp_path, capsys) -> None:
     crowd = numbers_of(capsys, place, index=index, people="crowd", export=tmp_path / "s.toml")
-    played = numbers_of(capsys, place, index=7, scenarios=tmp_path / "s.toml", sensor="sensor_phone_like")
+    played = numbers_of(
+        capsys, place, index=7, world=WorldOptions(scenarios=tmp_path / "s.toml", sensor="sensor_phone_like")
+    )
     assert played["episode"].endswith("000007")
     assert played["start_xyyaw"] == pytest.approx(crowd["start_xyyaw"], abs=1e-3)
     assert [human["avatar"] for human in played["humans"]] == [human["avatar"] for human in crowd["humans"]]
@@ -137,13 +152,21 @@ def test_people_scenarios_and_sensor_are_those_of_generate(place, index, tmp_pat
 def test_scene_that_is_none_is_refused(tmp_path) -> None:
     for name in (str(tmp_path / "no.yaml"), str(tmp_path / "nowhere")):
         with pytest.raises(SceneError):
-            plan(name)
+            plan(PlanOptions(scene=name))
 
 
 def test_picture_that_cannot_be_written_is_one_line(place, index, tmp_path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ReadygoError, match="cannot be written"):
-        plan(place, seed=SEED, index=index, mode="paper", picture=tmp_path / "file" / "p.png")
+        plan(
+            PlanOptions(
+                scene=place,
+                seed=SEED,
+                index=index,
+                keys={"expert": {"mode": "paper"}},
+                picture=tmp_path / "file" / "p.png",
+            )
+        )
 
 
 def test_rows_tell_the_same_as_the_numbers() -> None:

@@ -3,13 +3,13 @@ from pathlib import Path
 import cv2
 import pytest
 
-from readygo.apps.commands.play import play
+from readygo.apps.commands.play import PlayOptions, play
 from readygo.common.errors import DatasetError
 from tests.common.dataset.episodes import write_left_shard
 
 
 def test_film_has_the_episodes_pictures(data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    play(data, out=tmp_path / "film.webm", episode=-1, every=5)
+    play(PlayOptions(data=data, out=tmp_path / "film.webm", episode=-1, every=5))
     assert "train-7-000002, 1.0 s, success" in capsys.readouterr().out
     film = cv2.VideoCapture(str(tmp_path / "film.webm"))
     count = 0
@@ -20,13 +20,13 @@ def test_film_has_the_episodes_pictures(data: Path, tmp_path: Path, capsys: pyte
 
 def test_one_camera_of_several_is_shown(tmp_path: Path) -> None:
     write_left_shard(tmp_path / "data", [0])
-    play(tmp_path / "data", out=tmp_path / "film.webm", camera="left", every=5)
+    play(PlayOptions(data=tmp_path / "data", out=tmp_path / "film.webm", camera="left", every=5))
     assert cv2.VideoCapture(str(tmp_path / "film.webm")).read()[0]
     with pytest.raises(DatasetError, match="no images of a camera 'rear'"):
-        play(tmp_path / "data", out=tmp_path / "film.webm", camera="rear")
+        play(PlayOptions(data=tmp_path / "data", out=tmp_path / "film.webm", camera="rear"))
 
 
 @pytest.mark.parametrize("episode", [3, -4])
 def test_episode_that_is_not_there_is_said(data: Path, tmp_path: Path, episode: int) -> None:
     with pytest.raises(DatasetError, match="it has 3, from 0 to 2"):
-        play(data, out=tmp_path / "film.webm", episode=episode)
+        play(PlayOptions(data=data, out=tmp_path / "film.webm", episode=episode))

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from readygo.apps.commands.generate import generate
+from readygo.apps.commands.generate import GenerateOptions, RecordingOptions, generate
+from readygo.apps.run.options import WorldOptions
 from readygo.apps.run.origin import note_origin, origin_of_data
 from readygo.common.avatars.file import EMBEDDED_FOLDER
 from readygo.common.dataset import Dataset, validate
@@ -37,7 +38,7 @@ def options(tmp_path_factory: pytest.TempPathFactory) -> dict:
 @pytest.fixture(scope="module")
 def recorded(scene: str, options: dict, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("data") / "zero"
-    generate(scene, out=out, episodes=EPISODES, workers=0, **options)
+    generate(GenerateOptions(scene=scene, out=out, episodes=EPISODES, workers=0, **options))
     return out
 
 
@@ -66,22 +67,40 @@ def test_episodes_that_fail_are_kept_with_their_outcome(recorded: Path) -> None:
 
 
 def test_run_goes_on_where_it_was(recorded: Path, scene: str, options: dict, tmp_path: Path) -> None:
-    generate(scene, out=tmp_path / "data", episodes=2, workers=0, **options)
+    generate(GenerateOptions(scene=scene, out=tmp_path / "data", episodes=2, workers=0, **options))
     assert _digests(tmp_path / "data").items() < _digests(recorded).items()
-    generate(scene, out=tmp_path / "data", episodes=EPISODES, workers=0, **options)
+    generate(GenerateOptions(scene=scene, out=tmp_path / "data", episodes=EPISODES, workers=0, **options))
     assert _digests(tmp_path / "data") == _digests(recorded)
     with pytest.raises(RunError, match="holds data of another run: mix differ"):
-        generate(scene, out=tmp_path / "data", episodes=EPISODES, workers=0, mix=0.25, **options)
+        generate(
+            GenerateOptions(
+                scene=scene,
+                out=tmp_path / "data",
+                episodes=EPISODES,
+                workers=0,
+                **options,
+                recording=RecordingOptions(mix=0.25),
+            )
+        )
 
 
 @pytest.mark.slow
 def test_fleet_of_two_drivers_gives_the_same_bytes(recorded: Path, scene: str, options: dict, tmp_path: Path) -> None:
-    generate(scene, out=tmp_path / "two", episodes=EPISODES, workers=2, **options)
+    generate(GenerateOptions(scene=scene, out=tmp_path / "two", episodes=EPISODES, workers=2, **options))
     assert _digests(tmp_path / "two") == _digests(recorded)
 
 
 def test_static_run_has_no_humans_and_all_the_labels(scene: str, options: dict, tmp_path: Path) -> None:
-    generate(scene, out=tmp_path / "static", episodes=1, workers=0, static=True, mix=1.0, **options)
+    generate(
+        GenerateOptions(
+            scene=scene,
+            out=tmp_path / "static",
+            episodes=1,
+            workers=0,
+            **options,
+            recording=RecordingOptions(static=True, mix=1.0),
+        )
+    )
     data = Dataset([tmp_path / "static"])
     assert data.episodes[0].driver is Driver.POLICY
     assert np.isinf(data.truth["human_distance_m"]).all()
@@ -92,14 +111,14 @@ def test_static_run_has_no_humans_and_all_the_labels(scene: str, options: dict, 
 def test_what_makes_no_run_is_refused_in_a_line(scene: str, options: dict, tmp_path: Path) -> None:
     out = tmp_path / "data"
     with pytest.raises(RunError, match="--mix is the share of a policy's episodes: name the policy with --policy"):
-        generate(scene, out=out, mix=0.5)
+        generate(GenerateOptions(scene=scene, out=out, recording=RecordingOptions(mix=0.5)))
     with pytest.raises(PolicyError, match=r"--mix must be 0\.\.1, got 2\.0"):
-        generate(scene, out=out, mix=2.0, **options)
+        generate(GenerateOptions(scene=scene, out=out, **options, recording=RecordingOptions(mix=2.0)))
     with pytest.raises(PolicyError, match=r"holds no policy\.toml"):
-        generate(scene, out=out, **{**options, "policy": tmp_path / "nowhere"})
+        generate(GenerateOptions(scene=scene, out=out, **{**options, "policy": tmp_path / "nowhere"}))
     (tmp_path / "wide.toml").write_text("[robot.camera]\nheight_px = 20\n")
     with pytest.raises(PolicyError, match="trained with another camera: height_px 8"):
-        generate(scene, out=out, **{**options, "config": tmp_path / "wide.toml"})
+        generate(GenerateOptions(scene=scene, out=out, **{**options, "config": tmp_path / "wide.toml"}))
     assert not out.exists()
 
 
@@ -109,11 +128,15 @@ def test_policys_avatars_walk_unless_others_are_named(scene: str, options: dict,
     shutil.copy(EMBEDDED_FOLDER / "amara.npz", people)
     policy = shutil.copytree(options["policy"], tmp_path / "policy")
     first, second = tmp_path / "first", tmp_path / "second"
-    generate(scene, out=first, episodes=1, workers=0, avatars=people, **options)
+    generate(
+        GenerateOptions(scene=scene, out=first, episodes=1, workers=0, **options, world=WorldOptions(avatars=people))
+    )
     note_origin(policy, origin_of_data([first]))
-    generate(scene, out=second, episodes=1, workers=0, **{**options, "policy": policy})
+    generate(GenerateOptions(scene=scene, out=second, episodes=1, workers=0, **{**options, "policy": policy}))
     assert set(Dataset([second]).provenance.avatars) == {"amara"}
     people.rename(tmp_path / "moved")
     with pytest.raises(PolicyError, match=r"not at .*/people any more; name them with --avatars\.$"):
-        generate(scene, out=tmp_path / "third", episodes=1, workers=0, **{**options, "policy": policy})
+        generate(
+            GenerateOptions(scene=scene, out=tmp_path / "third", episodes=1, workers=0, **{**options, "policy": policy})
+        )
     assert not (tmp_path / "third").exists()

@@ -103,12 +103,16 @@ def test_poses_and_scenes_are_made_as_they_are_asked_for(
     source, out = tmp_path / "walk.mp4", tmp_path / "lobby"
     marker = {"marker_size_m": 0.3, "marker_id": (4, 5), "marker_on": "wall", "length": ("a=1",), "frames": 77}
     more = {**marker, "mapper": "global", "threads": 3}
-    reconstruct.scene_poses(source, out=out, **more, json=True)
+    reconstruct.scene_poses(reconstruct.ScenePosesOptions(source=source, out=out, **more, json=True))
     assert json.loads(capsys.readouterr().out) == REPORT
-    reconstruct.scene_poses(source, out=out, scale=2.5)
+    reconstruct.scene_poses(reconstruct.ScenePosesOptions(source=source, out=out, scale=2.5))
     options = {"preset": "draft", "steps": 123, "side_px": 456, "plain": True, "device": "cuda", "license": "CC0"}
-    reconstruct.reconstruct_command(source, out=out, **more, **options, json=True)
-    reconstruct.reconstruct_command(source, out=out, scale=1.0, work=tmp_path / "w", listen="tcp/lab:1")
+    reconstruct.reconstruct_command(
+        reconstruct.ReconstructOptions(source=source, out=out, **more, **options, json=True)
+    )
+    reconstruct.reconstruct_command(
+        reconstruct.ReconstructOptions(source=source, out=out, scale=1.0, work=tmp_path / "w", listen="tcp/lab:1")
+    )
     poses, scaled, made, elsewhere, reported = asked
     assert poses[:2] == (source, out)
     metric = poses[2].metric

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from readygo.apps.commands import recover as command
-from readygo.apps.commands.recover import recover
+from readygo.apps.commands.recover import RecoverOptions, recover
 from readygo.common.dataset import Dataset
 from readygo.common.errors import RunError
 from tests.apps.fleet.toy_line import DRAW, FILM, in_process, make_folder
@@ -26,7 +26,7 @@ def test_folder_that_lost_a_shard_is_said_to_and_recorded_on(
         return {"episodes": status.committed, "samples": status.samples}
 
     monkeypatch.setattr(command, "record", record)
-    recover(tmp_path, workers=3)
+    recover(RecoverOptions(data=tmp_path, workers=3))
     assert recorded == [0, 1]
     assert len(Dataset(tmp_path).episodes) == 2
     assert "2 durable episodes are in no sound shard" in caplog.text
@@ -40,10 +40,10 @@ def test_folder_that_lost_nothing_is_said_to(
 ) -> None:
     in_process(make_folder(tmp_path, (DRAW, FILM), wanted=2), (DRAW, FILM))
     monkeypatch.setattr(command, "record", lambda *_, **__: {"episodes": 2, "samples": 8})
-    recover(tmp_path)
+    recover(RecoverOptions(data=tmp_path))
     assert "Nothing is lost or damaged.\n" in capsys.readouterr().err
 
 
 def test_folder_without_a_run_is_said_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="is no data folder of a run"):
-        recover(tmp_path)
+        recover(RecoverOptions(data=tmp_path))

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.commands.requeue import requeue
+from readygo.apps.commands.requeue import RequeueOptions, requeue
 from readygo.apps.run.recorders import prepare_folders
 from readygo.common.errors import RunError
 from tests.apps.fleet.toy_line import DRAW, FILM, in_process, make_folder
@@ -16,13 +16,13 @@ def test_lost_disk_is_given_up_in_one_line(tmp_path: Path, capsys: pytest.Captur
     prepare_folders(folder, folder.load()[0])
     assert in_process(folder, (DRAW, FILM)).finished
     with pytest.raises(RunError, match="is there"):
-        requeue(folder.path, recorder="east")
+        requeue(RequeueOptions(data=folder.path, recorder="east"))
     disk.rename(tmp_path / "gone")
-    requeue(folder.path, recorder="east")
+    requeue(RequeueOptions(data=folder.path, recorder="east"))
     assert "Recorder east is given up: its 2 episodes are recorded again" in capsys.readouterr().out
 
 
 def test_folder_that_is_none_is_named(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="is no data folder of a run"):
-        requeue(tmp_path, recorder="east")
+        requeue(RequeueOptions(data=tmp_path, recorder="east"))
     assert list(tmp_path.iterdir()) == []

@@ -11,7 +11,13 @@ import numpy as np
 import pytest
 
 from readygo.apps.commands import scene as command
-from readygo.apps.commands.scene import scene_import, scene_inspect
+from readygo.apps.commands.scene import (
+    ImportGeometryOptions,
+    SceneImportOptions,
+    SceneInspectOptions,
+    scene_import,
+    scene_inspect,
+)
 from readygo.common.errors import SceneError
 from readygo.common.gaussians import R_from_up, concatenate, save_ply, transform_cloud
 from tests.common.maps.room import box, room
@@ -27,9 +33,9 @@ def source(tmp_path_factory):
 
 
 def test_import_then_inspect_prints_json_and_draws(source, tmp_path, capsys):
-    scene_import(source, out=tmp_path / "room", license="CC0", json=True)
+    scene_import(SceneImportOptions(source=source, out=tmp_path / "room", license="CC0", json=True))
     imported = json.loads(capsys.readouterr().out)
-    scene_inspect(str(tmp_path / "room"), json=True)
+    scene_inspect(SceneInspectOptions(scene=str(tmp_path / "room"), json=True))
     inspected = json.loads(capsys.readouterr().out)
     assert inspected["content_hash"] == imported["content_hash"]
     assert inspected["license"] == "CC0"
@@ -59,16 +65,16 @@ def test_import_then_inspect_prints_json_and_draws(source, tmp_path, capsys):
 
 
 def test_inspect_prints_a_table_and_takes_radius_and_folder(source, tmp_path, capsys):
-    scene_import(source, out=tmp_path / "room")
+    scene_import(SceneImportOptions(source=source, out=tmp_path / "room"))
     capsys.readouterr()
-    scene_inspect(str(tmp_path / "room"), out=tmp_path / "pictures", radius=0.5)
+    scene_inspect(SceneInspectOptions(scene=str(tmp_path / "room"), out=tmp_path / "pictures", radius=0.5))
     text = capsys.readouterr().out
     assert "disc of 0.5 m" in text
     assert "scene room" in text
     assert (tmp_path / "pictures" / "top.png").exists()
     assert not (tmp_path / "room" / "inspect" / "top.png").exists()
     with pytest.raises(SceneError, match="--radius"):
-        scene_inspect(str(tmp_path / "room"), radius=-1.0)
+        scene_inspect(SceneInspectOptions(scene=str(tmp_path / "room"), radius=-1.0))
 
 
 def test_command_line_reports_a_mistake_in_one_line(tmp_path):
@@ -101,7 +107,7 @@ def test_failed_import_shows_what_the_file_holds_and_what_to_try(furnished, tmp_
     on_its_side = transform_cloud(furnished, R_from_up("-y").T, scale=0.01)
     save_ply(on_its_side, tmp_path / "small.ply")
     with pytest.raises(SceneError, match=r"Try --up=-y --scale .*small-survey\.png") as caught:
-        scene_import(tmp_path / "small.ply", out=tmp_path / "small")
+        scene_import(SceneImportOptions(source=tmp_path / "small.ply", out=tmp_path / "small"))
     assert "\n" not in str(caught.value)
     assert "extent along y" in capsys.readouterr().out
     assert cv2.imread(str(tmp_path / "small-survey.png")).shape[2] == 3
@@ -112,9 +118,18 @@ def test_import_finds_up_and_crops_and_drops_huge_gaussians(furnished, tmp_path,
     huge = dataclasses.replace(furnished.select(np.arange(3)), scales_m=np.full((3, 3), 500, np.float32))
     save_ply(transform_cloud(concatenate([furnished, huge]), R_from_up("-y").T), tmp_path / "huge.ply")
     with pytest.raises(SceneError, match=r"3 of its Gaussians are huge .*--drop-bad"):
-        scene_import(tmp_path / "huge.ply", out=tmp_path / "huge", up="-y")
+        scene_import(SceneImportOptions(source=tmp_path / "huge.ply", out=tmp_path / "huge", up="-y"))
     capsys.readouterr()
-    scene_import(tmp_path / "huge.ply", out=tmp_path / "huge", up="auto", drop_bad=True, crop_z=(-1.0, 2.0), json=True)
+    scene_import(
+        SceneImportOptions(
+            source=tmp_path / "huge.ply",
+            out=tmp_path / "huge",
+            up="auto",
+            drop_bad=True,
+            json=True,
+            geometry=ImportGeometryOptions(crop_z=(-1.0, 2.0)),
+        )
+    )
     row = json.loads(capsys.readouterr().out)
     assert row["dropped_gaussians"] == 3
     assert row["extent_high_m"][2] <= 2.0
@@ -122,7 +137,7 @@ def test_import_finds_up_and_crops_and_drops_huge_gaussians(furnished, tmp_path,
 
 def test_what_the_robot_cannot_see_is_a_warning_at_import(source, tmp_path, capsys):
     (tmp_path / "robot.toml").write_text("[camera]\nmount_height_m = 9.0\n")
-    scene_import(source, out=tmp_path / "room", robot=tmp_path / "robot.toml")
+    scene_import(SceneImportOptions(source=source, out=tmp_path / "room", robot=tmp_path / "robot.toml"))
     out, err = capsys.readouterr()
     assert "robot's views" in out
     assert "of 24 places are blurred" in err

@@ -4,7 +4,16 @@ import cv2
 import numpy as np
 import pytest
 
-from readygo.apps.commands.scene_edit import scene_align, scene_clean, scene_crop, scene_scale
+from readygo.apps.commands.scene_edit import (
+    SceneAlignOptions,
+    SceneCleanOptions,
+    SceneCropOptions,
+    SceneScaleOptions,
+    scene_align,
+    scene_clean,
+    scene_crop,
+    scene_scale,
+)
 from readygo.common.errors import SceneError
 from readygo.common.gaussians import concatenate, load_gaussians, save_ply
 from readygo.common.maps import MapConfig
@@ -22,7 +31,7 @@ def bundle(tmp_path_factory):
 
 
 def test_cropped_bundle_says_what_was_done_and_keeps_what_it_was_made_with(bundle, tmp_path, capsys):
-    scene_crop(str(bundle.path), out=tmp_path / "part", box=(0.0, 0.0, 4.0, 5.0))
+    scene_crop(SceneCropOptions(scene=str(bundle.path), out=tmp_path / "part", box=(0.0, 0.0, 4.0, 5.0)))
     part = load_scene(tmp_path / "part")
     assert part.cloud.means_m[:, 0].max() <= 4.0
     assert part.license == "CC0"
@@ -32,27 +41,27 @@ def test_cropped_bundle_says_what_was_done_and_keeps_what_it_was_made_with(bundl
     assert cv2.imread(str(tmp_path / "part" / "inspect" / "change.png")).shape[1] > 400
     assert "of" in capsys.readouterr().out
     with pytest.raises(SceneError, match="exists already"):
-        scene_crop(str(bundle.path), out=tmp_path / "part", z=(0.0, 1.0))
+        scene_crop(SceneCropOptions(scene=str(bundle.path), out=tmp_path / "part", z=(0.0, 1.0)))
     with pytest.raises(SceneError, match="--box"):
-        scene_crop(str(bundle.path), out=tmp_path / "none")
+        scene_crop(SceneCropOptions(scene=str(bundle.path), out=tmp_path / "none"))
 
 
 def test_files_are_cleaned_and_scaled_to_files(bundle, tmp_path, capsys):
     save_ply(bundle.cloud, tmp_path / "a.ply")
-    scene_clean(str(tmp_path / "a.ply"), out=tmp_path / "clean.ply")
+    scene_clean(SceneCleanOptions(scene=str(tmp_path / "a.ply"), out=tmp_path / "clean.ply"))
     assert "floaters: " in capsys.readouterr().out
     clean = load_gaussians(tmp_path / "clean.ply")
     assert clean.means_m.max() < 7.0
-    scene_scale(str(tmp_path / "clean.ply"), out=tmp_path / "double.ply", factor=2.0)
+    scene_scale(SceneScaleOptions(scene=str(tmp_path / "clean.ply"), out=tmp_path / "double.ply", factor=2.0))
     double = load_gaussians(tmp_path / "double.ply")
     np.testing.assert_allclose(double.means_m, 2 * clean.means_m, rtol=1e-6)
     assert (tmp_path / "double.png").exists()
     with pytest.raises(SceneError, match="--factor or --room-height"):
-        scene_scale(str(tmp_path / "clean.ply"), out=tmp_path / "none.ply")
+        scene_scale(SceneScaleOptions(scene=str(tmp_path / "clean.ply"), out=tmp_path / "none.ply"))
 
 
 def test_aligned_scene_stands_on_height_0(bundle, tmp_path):
     raised = dataclasses.replace(bundle.cloud, means_m=bundle.cloud.means_m + np.array([0, 0, 3], np.float32))
     save_ply(raised, tmp_path / "raised.ply")
-    scene_align(str(tmp_path / "raised.ply"), out=tmp_path / "level.ply")
+    scene_align(SceneAlignOptions(scene=str(tmp_path / "raised.ply"), out=tmp_path / "level.ply"))
     assert np.quantile(load_gaussians(tmp_path / "level.ply").means_m[:, 2], 0.02) == pytest.approx(0.0, abs=0.05)

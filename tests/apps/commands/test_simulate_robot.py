@@ -8,11 +8,21 @@ from types import SimpleNamespace
 import pytest
 from mcap.reader import make_reader
 
-from readygo.apps.commands.simulate_robot import _check_suffixes, _drive_all, _topics, _without_latency, simulate_robot
+from readygo.apps.cli import run_command
+from readygo.apps.commands.simulate_robot import (
+    SimulateRobotOptions,
+    _check_suffixes,
+    _drive_all,
+    _topics,
+    _without_latency,
+    simulate_robot,
+)
 from readygo.apps.drive.robot import Topics
+from readygo.apps.drive.simulated import Manners
 from readygo.apps.drive.trial import OUTCOMES
 from readygo.apps.drive.trial_log import RECORD
 from readygo.apps.run.config import RunConfig
+from readygo.commands import COMMANDS
 from readygo.common.bus.zenoh_bus import free_endpoint
 from readygo.common.dataset.ros_log import read_record
 from readygo.common.errors import ConfigError
@@ -27,14 +37,24 @@ COMPRESSED = "sensor_msgs/msg/CompressedImage"
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"camera_hz": 30.0}, "20 Hz divided by a whole number, got 30"),
-        ({"drop_share": 1.5}, "share of lost images"),
-        ({"compressed": True, "wire": "bridge"}, r"end in /compressed or /compressedDepth, got /camera/image_raw\."),
+        ({"manners": Manners(camera_hz=30.0)}, "20 Hz divided by a whole number, got 30"),
+        (
+            {"manners": Manners(compressed=True), "wire": "bridge"},
+            r"end in /compressed or /compressedDepth, got /camera/image_raw\.",
+        ),
     ],
 )
 def test_manners_that_no_robot_has_are_refused_before_anything_is_loaded(options, words):
     with pytest.raises(ConfigError, match=words):
-        simulate_robot("no such scene", **options)
+        simulate_robot(SimulateRobotOptions(scene="no such scene", **options))
+
+
+def test_share_of_lost_images_that_cannot_be_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        run_command(COMMANDS, ["simulate-robot", "embedded", "--drop-share", "1.5"])
+    said = capsys.readouterr().err
+    assert (stopped.value.code, said.count("\n")) == (2, 1)
+    assert "the share of lost images 0..1" in said
 
 
 def begin(*words: str) -> "subprocess.Popen[str]":

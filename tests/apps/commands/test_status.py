@@ -4,9 +4,10 @@ import json
 import pytest
 
 from readygo.apps.commands import status as module
-from readygo.apps.commands.control import cancel
-from readygo.apps.commands.status import status
+from readygo.apps.commands.control import ControlOptions, cancel
+from readygo.apps.commands.status import StatusOptions, status
 from readygo.apps.fleet import runs
+from readygo.apps.fleet.options import JoinOptions
 from readygo.apps.fleet.token import TOKEN_VARIABLE
 from readygo.apps.run.folder import RunFolder
 from readygo.common.bus.zenoh_bus import ZenohBus
@@ -29,7 +30,7 @@ def test_status_says_how_far_the_run_is(
     folder: RunFolder, coordinator: Coordinator, capsys: pytest.CaptureFixture[str]
 ) -> None:
     coordinator.ledger.adopt(0, Written(recorder="rec0", attempt=1, shard="shard", samples=40))
-    status(folder.path)
+    status(StatusOptions(data=folder.path))
     said = capsys.readouterr().out
     assert "1 of 3 episodes, 40 samples" in said
     assert [line.split() for line in said.splitlines() if line.startswith("human-plan")] == [
@@ -38,7 +39,7 @@ def test_status_says_how_far_the_run_is(
 
 
 def test_status_as_json(folder: RunFolder, coordinator: Coordinator, capsys: pytest.CaptureFixture[str]) -> None:
-    status(folder.path, json=True)
+    status(StatusOptions(data=folder.path, json=True))
     reply = json.loads(capsys.readouterr().out)
     assert (reply["committed"], reply["waiting"], reply["finished"]) == (0, {"human-plan": 3}, False)
     assert reply["fleet"]["stages"][0] == "human-plan"
@@ -47,8 +48,8 @@ def test_status_as_json(folder: RunFolder, coordinator: Coordinator, capsys: pyt
 def test_table_that_is_watched_ends_with_the_run(
     folder: RunFolder, coordinator: Coordinator, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    cancel(folder.path)
-    status(folder.path, watch=True)
+    cancel(ControlOptions(data=folder.path))
+    status(StatusOptions(data=folder.path, watch=True))
     assert "ended: The run was cancelled" in capsys.readouterr().out
 
 
@@ -62,9 +63,9 @@ def test_runs_of_a_router_are_listed_the_most_urgent_first(
     bus = ZenohBus(endpoint, "any", token)
     try:
         with repeating(lambda: [bus.publish(topics.PROGRESS, each) for each in told], every_s=0.05, name="runs"):
-            status(connect=endpoint)
+            status(StatusOptions(fleet=JoinOptions(connect=endpoint)))
             table = [line.split() for line in capsys.readouterr().out.splitlines()[1:]]
-            status(connect=endpoint, json=True)
+            status(StatusOptions(json=True, fleet=JoinOptions(connect=endpoint)))
             listed = json.loads(capsys.readouterr().out)
     finally:
         bus.close()

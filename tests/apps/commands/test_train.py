@@ -13,7 +13,15 @@ import pytest
 
 from readygo.__main__ import main
 from readygo.apps.commands import train as command
-from readygo.apps.commands.train import _default_recipe, _progress, _report, train
+from readygo.apps.commands.train import (
+    TrainDetailOptions,
+    TrainFleetOptions,
+    TrainOptions,
+    _default_recipe,
+    _progress,
+    _report,
+    train,
+)
 from readygo.apps.terminal import PlainConsole
 from readygo.common.errors import ConfigError
 from tests.common.dataset.episodes import ROBOT, provenance_with_robot, write_shard
@@ -38,9 +46,9 @@ def test_recipe_that_nobody_named_is_said() -> None:
 
 def test_what_is_missing_is_said(tmp_path) -> None:
     with pytest.raises(ConfigError, match="No data folder"):
-        train((), out=tmp_path)
+        train(TrainOptions(data=(), out=tmp_path))
     with pytest.raises(ConfigError, match="--run"):
-        train((), out=tmp_path, live="tcp/127.0.0.1:1")
+        train(TrainOptions(data=(), out=tmp_path, fleet=TrainFleetOptions(live="tcp/127.0.0.1:1")))
 
 
 def _run(command: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> tuple[object, str]:
@@ -107,7 +115,7 @@ def test_data_that_cannot_be_used_are_one_line_and_leave_nothing(
 
 def test_recipe_of_another_architecture_does_not_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     write_shard(tmp_path / "data", [0, 1, 2])
-    options = ["train", str(tmp_path / "data"), "--out", str(tmp_path / "policy"), "--batch-size", "32"]
+    options = ["train", str(tmp_path / "data"), "--out", str(tmp_path / "policy"), "--sampling.batch-size", "32"]
     monkeypatch.setattr(sys, "argv", ["readygo", *options, "--samples", "32", "--recipe", "fast", "--threads", "1"])
     main()
     before = (tmp_path / "policy" / "checkpoint.pt").read_bytes()
@@ -151,7 +159,16 @@ def test_training_beside_a_fleet_is_told_what_it_was_asked_for(
     monkeypatch.setattr(trainer, "train_beside", lambda *words, **more: (asked.update(train=(words, more)), METRICS)[1])
     monkeypatch.setattr(command.signal, "signal", lambda number, act: asked.setdefault("signals", []).append(act))
     out, data = tmp_path / "out", (tmp_path / "a",)
-    train(data, out=out, live="tls/lab:1", run="run-7", certs=tmp_path, samples=64, seed=5, json=True)
+    train(
+        TrainOptions(
+            data=data,
+            out=out,
+            samples=64,
+            seed=5,
+            json=True,
+            fleet=TrainFleetOptions(live="tls/lab:1", run="run-7", certs=tmp_path),
+        )
+    )
     assert asked["join"] == (("tls/lab:1", "run-7", "trainer"), {"certs": tmp_path})
     (buses, config, where), more = asked["train"]
     assert (buses, where, more["data"]) == ({"run-7": bus}, out, data)
@@ -163,7 +180,14 @@ def test_training_beside_a_fleet_is_told_what_it_was_asked_for(
     assert more["stop"].is_set()
     assert json.loads(capsys.readouterr().out)["policy"] == str(out)
     with pytest.raises(ConfigError, match="--live takes no --cameras"):
-        train(data, out=out, live="tls/lab:1", run="run-7", cameras="left")
+        train(
+            TrainOptions(
+                data=data,
+                out=out,
+                fleet=TrainFleetOptions(live="tls/lab:1", run="run-7"),
+                details=TrainDetailOptions(cameras="left"),
+            )
+        )
 
 
 @pytest.mark.parametrize(
@@ -172,7 +196,7 @@ def test_training_beside_a_fleet_is_told_what_it_was_asked_for(
 )
 def test_published_networks_take_no_options_of_ours(option: dict[str, object], tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="--recipe gnm takes no --val, --val-scene"):
-        train((tmp_path,), out=tmp_path, recipe="gnm", **option)  # type: ignore[arg-type]
+        train(TrainOptions(data=(tmp_path,), out=tmp_path, recipe="gnm", **option))  # type: ignore[arg-type]
 
 
 def test_published_network_is_told_with_how_well_it_steers(
@@ -188,7 +212,15 @@ def test_published_network_is_told_with_how_well_it_steers(
         command, "make_network_config", lambda name, settings: asked.append((name, settings)) or "config"
     )
     monkeypatch.setattr(command, "run_network_training", lambda *words: asked.append(words[1:3]) or metrics)
-    train((tmp_path / "data",), out=tmp_path / "out", recipe="vint", minutes=3.0, batch_size=4, device="cpu")
+    train(
+        TrainOptions(
+            data=(tmp_path / "data",),
+            out=tmp_path / "out",
+            recipe="vint",
+            minutes=3.0,
+            keys={"sampling": {"batch_size": 4}},
+        )
+    )
     name, settings = asked[0]
     assert (name, settings["minutes"], settings["batch_size"]) == ("vint", 3.0, 4)
     assert not {"memory_mb", "device", "goal"} & set(settings)

@@ -15,7 +15,7 @@ from readygo.services.reconstructor.training.config import preset
     [
         (["scene", "train", "nowhere", "--out", "out"], "nowhere needs images/ and a COLMAP model"),
         (["scene", "train", "nowhere", "--out", "out", "--steps", "0"], "steps must be at least 1"),
-        (["scene", "train", "nowhere", "--out", "out", "--gaussians", "5"], "count_max must be at least 100"),
+        (["scene", "train", "nowhere", "--out", "out", "--density.count-max", "5"], "count_max must be at least 100"),
         (["scene", "train", "nowhere", "--out", "out", "--device", "tpu"], "tpu"),
     ],
 )
@@ -38,18 +38,20 @@ REPORT = {
 
 def test_settings_are_those_of_the_preset_but_for_what_is_named(tmp_path: Path, monkeypatch, capsys) -> None:
     asked = []
+    density, geometry = {"count_max": 4567, "method": "mcmc"}, {"enabled": False, "distance_max_m": 0.3}
+    keys = {"steps": 123, "batch": 3, "side_max_px": 321, "hold_out": 7, "device": "cuda", "seed": 9}
+    keys |= {"density": density, "geometry": geometry}
     monkeypatch.setattr(command, "_train", lambda *words: asked.append(words) or REPORT)
-    command.scene_train(tmp_path, out=tmp_path / "out")
+    command.scene_train(command.SceneTrainOptions(posed=tmp_path, out=tmp_path / "out"))
     command.scene_train(
-        tmp_path, out=tmp_path / "out", preset="standard", steps=123, batch=3, gaussians=4567, side_px=321, hold_out=7,
-        method="mcmc", plain=True, neighbour_distance_m=0.3, device="cuda", seed=9, json=True,
-    )  # fmt: skip
+        command.SceneTrainOptions(posed=tmp_path, out=tmp_path / "out", preset="standard", keys=keys, json=True)
+    )
     (posed, out, plain, _), (_, _, own, _) = asked
     assert (posed, out, plain) == (tmp_path, tmp_path / "out", preset("draft"))
     assert (own.steps, own.batch, own.side_max_px, own.hold_out, own.device, own.seed) == (123, 3, 321, 7, "cuda", 9)
     assert (own.density.count_max, own.density.method) == (4567, "mcmc")
     assert (own.geometry.enabled, own.geometry.distance_max_m) == (False, 0.3)
-    command.scene_train(tmp_path, out=tmp_path / "out", bare_walls=True)
+    command.scene_train(command.SceneTrainOptions(posed=tmp_path, out=tmp_path / "out", bare_walls=True))
     assert asked[2][2] == command.weak_texture(preset("draft"))
 
 

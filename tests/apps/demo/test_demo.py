@@ -50,7 +50,7 @@ def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_demo_checks_its_data_beside_the_test_and_names_what_it_counts(small: Path, tmp_path: Path, capsys) -> None:
-    demo.demo(out=tmp_path / "demo")
+    demo.demo(demo.DemoOptions(out=tmp_path / "demo"))
     assert "24 samples recorded, 4 with an image; all sound" in capsys.readouterr().err
 
 
@@ -60,4 +60,4 @@ def test_demo_whose_data_are_damaged_says_so(small: Path, tmp_path: Path) -> Non
     content[len(content) // 2] ^= 1
     shard.write_bytes(content)
     with pytest.raises(DatasetError, match="has defects, the first: "):
-        demo.demo(out=tmp_path / "demo")
+        demo.demo(demo.DemoOptions(out=tmp_path / "demo"))

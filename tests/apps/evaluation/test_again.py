@@ -6,7 +6,7 @@ import shutil
 import cv2
 import pytest
 
-from readygo.apps.commands.plan import plan
+from readygo.apps.commands.plan import PlanEpisodeOptions, PlanOptions, plan
 from readygo.apps.evaluation.again import SPEC_FILE, keep_spec, kept_episode, plan_command
 from readygo.common.errors import RunError
 from readygo.common.messages import Outcome
@@ -41,7 +41,15 @@ def test_plan_tells_and_shows_it(evaluated, folder, tmp_path, capsys):
     driven = evaluated.reply.records[0]
     capsys.readouterr()
     picture = tmp_path / "episode.png"
-    plan(driven.episode.episode_id, from_=folder, **options_of(driven), picture=picture, json=True)
+    plan(
+        PlanOptions(
+            scene=driven.episode.episode_id,
+            from_=folder,
+            episode=PlanEpisodeOptions(**options_of(driven)),
+            picture=picture,
+            json=True,
+        )
+    )
     numbers = json.loads(capsys.readouterr().out)
     assert numbers["driver"] == driven.method
     assert numbers["outcome"] == driven.result.outcome.value
@@ -89,9 +97,13 @@ def test_spec_that_is_missing_broken_or_another_evaluations_is_refused(evaluated
 
 def test_settings_beside_those_of_the_evaluation_are_refused(folder):
     with pytest.raises(RunError, match="--from takes all settings from the evaluation: leave out --seed, --static"):
-        plan("test-0-000000", from_=folder, seed=3, static=True, task="static")
+        plan(
+            PlanOptions(
+                scene="test-0-000000", from_=folder, seed=3, episode=PlanEpisodeOptions(static=True, task="static")
+            )
+        )
     with pytest.raises(RunError, match="give its folder with --from"):
-        plan("embedded", task="static")
+        plan(PlanOptions(scene="embedded", episode=PlanEpisodeOptions(task="static")))
 
 
 def test_command_names_episode_task_and_method(tmp_path):

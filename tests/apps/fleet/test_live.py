@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.commands.generate import generate
+from readygo.apps.commands.generate import GenerateOptions, RecordingOptions, generate
 from readygo.apps.fleet.fleet import Fleet
 from readygo.apps.fleet.roles import places
 from readygo.apps.fleet.worker import make_coordinator, make_recorder
@@ -139,7 +139,9 @@ def test_policies_drive_the_episodes_after_their_offer_and_the_run_can_be_made_a
     for episode, other in zip(stored, published, strict=True):
         assert [sample.image for sample in episode.samples] == [sample.image for sample in other.samples]
         assert [s.expert_commands for s in episode.samples] == [s.expert_commands for s in other.samples]
-    generate(again=folder.path, out=tmp_path / "again", workers=0, json=True)
+    generate(
+        GenerateOptions(out=tmp_path / "again", workers=0, json=True, recording=RecordingOptions(again=folder.path))
+    )
     assert Dataset(tmp_path / "again").content_hash == Dataset(folder.path).content_hash
     assert _policies(RunFolder(tmp_path / "again")) == _policies(folder)
 
@@ -162,7 +164,9 @@ def test_policies_that_are_shown_their_goals_drive_from_their_offers_on_and_the_
     assert [first.sha256 in drove[2:5], second.sha256 in drove[5:7], third.sha256 in drove[7:]] == [True, True, True]
     assert len(set(drove) - {""}) == 3
     assert dataset.has_goal_images
-    generate(again=folder.path, out=tmp_path / "again", workers=0, json=True)
+    generate(
+        GenerateOptions(out=tmp_path / "again", workers=0, json=True, recording=RecordingOptions(again=folder.path))
+    )
     assert Dataset(tmp_path / "again").content_hash == dataset.content_hash
 
 
@@ -171,7 +175,9 @@ def test_stopped_run_is_made_again_as_far_as_it_came(folder: RunFolder, tmp_path
         _offer(bus, tmp_path, "first")
         _work_until(bus, worker, 2)
     for _ in range(2):
-        generate(again=folder.path, out=tmp_path / "again", workers=0, json=True)
+        generate(
+            GenerateOptions(out=tmp_path / "again", workers=0, json=True, recording=RecordingOptions(again=folder.path))
+        )
         assert Dataset(tmp_path / "again").content_hash == Dataset(folder.path).content_hash
 
 
@@ -211,5 +217,7 @@ def test_killed_driver_costs_nothing_and_the_data_are_those_of_the_policies(fold
         router.close()
     assert driver.restarts == 1
     assert len(Dataset(folder.path).episodes) == EPISODES
-    generate(again=folder.path, out=tmp_path / "again", workers=0, json=True)
+    generate(
+        GenerateOptions(out=tmp_path / "again", workers=0, json=True, recording=RecordingOptions(again=folder.path))
+    )
     assert Dataset(tmp_path / "again").content_hash == Dataset(folder.path).content_hash

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from readygo.apps.fleet.reconstruction import ask_worker
-from readygo.apps.fleet.worker import worker
+from readygo.apps.fleet.worker import WorkerOptions, worker
 from readygo.common.bus.zenoh_bus import free_endpoint
 from readygo.common.errors import BusError
 from readygo.services.reconstructor import service
@@ -50,6 +50,6 @@ def _join(endpoint: str) -> None:
     """As `readygo worker` is started again while no router answers."""
     for _ in range(100):
         try:
-            return worker("reconstructor", connect=endpoint, run="reconstruct-lobby")
+            return worker(WorkerOptions(role="reconstructor", connect=endpoint, run="reconstruct-lobby"))
         except BusError:
             time.sleep(0.1)

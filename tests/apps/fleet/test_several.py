@@ -16,7 +16,7 @@ from readygo.apps.fleet.runs import ANY_RUN, Runs
 from readygo.apps.fleet.several import record_for, work_for
 from readygo.apps.fleet.token import TOKEN_VARIABLE
 from readygo.apps.fleet.worker import make_recorder
-from readygo.apps.run.config import with_priority
+from readygo.apps.run.config import with_run_keys
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.stages import stage_works
 from readygo.apps.run.world import World
@@ -130,7 +130,7 @@ def _cancel(endpoint: str, led: list[tuple[str, Future]]) -> None:  # type: igno
 def _run(path: Path, name: str, *, wanted: int, priority: int = 0) -> RunFolder:
     folder = make_folder(path / name, LINE, wanted=wanted)
     spec, _ = folder.load()
-    folder.save(with_priority(dataclasses.replace(spec, run=name), priority), wanted)
+    folder.save(with_run_keys(dataclasses.replace(spec, run=name), {"coordinator": {"priority": priority}}), wanted)
     return folder
 
 

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from readygo.apps.commands.generate import generate
+from readygo.apps.commands.generate import GenerateOptions, generate
 from readygo.apps.fleet import slurm
 from readygo.apps.fleet.slurm import SlurmWorkers, check_slurm
 from readygo.common.bus.zenoh_bus import free_endpoint
@@ -294,5 +294,5 @@ def test_preempted_and_cancelled_workers_leave_the_same_data(cluster: None, tmp_
             break
         time.sleep(0.1)
     assert _running() == []
-    generate(str(scene), out=tmp_path / "here", episodes=8, workers=0, config=config, json=True)
+    generate(GenerateOptions(scene=str(scene), out=tmp_path / "here", episodes=8, workers=0, config=config, json=True))
     assert Dataset([out]).content_hash == Dataset([tmp_path / "here"]).content_hash

@@ -10,7 +10,7 @@ import pytest
 from readygo.apps.fleet import access
 from readygo.apps.fleet.process import LATE_S
 from readygo.apps.fleet.runs import ANY_RUN
-from readygo.apps.fleet.worker import _coordinate, _Part, _record, _serve_runs, _take_part, _work, worker
+from readygo.apps.fleet.worker import WorkerOptions, _coordinate, _Part, _record, _serve_runs, _take_part, _work, worker
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.errors import CANNOT_WORK, BusError
 from readygo.common.fleet import Worker
@@ -45,7 +45,7 @@ def test_worker_that_somebody_must_help_ends_with_a_code_of_its_own(
         ("juggler", {}, "The run has nothing to do for a 'juggler'; its stages need: human-planner, animator, robot-"),
     ):
         with pytest.raises(SystemExit) as exit_info:
-            worker(role, connect=endpoint, run="run-test", **options)
+            worker(WorkerOptions(role=role, connect=endpoint, run="run-test", **options))
         assert exit_info.value.code == CANNOT_WORK == 78
         assert capsys.readouterr().err.splitlines()[-1].startswith(f"readygo: {words}")
 
@@ -53,7 +53,7 @@ def test_worker_that_somebody_must_help_ends_with_a_code_of_its_own(
 def test_worker_without_a_bus_may_try_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(access, "ROUTER_ABSENT_S", 0.0)
     with pytest.raises(BusError, match="No router answers"):
-        worker("animator", connect=free_endpoint(), run="run-test")
+        worker(WorkerOptions(role="animator", connect=free_endpoint(), run="run-test"))
 
 
 class Fakes:

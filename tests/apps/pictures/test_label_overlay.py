@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from readygo.apps.commands.data import inspect
+from readygo.apps.commands.data import InspectOptions, inspect
 from readygo.apps.pictures.label_overlay import corners, label_overlay, labelled_image, project
 from readygo.common.dataset import Calibration, Dataset
 from readygo.common.errors import ConfigError, DatasetError
@@ -67,12 +67,12 @@ def test_humans_are_drawn_where_they_are(tmp_path) -> None:
 def test_overlay_is_written_for_data_with_labels_only(tmp_path) -> None:
     write_shard(tmp_path / "with", [0], labels=True)
     write_shard(tmp_path / "without", [0])
-    inspect(tmp_path / "with", overlay=tmp_path / "new" / "overlay.png")
+    inspect(InspectOptions(data=tmp_path / "with", overlay=tmp_path / "new" / "overlay.png"))
     assert cv2.imread(str(tmp_path / "new" / "overlay.png")).shape[1] > 1280
     with pytest.raises(DatasetError, match="have no labels of people"):
-        inspect(tmp_path / "without", overlay=tmp_path / "overlay.png")
+        inspect(InspectOptions(data=tmp_path / "without", overlay=tmp_path / "overlay.png"))
     with pytest.raises(ConfigError, match=r"overlay.jpg must end in \.png"):
-        inspect(tmp_path / "with", overlay=tmp_path / "overlay.jpg")
+        inspect(InspectOptions(data=tmp_path / "with", overlay=tmp_path / "overlay.jpg"))
     assert not list(tmp_path.glob("overlay.*"))
 
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from readygo.apps.commands.coverage import coverage
+from readygo.apps.commands.coverage import CoverageOptions, coverage
 from readygo.apps.report.coverage_numbers import casts_of, measure
 from readygo.apps.report.coverage_run import failed_encounters, gather, page_numbers, rejected, robot_map
 from readygo.apps.run.folder import RunFolder
@@ -34,7 +34,7 @@ def test_other_scene_than_the_datas_is_refused(data, tmp_path, monkeypatch) -> N
         header, samples = drive(0, yaw_rad=0.0, gaps_m=[1.0])
         writer.append(encode_episode(header, 1, samples))
     with pytest.raises(RunError, match="recorded in another scene"):
-        coverage(folder, out=tmp_path / "out", scene="elsewhere")
+        coverage(CoverageOptions(data=folder, out=tmp_path / "out", scene="elsewhere"))
 
 
 def test_failures_are_told_by_the_scenarios_of_rejected_indices(data, monkeypatch) -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.commands.data import validate
+from readygo.apps.commands.data import ValidateOptions, validate
 from readygo.apps.run.completeness import check_completeness
 from readygo.apps.run.folder import RunFolder
 from readygo.common.errors import DatasetError
@@ -48,7 +48,7 @@ def test_validate_names_what_is_missing_and_fails(folder: RunFolder, capsys: pyt
     _lose_shard(folder, 0)
     _lose_shard(folder, 2)
     with pytest.raises(DatasetError, match=r"has 2 defects in 2 episodes, .*run the same `readygo generate` again"):
-        validate(folder.path, json=True)
+        validate(ValidateOptions(data=folder.path, json=True))
     report = json.loads(capsys.readouterr().out)
     assert not report["ok"]
     assert [defect["text"].rpartition(": ")[2] for defect in report["defects"]] == ["0-1", "4-5"]

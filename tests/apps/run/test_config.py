@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from readygo.__main__ import main
-from readygo.apps.run.config import RunConfig, load_run_config, resolved_sections, with_outputs
+from readygo.apps.run.config import RunConfig, load_run_config, resolved_sections
 from readygo.apps.run.identity import run_name
 from readygo.apps.run.origin import robot_of_policy
 from readygo.common.camera import CameraConfig, SensorConfig
@@ -17,7 +17,7 @@ from tests.common.messages.run_specs import SPEC
 
 
 def test_outputs_of_the_command_line_become_settings() -> None:
-    config = with_outputs(RunConfig(), "mask, rgb,depth")
+    config = load_run_config(None, keys={"renderer": {"outputs": ["mask", "rgb", "depth"]}})
     assert config.renderer.outputs == ("rgb", "depth", "mask")
     sections = resolved_sections(config)
     assert sections["renderer"]["outputs"] == ["rgb", "depth", "mask"]
@@ -30,9 +30,9 @@ def test_outputs_of_the_command_line_become_settings() -> None:
 @pytest.mark.parametrize(
     ("names", "message"),
     [
-        ("rgb,thermal", "--outputs must be of rgb, depth, median_depth, alpha, mask, normal, got 'thermal'."),
-        ("depth,mask", "--outputs must hold rgb, got depth, mask; add it."),
-        ("rgb,,depth", "--outputs must be of rgb, depth, median_depth, alpha, mask, normal, got ''."),
+        ("rgb,thermal", "--renderer.outputs must be of rgb, depth, median_depth, alpha, mask, normal, got 'thermal'."),
+        ("depth,mask", "--renderer.outputs must hold rgb, got depth, mask; add it."),
+        ("rgb,,depth", "--renderer.outputs must be of rgb, depth, median_depth, alpha, mask, normal, got ''."),
     ],
 )
 def test_wrong_outputs_exit_with_2_and_one_line(names: str, message: str, capsys, monkeypatch, tmp_path: Path) -> None:

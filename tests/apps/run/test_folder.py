@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.run.config import RunConfig, resolved_sections, with_outputs
+from readygo.apps.run.config import RunConfig, load_run_config, resolved_sections
 from readygo.apps.run.folder import TARGETS, RunFolder
 from readygo.common.errors import RunError
 from readygo.common.messages import OnRejection
@@ -25,8 +25,10 @@ def test_folder_that_was_begun_on_a_full_disk_can_be_used_again(tmp_path: Path) 
 def test_folder_with_other_outputs_is_refused(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path)
     plain, rich = (
-        dataclasses.replace(SPEC, config=resolved_sections(with_outputs(RunConfig(), names)))
-        for names in ("rgb", "rgb,depth")
+        dataclasses.replace(
+            SPEC, config=resolved_sections(load_run_config(None, keys={"renderer": {"outputs": names}}))
+        )
+        for names in (["rgb"], ["rgb", "depth"])
     )
     with folder.locked():
         folder.save(plain, 3)

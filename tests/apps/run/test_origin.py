@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.run.config import RunConfig, load_run_config, with_detail
+from readygo.apps.run.config import RunConfig, load_run_config
 from readygo.apps.run.origin import (
     DataOrigin,
     avatars_of_policy,
@@ -48,7 +48,7 @@ def avatars(tmp_path: Path) -> Path:
 def policy(avatars: Path, tmp_path: Path) -> Path:
     """A policy of data with two humans, drawn with levels of detail."""
     save_spec(SPEC, tmp_path)
-    config = with_detail(load_run_config(None, people="varied"), "lod")
+    config = load_run_config(None, people="varied", keys={"renderer": {"detail": "lod"}})
     note_origin(tmp_path, origin_of_runs([run_of(config, avatars)]))
     return tmp_path
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from readygo.benchmarks.fleet.chaos import bench_chaos, compare, small_disk
+from readygo.benchmarks.fleet.chaos import BenchChaosOptions, bench_chaos, compare, small_disk
 from readygo.common.dataset import validate
 from readygo.common.errors import ConfigError
 from tests.apps.fleet.toy_line import DRAW, FILM, in_process, make_folder
@@ -41,7 +41,7 @@ def test_missing_double_torn_and_wrong_episodes_are_found(tmp_path: Path) -> Non
 
 def test_numbers_that_mean_nothing_are_refused() -> None:
     with pytest.raises(ConfigError, match="--episodes must be at least 1"):
-        bench_chaos(episodes=0)
+        bench_chaos(BenchChaosOptions(episodes=0))
 
 
 def test_small_disk_is_small_or_absent(tmp_path: Path) -> None:
@@ -54,7 +54,7 @@ def test_small_disk_is_small_or_absent(tmp_path: Path) -> None:
 @linux
 @pytest.mark.slow
 def test_run_among_faults_is_the_run_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    bench_chaos(episodes=4, faults=14, workers=2, longest_s=1.0, folder=tmp_path, json=True)
+    bench_chaos(BenchChaosOptions(episodes=4, faults=14, workers=2, longest_s=1.0, folder=tmp_path, json=True))
     result = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert result["ok"]
     assert result["set_aside"] == {}

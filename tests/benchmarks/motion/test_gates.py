@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from readygo.benchmarks.motion import gates as motion
-from readygo.benchmarks.motion.gates import Gate, bench_motion, feature_gates, mocap_gates
+from readygo.benchmarks.motion.gates import BenchMotionOptions, Gate, bench_motion, feature_gates, mocap_gates
 from readygo.common.errors import ConfigError
 from tests.services.animator.bodies import make_avatar
 
@@ -24,14 +24,14 @@ def test_gates_are_inclusive():
 
 
 def test_json_says_which_gates_are_held_and_that_mocap_is_absent(one_gate, tmp_path, capsys):
-    bench_motion(avatar="bruno", mocap=tmp_path / "none", json=True)
+    bench_motion(BenchMotionOptions(avatar="bruno", mocap=tmp_path / "none", json=True))
     printed = json.loads(capsys.readouterr().out)
     row = {"name": "ms_per_10s", "value": 61.0, "low": 0.0, "high": 60.0, "held": False}
     assert printed == {"avatar": "bruno", "mocap": "absent", "gates": [row]}
 
 
 def test_table_marks_what_is_beyond_its_limits(one_gate, tmp_path, capsys):
-    bench_motion(mocap=tmp_path / "none")
+    bench_motion(BenchMotionOptions(mocap=tmp_path / "none"))
     text = capsys.readouterr().out
     assert "BEYOND" in text
     assert "mocap absent" in text
@@ -40,7 +40,7 @@ def test_table_marks_what_is_beyond_its_limits(one_gate, tmp_path, capsys):
 
 def test_unknown_avatar_is_a_users_mistake():
     with pytest.raises(ConfigError, match="'nobody' is not embedded; there are amara"):
-        bench_motion(avatar="nobody")
+        bench_motion(BenchMotionOptions(avatar="nobody"))
 
 
 def test_curves_of_one_walk_give_the_other_one(mocap):

@@ -3,7 +3,7 @@ import json
 import pytest
 
 from readygo.benchmarks.planning.maps import MapSource
-from readygo.benchmarks.planning.plan import bench_plan, measure
+from readygo.benchmarks.planning.plan import BenchPlanOptions, bench_plan, measure
 from readygo.benchmarks.planning.runs import Job
 from readygo.common.errors import ConfigError
 
@@ -35,7 +35,7 @@ def test_numbers_do_not_depend_on_the_number_of_processes():
 
 
 def test_run_on_the_embedded_scene_prints_a_line_per_mode(capsys):
-    bench_plan(episodes=2, modes=("paper",), workers=1, seed=5)
+    bench_plan(BenchPlanOptions(episodes=2, modes=("paper",), workers=1, seed=5))
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "2 test episodes per map, seed 5, people: paper"
     assert any(line.startswith("embedded: ") and "draws, rejected: " in line for line in lines)
@@ -43,7 +43,9 @@ def test_run_on_the_embedded_scene_prints_a_line_per_mode(capsys):
 
 
 def test_json_is_one_object_and_pictures_show_every_failure(capsys, tmp_path):
-    bench_plan(episodes=3, modes=("paper",), tasks=("dynamic",), workers=1, json=True, pictures=tmp_path)
+    bench_plan(
+        BenchPlanOptions(episodes=3, modes=("paper",), tasks=("dynamic",), workers=1, json=True, pictures=tmp_path)
+    )
     result = json.loads(capsys.readouterr().out)
     (row,) = result["rows"]
     failed = {path.parent.name: 0 for path in tmp_path.rglob("*.png")}
@@ -72,4 +74,4 @@ def test_mistakes_are_one_line(options, message):
 
 def test_data_folder_that_is_missing_is_named(tmp_path):
     with pytest.raises(ConfigError, match="is no folder"):
-        bench_plan(data=tmp_path / "none")
+        bench_plan(BenchPlanOptions(data=tmp_path / "none"))

@@ -5,7 +5,7 @@ import pytest
 
 from readygo.apps.cli import parse
 from readygo.benchmarks.rasterizer import runs as render_run
-from readygo.benchmarks.rasterizer.render import bench_render, speed
+from readygo.benchmarks.rasterizer.render import BenchAvatarOptions, BenchRenderOptions, bench_render, speed
 from readygo.benchmarks.rasterizer.runs import STAGES, Timing
 from readygo.commands import COMMANDS
 from readygo.common.errors import ConfigError
@@ -29,7 +29,11 @@ def test_command_prints_one_json_object_with_units(capsys: pytest.CaptureFixture
 
 
 def test_table_names_stages_bound_and_peer(capsys: pytest.CaptureFixture[str]) -> None:
-    bench_render(synthetic="3k", avatar_gaussians="1k", size="48x64", frames=16, views=2)
+    bench_render(
+        BenchRenderOptions(
+            synthetic="3k", size="48x64", frames=16, views=2, pedestrians=BenchAvatarOptions(avatar_gaussians="1k")
+        )
+    )
     text = capsys.readouterr().out
     for word in ("images_per_s", *STAGES, "bound_images_per_s", "share_of_bound", "reference", "psnr_db"):
         assert word in text
@@ -39,12 +43,12 @@ def test_without_a_gpu_no_number_is_made_up(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(render_run, "_has_gpu", lambda: False)
-    bench_render(synthetic="3k", backend="gpu", json=True)
+    bench_render(BenchRenderOptions(synthetic="3k", backend="gpu", json=True))
     result = json.loads(capsys.readouterr().out)
     assert result["images_per_s"] is None
     assert result["why_none"] == "no gpu"
     assert "images_per_s_wall" not in result
-    bench_render(synthetic="3k", backend="gpu")
+    bench_render(BenchRenderOptions(synthetic="3k", backend="gpu"))
     assert "images_per_s               no gpu" in capsys.readouterr().out
 
 
@@ -60,7 +64,7 @@ def test_what_cannot_be_measured_is_said_in_one_line() -> None:
         ({"frames": 0}, "at least 1"),
     ):
         with pytest.raises(ConfigError, match=message) as caught:
-            bench_render(**{"synthetic": "3k", **options})
+            bench_render(BenchRenderOptions(**{"synthetic": "3k", **options}))
         assert "\n" not in str(caught.value)
 
 

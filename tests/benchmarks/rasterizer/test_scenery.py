@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from readygo.benchmarks.rasterizer.render import bench_render
+from readygo.benchmarks.rasterizer.render import BenchAvatarOptions, BenchRenderOptions, bench_render
 from readygo.benchmarks.rasterizer.scenery import (
     gaussian_count,
     open_scenery,
@@ -20,7 +20,7 @@ from readygo.common.robot import CameraConfig
 def test_file_that_is_no_motion_is_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "walk.npz", root_m=np.zeros((3, 3), dtype=np.float32))
     with pytest.raises(ConfigError, match="no motion"):
-        bench_render(synthetic="3k", motion=tmp_path / "walk.npz")
+        bench_render(BenchRenderOptions(synthetic="3k", pedestrians=BenchAvatarOptions(motion=tmp_path / "walk.npz")))
 
 
 @pytest.mark.parametrize(("text", "count"), [("30000", 30_000), ("500k", 500_000), ("1.5M", 1_500_000), ("20M", 2e7)])

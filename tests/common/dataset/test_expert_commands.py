@@ -118,7 +118,9 @@ def test_shards_without_an_expert_are_successes_of_the_expert_and_say_how_to_get
     data = Dataset(tmp_path)
     assert not data.has_expert
     assert (data.episodes[0].outcome, data.episodes[0].driver) == (Outcome.SUCCESS, Driver.EXPERT)
-    with pytest.raises(DatasetError, match="no commands of the expert; record with `readygo generate --disturb` or"):
+    with pytest.raises(
+        DatasetError, match=r"no commands of the expert; record with `readygo generate --driver\.disturbed` or"
+    ):
         _ = data.expert_actions
     assert not data.has_risks
     with pytest.raises(DatasetError, match="no risks of commands"):

@@ -37,7 +37,7 @@ def test_lengths_that_cannot_be_are_refused_before_the_poses(
 def test_images_without_markers_are_refused(tmp_path: Path) -> None:
     config = ReconstructorConfig(metric=MetricConfig(marker_size_m=0.2))
     frames = {"names": ["0.jpg", "1.jpg"]}
-    with pytest.raises(SceneError, match=r"No image shows a marker of 4X4_50.*--marker-dictionary"):
+    with pytest.raises(SceneError, match=r"No image shows a marker of 4X4_50.*--metric.marker-dictionary"):
         make_markers(photos(tmp_path / "p", 2), frames, config, tmp_path)
 
 

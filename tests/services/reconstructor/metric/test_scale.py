@@ -32,7 +32,7 @@ def test_interval_holds_the_truth_for_noisy_corners() -> None:
 def test_two_markers_that_contradict_each_other_are_refused() -> None:
     a = measure_marker(IMAGES, sighted(POSES, marker_at(), 0, 0.1), 0.2)
     b = measure_marker(IMAGES, sighted(POSES, marker_at((0.5, 0, 0), 0.15), 1, 0.1), 0.2)
-    with pytest.raises(SceneError, match=r"contradict each other.*--marker-id"):
+    with pytest.raises(SceneError, match=r"contradict each other.*--metric.marker-ids"):
         scale_of_markers([a, b], 0.2, 0.0002)
 
 

@@ -205,7 +205,7 @@ def test_gpu_without_room_is_one_line(write_posed: Write, tmp_path: Path, monkey
     monkeypatch.setattr(
         cuda, "cuda_engine", lambda settings: Full(settings, torch.device("cpu"), DifferentiableRasterization())
     )
-    with pytest.raises(RunError, match=r"The GPU's memory ran out with at most 150,000 Gaussians.*--gaussians"):
+    with pytest.raises(RunError, match=r"The GPU's memory ran out with at most 150,000 Gaussians.*density.count_max"):
         train_gaussians(
             write_posed(tmp_path / "posed"), tmp_path / "out", replace(PLAIN, device="cuda"), lambda _: None
         )

@@ -48,7 +48,9 @@ def test_estimate_is_what_was_measured(gaussians: int, side_px: int, surfaces: b
 def test_training_that_does_not_fit_is_refused_with_what_to_lower(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(memory, "free_bytes", lambda: 3_000_000_000)
     check_memory(posed(), preset("draft"))
-    with pytest.raises(RunError, match=r"needs about \d\.\d GB .*2,000,000 Gaussians.*3\.0 GB are free.*--gaussians"):
+    with pytest.raises(
+        RunError, match=r"needs about \d\.\d GB .*2,000,000 Gaussians.*3\.0 GB are free.*density.count_max"
+    ):
         check_memory(posed(), preset("high"))
 
 
