@@ -117,9 +117,10 @@ def simulate_robot(options: SimulateRobotOptions) -> None:
     if manners.compressed and options.wire == "bridge":
         _check_suffixes(named.values())
     people = avatars_of_policy(spec) if spec and options.people.avatars is None else options.people.avatars
-    world = evaluation_world(options.scene, settings, avatars=people, seed=options.seed)
+    split = Split(options.people.split)
+    world = evaluation_world(options.scene, settings, avatars=people, seed=options.seed, split=split)
     evaluator = make_evaluator(world, renderer=world.renderer(), methods={})
-    request = make_request(options.episodes, options.tasks, ("policy",), Split(options.people.split), options.seed)
+    request = make_request(options.episodes, options.tasks, ("policy",), split, options.seed)
     drawn, _ = evaluator.source().draw(
         seed=options.seed, split=request.split, count=options.episodes, tasks=request.tasks
     )
