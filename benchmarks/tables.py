@@ -20,11 +20,11 @@ IN_README = {"the flat": "2026-11-23_table_embedded.json", "another flat (seed 1
 BEGIN, END = "<!-- written by benchmarks.tables -->\n\n", "\n<!-- end -->\n"
 INTRODUCTION = """# Tables
 
-Success rates and collisions are percentages of the episodes, with 95 % intervals in brackets. ART is the mean reaching time
-in seconds, where a failure counts the time limit. SPL is success weighted by path length. All methods of a table drove the
-same episodes: *beside X: +a -b, p* means that a method solves a episodes that X fails, and X solves b that it fails, with
-McNemar's p. The task *static* has no pedestrians, *dynamic* has them. `python -m readygo.benchmarks.tables` writes this page
-from the files that it names.
+Success rates and collisions are percentages of the episodes, with 95 % intervals in brackets. ART is the mean
+reaching time in seconds, where a failure counts the time limit. SPL is success weighted by path length. All methods
+of a table drove the same episodes: *beside X: +a -b, p* means that a method solves a episodes that X fails, and X
+solves b that it fails, with McNemar's p. The task *static* has no pedestrians, *dynamic* has them. `python -m
+readygo.benchmarks.tables` writes this page from the files that it names.
 """
 COLUMNS = {
     "SR %": ("success", 100.0),

@@ -8,6 +8,7 @@ import re
 import sys
 import textwrap
 import typing
+from itertools import pairwise
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -81,8 +82,9 @@ def configuration_page() -> str:
     from readygo.apps.run.config import RunConfig
 
     parts = [
-        "# Configuration\n\n`--config FILE` takes a TOML file with these sections; a key that is left out has its default. "
-        "The resolved settings are recorded with the data. `robot.toml` has the keys of `[robot]` without the section.\n"
+        "# Configuration\n\n`--config FILE` takes a TOML file with these sections; a key that is left out has its "
+        "default. The resolved settings are recorded with the data. `robot.toml` has the keys of `[robot]` without the "
+        "section.\n"
     ]
     for field in dataclasses.fields(RunConfig):
         parts.extend(_section(field.name, typing.get_type_hints(RunConfig)[field.name]))
@@ -111,7 +113,7 @@ def _meanings(cls: type) -> dict[str, str]:
     found: dict[str, str] = {}
     for owner in reversed([one for one in cls.__mro__ if dataclasses.is_dataclass(one)]):
         body = ast.parse(textwrap.dedent(inspect.getsource(owner))).body[0].body  # type: ignore[attr-defined]
-        for node, following in zip(body, body[1:], strict=False):
+        for node, following in pairwise(body):
             says = isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant)
             if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and says:
                 found[node.target.id] = " ".join(str(following.value.value).split()).replace("|", "\\|")

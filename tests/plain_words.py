@@ -113,7 +113,11 @@ def checked_files() -> list[Path]:
 
 def instead_of(phrase: str) -> str:
     """What to write instead of a phrase."""
-    return next(words for pattern, words in {**PHRASES, **DOCUMENT_PHRASES}.items() if re.fullmatch(pattern, phrase, re.IGNORECASE))
+    return next(
+        words
+        for pattern, words in {**PHRASES, **DOCUMENT_PHRASES}.items()
+        if re.fullmatch(pattern, phrase, re.IGNORECASE)
+    )
 
 
 def main(names: list[str]) -> int:

@@ -4,10 +4,10 @@ import importlib.util
 from types import ModuleType
 
 import pytest
-from tests.test_readme import ROOT
 
 from readygo.apps.run.config import RunConfig
 from readygo.common.config import section_to_mapping
+from tests.test_readme import ROOT
 
 
 @pytest.fixture(scope="module")
@@ -28,13 +28,16 @@ def test_every_service_is_on_the_site(hooks: ModuleType) -> None:
 
 
 def test_links_lead_to_pages_and_others_become_text(hooks: ModuleType) -> None:
-    text = "[a](../../docs/data.md#camera) [b](../driver/README.md) [c](config.py) [d](https://x.org) ![e](../../docs/plan.png)"
+    text = "[a](../../docs/data.md#camera) [b](../driver/README.md) [c](config.py) [d](https://x.org) "
+    text += "![e](../../docs/plan.png)"
     page = hooks.with_site_links(text, "services/planner/README.md", "internals/planner.md")
     assert page == "[a](../data.md#camera) [b](driver.md) c [d](https://x.org) ![e](../plan.png)"
 
 
 def test_pages_of_docs_lead_to_internals(hooks: ModuleType) -> None:
-    page = hooks.with_site_links("[a](../../services/planner/README.md)", "docs/results/planner.md", "results/planner.md")
+    page = hooks.with_site_links(
+        "[a](../../services/planner/README.md)", "docs/results/planner.md", "results/planner.md"
+    )
     assert page == "[a](../internals/planner.md)"
 
 
