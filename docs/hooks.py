@@ -62,8 +62,6 @@ def with_site_links(text: str, source: str, page: str) -> str:
             target = f"internals/{INTERNALS[path]}.md"
         elif path.startswith("docs/"):
             target = path.removeprefix("docs/")
-        elif source.startswith("docs/") and path.startswith("internals/"):
-            target = path
         else:
             return None
         return os.path.relpath(target, PurePosixPath(page).parent)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 NOTEBOOK = Path(__file__).resolve().parents[2] / "examples" / "first_hour.ipynb"
-BUDGET = {"EPISODES": "1", "MINUTES": "0.02", "TESTS": "1"}
+BUDGET = {"EPISODES": "2", "MINUTES": "0.02", "TESTS": "1"}
 """Values that replace the notebook's."""
 
 
