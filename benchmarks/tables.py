@@ -15,23 +15,23 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS, PAGE, README = ROOT / "benchmarks" / "results", ROOT / "docs" / "tables.md", ROOT / "README.md"
-IN_README = {"the flat": "2026-11-23_table_embedded.json", "a flat of another seed": "2026-11-23_table_embedded1.json"}
+IN_README = {"the flat": "2026-11-23_table_embedded.json", "another flat (seed 1)": "2026-11-23_table_embedded1.json"}
 """Results that README.md shows, by what their columns are called there."""
 BEGIN, END = "<!-- written by benchmarks.tables -->\n\n", "\n<!-- end -->\n"
 INTRODUCTION = """# Tables
 
-Success rates and collisions are percentages of the episodes, with 95 % intervals in brackets; ART is the mean time in
-seconds, for which a failure counts the time limit; SPL is success weighted by the length of the way. All methods of a
-table drove the same episodes: *beside X: +a -b, p* says that a method solves a of them which X does not, and X solves b
-which it does not, with McNemar's p. The task *static* is without people, *dynamic* among them. This page is written by
-`python -m readygo.benchmarks.tables` from the files that it names; what was not measured is not in it.
+Success rates and collisions are percentages of the episodes, with 95 % intervals in brackets. ART is the mean
+reaching time in seconds, where a failure counts the time limit. SPL is success weighted by path length. All methods
+of a table drove the same episodes: *beside X: +a -b, p* means that a method solves a episodes that X fails, and X
+solves b that it fails, with McNemar's p. The task *static* has no pedestrians, *dynamic* has them. `python -m
+readygo.benchmarks.tables` writes this page from the files that it names.
 """
 COLUMNS = {
     "SR %": ("success", 100.0),
     "ART s": ("art_s", 1.0),
     "SPL": ("spl", 1.0),
-    "hit a thing %": ("static_collision", 100.0),
-    "hit a human %": ("human_collision", 100.0),
+    "obstacle collision %": ("static_collision", 100.0),
+    "pedestrian collision %": ("human_collision", 100.0),
 }
 """Titles, and the measure with the factor for the unit that is shown."""
 OF_SCORES = {"static_collision": "static_collision_rate", "human_collision": "human_collision_rate"}

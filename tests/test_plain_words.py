@@ -43,3 +43,9 @@ def test_documents_and_product_are_read_and_tests_are_not() -> None:
     assert {"README.md", "docs/learn.md", "common/errors.py", "services/driver/README.md"} <= names
     assert not any(name.startswith("tests/") for name in names)
     assert "CHANGELOG.md" not in names
+
+
+def test_some_phrases_are_found_in_documents_only(tmp_path: Path) -> None:
+    for name, expected in (("a.md", [Found(1, "own motion")]), ("a.py", [])):
+        (tmp_path / name).write_text('"""Learns from own motion."""\n')
+        assert find(tmp_path / name) == expected

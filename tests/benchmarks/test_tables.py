@@ -36,7 +36,7 @@ def test_rates_are_per_cent_with_their_intervals(tmp_path):
     (tmp_path / "b.json").write_text("[1]")
     (tmp_path / "c.json").write_text(json.dumps({"machine": {}, "rows": []}))
     text = page(tmp_path)
-    assert "| hit a human % | episodes | beside photoreal |\n" in text
+    assert "| pedestrian collision % | episodes | beside photoreal |\n" in text
     assert "| dynamic | mesh | 46 (20 to 70) | 12.35 (10.00 to 15.00) |  |  |  | 20 | +2 -7, p 0.18 |" in text
     assert "`benchmarks/results/a.json` (cores 2)" in text
     assert text.count("\n## ") == 1
