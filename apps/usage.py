@@ -83,7 +83,9 @@ def _words(options: Mapping[str, Option], keys: Collection[str], event: Any) -> 
             return f"{_option(options, event.argument).flag} takes no value, got {event.offending_value!r}"
         case "BadValue":
             return f"{_option(options, event.argument).flag} needs a value: {_option(options, event.argument).typed}"
-        case "InstantiationFailure" if event.argument is not None:
+        case "InstantiationFailure" if event.argument is None:
+            return str(event.message).rstrip(".")
+        case "InstantiationFailure":
             return f"{_option(options, event.argument).flag} {_wrong_value(event.message)}"
     return ""
 

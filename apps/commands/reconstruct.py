@@ -3,7 +3,7 @@
 import json as json_module
 import sys
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -29,7 +29,7 @@ from readygo.services.reconstructor.metric.markers import DEFAULT_DICTIONARY
 from readygo.services.reconstructor.poses.config import PosesConfig
 from readygo.services.reconstructor.reconstruct import GAUSSIANS, STAGES, Job, reconstruct
 from readygo.services.reconstructor.stages import StageProgress
-from readygo.services.reconstructor.training.config import Device, Preset, preset
+from readygo.services.reconstructor.training.config import Preset, preset
 
 PoseKeys = Annotated[Keys, Sections(frames=FramesConfig, poses=PosesConfig, metric=MetricConfig), Fixed]
 ReconstructorKeys = Annotated[Keys, Sections(ReconstructorConfig), Fixed]
@@ -96,8 +96,6 @@ class ReconstructOptions:
     """Metres per unit of the map, without marker or length."""
     preset: Preset = "draft"
     """draft takes minutes on two cores; standard and high take longer."""
-    device: Device = "cpu"
-    """cuda trains with gsplat's kernels on a GPU; experimental, no GPU has run it yet."""
     license: str = ""
     """License of the scene; recorded in everything made from it."""
     work: Path | None = None
@@ -115,7 +113,6 @@ class ReconstructOptions:
 def reconstruct_command(options: ReconstructOptions) -> None:
     """Make a scene bundle from a video or photos: metric poses, Gaussians, maps."""
     config = _config(options, ReconstructorConfig(gaussians=preset(options.preset)))
-    config = replace(config, gaussians=replace(config.gaussians, device=options.device))
     if options.listen:
         check_endpoint(options.listen, "--listen")
     job = Job(

@@ -118,7 +118,7 @@ def train(options: TrainOptions) -> None:
 
 
 def _settings(options: TrainOptions) -> dict[str, Any]:
-    """The settings that are options of their own."""
+    """The settings that have an option."""
     return {
         "minutes": options.minutes,
         "samples": options.samples,

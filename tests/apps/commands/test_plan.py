@@ -86,7 +86,12 @@ def test_static_episode_has_the_dynamic_ones_start_and_goal(place, index, capsys
 
 def test_film_shows_every_step_in_real_time(place, index, tmp_path, capsys) -> None:
     numbers = numbers_of(
-        capsys, place, index=index, keys={"expert": {"mode": "paper"}}, static=True, video=tmp_path / "v.webm"
+        capsys,
+        place,
+        index=index,
+        keys={"expert": {"mode": "paper"}},
+        episode=PlanEpisodeOptions(static=True),
+        video=tmp_path / "v.webm",
     )
     film = cv2.VideoCapture(str(tmp_path / "v.webm"))
     assert film.get(cv2.CAP_PROP_FPS) == pytest.approx(20.0)

@@ -99,16 +99,22 @@ def test_poses_and_scenes_are_made_as_they_are_asked_for(
     monkeypatch.setattr(reconstruct, "find_poses", lambda *words: asked.append(words[:3]) or REPORT)
     monkeypatch.setattr(reconstruct, "reconstruct", lambda *words: asked.append(words[:2]) or REPORT)
     monkeypatch.setattr(reconstruct, "ask_worker", lambda *words: asked.append(words[:3]) or REPORT)
-    monkeypatch.setattr(reconstruct, "scene_report", lambda scene: asked.append(scene))
+    monkeypatch.setattr(reconstruct, "scene_report", lambda options: asked.append(options.scene))
     source, out = tmp_path / "walk.mp4", tmp_path / "lobby"
-    marker = {"marker_size_m": 0.3, "marker_id": (4, 5), "marker_on": "wall", "length": ("a=1",), "frames": 77}
-    more = {**marker, "mapper": "global", "threads": 3}
-    reconstruct.scene_poses(reconstruct.ScenePosesOptions(source=source, out=out, **more, json=True))
+    keys: dict[str, Any] = {
+        "metric": {"marker_ids": [4, 5], "marker_on": "wall"},
+        "frames": {"count_max": 77},
+        "poses": {"mapper": "global", "threads": 3},
+    }
+    more: dict[str, Any] = {"marker_size_m": 0.3, "length": ("a=1",), "json": True}
+    reconstruct.scene_poses(reconstruct.ScenePosesOptions(source=source, out=out, **more, keys=keys))
     assert json.loads(capsys.readouterr().out) == REPORT
     reconstruct.scene_poses(reconstruct.ScenePosesOptions(source=source, out=out, scale=2.5))
-    options = {"preset": "draft", "steps": 123, "side_px": 456, "plain": True, "device": "cuda", "license": "CC0"}
+    gaussians = {"steps": 123, "side_max_px": 456, "device": "cuda", "geometry": {"enabled": False}}
     reconstruct.reconstruct_command(
-        reconstruct.ReconstructOptions(source=source, out=out, **more, **options, json=True)
+        reconstruct.ReconstructOptions(
+            source=source, out=out, **more, license="CC0", keys={**keys, "gaussians": gaussians}
+        )
     )
     reconstruct.reconstruct_command(
         reconstruct.ReconstructOptions(source=source, out=out, scale=1.0, work=tmp_path / "w", listen="tcp/lab:1")
@@ -126,8 +132,8 @@ def test_poses_and_scenes_are_made_as_they_are_asked_for(
     assert scaled[2].metric.scale == 2.5
     job, config = made
     assert (job.source, job.out, job.work, job.license) == (source, out, tmp_path / "lobby.work", "CC0")
-    gaussians = config.gaussians
-    assert (gaussians.steps, gaussians.side_max_px, gaussians.device, gaussians.geometry.enabled) == (
+    own = config.gaussians
+    assert (own.steps, own.side_max_px, own.device, own.geometry.enabled) == (
         123,
         456,
         "cuda",

@@ -192,7 +192,14 @@ def test_training_beside_a_fleet_is_told_what_it_was_asked_for(
 
 @pytest.mark.parametrize(
     "option",
-    [{"live": "x"}, {"run": "x"}, {"val": (Path("x"),)}, {"val_scene": "x"}, {"inputs": "rgb"}, {"goal": "point"}],
+    [
+        {"fleet": TrainFleetOptions(live="x")},
+        {"fleet": TrainFleetOptions(run="x")},
+        {"val": (Path("x"),)},
+        {"val_scene": "x"},
+        {"inputs": "rgb"},
+        {"goal": "point"},
+    ],
 )
 def test_published_networks_take_no_options_of_ours(option: dict[str, object], tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="--recipe gnm takes no --val, --val-scene"):

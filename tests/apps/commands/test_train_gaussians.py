@@ -15,7 +15,10 @@ from readygo.services.reconstructor.training.config import preset
     [
         (["scene", "train", "nowhere", "--out", "out"], "nowhere needs images/ and a COLMAP model"),
         (["scene", "train", "nowhere", "--out", "out", "--steps", "0"], "steps must be at least 1"),
-        (["scene", "train", "nowhere", "--out", "out", "--density.count-max", "5"], "count_max must be at least 100"),
+        (
+            ["scene", "train", "nowhere", "--out", "out", "--density.count-max", "5"],
+            "--density.count-max must be at least 100",
+        ),
         (["scene", "train", "nowhere", "--out", "out", "--device", "tpu"], "tpu"),
     ],
 )
