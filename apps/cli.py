@@ -33,7 +33,7 @@ NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 Options = TypeVar("Options")
 
 
-class Command(NamedTuple):
+class CliCommand(NamedTuple):
     """One command of the command line."""
 
     path: str
@@ -42,7 +42,7 @@ class Command(NamedTuple):
     """One line for the list of commands."""
 
 
-def run_command(commands: Mapping[str, Command], argv: Sequence[str]) -> None:
+def run_command(commands: Mapping[str, CliCommand], argv: Sequence[str]) -> None:
     """Run the command that the arguments name.
 
     Errors that the user can mend print one line and exit with 2: a `ReadygoError`, an error of the operating system
@@ -78,7 +78,7 @@ def run_command(commands: Mapping[str, Command], argv: Sequence[str]) -> None:
     except KeyboardInterrupt as stop:
         # A command that knows what it leaves behind raises the interrupt again with that information.
         said = str(stop) or "what is recorded or saved stays, run the same command again to resume."
-        _stop(f"stopped; {said}", TERMINATED if _terminated() else INTERRUPTED)
+        _stop(f"stopped; {said}", TERMINATED if _was_terminated() else INTERRUPTED)
 
 
 def _terminate(number: int, frame: object) -> None:
@@ -92,17 +92,17 @@ def stop_later(lost: "sys.UnraisableHookArgs") -> None:
     if not isinstance(lost.exc_value, KeyboardInterrupt):
         sys.__unraisablehook__(lost)
         return
-    number = signal.SIGTERM if _terminated() else signal.SIGINT
+    number = signal.SIGTERM if _was_terminated() else signal.SIGINT
     if number == signal.SIGTERM:
         signal.signal(number, _terminate)
     threading.Timer(AGAIN_S, os.kill, (os.getpid(), number)).start()
 
 
-def _terminated() -> bool:
+def _was_terminated() -> bool:
     return signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
 
 
-def parse(commands: Mapping[str, Command], argv: Sequence[str]) -> Callable[[], object]:
+def parse(commands: Mapping[str, CliCommand], argv: Sequence[str]) -> Callable[[], object]:
     """The command that the arguments name, ready to be called.
 
     Raises:
@@ -135,7 +135,7 @@ def _call(function: Callable[..., object], prog: str, argv: Sequence[str]) -> Ca
     return functools.partial(function, read_options(kind, argv, prog=prog))
 
 
-def _overview(commands: Mapping[str, Command]) -> str:
+def _overview(commands: Mapping[str, CliCommand]) -> str:
     width = max(len(name) for name in commands)
     lines = ["usage: readygo COMMAND ..., or readygo COMMAND --help, or readygo --version", ""]
     return "\n".join([*lines, *(f"  {name:<{width}}  {command.summary}" for name, command in commands.items())])
@@ -151,7 +151,7 @@ def _print(text: str) -> None:
     sys.stdout.write(f"{text}\n")
 
 
-def function_of(command: Command) -> Callable[..., object]:
+def function_of(command: CliCommand) -> Callable[..., object]:
     """The function of a command; its module is imported."""
     module, name = command.path.split(":")
     function: Callable[..., object] = getattr(importlib.import_module(module), name)
@@ -178,9 +178,9 @@ def read_options(kind: type[Options], argv: Sequence[str], *, prog: str) -> Opti
     import tyro
 
     from readygo.apps.options import describe_options, sections_field
-    from readygo.apps.sections import NO_KEYS
     from readygo.apps.usage import errors_in_one_line
     from readygo.common.errors import ConfigError
+    from readygo.runs.sections import NO_KEYS
 
     options, found, keys = describe_options(kind).options, sections_field(kind), NO_KEYS
     if found:

@@ -6,21 +6,21 @@ Both are generated from the dataclasses of the options, as the help is.
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
-from readygo.apps.cli import Command, function_of, options_of
+from readygo.apps.cli import CliCommand, function_of, options_of
 from readygo.apps.options import CommandOptions, Option, OptionGroup, describe_options, section_groups
 
 Shell = Literal["bash", "zsh", "fish"]
 
 
-def described(command: Command) -> CommandOptions:
+def describe_command(command: CliCommand) -> CommandOptions:
     """Description and options of a command; its module is imported."""
     return describe_options(options_of(function_of(command)))
 
 
-def reference(commands: Mapping[str, Command]) -> str:
+def reference(commands: Mapping[str, CliCommand]) -> str:
     """The page of all commands, in Markdown: each with its options, and then once the groups that several share."""
     lines = ["# Commands", "", "Made of the code by `make golden`; the `--help-all` of each command says the same.", ""]
-    about = {name: described(command) for name, command in commands.items()}
+    about = {name: describe_command(command) for name, command in commands.items()}
     users: dict[type, list[str]] = {}
     for name, each in about.items():
         for group in each.groups:
@@ -44,7 +44,7 @@ def reference(commands: Mapping[str, Command]) -> str:
     return "\n".join(lines)
 
 
-def completion(commands: Mapping[str, Command], shell: Shell) -> str:
+def completion(commands: Mapping[str, CliCommand], shell: Shell) -> str:
     """A script that completes commands and their options.
 
     Args:
@@ -52,7 +52,7 @@ def completion(commands: Mapping[str, Command], shell: Shell) -> str:
         shell: Shell that the script is for.
     """
     options = {
-        name: [p.flag for p in described(command).options if p.flag.startswith("--")]
+        name: [p.flag for p in describe_command(command).options if p.flag.startswith("--")]
         for name, command in commands.items()
     }
     if shell == "fish":
@@ -92,7 +92,7 @@ complete -o filenames -F _readygo readygo
 """
 
 
-def _fish(commands: Mapping[str, Command], options: Mapping[str, list[str]]) -> list[str]:
+def _fish(commands: Mapping[str, CliCommand], options: Mapping[str, list[str]]) -> list[str]:
     lines = [f"-n __fish_use_subcommand -f -a {word}" for word in _first_words(commands)]
     for name, flags in options.items():
         group, _, second = name.partition(" ")
@@ -104,7 +104,7 @@ def _fish(commands: Mapping[str, Command], options: Mapping[str, list[str]]) -> 
     return lines
 
 
-def _first_words(commands: Mapping[str, Command]) -> list[str]:
+def _first_words(commands: Mapping[str, CliCommand]) -> list[str]:
     return list(dict.fromkeys(name.split()[0] for name in commands))
 
 

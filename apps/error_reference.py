@@ -24,7 +24,7 @@ def errors_page(root: Path) -> str:
     kinds = {name: kind for name, kind in vars(errors).items() if isinstance(kind, type)}
     found: dict[str, set[str]] = {}
     for path in sorted(path for top in ("common", "services", "apps") for path in (root / top).rglob("*.py")):
-        for name, message in _raised(ast.parse(path.read_text()), set(kinds)):
+        for name, message in _raised_errors(ast.parse(path.read_text()), set(kinds)):
             found.setdefault(name, set()).add(message)
     parts = [_INTRO]
     for name in sorted(found):
@@ -33,7 +33,7 @@ def errors_page(root: Path) -> str:
     return "\n".join(parts)
 
 
-def _raised(tree: ast.AST, kinds: set[str]) -> Iterator[tuple[str, str]]:
+def _raised_errors(tree: ast.AST, kinds: set[str]) -> Iterator[tuple[str, str]]:
     """Name and message of every exception that is raised with a message."""
     for node in ast.walk(tree):
         if not (isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and node.exc.args):

@@ -21,7 +21,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from tyro.conf import Positional, UseAppendAction
 
-from readygo.apps.sections import Sections, value_kind
+from readygo.runs.sections import Sections, value_kind
 
 SHORT_MAX = 12
 """Most options in the short help of a command."""

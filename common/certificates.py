@@ -17,7 +17,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from readygo.common.bus.identity import Identity
 from readygo.common.errors import CertificateError
-from readygo.common.files import unfinished, write_whole
+from readygo.common.files import write_then_rename, write_whole
 
 AUTHORITY = "ca"
 AUTHORITY_DAYS = 3650
@@ -38,7 +38,7 @@ def make_authority(folder: Path) -> None:
     name = _subject("readygo fleet")
     constraints = x509.BasicConstraints(ca=True, path_length=0)
     builder = _builder(name, name, key, AUTHORITY_DAYS).add_extension(constraints, critical=True)
-    _write(folder, AUTHORITY, key, _signed(builder, key))
+    _write(folder, AUTHORITY, key, _sign(builder, key))
 
 
 def issue(authority: Path, out: Path, name: str, *, hosts: Sequence[str] = (), days: float = 90.0) -> None:
@@ -69,7 +69,7 @@ def issue(authority: Path, out: Path, name: str, *, hosts: Sequence[str] = (), d
     if hosts:
         names = x509.SubjectAlternativeName([_host(host) for host in hosts])
         builder = builder.add_extension(names, critical=False)
-    _write(out, name, key, _signed(builder, signer_key))
+    _write(out, name, key, _sign(builder, signer_key))
     if out.resolve() != authority.resolve():
         write_whole(out / f"{AUTHORITY}.pem", _pem(signer), raises=CertificateError)
 
@@ -136,7 +136,7 @@ def _builder(
     )
 
 
-def _signed(builder: x509.CertificateBuilder, key: ec.EllipticCurvePrivateKey) -> x509.Certificate:
+def _sign(builder: x509.CertificateBuilder, key: ec.EllipticCurvePrivateKey) -> x509.Certificate:
     return builder.sign(key, hashes.SHA256())
 
 
@@ -159,7 +159,7 @@ def _write(folder: Path, name: str, key: ec.EllipticCurvePrivateKey, certificate
     """Write a certificate and its key; only the owner can read the key."""
     encoding, pkcs8, bare = serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     path = folder / f"{name}.key"
-    with unfinished(path, raises=CertificateError) as part:
+    with write_then_rename(path, raises=CertificateError) as part:
         part.touch(mode=0o600)
         part.write_bytes(key.private_bytes(encoding, pkcs8, bare))
     write_whole(folder / f"{name}.pem", _pem(certificate), raises=CertificateError)

@@ -84,7 +84,7 @@ def _open_descriptor(path: str | Path) -> int:
 
 
 @contextmanager
-def unfinished(path: str | Path, *, raises: type[ReadygoError] = ReadygoError) -> Iterator[Path]:
+def write_then_rename(path: str | Path, *, raises: type[ReadygoError] = ReadygoError) -> Iterator[Path]:
     """A temporary name, with the ending of `path`, that becomes `path` when the block ends well.
 
     Folders on the way are made. Several processes may do this at once: readers find the file of one of them.
@@ -132,7 +132,7 @@ def unfinished_folder(
             made, old = Path(place) / "new", Path(place) / "old"
             made.mkdir()
             yield made
-            while not _moved(made, path):
+            while not _rename_folder(made, path):
                 if good is None:
                     raise FileExistsError(errno.EEXIST, "it is there already")
                 if good():
@@ -142,7 +142,7 @@ def unfinished_folder(
         raise raises(f"{path} cannot be written: {error.strerror or error}.") from error
 
 
-def _moved(made: Path, path: Path) -> bool:
+def _rename_folder(made: Path, path: Path) -> bool:
     """Rename a folder; False if there is another one that is not empty."""
     try:
         made.rename(path)
@@ -161,12 +161,12 @@ def _take_away(path: Path, old: Path) -> None:
 
 
 def write_whole(path: str | Path, data: bytes | str, *, raises: type[ReadygoError] = ReadygoError) -> None:
-    """Write bytes, or text as UTF-8; see `unfinished`.
+    """Write bytes, or text as UTF-8; see `write_then_rename`.
 
     Raises:
         ReadygoError: If the file cannot be written.
     """
-    with unfinished(path, raises=raises) as part:
+    with write_then_rename(path, raises=raises) as part:
         part.write_bytes(data.encode() if isinstance(data, str) else data)
 
 

@@ -22,10 +22,10 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 @overload
-def compiled(function: F) -> F: ...
+def kernel_with_cache(function: F) -> F: ...
 @overload
-def compiled(**flags: Any) -> Callable[[F], F]: ...
-def compiled(function: Any = None, **flags: Any) -> Any:
+def kernel_with_cache(**flags: Any) -> Callable[[F], F]: ...
+def kernel_with_cache(function: Any = None, **flags: Any) -> Any:
     """Compile a function like numba's `njit`, and keep the machine code for later processes.
 
     Use it as `@compiled`, or `@compiled(error_model="numpy")` with flags of `njit`.
@@ -34,7 +34,7 @@ def compiled(function: Any = None, **flags: Any) -> Any:
         ReadygoError: At the first call, if nothing can be kept.
     """
     if function is None:
-        return functools.partial(compiled, **flags)
+        return functools.partial(kernel_with_cache, **flags)
     made = _dispatcher_of(function, flags)
     if isinstance(made, KernelDispatcher):
         made._cache = KernelCache(made)
@@ -47,10 +47,10 @@ def kernel(function: Callable[..., Any]) -> Any:
     Without numba's reference counting: it would count the workspace's arrays up and down in every inner function, at
     twice the cost of the kernels themselves. Kernels therefore allocate nothing. No `fastmath`: see `simd.types`.
     """
-    return compiled(error_model="numpy", _nrt=False)(function)
+    return kernel_with_cache(error_model="numpy", _nrt=False)(function)
 
 
-def inlined(function: Callable[..., Any]) -> Any:
+def inline_kernel(function: Callable[..., Any]) -> Any:
     """Compile a function that becomes part of the kernels that call it."""
     return _dispatcher_of(function, {"forceinline": True, "error_model": "numpy", "_nrt": False})
 

@@ -34,7 +34,7 @@ _KINDS_MAX = 100
 _SPARSE_LAYOUTS = ("csc", "csr", "coo")
 
 
-class Record:
+class PickledObject:
     """What a pickle said about an object whose class is not loaded."""
 
     name = ""
@@ -48,7 +48,7 @@ class Record:
         self.fields = {key: value for part in parts if isinstance(part, dict) for key, value in part.items()}
 
 
-class _Dtype(Record):
+class _Dtype(PickledObject):
     """A dtype by its name, which NumPy has not heard of yet."""
 
     code = order = ""
@@ -65,7 +65,7 @@ class _Dtype(Record):
         return dtype_of((self.order or "<") + self.code) or dtype_of("|" + self.code)
 
 
-class _Array(Record):
+class _Array(PickledObject):
     """An array as NumPy pickles it."""
 
     values: npt.NDArray[Any] | None = None
@@ -96,7 +96,7 @@ class _RefusedError(Exception):
 
 
 def load_pickle(path: Path, *, bytes_max: int, raises: type[ReadygoError], remedy: str = "") -> Any:
-    """The object that a pickle holds, made of builtin types, NumPy's numbers and `Record`s; see `array_of`.
+    """The object that a pickle holds, made of builtin types, NumPy's numbers and `PickledObject`s; see `array_of`.
 
     Args:
         path: A pickle of Python 2 or 3; byte strings of Python 2 are read as latin-1.
@@ -137,12 +137,12 @@ def array_of(value: Any, *, nested: int = _NESTED_MAX) -> npt.NDArray[Any] | Non
         return None if value.dtype.kind == "O" else value
     if isinstance(value, _Array):
         return value.values
-    if not isinstance(value, Record) or nested == 0:
+    if not isinstance(value, PickledObject) or nested == 0:
         return None
     if value.name.startswith("scipy."):
         return _dense(value)
     if value.name.endswith(".Select"):
-        return _selected(value.fields, nested - 1)
+        return _select_elements(value.fields, nested - 1)
     return array_of(value.fields.get("x"), nested=nested - 1)
 
 
@@ -162,7 +162,7 @@ class _Unpickler(pickle.Unpickler):
         super().__init__(data, encoding="latin1")
         self._left = size
         """Bytes that calls may still copy: as many as the file has."""
-        self._kinds: dict[str, type[Record]] = {}
+        self._kinds: dict[str, type[PickledObject]] = {}
 
     def find_class(self, module_name: str, global_name: str) -> Any:
         name = f"{module_name}.{global_name}"
@@ -175,7 +175,7 @@ class _Unpickler(pickle.Unpickler):
         sparse = any(global_name == f"{layout}_{kind}" for layout in _SPARSE_LAYOUTS for kind in ("matrix", "array"))
         if (module_name.startswith("scipy.sparse") and sparse) or module_name.split(".")[0] == "chumpy":
             if name not in self._kinds and len(self._kinds) < _KINDS_MAX:
-                self._kinds[name] = type("Record", (Record,), {"name": name})
+                self._kinds[name] = type("Record", (PickledObject,), {"name": name})
             return self._kinds[name]
         raise _RefusedError(
             f"names {' '.join(name.split())[:100]}, which model files have no use for; it is not loaded, because a "
@@ -219,7 +219,7 @@ def _scalar(dtype: Any, raw: Any) -> Any:
 
 def _new_record(kind: Any, *_: Any) -> Any:
     """What `copyreg._reconstructor` does for a plain object."""
-    if not (isinstance(kind, type) and issubclass(kind, Record)):
+    if not (isinstance(kind, type) and issubclass(kind, PickledObject)):
         raise _RefusedError("makes an object of an unknown class")
     return kind()
 
@@ -240,7 +240,7 @@ _KNOWN: Mapping[str, Any] = {
 }
 
 
-def _dense(record: Record) -> npt.NDArray[Any] | None:
+def _dense(record: PickledObject) -> npt.NDArray[Any] | None:
     from scipy import sparse
 
     layout = record.name.rsplit(".", 1)[1][:3]
@@ -266,7 +266,7 @@ def _dense(record: Record) -> npt.NDArray[Any] | None:
     return dense
 
 
-def _selected(fields: Mapping[str, Any], nested: int) -> npt.NDArray[Any] | None:
+def _select_elements(fields: Mapping[str, Any], nested: int) -> npt.NDArray[Any] | None:
     """`chumpy.reordering.Select`: elements of another array, by their flat indices."""
     source, index = array_of(fields.get("a"), nested=nested), array_of(fields.get("idxs"), nested=nested)
     if source is None or index is None or index.dtype.kind not in "iu":

@@ -77,7 +77,7 @@ def with_site_links(text: str, source: str, page: str) -> str:
 
 def configuration_page() -> str:
     """Every key of a run's configuration file, by section, with its default and its meaning."""
-    from readygo.apps.run.config import RunConfig
+    from readygo.runs.config import RunConfig
 
     parts = [
         "# Configuration\n\n`--config FILE` takes a TOML file with these sections; a key that is left out has its "

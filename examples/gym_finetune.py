@@ -29,11 +29,11 @@ from stable_baselines3.common.vec_env import VecEnv
 from torch import nn
 
 from readygo import ReadygoError, load_policy
-from readygo.apps.run.evaluation import evaluation_world, make_evaluator, make_request
-from readygo.apps.run.origin import avatars_of_policy, settings_of_policy
 from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import PolicyError
 from readygo.common.messages import Split
+from readygo.runs.evaluation import evaluation_world, make_evaluator, make_request
+from readygo.runs.origin import avatars_of_policy, settings_of_policy
 from readygo.services.evaluator import handle_evaluate
 from readygo.services.evaluator.records import EpisodeRecord
 from readygo.services.evaluator.scores import compare_all, scores_of

@@ -19,7 +19,7 @@ from readygo.common.config import section_to_mapping
 from readygo.common.dataset import Provenance, ShardWriter, encode_episode, shard_name
 from readygo.common.images.files import encode_output
 from readygo.common.messages import EpisodeHeader, EpisodeKey, FurtherCamera, Sample, Split, sample_crc32
-from readygo.common.messages.plan import Driver, Outcome
+from readygo.common.messages.plan import DriverKind, Outcome
 from readygo.common.robot import RobotConfig, limit_command, step_unicycle
 from readygo.common.robot.command_grid import command_grid
 from tests.common.dataset.episodes import PROVENANCE, image_number, jpeg, make_images
@@ -86,7 +86,7 @@ def crooked_header(
         width_px=camera.width_px,
         K_px=tuple(camera.K_px.ravel().tolist()),
         outcome=Outcome.HUMAN_COLLISION,
-        driver=Driver.POLICY,
+        driver=DriverKind.POLICY,
         policy="5a" * 32,
         image_every=robot.clock.image_every,
         cameras=tuple(

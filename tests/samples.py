@@ -15,22 +15,22 @@ from typing import Any
 
 import readygo
 from readygo.apps.fleet.run import begin, run_in_process
-from readygo.apps.run.config import RunConfig, load_run_config
-from readygo.apps.run.evaluation import (
-    evaluation_settings,
-    evaluation_world,
-    make_evaluator,
-    make_request,
-    summarize,
-)
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.spec import make_spec
 from readygo.common.avatars import load_avatar
 from readygo.common.avatars.file import avatar_hash, save_avatar
 from readygo.common.dataset import Dataset, validate
 from readygo.common.gaussians import GaussianCloud, concatenate
 from readygo.common.messages import Split
 from readygo.common.scenes import Scene, load_scene, save_scene
+from readygo.runs.config import RunConfig, load_run_config
+from readygo.runs.evaluation import (
+    evaluation_settings,
+    evaluation_world,
+    make_evaluator,
+    make_request,
+    summarize,
+)
+from readygo.runs.folder import RunFolder
+from readygo.runs.spec import make_spec
 from readygo.services.evaluator import handle_evaluate, open_results
 from readygo.services.evaluator.results import read_results
 from tests.common.maps.room import sheet

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from readygo.common.dataset import Dataset, validate
-from readygo.common.messages.plan import Driver, Outcome
+from readygo.common.messages.plan import DriverKind, Outcome
 from tests.crooked import LEFT, ODD_RATES, ROBOT, crooked_avatar, crooked_episode, write_crooked_shard
 
 
@@ -14,7 +14,7 @@ def test_crooked_episodes_are_consistent_data(tmp_path, robot):
     data = Dataset(tmp_path)
     assert data.robot == robot
     assert {entry.outcome for entry in data.episodes} == {Outcome.HUMAN_COLLISION}
-    assert {entry.driver for entry in data.episodes} == {Driver.POLICY}
+    assert {entry.driver for entry in data.episodes} == {DriverKind.POLICY}
 
 
 def test_commands_are_held_and_images_are_of_two_cameras():

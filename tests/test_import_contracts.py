@@ -38,7 +38,7 @@ def test_nobody_else_computes_what_to_import() -> None:
     found = [path.relative_to(ROOT).as_posix() for path in files if list(computed_imports(path.read_text()))]
     # The table of commands is handed to the first from above, the name of a user's own method to the second, and what a
     # package loads late stands in it as an import for type checkers, which is judged.
-    assert found == ["apps/cli.py", "apps/run/custom_method.py", "common/lazy.py"]
+    assert found == ["apps/cli.py", "services/evaluator/custom_method.py", "common/lazy.py"]
 
 
 @pytest.mark.parametrize(

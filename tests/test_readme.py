@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from readygo.apps.cli import option_name, parse
-from readygo.apps.run.config import RunConfig
 from readygo.commands import COMMANDS
 from readygo.common.config import section_from_mapping
+from readygo.runs.config import RunConfig
 from tests.common.dataset.episodes import write_shard
 from tests.common.policy.artifacts import write_policy
 

@@ -5,8 +5,8 @@ from types import ModuleType
 
 import pytest
 
-from readygo.apps.run.config import RunConfig
 from readygo.common.config import section_to_mapping
+from readygo.runs.config import RunConfig
 from tests.test_readme import ROOT
 
 

@@ -153,7 +153,7 @@ def _ground(T_world_camera: Array, framing: Framing, feet_m: Array) -> Array:
     eye = T_world_camera[:3, 3]
     distance = eye[2] / np.maximum(-rays[..., 2], 1e-3)
     points = eye[:2] + distance[..., None] * rays[..., :2]
-    floor = _lined(points, distance, eye[2], framing.focal_px)
+    floor = _floor_colours(points, distance, eye[2], framing.focal_px)
     for foot in feet_m:
         away = ((points - foot[:2]) ** 2).sum(axis=-1, keepdims=True) / _SHADOW_RADIUS_M**2
         floor *= 1.0 - _SHADOW_DEPTH * np.exp(-away - max(float(foot[2]), 0.0) / _SHADOW_FADE_M)
@@ -163,7 +163,7 @@ def _ground(T_world_camera: Array, framing: Framing, feet_m: Array) -> Array:
     return picture
 
 
-def _lined(points: Array, distance: Array, eye_height_m: float, focal_px: float) -> Array:
+def _floor_colours(points: Array, distance: Array, eye_height_m: float, focal_px: float) -> Array:
     """Colours of the floor at points, shape (H, W, 2), with their distances along the rays."""
     # A pixel covers this much floor, along the ray more than across it; lines are blurred to it.
     footprint = (distance / focal_px)[..., None] * np.stack(

@@ -12,13 +12,13 @@ import numpy.typing as npt
 
 from readygo.apps.capture.truth import Truth
 from readygo.common.errors import SceneError
-from readygo.services.reconstructor.similarity import Similarity, umeyama
+from readygo.services.reconstructor import Similarity, umeyama
 
 Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class PoseErrors:
+class FoundPoseErrors:
     """Errors of found poses against the true ones."""
 
     images: int
@@ -45,7 +45,7 @@ class PoseErrors:
         return {name: value if isinstance(value, int) else round(value, 5) for name, value in asdict(self).items()}
 
 
-def pose_errors(truth: Truth, found: Mapping[str, Floats]) -> PoseErrors:
+def pose_errors(truth: Truth, found: Mapping[str, Floats]) -> FoundPoseErrors:
     """Compare found poses with the truth.
 
     Args:
@@ -66,7 +66,7 @@ def pose_errors(truth: Truth, found: Mapping[str, Floats]) -> PoseErrors:
     off_m = np.linalg.norm(rigid.apply(p_found) - p_true, axis=1)
     shape_m = np.linalg.norm(similar.apply(p_found) - p_true, axis=1)
     turned = np.swapaxes(T_true[:, :3, :3], 1, 2) @ similar.R @ T_found[:, :3, :3]
-    return PoseErrors(
+    return FoundPoseErrors(
         images=len(names),
         of=len(true),
         scale_percent=100.0 * (1.0 / similar.scale - 1.0),

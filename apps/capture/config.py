@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from readygo.common.camera import CameraConfig
 from readygo.common.errors import ConfigError
-from readygo.services.reconstructor.metric.markers import DEFAULT_DICTIONARY
+from readygo.services.reconstructor import DEFAULT_DICTIONARY
 
 FOV_DEG = 68.0
 """Field of view of a phone's main camera, along the longer side of its image [deg]."""

@@ -11,18 +11,17 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.capture.config import CaptureConfig, phone_camera
-from readygo.apps.capture.ground import Ground, walking_ground
+from readygo.apps.capture.ground import WalkableGround, walking_ground
 from readygo.apps.capture.marker import FloorMarker, MarkedRasterizer, lay_down
 from readygo.apps.capture.truth import truth_path, write_truth
-from readygo.apps.capture.walk import Sway, Walk, plan_walk
+from readygo.apps.capture.walk import CameraWalk, Sway, plan_walk
 from readygo.common.camera import CameraConfig
 from readygo.common.drawing.film import CODECS, write_film
 from readygo.common.errors import ConfigError, SceneError
 from readygo.common.files import unfinished_folder
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes import Scene
-from readygo.services.reconstructor.frames.video import write_jpeg
-from readygo.services.reconstructor.marker_sheet import Sheet, marker_sheet
+from readygo.services.reconstructor import PrintedSheet, draw_marker_sheet, write_jpeg
 from readygo.services.renderer import Renderer, RendererConfig, Shot
 
 Rgb = npt.NDArray[np.uint8]
@@ -38,7 +37,7 @@ class Filming:
     scene: Scene
     config: CaptureConfig
     camera: CameraConfig
-    walk: Walk
+    walk: CameraWalk
     marker: FloorMarker | None
     exposures_ev: npt.NDArray[np.float64]
     """Exposure of each frame [stops], shape (N,)."""
@@ -60,7 +59,7 @@ class Filming:
         ]
 
 
-def plan_filming(scene: Scene, ground: Ground, config: CaptureConfig) -> Filming:
+def plan_filming(scene: Scene, ground: WalkableGround, config: CaptureConfig) -> Filming:
     """Plan walk, marker and exposure of a capture.
 
     Raises:
@@ -86,12 +85,12 @@ def plan_filming(scene: Scene, ground: Ground, config: CaptureConfig) -> Filming
     )
 
 
-def _sheet(config: CaptureConfig) -> Sheet:
+def _sheet(config: CaptureConfig) -> PrintedSheet:
     """The sheet of `readygo marker`, on the first page that holds it."""
     for page in _PAGES[:-1]:
         with suppress(ConfigError):
-            return marker_sheet(config.marker_dictionary, config.marker_id, config.marker_size_m, page)
-    return marker_sheet(config.marker_dictionary, config.marker_id, config.marker_size_m, _PAGES[-1])
+            return draw_marker_sheet(config.marker_dictionary, config.marker_id, config.marker_size_m, page)
+    return draw_marker_sheet(config.marker_dictionary, config.marker_id, config.marker_size_m, _PAGES[-1])
 
 
 def pictures(filming: Filming) -> Iterator[Rgb]:
@@ -141,7 +140,7 @@ def film(filming: Filming, out: Path, heard: Callable[[int], None]) -> Path:
                 write_jpeg(folder / name, np.ascontiguousarray(rgb[:, :, ::-1]))
                 heard(number)
     else:
-        write_film(out, _counted(pictures(filming), heard), fps=filming.config.fps)
+        write_film(out, _count_frames(pictures(filming), heard), fps=filming.config.fps)
     path = truth_path(out)
     write_truth(path, _truth(filming, names if filming.config.photos else list(range(filming.config.frames))))
     return path
@@ -159,7 +158,7 @@ def check_out(out: Path, config: CaptureConfig) -> None:
         raise SceneError(f"{out} must end in {' or '.join(CODECS)} to be a film; --photos writes a folder of JPEGs.")
 
 
-def _counted(frames: Iterator[Rgb], heard: Callable[[int], None]) -> Iterator[Rgb]:
+def _count_frames(frames: Iterator[Rgb], heard: Callable[[int], None]) -> Iterator[Rgb]:
     for number, rgb in enumerate(frames, start=1):
         yield rgb
         heard(number)
@@ -205,7 +204,7 @@ def _truth(filming: Filming, images: list[Any]) -> dict[str, Any]:
 
 def ground_of(
     scene: Scene, crop: tuple[float, float, float, float] | None, start: tuple[float, float] | None, radius_m: float
-) -> Ground:
+) -> WalkableGround:
     """The ground to film, from the command's options.
 
     Args:

@@ -28,7 +28,7 @@ MARKER_DISTANCE_M = 1.3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Ground:
+class WalkableGround:
     """Connected cells of a scene that a person can stand on."""
 
     cells: Cells
@@ -62,7 +62,7 @@ def walking_ground(
     crop: tuple[float, float, float, float] | None = None,
     start: tuple[float, float] | None = None,
     radius_m: float = 3.0,
-) -> Ground:
+) -> WalkableGround:
     """The ground that is filmed: the largest connected part of a rectangle, or the room at a circle's centre.
 
     Args:
@@ -91,7 +91,7 @@ def walking_ground(
     else:
         squared = (x_m - middle[0]) ** 2 + (y_m - middle[1]) ** 2
         cells = _room(standing, where & (clearance > 0.5 * DOOR_M), squared, human.frame.resolution_m)
-    ground = Ground(cells=cells, frame=human.frame)
+    ground = WalkableGround(cells=cells, frame=human.frame)
     if ground.area_m2 < AREA_MIN_M2:
         raise SceneError(
             f"There are {ground.area_m2:.1f} m2 of connected ground to walk on {words}, {AREA_MIN_M2:g} m2 are needed; "
@@ -137,7 +137,7 @@ def _part_near(cells: Cells, squared_m2: Floats) -> Cells:
     return part
 
 
-def closed_way(ground: Ground) -> Floats:
+def closed_way(ground: WalkableGround) -> Floats:
     """A closed, smooth path along the ground's border, counterclockwise, a point each 2 cm [m], shape (N, 2).
 
     Raises:
@@ -150,7 +150,7 @@ def closed_way(ground: Ground) -> Floats:
         labels, _ = free_components(depth_m > inset_m)
         outline = _outline(labels == 1, ground.frame)
         if len(outline) and _length_m(outline) >= LOOP_MIN_M:
-            return _smoothed(outline, ground)
+            return _smooth_outline(outline, ground)
     raise SceneError(f"The ground of {ground.area_m2:.1f} m2 is too narrow to walk around; choose a larger part.")
 
 
@@ -169,7 +169,7 @@ def _length_m(points: Floats) -> float:
     return float(np.hypot(*(np.roll(points, -1, axis=0) - points).T).sum())
 
 
-def _smoothed(outline: Floats, ground: Ground) -> Floats:
+def _smooth_outline(outline: Floats, ground: WalkableGround) -> Floats:
     """The outline, smoothed as far as it stays on the ground."""
     from scipy.ndimage import gaussian_filter1d
 
@@ -188,7 +188,7 @@ def _evenly(points: Floats) -> Floats:
     return np.stack([np.interp(wanted, at_m, closed[:, k]) for k in (0, 1)], axis=1)
 
 
-def marker_place(ground: Ground, way: Floats) -> tuple[int, tuple[float, float]]:
+def marker_place(ground: WalkableGround, way: Floats) -> tuple[int, tuple[float, float]]:
     """Index of the path's point where the walk begins, and position of the marker [m].
 
     The marker lies on the most open ground, where most of the path sees it; the walk begins where the path is at the

@@ -17,7 +17,7 @@ from readygo.common.gaussians import GaussianCloud
 from readygo.common.images.images import FIELDS, Images
 from readygo.common.maps import FloorMap
 from readygo.common.rasterizer.interface import PinholeCamera, Rasterizer, View
-from readygo.services.reconstructor.marker_sheet import Sheet
+from readygo.services.reconstructor import PrintedSheet
 from readygo.services.renderer import LIGHT_ONE, byte_of_light, light_of_byte
 
 Floats = npt.NDArray[np.float64]
@@ -42,7 +42,7 @@ _NEAR_M = 0.05
 class FloorMarker:
     """A sheet with a marker, at a pose in the world."""
 
-    sheet: Sheet
+    sheet: PrintedSheet
     T_world_sheet: Floats
     """Pose of the marker's centre, shape (4, 4)."""
     reach_m: float = 0.0
@@ -77,7 +77,7 @@ class FloorMarker:
         return np.where(black[row, column], INK, PAPER), inside
 
 
-def _table(sheet: Sheet) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
+def _table(sheet: PrintedSheet) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
     """Edges of a sheet's black fields along x and y, and True for the fields between them that are black."""
     left, bottom, width, height = sheet.black_m.T
     columns, rows = np.unique([left, left + width]), np.unique([bottom, bottom + height])
@@ -89,7 +89,12 @@ def _table(sheet: Sheet) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
 
 
 def lay_down(
-    sheet: Sheet, cloud: GaussianCloud, floor: FloorMap, ground_m: Floats, xy_m: tuple[float, float], yaw_rad: float
+    sheet: PrintedSheet,
+    cloud: GaussianCloud,
+    floor: FloorMap,
+    ground_m: Floats,
+    xy_m: tuple[float, float],
+    yaw_rad: float,
 ) -> FloorMarker:
     """A sheet on the floor at a place, as level as the ground around.
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.capture.ground import Ground, closed_way, marker_place, wrapped_rad
+from readygo.apps.capture.ground import WalkableGround, closed_way, marker_place, wrapped_rad
 from readygo.apps.views.sightlines import sight_m
 from readygo.common.scenes import Scene
 
@@ -33,7 +33,7 @@ _BEARINGS_RAD = np.radians(np.arange(-180.0, 180.0, 10.0))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Walk:
+class CameraWalk:
     """Poses of a hand-held camera over time."""
 
     seconds: float
@@ -71,7 +71,7 @@ def camera_pose(place_m: Floats, yaw_rad: float, pitch_rad: float, roll_rad: flo
     return T
 
 
-def plan_walk(scene: Scene, ground: Ground, seconds: float, rng: np.random.Generator) -> Walk:
+def plan_walk(scene: Scene, ground: WalkableGround, seconds: float, rng: np.random.Generator) -> CameraWalk:
     """A walk over a ground.
 
     Args:
@@ -89,14 +89,14 @@ def plan_walk(scene: Scene, ground: Ground, seconds: float, rng: np.random.Gener
     laps = max(1, round((SPEED_MPS * seconds - OVERLAP_M) / loop_m))
     way_m = min(laps * loop_m + OVERLAP_M, SPEED_MAX_MPS * seconds)
     time_s = np.arange(math.ceil(seconds * _TABLE_HZ) + 1) / _TABLE_HZ
-    gone_m = _gone(time_s, way_m, rng)
+    gone_m = _walked_distances(time_s, way_m, rng)
     xy_m, heading_rad = _along(np.roll(way, -begin, axis=0), gone_m)
     sway = Sway(rng)
     yaw_rad, pitch_rad = _gaze(scene, xy_m, heading_rad, gone_m / loop_m, time_s, sway)
     z_m = scene.maps.floor.at_many(xy_m) + 0.5 * sum(HEIGHTS_M) + sway.slow(time_s, 0.07, 9.0)
     yaw_rad, pitch_rad = _towards_marker(scene, (xy_m, z_m), (yaw_rad, pitch_rad), time_s, gone_m / loop_m, marker_xy_m)
     knots = np.column_stack([xy_m, _smooth(z_m, 0.3), yaw_rad, pitch_rad, sway.slow(time_s, math.radians(1.5), 3.0)])
-    return Walk(
+    return CameraWalk(
         seconds=seconds,
         way_m=way_m,
         loop_m=loop_m,
@@ -120,7 +120,7 @@ class Sway:
         return amplitude * out
 
 
-def _gone(time_s: Floats, way_m: float, rng: np.random.Generator) -> Floats:
+def _walked_distances(time_s: Floats, way_m: float, rng: np.random.Generator) -> Floats:
     """Distance walked at times [m]: slow at the start, where the marker is filmed, and never at a constant speed."""
     pace = 1.0 + Sway(rng).slow(time_s, 0.35, 6.0)
     pace *= 1.0 - 0.7 * _window(time_s, 0.0, LOOK_S)

@@ -27,7 +27,7 @@ class AvatarListOptions:
 
 def avatar_list(options: AvatarListOptions) -> None:
     """List avatars with their heights, sizes and licenses; --json prints the full licenses."""
-    rows = [_described(path) for path in avatar_paths(options.avatars)]
+    rows = [_describe_avatar(path) for path in avatar_paths(options.avatars)]
     if options.json:
         sys.stdout.write(json_module.dumps(rows, indent=2) + "\n")
         return
@@ -84,7 +84,7 @@ def avatar_preview(options: AvatarPreviewOptions) -> None:
         write_film(options.video, walk_frames(human, seed=options.seed))
 
 
-def _described(path: Path) -> dict[str, Any]:
+def _describe_avatar(path: Path) -> dict[str, Any]:
     avatar = load_avatar(path)
     return {
         "name": avatar.name,

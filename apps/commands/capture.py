@@ -8,10 +8,10 @@ from tyro.conf import Positional
 
 from readygo.apps.capture.config import CaptureConfig
 from readygo.apps.capture.film import check_out, film, ground_of, plan_filming
-from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.terminal import PlainConsole
 from readygo.common.errors import ConfigError
-from readygo.services.reconstructor.metric.markers import DEFAULT_DICTIONARY
+from readygo.runs.scene_argument import open_scene
+from readygo.services.reconstructor import DEFAULT_DICTIONARY
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,11 +11,11 @@ from readygo.apps.fleet.access import join
 from readygo.apps.fleet.options import JoinOptions
 from readygo.apps.fleet.runs import none_such, runs_at
 from readygo.apps.fleet.token import given_token
-from readygo.apps.run.folder import RunFolder
 from readygo.common.bus import Bus
 from readygo.common.bus.identity import MONITOR, OPERATOR
 from readygo.common.errors import BusError, PeerError, RunError
 from readygo.common.messages import Command, ControlRequest, topics
+from readygo.runs.folder import RunFolder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,12 +43,12 @@ def cancel(options: ControlOptions) -> None:
 
 
 def _send(command: Command, data: Path | None, connect: str, run: str, certs: Path | None) -> None:
-    with joined(data, connect, run, certs) as bus:
+    with join_run(data, connect, run, certs) as bus:
         bus.request(topics.CONTROL, ControlRequest(command=command))
 
 
 @contextmanager
-def joined(data: Path | None, connect: str, run: str, certs: Path | None) -> Iterator[Bus]:
+def join_run(data: Path | None, connect: str, run: str, certs: Path | None) -> Iterator[Bus]:
     """Join the bus of a run, named by its data folder or by endpoint and run name.
 
     Raises:

@@ -10,16 +10,16 @@ from tyro.conf import Fixed, Positional
 from readygo.apps.fleet.lead import lead
 from readygo.apps.fleet.options import FleetOptions
 from readygo.apps.observe.logs import begin_logging
-from readygo.apps.observe.observer import Observer
+from readygo.apps.observe.observer import ProcessObserver
 from readygo.apps.observe.settings import Observing
-from readygo.apps.run.config import with_run_keys
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.sections import Keys, Sections
 from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.bus.identity import COORDINATOR
 from readygo.common.dataset.aside import set_aside_lines
 from readygo.common.errors import RunError
-from readygo.services.coordinator.config import CoordinatorConfig
+from readygo.runs.config import with_run_keys
+from readygo.runs.folder import RunFolder
+from readygo.runs.sections import Keys, Sections
+from readygo.services.coordinator import CoordinatorConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,7 @@ def coordinator(options: CoordinatorOptions) -> None:
     check_endpoints(options.fleet.listen, options.fleet.connect)
     folder = RunFolder(options.data)
     if options.keys:
-        with folder.locked():
+        with folder.lock():
             spec, wanted = folder.load()
             folder.save(with_run_keys(spec, options.keys), wanted)
     lead_run(folder, options.fleet, strict=options.strict, observing=options.observe)
@@ -78,7 +78,7 @@ def lead_run(folder: RunFolder, fleet: FleetOptions, *, observing: Observing, st
     """Coordinate a run until it is finished, then print its episode and sample counts and warnings."""
     run, endpoint = folder.load()[0].run, fleet.listen or fleet.connect
     begin_logging(observing.log_format, run=run, role=COORDINATOR, worker=COORDINATOR)
-    with Observer(observing, run=run, role=COORDINATOR, name=COORDINATOR, state=folder.state) as observer:
+    with ProcessObserver(observing, run=run, role=COORDINATOR, name=COORDINATOR, state=folder.state) as observer:
         status = lead(folder, endpoint, joins=bool(fleet.connect), certs=fleet.certs, observer=observer)
     sys.stderr.write(f"{status.committed:,} episodes, {status.samples:,} samples, in the shards of their recorders.\n")
     report_set_aside(folder.path, strict=strict)

@@ -15,12 +15,12 @@ from tyro.conf import Positional
 
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.report.card import dataset_summary, summary_lines
-from readygo.apps.run.completeness import MISSING, check_completeness
 from readygo.apps.terminal import PlainConsole
 from readygo.common.dataset import Dataset, Report, recorded_clarity
 from readygo.common.dataset import validate as validate_folder
 from readygo.common.drawing.files import write_png
 from readygo.common.errors import ConfigError, DatasetError
+from readygo.runs.completeness import MISSING, check_completeness
 
 DEFECTS_SHOWN = 20
 

@@ -14,15 +14,13 @@ import numpy.typing as npt
 from tyro.conf import Positional, UseAppendAction
 
 from readygo.apps.drive.calibration import Rectifier, camera_from_file, camera_from_info, mount_differences
-from readygo.apps.drive.messages import Goal
+from readygo.apps.drive.messages import GoalMessage
 from readygo.apps.drive.named_topics import check_topics, image_topics, info_topics
-from readygo.apps.drive.pilot import DriveConfig, Ending, Pilot, limited
-from readygo.apps.drive.robot import Robot, Topics, connected
-from readygo.apps.drive.trial import PATIENCE_S, ended, run_trial
+from readygo.apps.drive.pilot import DriveConfig, Pilot, TrialEnding, limit_speeds
+from readygo.apps.drive.robot import Robot, Topics, connect_robot
+from readygo.apps.drive.trial import PATIENCE_S, run_trial, trial_end
 from readygo.apps.drive.trial_log import TrialLog
 from readygo.apps.drive.wires import WireName, make_wire
-from readygo.apps.run.origin import settings_of_policy
-from readygo.apps.run.policy import policy_sha256
 from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.camera import CameraConfig
@@ -33,6 +31,8 @@ from readygo.common.images.names import RGB, cameras_of
 from readygo.common.policy import Policy, load_policy
 from readygo.common.policy.sight import camera_on
 from readygo.common.robot import RobotConfig, load_robot
+from readygo.runs.origin import settings_of_policy
+from readygo.runs.policy import policy_sha256
 
 Value = TypeVar("Value")
 TaskLabel = Literal["static", "dynamic", "reactive"]
@@ -133,7 +133,7 @@ class DriveOptions:
 def drive(options: DriveOptions) -> None:
     """Drive a robot to a goal with a policy that sees its camera images; this machine needs no ROS."""
     check_endpoint(options.connect, "--connect")
-    policy, console = _loaded(options.policy, options.robot), PlainConsole(soft_wrap=True)
+    policy, console = _load_policy(options.policy, options.robot), PlainConsole(soft_wrap=True)
     robot, inputs = policy.spec.robot, policy.spec.images
     config = _config(policy, options)
     least_hz = max(SENT_HZ, robot.control_hz)
@@ -150,13 +150,13 @@ def drive(options: DriveOptions) -> None:
     wire = make_wire(options.wire, domain=ros.domain, prefix=ros.prefix, stamped=ros.stamped, node="readygo_drive")
     cameras = {name: camera_on(robot, name) for name in cameras_of(inputs)}
     own = {name: camera_from_file(camera, calibration, name) for name, camera in cameras.items()} if calibration else {}
-    machine = connected(options.connect, wire, _topics(options, named), dry=options.dry_run)
+    machine = connect_robot(options.connect, wire, _topics(options, named), dry=options.dry_run)
     try:
         rectify = {
             name: _rectifier(camera, own[name] if own else _camera_of(camera, machine, name), console)
             for name, camera in cameras.items()
         }
-        where = Goal(x_m=options.goal[0], y_m=options.goal[1]) if options.goal else _goal_of(machine)
+        where = GoalMessage(x_m=options.goal[0], y_m=options.goal[1]) if options.goal else _goal_of(machine)
         pilot = _pilot(policy, rectify, config, where, goal_image)
         record = {
             "policy": options.policy.resolve().name,
@@ -166,7 +166,7 @@ def drive(options: DriveOptions) -> None:
         }
         _drive(machine, pilot, rate_hz or least_hz, options.log, record, console, robot)
     finally:
-        with _undisturbed():
+        with _ignore_interrupts():
             machine.close()
 
 
@@ -187,7 +187,7 @@ def _topics(options: DriveOptions, named: Mapping[str, str]) -> Topics:
     )
 
 
-def _loaded(folder: Path, robot: Path | None) -> Policy:
+def _load_policy(folder: Path, robot: Path | None) -> Policy:
     """Load the policy for the robot that it drives.
 
     Raises:
@@ -220,13 +220,18 @@ def _drive(
         if log is not None:
             log.abandon()
         raise
-    end = ended(pilot, measures)
+    end = trial_end(pilot, measures)
     if log is not None:
         log.close({**record, **end})
     _tell(console, end, learned)
-    if pilot.ending is Ending.STOPPED:
+    if pilot.ending is TrialEnding.STOPPED:
         raise KeyboardInterrupt(f"the robot stands{f'; the trial is in {path}' if path else ''}.")
-    if pilot.ending not in (Ending.GOAL, Ending.LATE, Ending.STATIC_COLLISION, Ending.HUMAN_COLLISION):
+    if pilot.ending not in (
+        TrialEnding.GOAL,
+        TrialEnding.LATE,
+        TrialEnding.STATIC_COLLISION,
+        TrialEnding.HUMAN_COLLISION,
+    ):
         raise RunError(f"The robot was stopped: {pilot.reason}.")
 
 
@@ -247,7 +252,7 @@ def _config(policy: Policy, options: DriveOptions) -> DriveConfig:
         goal_in_start_frame=limits.goal_frame == "start" and not options.goal_topic,
     )
     try:
-        limited(spec.robot, config)
+        limit_speeds(spec.robot, config)
     except ValueError as error:
         raise ConfigError(str(error)) from error
     if not (config.goal_radius_m > 0 and config.time_limit_s > 0):
@@ -282,7 +287,7 @@ def _pilot(
     policy: Policy,
     rectify: Mapping[str, Rectifier],
     config: DriveConfig,
-    goal: Goal,
+    goal: GoalMessage,
     goal_image: npt.NDArray[np.uint8] | None,
 ) -> Pilot:
     try:
@@ -302,14 +307,14 @@ def _rectifier(trained: CameraConfig, own: CameraConfig, console: PlainConsole) 
 
 def _camera_of(trained: CameraConfig, robot: Robot, name: str) -> CameraConfig:
     what = f"CameraInfo of {name}" if name else "CameraInfo"
-    return camera_from_info(trained, _awaited(robot, lambda: robot.cameras.get(name), what))
+    return camera_from_info(trained, _wait_for(robot, lambda: robot.cameras.get(name), what))
 
 
-def _goal_of(robot: Robot) -> Goal:
-    return _awaited(robot, lambda: robot.goal, "goal")
+def _goal_of(robot: Robot) -> GoalMessage:
+    return _wait_for(robot, lambda: robot.goal, "goal")
 
 
-def _awaited(robot: Robot, ask: Callable[[], Value | None], name: str) -> Value:
+def _wait_for(robot: Robot, ask: Callable[[], Value | None], name: str) -> Value:
     until_s = time.monotonic() + PATIENCE_S
     while (value := ask()) is None:
         if robot.broken:
@@ -346,7 +351,7 @@ def _hang_up(number: int, frame: object) -> None:
 
 
 @contextmanager
-def _undisturbed() -> Iterator[None]:
+def _ignore_interrupts() -> Iterator[None]:
     """Ignore Ctrl-C while the robot gets its last command."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:

@@ -18,8 +18,15 @@ from readygo.apps.evaluation.watch import check_wanted, watched_method, write_fi
 from readygo.apps.fleet.evaluation import EvaluationFleet, by_fleet, fleet_spec, make_plan
 from readygo.apps.fleet.options import RouterOptions
 from readygo.apps.report.evaluation import REPORT_FILE
-from readygo.apps.run.config import RunConfig, RunKeys
-from readygo.apps.run.evaluation import (
+from readygo.apps.terminal import PlainConsole
+from readygo.common.bus.endpoint import check_endpoint
+from readygo.common.config import section_to_mapping
+from readygo.common.errors import RunError
+from readygo.common.messages import Split
+from readygo.common.policy import Policy, load_policy, load_spec
+from readygo.common.robot import load_robot
+from readygo.runs.config import RunConfig, RunKeys
+from readygo.runs.evaluation import (
     CameraName,
     evaluation_config,
     evaluation_settings,
@@ -29,20 +36,13 @@ from readygo.apps.run.evaluation import (
     make_request,
     summarize,
 )
-from readygo.apps.run.method_files import method_hashes
-from readygo.apps.run.methods import CHECKPOINTS, named_methods, needs_renderer, other_policies
-from readygo.apps.run.options import WorldOptions
-from readygo.apps.run.origin import avatars_of_policy, check_unseen, unseen_avatars
-from readygo.apps.run.policy import policy_sha256
-from readygo.apps.run.spec import episode_count
-from readygo.apps.run.world import World
-from readygo.apps.terminal import PlainConsole
-from readygo.common.bus.endpoint import check_endpoint
-from readygo.common.config import section_to_mapping
-from readygo.common.errors import RunError
-from readygo.common.messages import Split
-from readygo.common.policy import Policy, load_policy, load_spec
-from readygo.common.robot import load_robot
+from readygo.runs.method_files import method_hashes
+from readygo.runs.methods import CHECKPOINTS, named_methods, needs_renderer, other_policies
+from readygo.runs.options import WorldOptions
+from readygo.runs.origin import avatars_of_policy, check_unseen, unseen_avatars
+from readygo.runs.policy import policy_sha256
+from readygo.runs.spec import episode_count
+from readygo.runs.world import World
 from readygo.services.evaluator import (
     EpisodeRecord,
     EvaluateReply,
@@ -53,7 +53,7 @@ from readygo.services.evaluator import (
     open_results,
     summary_table,
 )
-from readygo.services.planner.humans.mixes import MixName
+from readygo.services.planner import MixName
 
 TaskName = Literal["static", "dynamic", "reactive"]
 Show = Callable[[EpisodeRecord], None]
@@ -151,7 +151,7 @@ def evaluate(options: EvaluateOptions) -> None:
     identity = evaluation_settings(world, request, policy=sha256, camera=trials.camera, methods=hashes)
     total = len(request.tasks) * len(request.methods) * request.episodes
     folder = open_results(out, identity) if out else nullcontext()
-    with folder as results, _kept(results, request, total):
+    with folder as results, _report_saved(results, request, total):
         renderer = world.renderer() if needs_renderer(request.methods) and not options.workers else None
         evaluator = make_evaluator(
             world,
@@ -316,7 +316,7 @@ def _without_policy(methods: tuple[str, ...]) -> tuple[str, ...]:
 
 
 @contextmanager
-def _kept(results: Results | None, request: EvaluateRequest, total: int) -> Iterator[None]:
+def _report_saved(results: Results | None, request: EvaluateRequest, total: int) -> Iterator[None]:
     """At Ctrl-C, report how many episodes are saved."""
     try:
         yield

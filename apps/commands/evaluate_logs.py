@@ -8,8 +8,15 @@ from readygo.apps.drive.trials import Trial, mean_measures, read_trials
 from readygo.apps.report.tables import latex
 from readygo.apps.terminal import PlainConsole
 from readygo.common.files import write_whole
-from readygo.services.evaluator import EpisodeRecord, summarize_records, summary_mapping, summary_table
-from readygo.services.evaluator.scores import failure_counts, score_mapping, scores_of
+from readygo.services.evaluator import (
+    EpisodeRecord,
+    failure_counts,
+    score_mapping,
+    scores_of,
+    summarize_records,
+    summary_mapping,
+    summary_table,
+)
 
 TABLE_FILE, SUMMARY_FILE = "table.tex", "summary.json"
 

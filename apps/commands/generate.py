@@ -17,17 +17,8 @@ from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.fleet.options import FleetOptions
 from readygo.apps.fleet.run import Show, begin, check_counts, record
 from readygo.apps.fleet.slurm import check_slurm
-from readygo.apps.monitor.beside import watched
+from readygo.apps.monitor.beside import show_page
 from readygo.apps.observe.settings import Observing
-from readygo.apps.run.again import prepare_again
-from readygo.apps.run.config import RunKeys, load_run_config, with_run_keys
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.options import WorldOptions
-from readygo.apps.run.origin import avatars_of_policy, robot_of_policy
-from readygo.apps.run.policy import with_expert, with_policy
-from readygo.apps.run.scene_argument import open_scene
-from readygo.apps.run.spec import episode_count, make_spec
-from readygo.apps.sections import merge_tables
 from readygo.apps.terminal import PlainConsole
 from readygo.apps.views.recorded import run_clarity
 from readygo.common.bus.endpoint import check_endpoint
@@ -35,7 +26,16 @@ from readygo.common.errors import RunError
 from readygo.common.messages import RunSpec, Split, StatusReply
 from readygo.common.policy import load_spec
 from readygo.common.robot import load_robot
-from readygo.services.planner.humans.mixes import MixName
+from readygo.runs.again import prepare_again
+from readygo.runs.config import RunKeys, load_run_config, with_run_keys
+from readygo.runs.folder import RunFolder
+from readygo.runs.options import WorldOptions
+from readygo.runs.origin import avatars_of_policy, robot_of_policy
+from readygo.runs.policy import with_expert, with_policy
+from readygo.runs.scene_argument import open_scene
+from readygo.runs.sections import merge_tables
+from readygo.runs.spec import episode_count, make_spec
+from readygo.services.planner import MixName
 
 Place = Literal["local", "slurm", "hosts"]
 
@@ -191,7 +191,7 @@ def _record(spec: RunSpec, episodes: int, options: GenerateOptions) -> None:
     out, fleet, strict = options.out, options.fleet, options.place.strict
     endpoint = fleet.listen or fleet.connect
     join = _how_to_join(spec, out, endpoint, fleet.certs) if endpoint else ""
-    page = watched(out, (RunFolder(out).state / "endpoint").exists, fleet.certs) if options.watch else nullcontext()
+    page = show_page(out, (RunFolder(out).state / "endpoint").exists, fleet.certs) if options.watch else nullcontext()
     if options.place.on == "hosts":
         begin(spec, out, episodes)
         sys.stderr.write(f"{join}\n")

@@ -18,15 +18,15 @@ from readygo.apps.fleet.options import RouterOptions
 from readygo.apps.learn.config import GoalName, LearnConfig
 from readygo.apps.learn.crew import Reach
 from readygo.apps.learn.learn import learn_policy, report_content
-from readygo.apps.learn.plan import Budget, Plan, learn_configs, make_plan
+from readygo.apps.learn.plan import Budget, LearnPlan, learn_configs, make_plan
 from readygo.apps.learn.supervise import Now
-from readygo.apps.monitor.beside import watched
+from readygo.apps.monitor.beside import show_page
 from readygo.apps.report.learn import write_report
-from readygo.apps.run.config import RunConfig
-from readygo.apps.sections import Keys, Sections
 from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.identity import COORDINATOR
 from readygo.common.errors import RunError
+from readygo.runs.config import RunConfig
+from readygo.runs.sections import Keys, Sections
 from readygo.services.evaluator import EpisodeRecord, summary_table
 
 Show = Callable[[Now], None]
@@ -117,7 +117,7 @@ def learn(options: LearnOptions) -> None:
     if options.fleet.listen:
         sys.stderr.write(f"{_how_to_join(plan, options.fleet.listen, options.fleet.certs)}\n")
     reach = Reach(listen=options.fleet.listen, certs=options.fleet.certs, hosts=options.on == "hosts")
-    page = watched(options.out, partial(_has_begun, plan), options.fleet.certs) if options.watch else nullcontext()
+    page = show_page(options.out, partial(_has_begun, plan), options.fleet.certs) if options.watch else nullcontext()
     with page, live_line(6 * options.episodes * len(options.scenes), quiet=options.json) as (show, tested):
         learned = learn_policy(plan, episodes=options.episodes, show=show, tested=tested, reach=reach)
     report = options.out / "report.html"
@@ -138,12 +138,12 @@ def learn(options: LearnOptions) -> None:
     console.print(f"The policy: {plan.policy}. How it learned and what it fails in: {report}", markup=False)
 
 
-def _how_to_join(plan: Plan, listen: str, certs: Path | None) -> str:
+def _how_to_join(plan: LearnPlan, listen: str, certs: Path | None) -> str:
     proof = "" if certs else f"READYGO_TOKEN=$(tail -1 {plan.places[0].folder.state / 'endpoint'}) "
     return f"More workers can join: {proof}readygo worker all --connect {listen}{' --certs CERTS' if certs else ''}"
 
 
-def _has_begun(plan: Plan) -> bool:
+def _has_begun(plan: LearnPlan) -> bool:
     return all((place.folder.state / "endpoint").exists() for place in plan.places)
 
 
@@ -159,10 +159,10 @@ def live_line(tested_total: int, *, quiet: bool = False) -> Iterator[tuple[Show,
 
         testing = progress.add_task("test", total=tested_total, said="", visible=False)
 
-        def tested(record: EpisodeRecord) -> None:
+        def is_tested(record: EpisodeRecord) -> None:
             progress.update(testing, advance=1, visible=True, said=f"{record.task.value}, {record.method}")
 
-        yield show, tested
+        yield show, is_tested
 
 
 def line_of(now: Now) -> str:

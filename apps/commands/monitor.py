@@ -16,7 +16,7 @@ from readygo.apps.fleet.options import JoinOptions
 from readygo.apps.fleet.token import given_token
 from readygo.apps.monitor.feed import Feed
 from readygo.apps.monitor.foxglove_sink import FoxgloveSink
-from readygo.apps.monitor.link import Address
+from readygo.apps.monitor.link import RunAddress
 from readygo.apps.monitor.rerun_sink import RerunSink
 from readygo.apps.monitor.screen import Screen
 from readygo.apps.monitor.subject import Subject, subject_at, subjects_of
@@ -70,7 +70,7 @@ def monitor(options: MonitorOptions) -> None:
     else:
         subjects = [
             subject_at(
-                Address(options.fleet.connect, options.fleet.run, given_token(), options.fleet.certs), options.scene
+                RunAddress(options.fleet.connect, options.fleet.run, given_token(), options.fleet.certs), options.scene
             )
         ]
     with contextlib.ExitStack() as opened:
@@ -104,7 +104,7 @@ def _serve(opened: contextlib.ExitStack, subjects: list[Subject], host: str, por
     token = "" if _is_loopback(host) else os.environ.get(PAGE_TOKEN_VARIABLE) or secrets.token_urlsafe(16)
     screen = Screen(subjects, host=host, port=port, token=token)
     opened.callback(screen.close)
-    url = f"http://{_named(host)}:{screen.port}/" + (f"?token={token}" if token else "")
+    url = f"http://{_url_host(host)}:{screen.port}/" + (f"?token={token}" if token else "")
     _say(f"Watch it at {url} (Ctrl-C ends this page alone)")
     if browser and _has_desktop():
         webbrowser.open(url)
@@ -130,6 +130,6 @@ def _has_desktop() -> bool:
     return sys.platform == "darwin" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def _named(host: str) -> str:
+def _url_host(host: str) -> str:
     """The host as a URL spells it: IPv6 addresses in brackets."""
     return f"[{host}]" if ":" in host else host

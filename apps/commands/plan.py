@@ -14,12 +14,6 @@ from tyro.conf import Positional
 
 from readygo.apps.evaluation.again import kept_episode
 from readygo.apps.options import option_name
-from readygo.apps.run.config import RunConfig, RunKeys, check_cameras
-from readygo.apps.run.evaluation import evaluation_config
-from readygo.apps.run.options import WorldOptions
-from readygo.apps.run.origin import avatars_of_policy
-from readygo.apps.run.scene_argument import open_maps
-from readygo.apps.run.take import Take, Takes, policy_driver
 from readygo.apps.terminal import PlainConsole
 from readygo.common.avatars import Avatar
 from readygo.common.avatars.cast import load_cast
@@ -30,11 +24,24 @@ from readygo.common.messages import EpisodeKey, Split
 from readygo.common.policy import Policy, load_policy
 from readygo.common.robot import load_robot
 from readygo.common.scenes import Scene
-from readygo.services.planner import RobotPlanner
-from readygo.services.planner.explain.numbers import Numbers, run_numbers, scenario_numbers
-from readygo.services.planner.explain.picture import Look, draw_episode, draw_run
-from readygo.services.planner.humans.mixes import MixName
-from readygo.services.planner.humans.scenario_file import load_scenarios, save_scenarios
+from readygo.runs.config import RunConfig, RunKeys, check_cameras
+from readygo.runs.evaluation import evaluation_config
+from readygo.runs.options import WorldOptions
+from readygo.runs.origin import avatars_of_policy
+from readygo.runs.scene_argument import open_maps
+from readygo.runs.take import Take, Takes, policy_driver
+from readygo.services.planner import (
+    Look,
+    MixName,
+    Numbers,
+    RobotPlanner,
+    draw_episode,
+    draw_run,
+    load_scenarios,
+    run_numbers,
+    save_scenarios,
+    scenario_numbers,
+)
 from readygo.services.renderer import Renderer
 
 if TYPE_CHECKING:

@@ -13,23 +13,31 @@ from tyro.conf import Fixed, Positional
 from readygo.apps.commands.progress import EVERY_S
 from readygo.apps.commands.scene_report import SceneReportOptions, scene_report
 from readygo.apps.fleet.reconstruction import ask_worker
-from readygo.apps.run.config import read_sections
-from readygo.apps.sections import Keys, Sections, with_keys
 from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.errors import ConfigError
 from readygo.common.files import write_whole
-from readygo.services.reconstructor.config import ReconstructorConfig
-from readygo.services.reconstructor.frames.config import FramesConfig
-from readygo.services.reconstructor.handlers import find_poses
-from readygo.services.reconstructor.job import PICTURE_FILE, POSE_STAGES, POSED
-from readygo.services.reconstructor.marker_sheet import marker_pdf
-from readygo.services.reconstructor.metric.config import MetricConfig
-from readygo.services.reconstructor.metric.markers import DEFAULT_DICTIONARY
-from readygo.services.reconstructor.poses.config import PosesConfig
-from readygo.services.reconstructor.reconstruct import GAUSSIANS, STAGES, Job, reconstruct
-from readygo.services.reconstructor.stages import StageProgress
-from readygo.services.reconstructor.training.config import Preset, preset
+from readygo.runs.config import read_sections
+from readygo.runs.sections import Keys, Sections, with_keys
+from readygo.services.reconstructor import (
+    DEFAULT_DICTIONARY,
+    GAUSSIANS,
+    PICTURE_FILE,
+    POSE_STAGES,
+    POSED,
+    STAGES,
+    FramesConfig,
+    Job,
+    MetricConfig,
+    PosesConfig,
+    Preset,
+    ReconstructorConfig,
+    StageProgress,
+    find_poses,
+    marker_pdf,
+    preset,
+    reconstruct_scene,
+)
 
 PoseKeys = Annotated[Keys, Sections(frames=FramesConfig, poses=PosesConfig, metric=MetricConfig), Fixed]
 ReconstructorKeys = Annotated[Keys, Sections(ReconstructorConfig), Fixed]
@@ -124,7 +132,9 @@ def reconstruct_command(options: ReconstructOptions) -> None:
     lines = Lines(STAGES)
     try:
         report = (
-            ask_worker(job, config, options.listen, lines) if options.listen else reconstruct(job, config, lines.say)
+            ask_worker(job, config, options.listen, lines)
+            if options.listen
+            else reconstruct_scene(job, config, lines.say)
         )
     except KeyboardInterrupt:
         # The job removes its folder if no stage in it is finished.

@@ -7,9 +7,9 @@ from tyro.conf import Positional
 
 from readygo.apps.commands.generate import progress_bar
 from readygo.apps.fleet.run import record
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.recovery import recover as recover_run
 from readygo.apps.terminal import PlainConsole
+from readygo.runs.folder import RunFolder
+from readygo.runs.recovery import recover as recover_run
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +30,7 @@ def recover(options: RecoverOptions) -> None:
     """Repair a data folder: read all of it, keep the intact episodes, and record the others again."""
     folder = RunFolder(options.data)
     spec, wanted = folder.load()
-    with folder.locked():
+    with folder.lock():
         findings = recover_run(folder, every_byte=True)
     console = PlainConsole(stderr=True, soft_wrap=True)
     if not findings.lines:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.recorders import requeue as requeue_recorder
+from readygo.runs.folder import RunFolder
+from readygo.runs.recorders import requeue as requeue_recorder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +27,7 @@ def requeue(options: RequeueOptions) -> None:
     """Remove a recorder whose disk is lost from a run: its episodes are recorded again when the run resumes."""
     folder = RunFolder(options.data)
     folder.load()
-    with folder.locked():
+    with folder.lock():
         count = requeue_recorder(folder, options.recorder)
     command = "coordinator" if folder.elsewhere.exists() else "recover"
     sys.stdout.write(

@@ -11,14 +11,13 @@ from tyro.conf import Positional
 
 from readygo.apps.pictures.scene_maps import scene_pictures
 from readygo.apps.pictures.scene_survey import survey_picture
-from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.terminal import PlainConsole
 from readygo.apps.views.pictures import clarity_map, views_sheet
 from readygo.apps.views.scene_findings import findings_map
 from readygo.apps.views.views import SceneViews, scene_views, warnings
 from readygo.common.drawing.files import Picture, write_png
 from readygo.common.errors import NoGroundError, ReadygoError, SceneError
-from readygo.common.gaussians.defects import FLOATERS, HUGE, Masks, counted, unusable, unwanted, without
+from readygo.common.gaussians.defects import FLOATERS, HUGE, Masks, count_kinds, unusable, unwanted_masks, without
 from readygo.common.gaussians.files import read_gaussians, with_unit_rotations
 from readygo.common.maps import ScenePlan
 from readygo.common.robot import RobotConfig, load_robot
@@ -28,6 +27,7 @@ from readygo.common.scenes.edit import crop_box
 from readygo.common.scenes.findings import SHARES_WORTH_NAMING, findings
 from readygo.common.scenes.report import scene_report
 from readygo.common.scenes.survey import Survey, advice, survey, survey_row
+from readygo.runs.scene_argument import open_scene
 
 FINDINGS_FILE = "findings.png"
 
@@ -111,7 +111,7 @@ def scene_import(options: SceneImportOptions) -> None:
         )
     except NoGroundError as error:
         raise SceneError(
-            f"{error} {_shown(options.source, options.out, options.up, options.scale, json=options.json)}"
+            f"{error} {_show_refused_file(options.source, options.out, options.up, options.scale, json=options.json)}"
         ) from error
     seen = scene_views(scene, chosen or RobotConfig())
     report = json_module.loads((scene.path / "report.json").read_text())
@@ -174,12 +174,12 @@ def _findings(scene: Scene, plan: ScenePlan, seen: SceneViews, report: dict[str,
     return findings_map(plan, seen, sentences, scene.name, float(report["robot"]["radius_m"]))
 
 
-def _shown(source: Path, out: Path, up: str, scale: float, *, json: bool) -> str:
+def _show_refused_file(source: Path, out: Path, up: str, scale: float, *, json: bool) -> str:
     """Write a picture and print a table of a file that cannot be imported; returns their place and what to try."""
     stored = read_gaussians(source)
     usable, _ = without(stored, unusable(stored))
     cloud = with_unit_rotations(usable)
-    masks = unwanted(cloud)
+    masks = unwanted_masks(cloud)
     seen, _ = without(cloud, {HUGE: masks[HUGE]})
     found = survey(seen)
     picture = out.with_name(f"{out.name}-survey.png")
@@ -193,7 +193,7 @@ def _shown(source: Path, out: Path, up: str, scale: float, *, json: bool) -> str
         sys.stdout.write(json_module.dumps({**survey_row(found), "picture": str(picture)}) + "\n")
     else:
         table = Table(title=f"what {source.name} holds", show_header=False)
-        for label, text in _survey_rows(found, counted(masks)):
+        for label, text in _survey_rows(found, count_kinds(masks)):
             table.add_row(label, text)
         PlainConsole().print(table, markup=False)
     return f"{_remedy(found, up, scale, masks, source)} {where}"
@@ -232,7 +232,7 @@ def _print(scene: Scene, report: dict[str, Any], seen: SceneViews, pictures: lis
     if json:
         head: dict[str, Any] = {"name": scene.name, "path": str(scene.path), "content_hash": scene.content_hash}
         head["license"] = scene.license
-        head["dropped_gaussians"] = _dropped(scene)
+        head["dropped_gaussians"] = _dropped_count(scene)
         head["cameras"] = 0 if scene.views is None else len(scene.views)
         row = {**head, **report, "views": seen.to_mapping(), "pictures": [str(path) for path in pictures]}
         sys.stdout.write(json_module.dumps(row) + "\n")
@@ -240,9 +240,9 @@ def _print(scene: Scene, report: dict[str, Any], seen: SceneViews, pictures: lis
     table = Table(title=f"scene {scene.name}", show_header=False)
     for label, text in _rows(report):
         table.add_row(label, text)
-    table.add_row("robot's views", _seen(seen))
-    if _dropped(scene):
-        table.add_row("left out", f"{_dropped(scene):,} Gaussians that cannot be drawn")
+    table.add_row("robot's views", _view_summary(seen))
+    if _dropped_count(scene):
+        table.add_row("left out", f"{_dropped_count(scene):,} Gaussians that cannot be drawn")
     for sentence in report.get("findings", []):
         table.add_row("look here", sentence)
     if scene.views is not None:
@@ -257,14 +257,14 @@ def _print(scene: Scene, report: dict[str, Any], seen: SceneViews, pictures: lis
         console.print(f"Warning: {text}", markup=False)
 
 
-def _seen(seen: SceneViews) -> str:
+def _view_summary(seen: SceneViews) -> str:
     return (
         f"sharpness {seen.sharpness:.0f}, surface {100 * seen.coverage:.0f} % of the view "
         f"(medians of {len(seen.places)} places)"
     )
 
 
-def _dropped(scene: Scene) -> int:
+def _dropped_count(scene: Scene) -> int:
     return int(scene.metadata.get("source", {}).get("dropped_gaussians", 0))
 
 

@@ -8,17 +8,17 @@ import numpy.typing as npt
 from tyro.conf import Positional
 
 from readygo.apps.pictures.scene_survey import change_picture
-from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.terminal import PlainConsole
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.drawing.files import write_png
 from readygo.common.errors import SceneError
-from readygo.common.files import unfinished
+from readygo.common.files import write_then_rename
 from readygo.common.gaussians import GaussianCloud, load_gaussians, save_ply, transform_cloud
 from readygo.common.maps import MapConfig
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes import SceneSource, save_scene
-from readygo.common.scenes.edit import KINDS, cleaned, crop_box, cropped, levelling, room_scale
+from readygo.common.scenes.edit import KINDS, clean_cloud, crop_box, crop_cloud, levelling, room_scale
+from readygo.runs.scene_argument import open_scene
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,8 +54,8 @@ def scene_crop(options: SceneCropOptions) -> None:
     part = crop_box(options.box, options.z)
     if part is None:
         raise SceneError("Say what is kept: --box X0 Y0 X1 Y1, --z Z0 Z1, or both.")
-    original = _opened(options.scene, options.out)
-    _write(original, cropped(original.cloud, part), original.sky, options.out, f"cropped to {part}")
+    original = _open_original(options.scene, options.out)
+    _write(original, crop_cloud(original.cloud, part), original.sky, options.out, f"cropped to {part}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +72,7 @@ class SceneAlignOptions:
 
 def scene_align(options: SceneAlignOptions) -> None:
     """Rotate and shift a scene so that its floor is level and at height 0, and rebuild its maps."""
-    original = _opened(options.scene, options.out)
+    original = _open_original(options.scene, options.out)
     R, translate_m, name = levelling(original.cloud, options.up)
     words = f"turned so that {name} is up, and moved by {translate_m[2]:.3f} m"
     _write_moved(original, options.out, words, R=R, translate_m=translate_m)
@@ -96,7 +96,7 @@ def scene_scale(options: SceneScaleOptions) -> None:
     """Scale a scene, and rebuild its maps."""
     if (options.factor is None) == (options.room_height is None):
         raise SceneError("Give either --factor or --room-height.")
-    original = _opened(options.scene, options.out)
+    original = _open_original(options.scene, options.out)
     by = room_scale(original.cloud, options.room_height) if options.room_height is not None else options.factor
     if by is None or not 0 < by < float("inf"):
         raise SceneError(f"The factor must be positive, got {by}.")
@@ -121,17 +121,17 @@ class SceneCleanOptions:
 
 def scene_clean(options: SceneCleanOptions) -> None:
     """Remove and count unwanted Gaussians, and rebuild the scene's maps."""
-    original = _opened(options.scene, options.out)
+    original = _open_original(options.scene, options.out)
     wanted = (
         tuple(KINDS)
         if options.kinds == "all"
         else tuple(word.strip() for word in options.kinds.split(",") if word.strip())
     )
-    cloud, counts = cleaned(original.cloud, wanted)
+    cloud, counts = clean_cloud(original.cloud, wanted)
     _write(original, cloud, original.sky, options.out, f"cleaned of {counts}")
 
 
-def _opened(scene: str, out: Path) -> _Original:
+def _open_original(scene: str, out: Path) -> _Original:
     if out.exists() or out.is_symlink():
         raise SceneError(f"{out} exists already; remove it, or choose another name.")
     if Path(scene).is_file():
@@ -168,14 +168,14 @@ def _write_moved(
     """Write the scene, its sky and its views after x' = scale R x + translate."""
     cloud = transform_cloud(original.cloud, R, translate_m, scale)
     sky = None if original.sky is None else transform_cloud(original.sky, R, translate_m, scale)
-    views = None if original.views is None else original.views.moved(R, translate_m, scale)
+    views = None if original.views is None else original.views.transform(R, translate_m, scale)
     _write(dataclasses.replace(original, views=views), cloud, sky, out, words)
 
 
 def _write(original: _Original, cloud: GaussianCloud, sky: GaussianCloud | None, out: Path, words: str) -> None:
     """Write the changed scene and a picture of before and after, and print the change."""
     if out.suffix == ".ply":
-        with unfinished(out, raises=SceneError) as part:
+        with write_then_rename(out, raises=SceneError) as part:
             save_ply(cloud, part)
         picture = out.with_suffix(".png")
     else:

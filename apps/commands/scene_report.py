@@ -20,13 +20,13 @@ from readygo.apps.report.health import (
     sightlines_map,
 )
 from readygo.apps.report.health_numbers import health, reachable_ground, sightlines
-from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.terminal import PlainConsole
 from readygo.apps.views.pictures import clarity_map, views_sheet
 from readygo.apps.views.views import scene_views
 from readygo.common.errors import SceneError
 from readygo.common.files import write_whole
 from readygo.common.robot import RobotConfig, load_robot
+from readygo.runs.scene_argument import open_scene
 
 PAGE_FILE, NUMBERS_FILE = "report.html", "report.json"
 

@@ -12,21 +12,13 @@ import numpy.typing as npt
 from tyro.conf import Positional, UseAppendAction
 
 from readygo.apps.drive.calibration import Rectifier, info_of
-from readygo.apps.drive.messages import Goal
+from readygo.apps.drive.messages import GoalMessage
 from readygo.apps.drive.named_topics import image_topics, info_topics
 from readygo.apps.drive.pilot import DriveConfig, Pilot
-from readygo.apps.drive.rehearsal import rehearsed
+from readygo.apps.drive.rehearsal import simulate_drive
 from readygo.apps.drive.robot import Topics
 from readygo.apps.drive.simulated import Look, Manners, SimulatedRobot
 from readygo.apps.drive.wires import COMPRESSED_DEPTH_SUFFIX, COMPRESSED_SUFFIX, WireName, make_wire
-from readygo.apps.run.config import RunConfig, RunKeys
-from readygo.apps.run.evaluation import (
-    evaluation_config,
-    evaluation_world,
-    make_evaluator,
-    make_request,
-)
-from readygo.apps.run.origin import avatars_of_policy
 from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.bus.foreign import ForeignSession
@@ -38,8 +30,15 @@ from readygo.common.messages import Outcome, Split
 from readygo.common.policy import PolicySpec, load_policy, load_spec
 from readygo.common.policy.sight import camera_on
 from readygo.common.robot import load_robot
-from readygo.services.evaluator import Evaluator, MatchedEpisode
-from readygo.services.evaluator.eyes import Eyes
+from readygo.runs.config import RunConfig, RunKeys
+from readygo.runs.evaluation import (
+    evaluation_config,
+    evaluation_world,
+    make_evaluator,
+    make_request,
+)
+from readygo.runs.origin import avatars_of_policy
+from readygo.services.evaluator import Evaluator, Eyes, MatchedEpisode
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,7 +128,7 @@ def simulate_robot(options: SimulateRobotOptions) -> None:
     eyes.look([evaluator.simulation(drawn[0])])
 
     def look(simulation: EpisodeSimulation) -> dict[str, npt.NDArray[Any]]:
-        return {name: images[0] for name, images in eyes.measured([simulation]).items()}
+        return {name: images[0] for name, images in eyes.measure([simulation]).items()}
 
     with ExitStack() as stack:
         machine = None
@@ -222,8 +221,8 @@ def _rehearsal(
         shown = None
         if policy.spec.wants_goal_image:
             shown = np.ascontiguousarray(eyes.goal_image(simulation)[..., ::-1])
-        pilot = Pilot(policy, rectify, config, Goal(x_m=goal_x, y_m=goal_y), shown)
-        return rehearsed(pilot, simulation, look, manners, rng)
+        pilot = Pilot(policy, rectify, config, GoalMessage(x_m=goal_x, y_m=goal_y), shown)
+        return simulate_drive(pilot, simulation, look, manners, rng)
 
     return run
 

@@ -9,11 +9,11 @@ from pathlib import Path
 from rich.live import Live
 from tyro.conf import Positional
 
-from readygo.apps.commands.control import joined, shown_role
+from readygo.apps.commands.control import join_run, shown_role
 from readygo.apps.fleet.access import join
 from readygo.apps.fleet.options import JoinOptions
 from readygo.apps.fleet.runs import ANY_RUN, HEAR_S, Runs
-from readygo.apps.observe.status import Look, Observed, runs_table, status_table
+from readygo.apps.observe.status import Observed, RunStatus, runs_table, status_table
 from readygo.apps.terminal import PlainConsole
 from readygo.common.config import section_to_mapping
 
@@ -43,8 +43,8 @@ def status(options: StatusOptions) -> None:
     if options.data is None and options.fleet.connect and not options.fleet.run:
         _list(options.fleet.connect, options.fleet.certs, watch=options.watch, json=options.json)
         return
-    with joined(options.data, options.fleet.connect, options.fleet.run, options.fleet.certs) as bus:
-        look = Look(bus)
+    with join_run(options.data, options.fleet.connect, options.fleet.run, options.fleet.certs) as bus:
+        look = RunStatus(bus)
         if options.json:
             observed = look.now()
             plain = {**section_to_mapping(observed.status), "fleet": section_to_mapping(observed.fleet)}
@@ -58,7 +58,7 @@ def status(options: StatusOptions) -> None:
         _watch(look, console)
 
 
-def _watch(look: Look, console: PlainConsole) -> None:
+def _watch(look: RunStatus, console: PlainConsole) -> None:
     def over(observed: Observed) -> bool:
         return observed.status.finished or bool(observed.status.failed)
 

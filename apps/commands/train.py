@@ -15,27 +15,26 @@ from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemaini
 from tyro.conf import Fixed, Positional
 
 from readygo.apps.commands.progress import SteadyProgress
-from readygo.apps.run.evaluation import closed_loop
-from readygo.apps.run.methods import NETWORKS
-from readygo.apps.run.origin import note_origin, origin_of_data
-from readygo.apps.run.sight import chosen_images
-from readygo.apps.run.training import (
+from readygo.apps.terminal import PlainConsole
+from readygo.common.bus.identity import TRAINER
+from readygo.common.dataset import Dataset
+from readygo.common.errors import ConfigError
+from readygo.common.robot import RobotConfig
+from readygo.runs.evaluation import closed_loop
+from readygo.runs.methods import NETWORKS
+from readygo.runs.origin import note_origin, origin_of_data
+from readygo.runs.sections import Keys, Sections
+from readygo.runs.training import (
     default_recipe,
     make_config,
     make_network_config,
     run_network_training,
     run_training,
 )
-from readygo.apps.sections import Keys, Sections
-from readygo.apps.terminal import PlainConsole
-from readygo.common.bus.identity import TRAINER
-from readygo.common.dataset import Dataset
-from readygo.common.errors import ConfigError
-from readygo.common.robot import RobotConfig
-from readygo.services.trainer import TrainConfig
+from readygo.services.trainer import TrainConfig, chosen_images
 
 if TYPE_CHECKING:
-    from readygo.services.trainer.run import TrainProgress
+    from readygo.services.trainer import TrainProgress
 
 HISTORY_KEYS = ("history",)
 """Metrics that are too long for the terminal; `metrics.json` has them."""
@@ -241,12 +240,12 @@ def _progress(console: PlainConsole, *, quiet: bool) -> "Iterator[Callable[[Trai
         task = progress.add_task("training", total=1.0, reached="")
 
         def show(state: "TrainProgress") -> None:
-            progress.update(task, completed=state.fraction, reached=f"{_reached(state)}, ETA")
+            progress.update(task, completed=state.fraction, reached=f"{_progress_text(state)}, ETA")
 
         yield show
 
 
-def _reached(state: "TrainProgress") -> str:
+def _progress_text(state: "TrainProgress") -> str:
     """Step and losses of the training in words; losses are left out until they are known."""
     losses = {"loss": state.train_loss, "held out": state.validation_loss}
     known = [f"{name} {loss:.4f}" for name, loss in losses.items() if math.isfinite(loss)]

@@ -9,12 +9,12 @@ from typing import Annotated, Any
 from rich.table import Table
 from tyro.conf import Fixed, Positional
 
-from readygo.apps.run.config import read_sections
-from readygo.apps.sections import Keys, Sections, with_keys
 from readygo.apps.terminal import PlainConsole
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.extras import install_command
-from readygo.services.reconstructor.training.config import GaussiansConfig, Preset, preset, weak_texture
+from readygo.runs.config import read_sections
+from readygo.runs.sections import Keys, Sections, with_keys
+from readygo.services.reconstructor import GaussiansConfig, Preset, preset, weak_texture
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +58,7 @@ def scene_train(options: SceneTrainOptions) -> None:
 
 def _train(posed: Path, out: Path, config: GaussiansConfig, notes: PlainConsole) -> dict[str, Any]:
     try:
-        from readygo.services.reconstructor.training.train import TrainingProgress, train_gaussians
+        from readygo.services.reconstructor import TrainingProgress, train_gaussians
     except ImportError as error:
         raise ConfigError(f"Gaussians need torch; run: {install_command('reconstruct')}") from error
 

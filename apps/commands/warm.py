@@ -3,8 +3,8 @@
 import time
 from dataclasses import dataclass
 
-from readygo.apps.run.warm import warm_all
 from readygo.apps.terminal import PlainConsole
+from readygo.runs.warm import warm_all
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,17 +21,17 @@ from readygo.apps.pictures.episode_film import film_frames
 from readygo.apps.pictures.recorded import RecordedEpisodes
 from readygo.apps.report.learn import write_report
 from readygo.apps.report.page import CommandLine
-from readygo.apps.run.config import RunConfig
-from readygo.apps.run.scene_argument import open_scene
-from readygo.apps.run.warm import warm_all
-from readygo.apps.run.world import World
 from readygo.apps.terminal import PlainConsole
 from readygo.common.dataset import Dataset, Report, validate
 from readygo.common.drawing.film import write_film
 from readygo.common.errors import DatasetError, RunError
 from readygo.common.scenes.top_view import top_view
+from readygo.runs.config import RunConfig
+from readygo.runs.scene_argument import open_scene
+from readygo.runs.warm import warm_all
+from readygo.runs.world import World
 from readygo.services.evaluator import summary_table
-from readygo.services.reconstructor.reconstruct import STAGES
+from readygo.services.reconstructor import STAGES
 
 MARKER = ".readygo-demo"
 """File that marks a folder as a demo's, which may be replaced."""

@@ -12,22 +12,27 @@ from readygo.apps.capture.truth import read_truth
 from readygo.apps.fleet.run import record
 from readygo.apps.pictures.recorded import RecordedEpisodes
 from readygo.apps.report.reconstruction import Reconstructed, reconstruction_page
-from readygo.apps.run.config import RunConfig, load_run_config
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.spec import make_spec
-from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.common.messages import Split
 from readygo.common.scenes import Scene, load_scene
 from readygo.common.scenes.top_view import top_view
-from readygo.services.reconstructor.config import ReconstructorConfig
-from readygo.services.reconstructor.metric.config import MetricConfig
-from readygo.services.reconstructor.poses.config import PosesConfig
-from readygo.services.reconstructor.reconstruct import Job, check_installed, reconstruct
-from readygo.services.reconstructor.stages import Say
-from readygo.services.reconstructor.training.config import GaussiansConfig, preset
+from readygo.runs.config import RunConfig, load_run_config
+from readygo.runs.folder import RunFolder
+from readygo.runs.spec import make_spec
+from readygo.runs.world import World
+from readygo.services.reconstructor import (
+    GaussiansConfig,
+    Job,
+    MetricConfig,
+    PosesConfig,
+    ReconstructorConfig,
+    Say,
+    check_installed,
+    preset,
+    reconstruct_scene,
+)
 
 ROOM_M = (-5.2, 0.6, 0.5, 4.8)
 """x0, y0, x1, y1 of the flat's living room [m]."""
@@ -65,7 +70,7 @@ def demo_reconstruction(scene: Scene, out: Path, say: Callable[[str], None], sta
     metric = MetricConfig(marker_size_m=MARKER_M)
     # One thread makes the same map each time.
     config = ReconstructorConfig(poses=PosesConfig(threads=1), metric=metric, gaussians=training())
-    report = reconstruct(job, config, stages)
+    report = reconstruct_scene(job, config, stages)
     found = load_scene(job.out)
     if found.views is None:
         raise RunError(f"{job.out} has no cameras.")

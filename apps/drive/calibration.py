@@ -172,7 +172,7 @@ def camera_from_file(mount: CameraConfig, path: Path, name: str = "") -> CameraC
         return robot.cameras[name] if name else robot.camera
     if name:
         raise ConfigError(f"--calibration {path} is of one camera: for several give a robot.toml, or leave it out.")
-    storage = _opened(path)
+    storage = _open_file_storage(path)
     try:
         info = LogCamera(
             height_px=int(storage.getNode("image_height").real()),
@@ -193,7 +193,7 @@ def camera_from_file(mount: CameraConfig, path: Path, name: str = "") -> CameraC
     return camera_from_info(mount, info)
 
 
-def _opened(path: Path) -> cv2.FileStorage:
+def _open_file_storage(path: Path) -> cv2.FileStorage:
     try:
         text = path.read_text()
     except (OSError, UnicodeDecodeError) as error:

@@ -21,7 +21,7 @@ class Encoded(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Picture:
+class ImageMessage:
     """An image of the robot's camera."""
 
     stamp_ns: int
@@ -34,7 +34,7 @@ class Picture:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Odometry:
+class OdometryMessage:
     """Pose and velocity of the robot."""
 
     stamp_ns: int
@@ -47,7 +47,7 @@ class Odometry:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Command:
+class VelocityMessage:
     """Velocity command for the robot."""
 
     v_mps: float = 0.0
@@ -55,7 +55,7 @@ class Command:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Goal:
+class GoalMessage:
     """Goal position in the frame of the odometry [m]."""
 
     x_m: float
@@ -64,7 +64,7 @@ class Goal:
 
 STAMP_MAX_NS = 2**31 * 10**9
 """Upper bound of stamps [ns]: ROS has 31 bits for seconds."""
-Value = Picture | Odometry | Command | Goal | LogCamera | str
+Value = ImageMessage | OdometryMessage | VelocityMessage | GoalMessage | LogCamera | str
 """A message; a string is an outcome."""
 
 
@@ -74,14 +74,14 @@ def check_numbers(value: Value) -> Value:
     Raises:
         ValueError: If a number is not finite or beyond `NUMBER_MAX`, or a time is invalid.
     """
-    if isinstance(value, Picture | Odometry) and not 0 <= value.stamp_ns < STAMP_MAX_NS:
+    if isinstance(value, ImageMessage | OdometryMessage) and not 0 <= value.stamp_ns < STAMP_MAX_NS:
         raise ValueError(f"its time is {value.stamp_ns} ns; it must be within 0..{STAMP_MAX_NS}")
     numbers: tuple[float, ...] = ()
-    if isinstance(value, Odometry):
+    if isinstance(value, OdometryMessage):
         numbers = (value.x_m, value.y_m, value.yaw_rad, value.v_mps, value.w_radps)
-    elif isinstance(value, Command):
+    elif isinstance(value, VelocityMessage):
         numbers = (value.v_mps, value.w_radps)
-    elif isinstance(value, Goal):
+    elif isinstance(value, GoalMessage):
         numbers = (value.x_m, value.y_m)
     elif isinstance(value, LogCamera):
         numbers = (value.height_px, value.width_px, *value.K_px, *value.distortion)
@@ -107,7 +107,7 @@ class Codec(Protocol):
 
         Args:
             type_name: One of `ros_codec`'s types.
-            value: A `Value`; for a picture its pixels, as returned by `Picture.decode`, or its `Encoded` bytes.
+            value: A `Value`; for a picture its pixels, as returned by `ImageMessage.decode`, or its `Encoded` bytes.
             stamp_ns: Time of the message [ns].
         """
         ...

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from readygo.apps.drive.calibration import Rectifier
 from readygo.apps.drive.clock import RobotClock
-from readygo.apps.drive.messages import Command, Goal, Odometry, Picture
+from readygo.apps.drive.messages import GoalMessage, ImageMessage, OdometryMessage, VelocityMessage
 from readygo.common.camera.depth import in_range
 from readygo.common.frames import goal_in_robot_frame, wrap_angle
 from readygo.common.images.names import RGB, camera_of, kind_of
@@ -36,7 +36,7 @@ _PERIOD_SLACK = 0.8
 """Share of the control period after which the next decision may be made."""
 
 
-class Ending(enum.Enum):
+class TrialEnding(enum.Enum):
     """Reason for the end of a trial."""
 
     GOAL = "at the goal"
@@ -55,9 +55,9 @@ class Ending(enum.Enum):
     def outcome(self) -> Outcome:
         """Outcome under which the trial counts."""
         return {
-            Ending.GOAL: Outcome.SUCCESS,
-            Ending.STATIC_COLLISION: Outcome.STATIC_COLLISION,
-            Ending.HUMAN_COLLISION: Outcome.HUMAN_COLLISION,
+            TrialEnding.GOAL: Outcome.SUCCESS,
+            TrialEnding.STATIC_COLLISION: Outcome.STATIC_COLLISION,
+            TrialEnding.HUMAN_COLLISION: Outcome.HUMAN_COLLISION,
         }.get(self, Outcome.TIMEOUT)
 
 
@@ -85,7 +85,7 @@ class Pilot:
         policy: Policy,
         rectify: Mapping[str, Rectifier],
         config: DriveConfig,
-        goal: Goal,
+        goal: GoalMessage,
         goal_image: npt.NDArray[np.uint8] | None = None,
     ) -> None:
         """Begin a trial.
@@ -102,28 +102,28 @@ class Pilot:
         """
         spec = policy.spec
         self._policy, self._rectify, self._config = policy, rectify, config
-        self._robot: RobotConfig = limited(spec.robot, config)
+        self._robot: RobotConfig = limit_speeds(spec.robot, config)
         self._clock, self._memory = RobotClock(), policy.start()
         if goal_image is not None:
             self._memory.show_goal(rectify[""](goal_image))
         self._given_goal, self.goal = goal, None if config.goal_in_start_frame else goal
         """Goal in the odometry's frame; None before the first odometry if it is given in the start frame."""
-        self._pose: Odometry | None = None
+        self._pose: OdometryMessage | None = None
         self._yaw_rad = 0.0
         self._together_ns = round(max(TOGETHER_S, 0.5 / spec.robot.camera_hz) * 1e9)
-        self._waiting = {name: deque[Picture](maxlen=WAITING_MAX) for name in spec.images}
+        self._waiting = {name: deque[ImageMessage](maxlen=WAITING_MAX) for name in spec.images}
         """Images received since the policy's last input, by name."""
         self._picture_ns: int | None = None
         """Stamp of the first camera's image in the policy's last input [ns]."""
         self._newest_ns: dict[str, int] = {}
         """Newest stamp of each image by name [ns]."""
         self._arrived_ns: dict[str, int] = {}
-        self._wanted, self._sent = Command(), Command()
+        self._wanted, self._sent = VelocityMessage(), VelocityMessage()
         self._sent_ns = self._decided_ns = 0
         self._stale_since_ns: int | None = None
         self.started_ns: int | None = None
         """Time at which all inputs were first available [ns]; None before."""
-        self.ending: Ending | None = None
+        self.ending: TrialEnding | None = None
         """Reason for the end of the trial; None while it runs."""
         self.reason = ""
         """Reason for the end of the trial in words; empty while it runs."""
@@ -147,19 +147,19 @@ class Pilot:
         """Names of the images that the policy uses."""
         return self._policy.spec.images
 
-    def end(self, ending: Ending, reason: str = "") -> None:
+    def end(self, ending: TrialEnding, reason: str = "") -> None:
         """End the trial; later calls have no effect."""
         if self.ending is None:
             self.ending, self.reason = ending, reason or ending.value
 
-    def hear(self, odometry: Odometry, arrived_ns: int) -> None:
+    def hear(self, odometry: OdometryMessage, arrived_ns: int) -> None:
         """Process an odometry message: update pose, distance and clock."""
         values = (odometry.x_m, odometry.y_m, odometry.yaw_rad, odometry.v_mps, odometry.w_radps)
         if not all(map(math.isfinite, values)):
-            self.end(Ending.NOT_FINITE, "the odometry has numbers that are not finite")
+            self.end(TrialEnding.NOT_FINITE, "the odometry has numbers that are not finite")
             return
         stamp_ns, self._arrived_ns["odometry"] = odometry.stamp_ns or arrived_ns, arrived_ns
-        self._jumped(self._clock.hear("odometry", stamp_ns, arrived_ns))
+        self._check_clock(self._clock.hear("odometry", stamp_ns, arrived_ns))
         before = self._pose
         if before is not None:
             if stamp_ns <= before.stamp_ns:
@@ -172,7 +172,7 @@ class Pilot:
         self.moving_mps = odometry.v_mps
         self._memory.move(stamp_ns, (odometry.x_m, odometry.y_m, self._yaw_rad))
 
-    def look(self, picture: Picture, arrived_ns: int, name: str = RGB) -> None:
+    def look(self, picture: ImageMessage, arrived_ns: int, name: str = RGB) -> None:
         """Process an image; once all images of one time are there, the policy decides again.
 
         Args:
@@ -182,7 +182,7 @@ class Pilot:
         """
         words = words_of(name, self._robot)
         stamp_ns, self._arrived_ns[words] = picture.stamp_ns or arrived_ns, arrived_ns
-        self._jumped(self._clock.hear(words, stamp_ns, arrived_ns))
+        self._check_clock(self._clock.hear(words, stamp_ns, arrived_ns))
         if name not in self._waiting or stamp_ns <= self._newest_ns.get(name, stamp_ns - 1):
             return
         self._newest_ns[name] = stamp_ns
@@ -191,7 +191,7 @@ class Pilot:
         if together:
             self._see(together, arrived_ns)
 
-    def _together(self) -> dict[str, Picture]:
+    def _together(self) -> dict[str, ImageMessage]:
         """The newest waiting images of one time, by name; empty if there is no complete set."""
         for first in reversed(self._waiting[RGB]):
             found = {name: self._nearest(waiting, first.stamp_ns) for name, waiting in self._waiting.items()}
@@ -200,21 +200,21 @@ class Pilot:
                 return together
         return {}
 
-    def _nearest(self, waiting: Iterable[Picture], stamp_ns: int) -> Picture | None:
+    def _nearest(self, waiting: Iterable[ImageMessage], stamp_ns: int) -> ImageMessage | None:
         """The waiting image of a time; None if it has not arrived."""
         nearest = min(waiting, key=lambda picture: abs(picture.stamp_ns - stamp_ns), default=None)
         return None if nearest is None or abs(nearest.stamp_ns - stamp_ns) > self._together_ns else nearest
 
-    def _see(self, together: Mapping[str, Picture], arrived_ns: int) -> None:
+    def _see(self, together: Mapping[str, ImageMessage], arrived_ns: int) -> None:
         """Give a complete set of images to the policy, and let it decide."""
         for name, waiting in self._waiting.items():
             while waiting and waiting[0].stamp_ns <= together[name].stamp_ns:
                 waiting.popleft()
         try:
-            seen = {name: self._brought(name, picture) for name, picture in together.items()}
+            seen = {name: self._log_arrival(name, picture) for name, picture in together.items()}
             sight = side_by_side(seen, self._policy.spec.images)
         except ValueError as error:
-            self.end(Ending.BROKEN_IMAGES, f"the robot sends {error}")
+            self.end(TrialEnding.BROKEN_IMAGES, f"the robot sends {error}")
             return
         picture = together[RGB]
         self._picture_ns = picture.stamp_ns
@@ -228,7 +228,7 @@ class Pilot:
         if not faster or arrived_ns - self._decided_ns > (_PERIOD_SLACK / self._robot.control_hz) * 1e9:
             self._decide(arrived_ns)
 
-    def _brought(self, name: str, picture: Picture) -> npt.NDArray[np.uint8]:
+    def _log_arrival(self, name: str, picture: ImageMessage) -> npt.NDArray[np.uint8]:
         """An image or depths, rectified to the policy's camera.
 
         Raises:
@@ -240,11 +240,11 @@ class Pilot:
         robot = self._policy.spec.robot
         return in_bytes(in_range(rectify.depth(pixels), camera_on(robot, camera_of(name))), name, robot)
 
-    def command(self, now_ns: int) -> Command:
+    def command(self, now_ns: int) -> VelocityMessage:
         """The command for the robot now: the latest decision within its limits, or a stop."""
         self._watch(now_ns)
         if self.ending is not None or self.waiting_for:
-            wanted = self._wanted = Command()
+            wanted = self._wanted = VelocityMessage()
             self._sent, self._sent_ns = wanted, now_ns
             return wanted
         if self.started_ns is None:
@@ -255,7 +255,7 @@ class Pilot:
         v, w = limit_command(
             self._wanted.v_mps, self._wanted.w_radps, self._sent.v_mps, self._sent.w_radps, self._robot, passed_s
         )
-        self._sent, self._sent_ns = Command(v_mps=v, w_radps=w), now_ns
+        self._sent, self._sent_ns = VelocityMessage(v_mps=v, w_radps=w), now_ns
         return self._sent
 
     @property
@@ -289,29 +289,29 @@ class Pilot:
         moving = np.array([[pose.v_mps, pose.w_radps]], np.float32)
         v, w = self._policy.decide([self._memory], moving, np.array([there], np.float32))[0].tolist()
         if not (math.isfinite(v) and math.isfinite(w)):
-            self.end(Ending.NOT_FINITE, f"the policy commanded ({v:g}, {w:g})")
+            self.end(TrialEnding.NOT_FINITE, f"the policy commanded ({v:g}, {w:g})")
             return
-        self._wanted = Command(v_mps=v, w_radps=w)
+        self._wanted = VelocityMessage(v_mps=v, w_radps=w)
 
-    def _goal(self) -> Goal | None:
+    def _goal(self) -> GoalMessage | None:
         if self.goal is None and self._pose is not None:
             x, y, c, s = self._given_goal.x_m, self._given_goal.y_m, math.cos(self._yaw_rad), math.sin(self._yaw_rad)
-            self.goal = Goal(x_m=self._pose.x_m + c * x - s * y, y_m=self._pose.y_m + s * x + c * y)
+            self.goal = GoalMessage(x_m=self._pose.x_m + c * x - s * y, y_m=self._pose.y_m + s * x + c * y)
         return self.goal
 
     def _watch(self, now_ns: int) -> None:
         """End the trial or stop the robot if it must not drive now."""
         if self.started_ns is not None and now_ns - self.started_ns >= self._config.time_limit_s * 1e9:
-            self.end(Ending.LATE)
+            self.end(TrialEnding.LATE)
         self.waiting_for = self._missing(now_ns)
         if self.waiting_for:
             since_ns = self._stale_since_ns = self._stale_since_ns or now_ns
             if self.started_ns is not None and now_ns - since_ns > GIVE_UP_S * 1e9:
-                self.end(Ending.STALE, f"{self.waiting_for} for {GIVE_UP_S:g} s")
+                self.end(TrialEnding.STALE, f"{self.waiting_for} for {GIVE_UP_S:g} s")
             return
         self._stale_since_ns = None
         if self.goal_distance_m <= self._config.goal_radius_m:
-            self.end(Ending.GOAL)
+            self.end(TrialEnding.GOAL)
 
     def _missing(self, now_ns: int) -> str:
         """Inputs that are missing or too old, in words; empty if all are there."""
@@ -352,16 +352,16 @@ class Pilot:
         worst = max(apart_s, key=lambda name: apart_s[name])
         return f"{words_of(worst, self._robot)} are {apart_s[worst]:.2f} s from the first camera's"
 
-    def _jumped(self, how: str) -> None:
+    def _check_clock(self, how: str) -> None:
         if how and self.started_ns is not None:
-            self.end(Ending.CLOCK, how)
+            self.end(TrialEnding.CLOCK, how)
 
-    def _check_leap(self, before: Odometry, now: Odometry, passed_s: float) -> None:
+    def _check_leap(self, before: OdometryMessage, now: OdometryMessage, passed_s: float) -> None:
         way_m = math.hypot(now.x_m - before.x_m, now.y_m - before.y_m)
         if self.started_ns is None:
             return
         if way_m > LEAP_M + 2 * self._robot.v_max_mps * passed_s:
-            self.end(Ending.LEAP, f"the odometry leapt by {way_m:.1f} m")
+            self.end(TrialEnding.LEAP, f"the odometry leapt by {way_m:.1f} m")
         self.driven_m += way_m
 
 
@@ -371,7 +371,7 @@ def words_of(name: str, robot: RobotConfig) -> str:
     return f"{what} of {camera_of(name) or robot.camera_name}" if robot.cameras else what
 
 
-def limited(robot: RobotConfig, config: DriveConfig) -> RobotConfig:
+def limit_speeds(robot: RobotConfig, config: DriveConfig) -> RobotConfig:
     """The robot with the speed limits of a trial.
 
     Raises:

@@ -9,7 +9,15 @@ import msgpack
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.drive.messages import Command, Encoded, Goal, Odometry, Picture, Value, check_numbers
+from readygo.apps.drive.messages import (
+    Encoded,
+    GoalMessage,
+    ImageMessage,
+    OdometryMessage,
+    Value,
+    VelocityMessage,
+    check_numbers,
+)
 from readygo.apps.drive.ros_codec import (
     COMPRESSED_TYPE,
     GOAL_TYPE,
@@ -91,7 +99,7 @@ def _value(type_name: str, fields: Mapping[str, Any]) -> Value:
         else:
             size_px = int(fields["height_px"]), int(fields["width_px"])
         decode = partial(_pixels, encoding, data, size_px)
-        return Picture(stamp_ns=int(fields.get("stamp_ns", 0)), decode=decode, encoded=encoded)
+        return ImageMessage(stamp_ns=int(fields.get("stamp_ns", 0)), decode=decode, encoded=encoded)
     if type_name == INFO_TYPE:
         return LogCamera(
             height_px=int(fields["height_px"]),
@@ -103,11 +111,11 @@ def _value(type_name: str, fields: Mapping[str, Any]) -> Value:
     if type_name == OUTCOME_TYPE:
         return str(fields["outcome"])
     if type_name == GOAL_TYPE:
-        return Goal(x_m=float(fields["x_m"]), y_m=float(fields["y_m"]))
+        return GoalMessage(x_m=float(fields["x_m"]), y_m=float(fields["y_m"]))
     if type_name in (TWIST_TYPE, STAMPED_TWIST_TYPE):
-        return Command(v_mps=float(fields["v_mps"]), w_radps=float(fields["w_radps"]))
+        return VelocityMessage(v_mps=float(fields["v_mps"]), w_radps=float(fields["w_radps"]))
     names = ("x_m", "y_m", "yaw_rad", "v_mps", "w_radps")
-    return Odometry(stamp_ns=int(fields.get("stamp_ns", 0)), **{name: float(fields[name]) for name in names})
+    return OdometryMessage(stamp_ns=int(fields.get("stamp_ns", 0)), **{name: float(fields[name]) for name in names})
 
 
 def _pixels(encoding: str, data: bytes, size_px: tuple[int, int]) -> npt.NDArray[Any]:

@@ -6,10 +6,10 @@ from functools import partial
 
 import numpy as np
 
-from readygo.apps.drive.messages import Command as RobotCommand
-from readygo.apps.drive.messages import Picture
+from readygo.apps.drive.messages import ImageMessage
+from readygo.apps.drive.messages import VelocityMessage as RobotCommand
 from readygo.apps.drive.pilot import Pilot
-from readygo.apps.drive.simulated import Look, Manners, odometry_of, sent
+from readygo.apps.drive.simulated import Look, Manners, odometry_of, to_message_order
 from readygo.apps.drive.trial import PATIENCE_S
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import Command, DriverFailure, run_episode
@@ -19,7 +19,7 @@ _BEGIN_NS = 10**18
 """The robot's clock at the start [ns]."""
 
 
-def rehearsed(
+def simulate_drive(
     pilot: Pilot, simulation: EpisodeSimulation, look: Look, manners: Manners, rng: np.random.Generator
 ) -> Outcome:
     """Drive through an episode.
@@ -42,9 +42,9 @@ class PilotDriver:
     looks = True
 
     def __init__(self, pilot: Pilot, look: Look, manners: Manners, rng: np.random.Generator) -> None:
-        """Prepare an episode; arguments as in `rehearsed`."""
+        """Prepare an episode; arguments as in `simulate_drive`."""
         self._pilot, self._look, self._manners, self._rng = pilot, look, manners, rng
-        self._on_their_way: list[tuple[int, int, str, Picture]] = []
+        self._on_their_way: list[tuple[int, int, str, ImageMessage]] = []
         self._newest_ns: dict[str, int] = {}
         self._now_ns, self._taken, self._step = _BEGIN_NS, 0, 0
         self._ready: RobotCommand | None = None
@@ -85,10 +85,10 @@ class PilotDriver:
     def _send(self, simulation: EpisodeSimulation) -> None:
         """Take an image if one is due, and send those that are not lost."""
         due = self._step % self._manners.image_every(simulation.clock) == 0
-        late_s = self._manners.sent(self._pilot.images, self._rng) if due else {}
+        late_s = self._manners.draw_latencies(self._pilot.images, self._rng) if due else {}
         images = self._look(simulation) if late_s else {}
         for name, late in late_s.items():
             self._newest_ns[name] = max(self._now_ns + round(late * 1e9), self._newest_ns.get(name, 0))
-            picture = Picture(stamp_ns=self._now_ns, decode=partial(sent, images[name]))
+            picture = ImageMessage(stamp_ns=self._now_ns, decode=partial(to_message_order, images[name]))
             heapq.heappush(self._on_their_way, (self._newest_ns[name], self._taken, name, picture))
             self._taken += 1

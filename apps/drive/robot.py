@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from readygo.apps.drive.messages import Command, Goal, Odometry, Picture
+from readygo.apps.drive.messages import GoalMessage, ImageMessage, OdometryMessage, VelocityMessage
 from readygo.apps.drive.ros_codec import (
     COMPRESSED_TYPE,
     GOAL_TYPE,
@@ -17,7 +17,7 @@ from readygo.apps.drive.ros_codec import (
     TWIST_TYPE,
 )
 from readygo.apps.drive.ros_keys import PUBLISHER, SUBSCRIBER
-from readygo.apps.drive.wires import Address, RosWire, Wire
+from readygo.apps.drive.wires import RosWire, TopicKey, Wire
 from readygo.apps.robot_logs.reader import INFO_TYPE, ODOMETRY_TYPE, LogCamera
 from readygo.common.bus.foreign import ForeignPublisher, ForeignSession
 from readygo.common.errors import BusError
@@ -79,14 +79,14 @@ class Robot:
         """
         self._session, self._wire, self._topics = session, wire, topics
         self._changed = threading.Condition()
-        self._picture: tuple[Picture, int] | None = None
+        self._picture: tuple[ImageMessage, int] | None = None
         self._named = {topic: name for name, topic in topics.beside.items()}
-        self._beside: deque[tuple[str, Picture, int]] = deque(maxlen=BESIDE_MAX * max(len(self._named), 1))
-        self._odometry: deque[tuple[Odometry, int]] = deque(maxlen=ODOMETRY_MAX)
+        self._beside: deque[tuple[str, ImageMessage, int]] = deque(maxlen=BESIDE_MAX * max(len(self._named), 1))
+        self._odometry: deque[tuple[OdometryMessage, int]] = deque(maxlen=ODOMETRY_MAX)
         self._cameras = {topic: camera for camera, topic in topics.infos.items()}
         self.cameras: dict[str, LogCamera] = {}
         """The newest CameraInfo of each camera by name; the first one is called ""."""
-        self.goal: Goal | None = None
+        self.goal: GoalMessage | None = None
         """The newest goal; None before one arrives."""
         self.outcome = ""
         """The newest outcome on the outcome topic; empty before one arrives."""
@@ -101,13 +101,13 @@ class Robot:
             types = (TWIST_TYPE, STAMPED_TWIST_TYPE)
             self._commands = _Commands(TopicPublisher(session, wire, topics.command, types, number))
 
-    def found(self) -> str:
+    def check_topics(self) -> str:
         """Empty if the robot's base subscribes to commands; else an error text with the topics that exist."""
         if self._commands is None or self._commands.heard(FOUND_S):
             return ""
         return f"No subscriber listens to {self._topics.command}{self._listeners()}."
 
-    def next_picture(self, until_s: float) -> tuple[Picture, int] | None:
+    def next_picture(self, until_s: float) -> tuple[ImageMessage, int] | None:
         """Wait for a new image of the first camera or of another one, and take the first camera's newest.
 
         Args:
@@ -122,21 +122,21 @@ class Robot:
             picture, self._picture = self._picture, None
             return picture
 
-    def beside(self) -> list[tuple[str, Picture, int]]:
+    def beside(self) -> list[tuple[str, ImageMessage, int]]:
         """Images of further cameras since the last call: name, image, and arrival [ns]."""
         with self._changed:
             found = list(self._beside)
             self._beside.clear()
             return found
 
-    def odometry(self) -> list[tuple[Odometry, int]]:
+    def odometry(self) -> list[tuple[OdometryMessage, int]]:
         """Odometry messages since the last call, with their arrivals [ns]."""
         with self._changed:
             found = list(self._odometry)
             self._odometry.clear()
             return found
 
-    def send(self, command: Command) -> None:
+    def send(self, command: VelocityMessage) -> None:
         """Send a command to the robot and to `listen`; in a dry run to `listen` only."""
         if self._commands is not None:
             self._commands.send(command)
@@ -188,17 +188,17 @@ class Robot:
 
     def _keep(self, topic: str, value: Any, arrived_ns: int) -> None:
         with self._changed:
-            if isinstance(value, Picture) and topic in self._named:
+            if isinstance(value, ImageMessage) and topic in self._named:
                 self._beside.append((self._named[topic], value, arrived_ns))
                 self._changed.notify()
-            elif isinstance(value, Picture):
+            elif isinstance(value, ImageMessage):
                 self._picture = value, arrived_ns
                 self._changed.notify()
-            elif isinstance(value, Odometry):
+            elif isinstance(value, OdometryMessage):
                 self._odometry.append((value, arrived_ns))
             elif isinstance(value, LogCamera):
                 self.cameras[self._cameras.get(topic, "")] = value
-            elif isinstance(value, Goal):
+            elif isinstance(value, GoalMessage):
                 self.goal = value
             elif isinstance(value, str):
                 self.outcome = value
@@ -228,7 +228,7 @@ class TopicPublisher:
             block: True waits instead of dropping messages when the network is congested.
         """
         self._wire = wire
-        address: Address = wire.address(session, topic, types, PUBLISHER)
+        address: TopicKey = wire.address(session, topic, types, PUBLISHER)
         self._type_name = address.type_name
         self._publisher: ForeignPublisher = session.publisher(address.key, block=block)
         self._token = wire.announce(session, topic, address, PUBLISHER, number)
@@ -262,7 +262,7 @@ class _Commands:
         """Wait up to `timeout_s` [s] for a subscriber; True if there is one."""
         return self._publisher.heard(timeout_s)
 
-    def send(self, command: Command) -> None:
+    def send(self, command: VelocityMessage) -> None:
         """Publish a command."""
         with self._lock:
             if not self._over.is_set():
@@ -272,24 +272,24 @@ class _Commands:
     def close(self) -> None:
         """Stop the robot with several zero commands."""
         for _ in range(LAST_ZEROS):
-            self.send(Command())
+            self.send(VelocityMessage())
             time.sleep(ZERO_EVERY_S)
         self._over.set()
 
     def _stand_by(self) -> None:
         while not self._over.wait(DEADMAN_S / 3):
             if time.monotonic() - self._sent_s > DEADMAN_S:
-                self.send(Command())
+                self.send(VelocityMessage())
 
 
-def connected(connect: str, wire: Wire, topics: Topics, *, dry: bool) -> Robot:
+def connect_robot(connect: str, wire: Wire, topics: Topics, *, dry: bool) -> Robot:
     """Connect to a robot behind a router.
 
     Raises:
         BusError: If there is no router, or no subscriber for the commands.
     """
     robot = Robot(ForeignSession(connect), wire, topics, dry=dry)
-    no_listener = robot.found()
+    no_listener = robot.check_topics()
     if no_listener:
         robot.close()
         raise BusError(f"{no_listener} Start the robot's base, or name its topic with --cmd-vel.")

@@ -8,7 +8,15 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.drive.messages import Command, Encoded, Goal, Odometry, Picture, Value, check_numbers
+from readygo.apps.drive.messages import (
+    Encoded,
+    GoalMessage,
+    ImageMessage,
+    OdometryMessage,
+    Value,
+    VelocityMessage,
+    check_numbers,
+)
 from readygo.apps.robot_logs.pixels import (
     compressed_depth,
     compressed_depth_of,
@@ -43,7 +51,7 @@ class RosCodec:
         self._types: Any = self._store.types
         self._writers: dict[str, Any] = {
             IMAGE_TYPE: self._image,
-            COMPRESSED_TYPE: self._compressed,
+            COMPRESSED_TYPE: self._compressed_message,
             ODOMETRY_TYPE: self._odometry,
             INFO_TYPE: self._camera_info,
             TWIST_TYPE: lambda command, _: self._twist(command),
@@ -93,8 +101,8 @@ class RosCodec:
             data=data,
         )
 
-    def _compressed(self, image: npt.NDArray[Any] | Encoded, stamp_ns: int) -> Any:
-        data, image_format = image if isinstance(image, Encoded) else _encoded(image)
+    def _compressed_message(self, image: npt.NDArray[Any] | Encoded, stamp_ns: int) -> Any:
+        data, image_format = image if isinstance(image, Encoded) else _encode_image(image)
         return self._types[COMPRESSED_TYPE](header=self._header(stamp_ns, "camera"), format=image_format, data=data)
 
     def _pose(self, x_m: float, y_m: float, yaw_rad: float) -> Any:
@@ -104,15 +112,15 @@ class RosCodec:
         )
         return self._types["geometry_msgs/msg/Pose"](position=point, orientation=turn)
 
-    def _twist(self, command: Command | Odometry) -> Any:
+    def _twist(self, command: VelocityMessage | OdometryMessage) -> Any:
         vector = self._types["geometry_msgs/msg/Vector3"]
         linear, angular = vector(x=command.v_mps, y=0.0, z=0.0), vector(x=0.0, y=0.0, z=command.w_radps)
         return self._types[TWIST_TYPE](linear=linear, angular=angular)
 
-    def _stamped_twist(self, command: Command, stamp_ns: int) -> Any:
+    def _stamped_twist(self, command: VelocityMessage, stamp_ns: int) -> Any:
         return self._types[STAMPED_TWIST_TYPE](header=self._header(stamp_ns, "base_link"), twist=self._twist(command))
 
-    def _odometry(self, odometry: Odometry, stamp_ns: int) -> Any:
+    def _odometry(self, odometry: OdometryMessage, stamp_ns: int) -> Any:
         pose = self._pose(odometry.x_m, odometry.y_m, odometry.yaw_rad)
         return self._types[ODOMETRY_TYPE](
             header=self._header(stamp_ns, "odom"),
@@ -123,7 +131,7 @@ class RosCodec:
             ),
         )
 
-    def _goal(self, goal: Goal, stamp_ns: int) -> Any:
+    def _goal(self, goal: GoalMessage, stamp_ns: int) -> Any:
         pose = self._pose(goal.x_m, goal.y_m, 0.0)
         return self._types[GOAL_TYPE](header=self._header(stamp_ns, "odom"), pose=pose)
 
@@ -146,7 +154,7 @@ class RosCodec:
         )
 
 
-def _encoded(pixels: npt.NDArray[Any]) -> Encoded:
+def _encode_image(pixels: npt.NDArray[Any]) -> Encoded:
     if pixels.ndim == 3:
         return Encoded(cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1], "jpeg")
     file, image_format = compressed_depth(pixels)
@@ -157,23 +165,23 @@ def _value(type_name: str, message: Any) -> Value:
     if type_name == OUTCOME_TYPE:
         return str(message.data)
     if type_name == TWIST_TYPE:
-        return Command(v_mps=message.linear.x, w_radps=message.angular.z)
+        return VelocityMessage(v_mps=message.linear.x, w_radps=message.angular.z)
     if type_name == STAMPED_TWIST_TYPE:
-        return Command(v_mps=message.twist.linear.x, w_radps=message.twist.angular.z)
+        return VelocityMessage(v_mps=message.twist.linear.x, w_radps=message.twist.angular.z)
     if type_name == GOAL_TYPE:
-        return Goal(x_m=message.pose.position.x, y_m=message.pose.position.y)
+        return GoalMessage(x_m=message.pose.position.x, y_m=message.pose.position.y)
     if type_name == INFO_TYPE:
         return LogCamera.of(message)
     stamp_ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
     if type_name == ODOMETRY_TYPE:
         return _odometry_of(message, stamp_ns)
     encoded = Encoded(message.data, message.format) if type_name == COMPRESSED_TYPE else None
-    return Picture(stamp_ns=stamp_ns, decode=partial(_pixels, type_name, message), encoded=encoded)
+    return ImageMessage(stamp_ns=stamp_ns, decode=partial(_pixels, type_name, message), encoded=encoded)
 
 
-def _odometry_of(message: Any, stamp_ns: int) -> Odometry:
+def _odometry_of(message: Any, stamp_ns: int) -> OdometryMessage:
     place, turn = message.pose.pose.position, message.pose.pose.orientation
-    return Odometry(
+    return OdometryMessage(
         stamp_ns=stamp_ns,
         x_m=place.x,
         y_m=place.y,

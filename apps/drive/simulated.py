@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.drive.messages import Command as RobotCommand
-from readygo.apps.drive.messages import Goal, Odometry
+from readygo.apps.drive.messages import GoalMessage, OdometryMessage
+from readygo.apps.drive.messages import VelocityMessage as RobotCommand
 from readygo.apps.drive.robot import TopicPublisher, Topics
 from readygo.apps.drive.ros_codec import (
     COMPRESSED_TYPE,
@@ -72,7 +72,7 @@ class Manners:
         """
         return DriverConfig(camera_hz=self.camera_hz).image_every(clock)
 
-    def sent(self, names: Iterable[str], rng: np.random.Generator) -> dict[str, float]:
+    def draw_latencies(self, names: Iterable[str], rng: np.random.Generator) -> dict[str, float]:
         """The images of one time that are not lost, with the latency of each [s].
 
         Args:
@@ -85,9 +85,9 @@ class Manners:
         return max(self.latency_s + self.jitter_s * float(rng.standard_normal()), 0.0)
 
 
-def odometry_of(simulation: EpisodeSimulation, stamp_ns: int) -> Odometry:
+def odometry_of(simulation: EpisodeSimulation, stamp_ns: int) -> OdometryMessage:
     """Odometry message of an episode's robot at the current step."""
-    return Odometry(
+    return OdometryMessage(
         stamp_ns=stamp_ns,
         x_m=simulation.x_m,
         y_m=simulation.y_m,
@@ -97,7 +97,7 @@ def odometry_of(simulation: EpisodeSimulation, stamp_ns: int) -> Odometry:
     )
 
 
-def sent(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def to_message_order(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """An image in the channel order of messages (BGR); depths are unchanged."""
     return np.ascontiguousarray(image[..., ::-1]) if image.ndim == 3 else image
 
@@ -172,7 +172,7 @@ class SimulatedRobot:
 
     def start(self, simulation: EpisodeSimulation) -> None:
         """Stand still until a client sends a command."""
-        self._stand(simulation, lambda: self._commanded() != RobotCommand())
+        self._stand(simulation, lambda: self._current_command() != RobotCommand())
         self._step, self._next_s = 0, time.monotonic()
 
     def act(self, running: Sequence[tuple[EpisodeSimulation, None]]) -> list[Command | DriverFailure]:
@@ -182,7 +182,7 @@ class SimulatedRobot:
         """
         ((simulation, _),) = running
         self._live(simulation)
-        command = self._commanded()
+        command = self._current_command()
         return [(command.v_mps, command.w_radps)]
 
     def _stand(self, simulation: EpisodeSimulation, over: Callable[[], bool]) -> None:
@@ -206,17 +206,17 @@ class SimulatedRobot:
         if now_s - self._constant_s > CONSTANT_EVERY_S:
             self._constant_s = now_s
             goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
-            self._put(GOAL_TYPE, Goal(x_m=goal_x, y_m=goal_y), stamp_ns)
+            self._put(GOAL_TYPE, GoalMessage(x_m=goal_x, y_m=goal_y), stamp_ns)
             for camera, publisher in self._infos.items():
                 publisher.put(publisher.write(self._cameras[camera], stamp_ns))
         if step % self._manners.image_every(simulation.clock):
             return
-        late_s = self._manners.sent(self._images, self._rng)
+        late_s = self._manners.draw_latencies(self._images, self._rng)
         if not late_s:
             return
         images = self._look(simulation)
         for name, late in late_s.items():
-            payload = self._images[name].write(sent(images[name]), stamp_ns)
+            payload = self._images[name].write(to_message_order(images[name]), stamp_ns)
             # Images keep their order.
             self._last_due_s[name] = max(now_s + late, self._last_due_s[name])
             self._taken += 1
@@ -236,7 +236,7 @@ class SimulatedRobot:
         publisher = self._publishers[kind]
         publisher.put(publisher.write(value, stamp_ns))
 
-    def _commanded(self) -> RobotCommand:
+    def _current_command(self) -> RobotCommand:
         with self._lock:
             return self._command if time.monotonic() - self._heard_s < COMMAND_STALE_S else RobotCommand()
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from readygo.apps.drive.messages import Command
-from readygo.apps.drive.pilot import Ending, Pilot
+from readygo.apps.drive.messages import VelocityMessage
+from readygo.apps.drive.pilot import Pilot, TrialEnding
 from readygo.apps.drive.robot import Robot
 from readygo.common.errors import BusError
 
@@ -16,10 +16,10 @@ PATIENCE_S = 10.0
 """Time within which the robot must send all required messages [s]."""
 SAY_EVERY_S = 2.0
 OUTCOMES = {
-    "success": Ending.GOAL,
-    "timeout": Ending.LATE,
-    "static_collision": Ending.STATIC_COLLISION,
-    "human_collision": Ending.HUMAN_COLLISION,
+    "success": TrialEnding.GOAL,
+    "timeout": TrialEnding.LATE,
+    "static_collision": TrialEnding.STATIC_COLLISION,
+    "human_collision": TrialEnding.HUMAN_COLLISION,
 }
 """Endings by outcome, as a user reports them on a topic or in labels.toml."""
 Say = Callable[[str], None]
@@ -84,12 +84,12 @@ def run_trial(robot: Robot, pilot: Pilot, *, rate_hz: float, say: Say) -> Measur
             if pilot.started_ns is None and now_s - began_s > PATIENCE_S:
                 raise BusError(_not_there(robot, pilot))
     except KeyboardInterrupt:
-        pilot.end(Ending.STOPPED)
+        pilot.end(TrialEnding.STOPPED)
     except BaseException as error:
-        pilot.end(Ending.FAILED, str(error))
+        pilot.end(TrialEnding.FAILED, str(error))
         raise
     finally:
-        robot.send(Command())
+        robot.send(VelocityMessage())
         if pilot.started_ns is not None:
             measures.duration_s = (time.monotonic_ns() - pilot.started_ns) / 1e9
     return measures
@@ -111,7 +111,7 @@ def _step(robot: Robot, pilot: Pilot, measures: Measures, until_s: float) -> Non
         measures.thinking_ms.append((time.monotonic_ns() - begin_ns) / 1e6)
         measures.frame_ages_s.append(pilot.frame_age_s)
     if robot.broken:
-        pilot.end(Ending.BROKEN_IMAGES, f"the robot sends what cannot be used: {robot.broken}")
+        pilot.end(TrialEnding.BROKEN_IMAGES, f"the robot sends what cannot be used: {robot.broken}")
     if robot.outcome in OUTCOMES:
         pilot.end(OUTCOMES[robot.outcome])
     robot.send(pilot.command(time.monotonic_ns()))
@@ -127,9 +127,9 @@ def _not_there(robot: Robot, pilot: Pilot) -> str:
     return f"The robot cannot be driven: {pilot.waiting_for} after {PATIENCE_S:g} s{f'; {why}' if why else ''}."
 
 
-def ended(pilot: Pilot, measures: Measures) -> dict[str, Any]:
+def trial_end(pilot: Pilot, measures: Measures) -> dict[str, Any]:
     """The end of a trial as plain values, for its log."""
-    ending = pilot.ending or Ending.FAILED
+    ending = pilot.ending or TrialEnding.FAILED
     return {
         "ending": ending.name.lower(),
         "reason": pilot.reason,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy.typing as npt
 
-from readygo.apps.drive.messages import Encoded, Picture
+from readygo.apps.drive.messages import Encoded, ImageMessage
 from readygo.apps.drive.ros_codec import COMPRESSED_TYPE, IMAGE_TYPE, RosCodec
 from readygo.apps.drive.wires import COMPRESSED_DEPTH_SUFFIX, COMPRESSED_SUFFIX
 from readygo.apps.robot_logs.pixels import is_compressed_depth
@@ -83,7 +83,7 @@ class TrialLog:
 
     def _write(self, topic: str, type_name: str, value: Any, time_ns: int) -> None:
         stamp_ns = getattr(value, "stamp_ns", 0) or time_ns
-        if isinstance(value, Picture):
+        if isinstance(value, ImageMessage):
             # Decoding and encoding compressed images again would cost a robot's processor more than the policy does.
             value = value.decode() if value.encoded is None else value.encoded
         if type_name == IMAGE_TYPE and (suffix := _suffix(value)):

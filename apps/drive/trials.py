@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from readygo.apps.drive.pilot import Ending
+from readygo.apps.drive.pilot import TrialEnding
 from readygo.apps.drive.trial import OUTCOMES
 from readygo.apps.drive.trial_log import RECORD
 from readygo.common.dataset.ros_log import read_record
@@ -53,15 +53,15 @@ def mean_measures(trials: Sequence[Trial]) -> dict[str, float]:
     return {name: round(sum(each[name] for each in known) / len(known), 2) for name in known[0]} if known else {}
 
 
-def _trial(path: Path, index: int, label: Ending | None) -> Trial:
+def _trial(path: Path, index: int, label: TrialEnding | None) -> Trial:
     found = read_record(path, RECORD)
     try:
-        return _of_record(path, found, index, label or Ending[found["ending"].upper()])
+        return _of_record(path, found, index, label or TrialEnding[found["ending"].upper()])
     except (KeyError, TypeError, ValueError) as error:
         raise DatasetError(f"{path} has a record of another version: {error!r}.") from error
 
 
-def _of_record(path: Path, found: Mapping[str, Any], index: int, ending: Ending) -> Trial:
+def _of_record(path: Path, found: Mapping[str, Any], index: int, ending: TrialEnding) -> Trial:
     record = EpisodeRecord(
         episode=EpisodeKey(seed=0, split=Split.TEST, index=index),
         task=Task(found["task"]),
@@ -79,20 +79,20 @@ def _of_record(path: Path, found: Mapping[str, Any], index: int, ending: Ending)
     return Trial(path=path, record=record, time_limit_s=float(found["time_limit_s"]), measures=dict(found["measures"]))
 
 
-def _category(ending: Ending, speed_mps: float) -> Category | None:
+def _category(ending: TrialEnding, speed_mps: float) -> Category | None:
     """The kind of failure, as far as a log shows it; None for a success."""
-    if ending is Ending.GOAL:
+    if ending is TrialEnding.GOAL:
         return None
-    if ending is Ending.STATIC_COLLISION:
+    if ending is TrialEnding.STATIC_COLLISION:
         return Category.THING
-    if ending is Ending.HUMAN_COLLISION:
+    if ending is TrialEnding.HUMAN_COLLISION:
         return Category.WALKED_INTO if abs(speed_mps) < _STOOD_MPS else Category.SEEN_HUMAN
-    if ending is Ending.LATE:
+    if ending is TrialEnding.LATE:
         return Category.STUCK if abs(speed_mps) < _STOOD_MPS else Category.LATE
     return Category.DRIVER_FAILED
 
 
-def _labels(folder: Path) -> dict[str, Ending]:
+def _labels(folder: Path) -> dict[str, TrialEnding]:
     path = folder / LABELS_FILE
     if not path.is_file():
         return {}

@@ -17,7 +17,7 @@ COMPRESSED_SUFFIX, COMPRESSED_DEPTH_SUFFIX = "/compressed", "/compressedDepth"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Address:
+class TopicKey:
     """Key and type of a topic's messages."""
 
     key: str
@@ -45,7 +45,7 @@ class Wire(Protocol):
         """
         ...
 
-    def address(self, session: ForeignSession, topic: str, type_names: tuple[str, ...], kind: str) -> Address:
+    def address(self, session: ForeignSession, topic: str, type_names: tuple[str, ...], kind: str) -> TopicKey:
         """Key and type with which this program publishes or subscribes to a topic.
 
         Args:
@@ -56,7 +56,7 @@ class Wire(Protocol):
         """
         ...
 
-    def announce(self, session: ForeignSession, topic: str, address: Address, kind: str, number: int) -> str:
+    def announce(self, session: ForeignSession, topic: str, address: TopicKey, kind: str, number: int) -> str:
         """Announce that this program publishes or subscribes to a topic; returns the announcement's token.
 
         Args:
@@ -101,7 +101,7 @@ class RosWire:
         """The type that the key names."""
         return ros_keys.type_of_key(key)
 
-    def address(self, session: ForeignSession, topic: str, type_names: tuple[str, ...], kind: str) -> Address:
+    def address(self, session: ForeignSession, topic: str, type_names: tuple[str, ...], kind: str) -> TopicKey:
         """Key with the type and the type hash of the other side; arguments as in `Wire.address`."""
         name = "/" + topic.strip("/")
         other = ros_keys.PUBLISHER if kind == ros_keys.SUBSCRIBER else ros_keys.SUBSCRIBER
@@ -109,9 +109,9 @@ class RosWire:
         for each in self.topics(session, other):
             if each.topic == name and each.type_name in type_names:
                 type_name, type_hash = each.type_name, each.type_hash
-        return Address(key=ros_keys.topic_key(self._domain, name, type_name, type_hash), type_name=type_name)
+        return TopicKey(key=ros_keys.topic_key(self._domain, name, type_name, type_hash), type_name=type_name)
 
-    def announce(self, session: ForeignSession, topic: str, address: Address, kind: str, number: int) -> str:
+    def announce(self, session: ForeignSession, topic: str, address: TopicKey, kind: str, number: int) -> str:
         """Declare liveliness tokens of node and topic, and return the topic's; arguments as in `Wire.announce`."""
         if number == 1:
             session.announce(ros_keys.node_token(self._domain, session.name, self._node))
@@ -154,12 +154,12 @@ class TopicWire:
             return COMPRESSED_TYPE
         return STAMPED_TWIST_TYPE if self._stamped and default == TWIST_TYPE else default
 
-    def address(self, session: ForeignSession, topic: str, type_names: tuple[str, ...], kind: str) -> Address:
+    def address(self, session: ForeignSession, topic: str, type_names: tuple[str, ...], kind: str) -> TopicKey:
         """The topic's key, with the first type or TwistStamped; arguments as in `Wire.address`."""
         stamped = self._stamped and STAMPED_TWIST_TYPE in type_names
-        return Address(key=self.heard_key(topic), type_name=STAMPED_TWIST_TYPE if stamped else type_names[0])
+        return TopicKey(key=self.heard_key(topic), type_name=STAMPED_TWIST_TYPE if stamped else type_names[0])
 
-    def announce(self, session: ForeignSession, topic: str, address: Address, kind: str, number: int) -> str:
+    def announce(self, session: ForeignSession, topic: str, address: TopicKey, kind: str, number: int) -> str:
         """Return an empty token: this transport has no announcements."""
         return ""
 

@@ -6,14 +6,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from readygo.apps.evaluation.replay import Replays
-from readygo.apps.run.evaluation import make_evaluator
-from readygo.apps.run.identity import identity
-from readygo.apps.run.world import World
 from readygo.common.errors import MessageError, RunError
 from readygo.common.files import write_whole
 from readygo.common.messages import RunSpec, decode, encode
-from readygo.services.evaluator import EXPERT, POLICY, EpisodeRecord, Results, read_results
-from readygo.services.evaluator.episodes import as_task
+from readygo.runs.evaluation import make_evaluator
+from readygo.runs.identity import identity
+from readygo.runs.world import World
+from readygo.services.evaluator import EXPERT, POLICY, EpisodeRecord, Results, as_task, read_results
 
 SPEC_FILE = "spec.msgpack"
 """File with the places of scene and avatars, and all settings."""

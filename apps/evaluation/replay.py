@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from readygo.apps.pictures.plan_film import RobotView, run_film
 from readygo.apps.report.page import StripImage
-from readygo.apps.run.world import World
 from readygo.common.drawing import plan_view
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.film import write_film
@@ -18,9 +17,9 @@ from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import Command, DriverFailure, run_episode
 from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeKey, EpisodeMotions, Outcome, RobotTrajectory
+from readygo.runs.world import World
 from readygo.services.evaluator import EXPERT, EpisodeRecord, MatchedEpisode, RecordKey, Results, Simulate, Task
-from readygo.services.planner.explain.journal import DrivenRun, run_beside_expert, run_with_journal
-from readygo.services.planner.explain.picture import draw_ways, episode_view
+from readygo.services.planner import DrivenRun, draw_ways, episode_view, run_beside_expert, run_with_journal
 from readygo.services.renderer import Renderer
 
 MAP_PX = (460, 330)
@@ -109,7 +108,7 @@ class Replays:
         walked = simulation.motions_so_far()
         if walked is not simulation.motions:
             self._walked[record.key] = walked
-        return self._checked(record, simulation.trajectory())
+        return self._check_replay(record, simulation.trajectory())
 
     def draw(self, record: EpisodeRecord, trajectory: RobotTrajectory) -> Picture:
         """The map with the trajectories of robot and humans."""
@@ -155,7 +154,7 @@ class Replays:
             run = run_with_journal(planner, scenario, motions)
         else:
             run = run_beside_expert(planner, scenario, motions, self._driver(record), record.method)
-        self._checked(record, run.trajectory)
+        self._check_replay(record, run.trajectory)
         return run
 
     def view(self, run: DrivenRun) -> RobotView:
@@ -169,7 +168,7 @@ class Replays:
     def _driver(self, record: EpisodeRecord) -> "_ReplayDriver":
         return _ReplayDriver(record, self._actions[record.key])
 
-    def _checked(self, record: EpisodeRecord, trajectory: RobotTrajectory) -> RobotTrajectory:
+    def _check_replay(self, record: EpisodeRecord, trajectory: RobotTrajectory) -> RobotTrajectory:
         same_end = abs(trajectory.duration_s - record.result.duration_s) < trajectory.dt_s / 2
         if trajectory.outcome is not record.result.outcome or not same_end:
             raise _another_way(record)

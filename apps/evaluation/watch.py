@@ -17,12 +17,20 @@ from readygo.apps.report.evaluation import (
 )
 from readygo.apps.report.page import Block
 from readygo.apps.report.tables import comparison_tables, failure_tables, latex, measure_tables
-from readygo.apps.run.evaluation import references
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.common.messages import RobotTrajectory
-from readygo.services.evaluator import POLICY, EpisodeRecord, EvaluateReply, EvaluateRequest, short_name
-from readygo.services.evaluator.scores import compare_all, failure_counts, scores_of
+from readygo.runs.evaluation import references
+from readygo.services.evaluator import (
+    POLICY,
+    EpisodeRecord,
+    EvaluateReply,
+    EvaluateRequest,
+    compare_all,
+    failure_counts,
+    scores_of,
+    short_name,
+)
 
 LATEX_FILE = "table.tex"
 FILMS_FOLDER, FILM_ENDING = "films", ".webm"
@@ -85,7 +93,7 @@ def write_films(replays: Replays, request: EvaluateRequest, reply: EvaluateReply
         RunError: If a requested episode was not driven.
         ReadygoError: If a video cannot be written.
     """
-    for record in replays.load(episodes_to_film(_watched(request, reply), wanted)):
+    for record in replays.load(episodes_to_film(_watched_records(request, reply), wanted)):
         path = film_path(replays.folder, record)
         if not path.exists():
             replays.film(path, record)
@@ -111,7 +119,7 @@ def write_pages(
     Raises:
         ReadygoError: If a file cannot be written.
     """
-    records, folder, scene = _watched(request, reply), replays.folder, replays.world.scene
+    records, folder, scene = _watched_records(request, reply), replays.folder, replays.world.scene
     runs = {record.key: (record, replays.trajectory(record)) for record in replays.load(records)}
     failed = sorted((record for record in records if record.result.outcome in FAILURES), key=badness)
     chosen = [runs[record.key] for record in failures_to_show(failed) if record.key in runs]
@@ -167,7 +175,7 @@ def film_path(folder: Path, record: EpisodeRecord) -> Path:
     return folder / FILMS_FOLDER / name
 
 
-def _watched(request: EvaluateRequest, reply: EvaluateReply) -> list[EpisodeRecord]:
+def _watched_records(request: EvaluateRequest, reply: EvaluateReply) -> list[EpisodeRecord]:
     return [record for record in reply.records if record.method == watched_method(request.methods)]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.errors import DatasetError
-from readygo.common.files import unfinished
+from readygo.common.files import write_then_rename
 
 ROW_GROUP = 256
 """Rows per Parquet row group: readers hold the images of one group in memory."""
@@ -45,7 +45,7 @@ def write_tables(path: Path, tables: Iterable[Any]) -> int:
     import pyarrow.parquet as pq
 
     writer: Any = None
-    with unfinished(path, raises=DatasetError) as part:
+    with write_then_rename(path, raises=DatasetError) as part:
         for table in tables:
             writer = writer or pq.ParquetWriter(part, table.schema, compression="snappy")
             writer.write_table(table, row_group_size=ROW_GROUP)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from readygo.apps.export import gnm, lerobot, parquet, webdataset
-from readygo.apps.export.source import Part, Source
+from readygo.apps.export.source import ExportPart, ExportSource
 from readygo.common.errors import ConfigError
 from readygo.common.extras import install_command
 
@@ -18,9 +18,9 @@ MB = 1_000_000
 class Format:
     """One format: functions that write a part of an export, and the files that describe all parts."""
 
-    write: Callable[[Source, Part, Path], Mapping[str, Any]]
+    write: Callable[[ExportSource, ExportPart, Path], Mapping[str, Any]]
     """Writes a part's files below the folder; what it returns, plain values, goes to `finish`."""
-    finish: Callable[[Source, Path, Sequence[Any]], None]
+    finish: Callable[[ExportSource, Path, Sequence[Any]], None]
     """Writes the files that describe all parts."""
     part_bytes: int
     """Approximate size of a part's images [bytes]."""

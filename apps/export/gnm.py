@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from readygo.apps.export.source import ExportedEpisode, Part, Source
+from readygo.apps.export.source import ExportedEpisode, ExportPart, ExportSource
 from readygo.common.errors import DatasetError
 from readygo.common.files import unfinished_folder, write_whole
 from readygo.common.messages import Split
@@ -23,14 +23,14 @@ from readygo.common.messages import Split
 _NEW_NUMPY, _ANY_NUMPY = b"cnumpy._core.multiarray\n", b"cnumpy.core.multiarray\n"
 
 
-def write(source: Source, part: Part, out: Path) -> Mapping[str, Any]:
+def write(source: ExportSource, part: ExportPart, out: Path) -> Mapping[str, Any]:
     """Write the trajectories of a part."""
     lengths_m = [_write_trajectory(source.episode(number), out / "data") for number in part.episodes]
     rows = sum(len(source.episode(number)) - 1 for number in part.episodes)
     return {"length_m": sum(lengths_m), "steps": rows}
 
 
-def finish(source: Source, out: Path, facts: Sequence[Any]) -> None:
+def finish(source: ExportSource, out: Path, facts: Sequence[Any]) -> None:
     """Write the splits, and the entry for the trainer's configuration."""
     theirs = {"train": (Split.TRAIN,), "test": (Split.VAL, Split.TEST)}
     for name, splits in theirs.items():
@@ -49,10 +49,10 @@ def _write_trajectory(episode: ExportedEpisode, out: Path) -> float:
         for number, image in enumerate(episode.images()):
             # Their loader requires this extension, and detects the format from the content.
             (folder / f"{number}.jpg").write_bytes(image)
-        (folder / "traj_data.pkl").write_bytes(_pickled({"position": poses[:, :2].copy(), "yaw": poses[:, 3].copy()}))
+        (folder / "traj_data.pkl").write_bytes(_pickle({"position": poses[:, :2].copy(), "yaw": poses[:, 3].copy()}))
     return float(np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1).sum())
 
 
-def _pickled(value: Any) -> bytes:
+def _pickle(value: Any) -> bytes:
     """A pickle for all versions of NumPy: since 2.0 pickled arrays name a module that older versions lack."""
     return pickle.dumps(value, protocol=3).replace(_NEW_NUMPY, _ANY_NUMPY)

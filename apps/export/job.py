@@ -10,7 +10,7 @@ from typing import Any
 
 import readygo
 from readygo.apps.export.formats import FORMATS, Format
-from readygo.apps.export.source import Part, Source
+from readygo.apps.export.source import ExportPart, ExportSource
 from readygo.common.documents import read_json
 from readygo.common.errors import ConfigError, DatasetError
 from readygo.common.files import write_whole
@@ -39,9 +39,9 @@ class ExportJob:
         """The format that `to` names."""
         return FORMATS[self.to]
 
-    def source(self) -> Source:
+    def source(self) -> ExportSource:
         """The episodes to export."""
-        return Source(self.data, self.rate_hz or self.format.rate_hz)
+        return ExportSource(self.data, self.rate_hz or self.format.rate_hz)
 
 
 def export(job: ExportJob, *, workers: int = 1, progress: Progress = lambda done, total: None) -> dict[str, Any]:
@@ -70,7 +70,7 @@ def export(job: ExportJob, *, workers: int = 1, progress: Progress = lambda done
     left = [part for part in parts if not state.has(part)]
     done = source.episode_count - sum(len(part.episodes) for part in left)
     progress(done, source.episode_count)
-    for part, facts in _written(job, source, left, workers):
+    for part, facts in _write_parts(job, source, left, workers):
         state.keep(part, facts)
         done += len(part.episodes)
         progress(done, source.episode_count)
@@ -106,20 +106,20 @@ class _State:
             raise DatasetError(f"{self._out} holds files of something else; choose a new folder with --out.")
         write_whole(file, json.dumps(identity, indent=2), raises=DatasetError)
 
-    def has(self, part: Part) -> bool:
+    def has(self, part: ExportPart) -> bool:
         return self._file(part).exists()
 
-    def keep(self, part: Part, facts: Facts) -> None:
+    def keep(self, part: ExportPart, facts: Facts) -> None:
         write_whole(self._file(part), json.dumps(facts), raises=DatasetError)
 
-    def facts(self, part: Part) -> Any:
+    def facts(self, part: ExportPart) -> Any:
         return read_json(self._file(part))
 
-    def _file(self, part: Part) -> Path:
+    def _file(self, part: ExportPart) -> Path:
         return self._folder / f"part-{part.number:05d}.json"
 
 
-def _identity(job: ExportJob, source: Source) -> dict[str, Any]:
+def _identity(job: ExportJob, source: ExportSource) -> dict[str, Any]:
     return {
         "format": job.to,
         "data": source.dataset.content_hash,
@@ -128,13 +128,15 @@ def _identity(job: ExportJob, source: Source) -> dict[str, Any]:
     }
 
 
-def _written(job: ExportJob, source: Source, parts: Sequence[Part], workers: int) -> Iterator[tuple[Part, Facts]]:
+def _write_parts(
+    job: ExportJob, source: ExportSource, parts: Sequence[ExportPart], workers: int
+) -> Iterator[tuple[ExportPart, Facts]]:
     """Write parts, and yield each with its facts when it is done."""
     if workers == 1 or len(parts) < 2:
         for part in parts:
             yield part, job.format.write(source, part, job.out)
         return
-    waiting: dict[Future[Facts], Part] = {}
+    waiting: dict[Future[Facts], ExportPart] = {}
     left = iter(parts)
     with ProcessPoolExecutor(workers, get_context("spawn"), initializer=_open, initargs=(job,)) as pool:
         try:
@@ -149,7 +151,7 @@ def _written(job: ExportJob, source: Source, parts: Sequence[Part], workers: int
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-_opened: list[tuple[ExportJob, Source]] = []
+_opened: list[tuple[ExportJob, ExportSource]] = []
 """Job and source of a process of the pool."""
 
 
@@ -157,6 +159,6 @@ def _open(job: ExportJob) -> None:
     _opened.append((job, job.source()))
 
 
-def _write(part: Part) -> Facts:
+def _write(part: ExportPart) -> Facts:
     ((job, source),) = _opened
     return job.format.write(source, part, job.out)

@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from readygo.apps.export.arrow import Column, table_of, write_tables
 from readygo.apps.export.common import TASK, write_json
-from readygo.apps.export.source import SPLITS, ExportedEpisode, Part, Source
-from readygo.apps.export.statistics import Statistics, merged, of_images, of_rows
+from readygo.apps.export.source import SPLITS, ExportedEpisode, ExportPart, ExportSource
+from readygo.apps.export.statistics import Statistics, merge_statistics, of_images, of_rows
 from readygo.common.errors import DatasetError
 from readygo.common.files import write_whole
 
@@ -43,7 +43,7 @@ NAMES: Mapping[str, list[str] | None] = {
 """Features besides the image, with the names of their components."""
 
 
-def write(source: Source, part: Part, out: Path) -> Mapping[str, Any]:
+def write(source: ExportSource, part: ExportPart, out: Path) -> Mapping[str, Any]:
     """Write the rows of a part, and return the facts about its episodes."""
     chunk, number = divmod(part.number, CHUNK_FILES)
     place = FILE.format(chunk_index=chunk, file_index=number)
@@ -57,14 +57,14 @@ def write(source: Source, part: Part, out: Path) -> Mapping[str, Any]:
     write_tables(out / "data" / place, (rows_of(source.episode(number)) for number in part.episodes))
     write_tables(out / "meta" / "episodes" / place, [_plain_table(about)])
     features = {name: _feature(column) for name, column in numbers_of(source.episode(part.episodes[0])).items()}
-    return {"features": features, "statistics": merged([_statistics_in(row) for row in about])}
+    return {"features": features, "statistics": merge_statistics([_statistics_in(row) for row in about])}
 
 
-def finish(source: Source, out: Path, facts: Sequence[Any]) -> None:
+def finish(source: ExportSource, out: Path, facts: Sequence[Any]) -> None:
     """Write the files in meta/, which describe the whole export."""
     import pyarrow as pa
 
-    write_json(out / "meta" / "stats.json", merged([part["statistics"] for part in facts]))
+    write_json(out / "meta" / "stats.json", merge_statistics([part["statistics"] for part in facts]))
     # pandas reads the task as the row's index.
     types = {"task_index": ("int64", "int64"), "task": ("unicode", "object")}
     described = [
@@ -140,7 +140,7 @@ def _feature(column: Column) -> dict[str, Any]:
     return {"dtype": str(column.dtype), "shape": [1 if column.ndim == 1 else column.shape[1]]}
 
 
-def _info(source: Source, features: Mapping[str, Any]) -> dict[str, Any]:
+def _info(source: ExportSource, features: Mapping[str, Any]) -> dict[str, Any]:
     shape = [source.dataset.height_px, source.dataset.width_px, 3]
     splits = {split.value: source.of_split(split) for split in SPLITS}
     return {

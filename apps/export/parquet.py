@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from readygo.apps.export.arrow import Column, table_of, write_tables
-from readygo.apps.export.source import ExportedEpisode, Part, Source
+from readygo.apps.export.source import ExportedEpisode, ExportPart, ExportSource
 from readygo.common.errors import DatasetError
 from readygo.common.files import write_whole
 from readygo.common.messages import Split
@@ -22,14 +22,14 @@ NAMES = {Split.TRAIN: "train", Split.VAL: "validation", Split.TEST: "test"}
 """Names of the splits at Hugging Face."""
 
 
-def write(source: Source, part: Part, out: Path) -> Mapping[str, Any]:
+def write(source: ExportSource, part: ExportPart, out: Path) -> Mapping[str, Any]:
     """Write a Parquet file."""
     tables = (table_of(columns(source.episode(number))) for number in part.episodes)
     size = write_tables(out / _name(part), tables)
     return {"split": part.split.value, "file": _name(part), "size_bytes": size}
 
 
-def finish(source: Source, out: Path, facts: Sequence[Any]) -> None:
+def finish(source: ExportSource, out: Path, facts: Sequence[Any]) -> None:
     """Write the list of the files of each split."""
     lines = ["---", "task_categories:", "- robotics", "tags:", "- navigation", "configs:", "- config_name: default"]
     lines += ["  data_files:"]
@@ -56,5 +56,5 @@ def columns(episode: ExportedEpisode) -> dict[str, Column]:
     }
 
 
-def _name(part: Part) -> str:
+def _name(part: ExportPart) -> str:
     return f"data/{NAMES[part.split]}-{part.number_in_split:05d}.parquet"

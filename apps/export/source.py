@@ -86,7 +86,7 @@ class ExportedEpisode:
 
 
 @dataclass(frozen=True)
-class Part:
+class ExportPart:
     """Episodes that are written together: the unit in which an export stops and resumes."""
 
     number: int
@@ -97,7 +97,7 @@ class Part:
     """Numbers of its episodes."""
 
 
-class Source:
+class ExportSource:
     """The episodes of some data folders in the order of an export: training, validation, test."""
 
     def __init__(self, folders: Sequence[Path], rate_hz: int | None = None) -> None:
@@ -155,13 +155,13 @@ class Source:
         numbers = [number for number, entry in enumerate(self._entries) if entry.episode.split is split]
         return range(numbers[0], numbers[-1] + 1) if numbers else range(0)
 
-    def parts(self, size_bytes: int) -> list[Part]:
+    def parts(self, size_bytes: int) -> list[ExportPart]:
         """Parts of consecutive episodes of one split, each with about `size_bytes` of images or one larger episode."""
-        parts: list[Part] = []
+        parts: list[ExportPart] = []
         for split in SPLITS:
             begins = self._begins(self.of_split(split), size_bytes)
             for position, (begin, end) in enumerate(pairwise(begins)):
-                parts.append(Part(len(parts), split, position, range(begin, end)))
+                parts.append(ExportPart(len(parts), split, position, range(begin, end)))
         return parts
 
     def _begins(self, numbers: range, size_bytes: int) -> list[int]:

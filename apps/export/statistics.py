@@ -22,7 +22,7 @@ Statistics = dict[str, dict[str, Any]]
 def of_rows(column: npt.NDArray[np.generic]) -> dict[str, Any]:
     """Statistics of a column, shape (T,) or (T, n); each has shape (1,) or (n,)."""
     values = column.reshape(len(column), -1).astype(np.float64)
-    return _described(values, (values.shape[1],), len(column))
+    return _describe_values(values, (values.shape[1],), len(column))
 
 
 def of_images(images: Sequence[bytes]) -> dict[str, Any]:
@@ -36,15 +36,15 @@ def of_images(images: Sequence[bytes]) -> dict[str, Any]:
     if any(picture is None for picture in pictures):
         raise DatasetError("An image is damaged; `readygo validate` names it.")
     seen = [picture[::_PIXEL_STEP, ::_PIXEL_STEP].reshape(-1, 3) for picture in pictures if picture is not None]
-    return _described(np.concatenate(seen) / 255.0, (3, 1, 1), len(chosen))
+    return _describe_values(np.concatenate(seen) / 255.0, (3, 1, 1), len(chosen))
 
 
-def merged(parts: Sequence[Statistics]) -> Statistics:
+def merge_statistics(parts: Sequence[Statistics]) -> Statistics:
     """Overall statistics; quantiles are the means of the parts' quantiles, as in LeRobot."""
     return {name: _merged_feature([part[name] for part in parts]) for name in parts[0]}
 
 
-def _described(values: npt.NDArray[np.float64], shape: tuple[int, ...], count: int) -> dict[str, Any]:
+def _describe_values(values: npt.NDArray[np.float64], shape: tuple[int, ...], count: int) -> dict[str, Any]:
     found = {
         "min": values.min(axis=0),
         "max": values.max(axis=0),
@@ -59,12 +59,12 @@ def _described(values: npt.NDArray[np.float64], shape: tuple[int, ...], count: i
 def _merged_feature(parts: Sequence[dict[str, Any]]) -> dict[str, Any]:
     counts = np.array([part["count"][0] for part in parts], dtype=np.float64)
 
-    def weighted(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def weigh(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         return np.asarray(np.tensordot(counts / counts.sum(), values, axes=1))
 
     stacked = {name: np.array([part[name] for part in parts]) for name in parts[0] if name != "count"}
-    mean = weighted(stacked["mean"])
-    found = {name: weighted(values) for name, values in stacked.items()}
+    mean = weigh(stacked["mean"])
+    found = {name: weigh(values) for name, values in stacked.items()}
     found["min"], found["max"] = stacked["min"].min(axis=0), stacked["max"].max(axis=0)
-    found["std"] = np.sqrt(weighted(stacked["std"] ** 2 + (stacked["mean"] - mean) ** 2))
+    found["std"] = np.sqrt(weigh(stacked["std"] ** 2 + (stacked["mean"] - mean) ** 2))
     return {**{name: value.tolist() for name, value in found.items()}, "count": [int(counts.sum())]}

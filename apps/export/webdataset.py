@@ -15,15 +15,15 @@ from pathlib import Path
 from typing import Any
 
 from readygo.apps.export.common import suffix, write_json
-from readygo.apps.export.source import ExportedEpisode, Part, Source
+from readygo.apps.export.source import ExportedEpisode, ExportPart, ExportSource
 from readygo.common.errors import DatasetError
-from readygo.common.files import unfinished
+from readygo.common.files import write_then_rename
 
 
-def write(source: Source, part: Part, out: Path) -> Mapping[str, Any]:
+def write(source: ExportSource, part: ExportPart, out: Path) -> Mapping[str, Any]:
     """Write a tar file."""
     name, rows = f"{part.split.value}-{part.number_in_split:06d}.tar", 0
-    with unfinished(out / name, raises=DatasetError) as path, tarfile.open(path, "w") as tar:
+    with write_then_rename(out / name, raises=DatasetError) as path, tarfile.open(path, "w") as tar:
         for number in part.episodes:
             episode = source.episode(number)
             rows += len(episode)
@@ -34,7 +34,7 @@ def write(source: Source, part: Part, out: Path) -> Mapping[str, Any]:
     return {"split": part.split.value, "file": name, "rows": rows}
 
 
-def finish(source: Source, out: Path, facts: Sequence[Any]) -> None:
+def finish(source: ExportSource, out: Path, facts: Sequence[Any]) -> None:
     """Write the list of the tar files."""
     write_json(out / "index.json", {"rate_hz": source.rate_hz, "files": list(facts)})
 

@@ -12,10 +12,6 @@ from pathlib import Path
 from readygo.apps.fleet.access import join, open_router, reached_here, refusals_on_stderr
 from readygo.apps.fleet.fleet import Fleet
 from readygo.apps.fleet.token import given_token, new_token
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.identity import files_of, numeric_class, run_name
-from readygo.apps.run.policy import policy_refs
-from readygo.apps.run.world import World
 from readygo.common.bus import Bus
 from readygo.common.bus.identity import COORDINATOR
 from readygo.common.bus.zenoh_bus import free_endpoint
@@ -23,11 +19,13 @@ from readygo.common.errors import RunError
 from readygo.common.fleet.grants import Grants
 from readygo.common.messages import EvaluationPlan, PolicyRef, RunSpec
 from readygo.common.messages.stages import EVALUATE, EVALUATE_LINE
+from readygo.runs.folder import RunFolder
+from readygo.runs.identity import files_of, numeric_class, run_name
+from readygo.runs.policy import policy_refs
+from readygo.runs.world import World
 from readygo.services import coordinator as coordination
-from readygo.services.evaluator import EvaluateRequest, Results
-from readygo.services.evaluator.handlers import Elsewhere, Report
-from readygo.services.evaluator.keeper import Keeper
-from readygo.services.evaluator.service import attach as attach_keeper
+from readygo.services.evaluator import Elsewhere, EvaluateRequest, Keeper, Report, Results
+from readygo.services.evaluator import attach as attach_keeper
 
 WORKERS_MAX = 256
 KEEPER = "keeper"
@@ -107,7 +105,7 @@ def _drive_by_fleet(fleet: EvaluationFleet, indices: Sequence[int]) -> None:
         raise RunError(f"{folder.path} holds recorded data; choose another --out.")
     run, certs, endpoint = fleet.spec.run, fleet.certs, fleet.listen or free_endpoint()
     token, here = "" if certs else given_token() or new_token(), reached_here(endpoint)
-    with contextlib.ExitStack() as open_things, folder.locked():
+    with contextlib.ExitStack() as open_things, folder.lock():
         scratch = Path(open_things.enter_context(tempfile.TemporaryDirectory()))
         if certs:
             open_things.enter_context(refusals_on_stderr())

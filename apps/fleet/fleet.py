@@ -31,7 +31,7 @@ DROP_S = 5.0
 
 
 @dataclass
-class Member:
+class FleetMember:
     """One position in the fleet, and its current process."""
 
     role: str
@@ -81,11 +81,11 @@ class Fleet:
         self._logs = logs
         self._forks = forks or ForkServer(with_token(token), logs / "fork-server.log")
         self._owns_forks = forks is None
-        self.members: list[Member] = []
+        self.members: list[FleetMember] = []
 
     def add(self, role: str, name: str, *arguments: str) -> None:
         """Start a worker; `arguments` are appended to its command line."""
-        member = Member(role=role, name=name, log=self._logs / f"{name}.log", arguments=arguments)
+        member = FleetMember(role=role, name=name, log=self._logs / f"{name}.log", arguments=arguments)
         self.members.append(member)
         self._start(member)
 
@@ -131,7 +131,7 @@ class Fleet:
         if self._owns_forks:
             self._forks.close()
 
-    def _stop(self, members: list[Member], patience_s: float = STOP_S) -> None:
+    def _stop(self, members: list[FleetMember], patience_s: float = STOP_S) -> None:
         """End workers at the same time; kill those that take too long."""
         processes = [member.process for member in members if member.process]
         for process in processes:
@@ -167,25 +167,25 @@ class Fleet:
                     "Its episodes are safe; run the same command again to finish it."
                 )
 
-    def command(self, member: Member) -> list[str]:
+    def command(self, member: FleetMember) -> list[str]:
         """The command line of a member, after `readygo`."""
         return ["worker", member.role, "--name", member.name, *member.arguments, *self._arguments]
 
-    def _start(self, member: Member) -> None:
+    def _start(self, member: FleetMember) -> None:
         if member.process:
             member.process.stdin.close()
         with member.log.open("ab") as log:
             member.process = self._forks.start(self.command(member), log.fileno())
 
 
-def _restarts(member: Member) -> int:
+def _restarts(member: FleetMember) -> int:
     """Number of restarts of a worker within the last `RESTARTS_S`."""
     while member.restarted_s and time.monotonic() - member.restarted_s[0] > RESTARTS_S:
         member.restarted_s.popleft()
     return len(member.restarted_s)
 
 
-def _is_frozen(member: Member) -> bool:
+def _is_frozen(member: FleetMember) -> bool:
     """True if a worker's process has been stopped for `FROZEN_S`."""
     if not member.process or not _is_stopped(member.process.pid):
         member.stopped_s = None

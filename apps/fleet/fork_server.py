@@ -19,11 +19,11 @@ from pathlib import Path
 from setproctitle import setproctitle
 
 import readygo
-from readygo.apps.cli import Command, run_command
+from readygo.apps.cli import CliCommand, run_command
 from readygo.common.errors import RunError
 from readygo.common.left_open import close_all
 
-WORKER = Command("readygo.apps.fleet.worker:worker", "join a fleet as one worker")
+WORKER = CliCommand("readygo.apps.fleet.worker:worker", "join a fleet as one worker")
 PATIENCE_S = 120.0
 """Time for the server to load all modules and to answer, also on a busy machine [s]."""
 REPORT_S = 30.0
@@ -48,7 +48,7 @@ class Forked:
 
     def poll(self) -> int | None:
         """Exit code of the process; None while it runs."""
-        return self._ended(0.0)
+        return self._poll_end(0.0)
 
     def wait(self, timeout: float | None = None) -> int:
         """Wait for the end of the process; returns its exit code.
@@ -56,7 +56,7 @@ class Forked:
         Raises:
             subprocess.TimeoutExpired: If the process still runs after `timeout` [s].
         """
-        code = self._ended(timeout)
+        code = self._poll_end(timeout)
         if code is None:
             raise subprocess.TimeoutExpired(str(self.pid), timeout or 0.0)
         return code
@@ -74,7 +74,7 @@ class Forked:
         """Send SIGKILL to the process."""
         self.send_signal(signal.SIGKILL)
 
-    def _ended(self, timeout_s: float | None) -> int | None:
+    def _poll_end(self, timeout_s: float | None) -> int | None:
         if self.returncode is None and _readable(self._pidfd, timeout_s):
             self._report.settimeout(REPORT_S)
             try:
@@ -193,9 +193,9 @@ def _load() -> None:
     from numba.core.registry import cpu_target
 
     import readygo.apps.fleet.worker
-    import readygo.apps.run.stages
-    import readygo.apps.run.warm  # noqa: F401
-    from readygo.apps.run.world import share_embedded_avatars
+    import readygo.runs.stages
+    import readygo.runs.warm  # noqa: F401
+    from readygo.runs.world import share_embedded_avatars
 
     share_embedded_avatars()
     cpu_target.target_context.refresh()
@@ -227,7 +227,7 @@ def _serve(control: socket.socket) -> list[str] | None:
             pid = os.fork()
             if not pid:
                 _leave([control, report, *(each for _, each in children.values())], list(children))
-                _become(words, *descriptors[1:])
+                _become_process(words, *descriptors[1:])
                 return words
             pidfd = os.pidfd_open(pid)
             children[pidfd] = pid, report
@@ -253,7 +253,7 @@ def _leave(sockets: Sequence[socket.socket], descriptors: Sequence[int]) -> None
         os.close(descriptor)
 
 
-def _become(words: Sequence[str], standard_input: int, output: int) -> None:
+def _become_process(words: Sequence[str], standard_input: int, output: int) -> None:
     """Give a forked process a new session, its streams, and its command line in lists of processes."""
     os.setsid()
     for descriptor, number in ((standard_input, 0), (output, 1), (output, 2)):

@@ -12,16 +12,16 @@ from readygo.apps.fleet.process import LATE_S
 from readygo.apps.fleet.token import given_token, new_token
 from readygo.apps.fleet.worker import TICK_S, make_coordinator, take_the_lead
 from readygo.apps.observe.health import showing_health
-from readygo.apps.observe.observer import Observer
+from readygo.apps.observe.observer import ProcessObserver
 from readygo.apps.observe.settings import NOTHING
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.identity import check_version
-from readygo.apps.run.recorders import prepare_folders, recorders_of
-from readygo.apps.run.recovery import recover
 from readygo.common.bus import Bus, Member
 from readygo.common.bus.identity import COORDINATOR
 from readygo.common.errors import RunError
 from readygo.common.messages import StatusReply, StatusRequest
+from readygo.runs.folder import RunFolder
+from readygo.runs.identity import check_version
+from readygo.runs.recorders import prepare_folders, recorders_of
+from readygo.runs.recovery import recover
 from readygo.services import coordinator as coordination
 
 log = logging.getLogger(__name__)
@@ -36,7 +36,7 @@ def lead(
     *,
     joins: bool = False,
     certs: Path | None = None,
-    observer: Observer | None = None,
+    observer: ProcessObserver | None = None,
 ) -> StatusReply:
     """Coordinate the run in a data folder until it is over and all workers have left.
 
@@ -57,8 +57,8 @@ def lead(
     check_version(spec)
     token = "" if certs else given_token() or ("" if joins else new_token())
     here = endpoint if joins else reached_here(endpoint)
-    watched = observer or Observer(NOTHING, run=spec.run, role=COORDINATOR, name=COORDINATOR)
-    with folder.locked(), folder.coordinated(patience_s=2 * LATE_S):
+    watched = observer or ProcessObserver(NOTHING, run=spec.run, role=COORDINATOR, name=COORDINATOR)
+    with folder.lock(), folder.lock_coordinator(patience_s=2 * LATE_S):
         if folder.load()[0].run != spec.run:
             raise RunError(f"Another run was begun in {folder.path} at the same time; choose another --out.")
         recover(folder, recorded_here=False)
@@ -86,12 +86,12 @@ def lead(
 def _until_over(bus: Bus, coordinator: coordination.Coordinator, lead_on: Callable[[], None]) -> StatusReply:
     present: set[Member] = set()
 
-    def changed(member: Member, alive: bool) -> None:
+    def on_change(member: Member, alive: bool) -> None:
         log.info("%s %s %s", member.role, member.name, "has joined" if alive else "has left")
         (present.add if alive else present.discard)(member)
 
     coordination.attach(bus, coordinator)
-    bus.watch(changed)
+    bus.watch(on_change)
     over_s = 0.0
     clock = threading.Event()
     while not over_s or (len(present) > 1 and time.monotonic() - over_s < FAREWELL_S):

@@ -6,11 +6,7 @@ from typing import Any, Protocol
 from readygo.common.bus.zenoh_bus import Router, ZenohBus
 from readygo.common.messages import ReconstructionProgress, topics
 from readygo.common.messages.reconstruction import RECONSTRUCTOR
-from readygo.services.reconstructor.config import ReconstructorConfig
-from readygo.services.reconstructor.desk import Desk
-from readygo.services.reconstructor.reconstruct import Job
-from readygo.services.reconstructor.service import ASK_S, attach
-from readygo.services.reconstructor.stages import StageProgress
+from readygo.services.reconstructor import ASK_S, Desk, Job, ReconstructorConfig, StageProgress, attach
 
 _LEAVE_S = 2.0 * ASK_S
 """Time for the worker to learn that there are no further jobs [s]."""
@@ -49,21 +45,21 @@ def ask_worker(job: Job, config: ReconstructorConfig, listen: str, listener: Lis
             attach(bus, desk)
             bus.subscribe(topics.RECONSTRUCTION, lambda message: listener.say(_heard(message)))
             sys.stderr.write(f"waiting for: readygo worker {RECONSTRUCTOR} --connect {listen} --run {run}\n")
-            return _waited(desk)
+            return _wait_for_report(desk)
         finally:
             bus.close()
     finally:
         router.close()
 
 
-def _waited(desk: Desk) -> dict[str, Any]:
+def _wait_for_report(desk: Desk) -> dict[str, Any]:
     # Short waits, so that Ctrl-C takes effect between them.
     try:
         while (report := desk.wait(ASK_S)) is None:
             pass
         return report
     finally:
-        desk.dismissed(_LEAVE_S)
+        desk.wait_dismissed(_LEAVE_S)
 
 
 def _heard(message: ReconstructionProgress) -> StageProgress:

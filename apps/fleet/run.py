@@ -13,14 +13,8 @@ from readygo.apps.fleet.roles import places
 from readygo.apps.fleet.slurm import SlurmWorkers
 from readygo.apps.fleet.token import given_token, new_token
 from readygo.apps.fleet.worker import make_coordinator, make_recorder
-from readygo.apps.observe.observer import Observer
+from readygo.apps.observe.observer import ProcessObserver
 from readygo.apps.observe.settings import NOTHING, Observing
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.identity import numeric_class
-from readygo.apps.run.recorders import prepare_folders, recorders_of
-from readygo.apps.run.recovery import check_recorded, recover
-from readygo.apps.run.stages import LINE, Entry, stage_works
-from readygo.apps.run.world import World
 from readygo.common.bus import Bus, InProcessBus
 from readygo.common.bus.identity import COORDINATOR, RECORDER
 from readygo.common.bus.zenoh_bus import free_endpoint
@@ -28,6 +22,12 @@ from readygo.common.dataset.aside import read_set_aside
 from readygo.common.errors import BusError, RunError
 from readygo.common.fleet import Worker, claim_any
 from readygo.common.messages import ClaimStatus, RunSpec, StatusReply, StatusRequest, topics
+from readygo.runs.folder import RunFolder
+from readygo.runs.identity import numeric_class
+from readygo.runs.recorders import prepare_folders, recorders_of
+from readygo.runs.recovery import check_recorded, recover
+from readygo.runs.stages import LINE, Entry, stage_works
+from readygo.runs.world import World
 from readygo.services import coordinator as coordination
 from readygo.services.recorder import attach as attach_recorder
 
@@ -85,12 +85,12 @@ def record(
     folder = RunFolder(out)
     folder.check(spec)
     begin_s = time.monotonic()
-    with folder.locked():
+    with folder.lock():
         # A different run may have begun in the folder since.
         folder.check(spec)
         recover(folder)
         prepare_folders(folder, spec)
-        recorded, samples_before = _recorded(folder, episodes)
+        recorded, samples_before = _count_recorded(folder, episodes)
         _save(folder, spec, episodes)
         if workers == 0 or recorded == episodes:
             status = run_in_process(folder, show, observing=observing)
@@ -120,9 +120,9 @@ def begin(spec: RunSpec, out: Path, episodes: int) -> None:
     """
     folder = RunFolder(out)
     folder.check(spec)
-    with folder.locked():
+    with folder.lock():
         folder.check(spec)
-        _recorded(folder, episodes)
+        _count_recorded(folder, episodes)
         _save(folder, spec, episodes)
 
 
@@ -141,11 +141,11 @@ def run_in_process(
         return _run_in_process(folder, show, line, observer)
 
 
-def _observer(folder: RunFolder, observing: Observing) -> Observer:
-    return Observer(observing, run=folder.load()[0].run, role=LAUNCHER, name=LAUNCHER, state=folder.state)
+def _observer(folder: RunFolder, observing: Observing) -> ProcessObserver:
+    return ProcessObserver(observing, run=folder.load()[0].run, role=LAUNCHER, name=LAUNCHER, state=folder.state)
 
 
-def _run_in_process(folder: RunFolder, show: Show, line: Sequence[Entry], observer: Observer) -> StatusReply:
+def _run_in_process(folder: RunFolder, show: Show, line: Sequence[Entry], observer: ProcessObserver) -> StatusReply:
     bus = observer.bus(InProcessBus())
     coordinator = make_coordinator(folder)
     observer.coordinator(coordinator)
@@ -259,12 +259,12 @@ def _save(folder: RunFolder, spec: RunSpec, episodes: int) -> None:
         ledger.close()
 
 
-def _recorded(folder: RunFolder, wanted: int) -> tuple[int, int]:
+def _count_recorded(folder: RunFolder, wanted: int) -> tuple[int, int]:
     """Numbers of the run's durable episodes and their samples; raises RunError if `wanted` is below the episodes."""
     if not folder.ledger.exists():
         return 0, 0
     ledger = coordination.Ledger(folder.ledger)
-    (episodes, samples), wanted_min = ledger.census.committed(), ledger.wanted_min()
+    (episodes, samples), wanted_min = ledger.census.committed_counts(), ledger.wanted_min()
     ledger.close()
     if wanted_min > wanted:
         raise RunError(

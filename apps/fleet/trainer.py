@@ -6,15 +6,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from readygo.apps.run.origin import note_origin, origin_of_runs
-from readygo.apps.run.training import torch_needed
-from readygo.apps.run.world import World
 from readygo.common.bus import Bus
 from readygo.common.bus.identity import TRAINER
 from readygo.common.dataset import committed_episodes
 from readygo.common.errors import RunError
 from readygo.common.messages import CommittedEpisode, EpisodeKey, RunSpec, RunSpecRequest, topics
 from readygo.common.messages.live import LiveLoss
+from readygo.runs.origin import note_origin, origin_of_runs
+from readygo.runs.training import torch_needed
+from readygo.runs.world import World
 from readygo.services.trainer import TrainConfig
 
 SPEC_TIMEOUT_S = 30.0
@@ -40,8 +40,7 @@ def train_beside(
         PolicyError: If torch is not installed, `out` belongs to another run, or the loss is not finite.
     """
     with torch_needed():
-        from readygo.services.trainer.live import LiveTrainer
-        from readygo.services.trainer.train import training_threads
+        from readygo.services.trainer import LiveTrainer, training_threads
     specs = [bus.request(topics.SPEC, RunSpecRequest(), timeout_s=SPEC_TIMEOUT_S) for bus in buses.values()]
     robot, sensor = _camera(specs)
     _check_goals(specs, config)

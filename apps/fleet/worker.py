@@ -22,14 +22,8 @@ from readygo.apps.fleet.runs import ANY_RUN, Runs
 from readygo.apps.fleet.several import record_for, work_for
 from readygo.apps.observe.health import showing_health
 from readygo.apps.observe.logs import begin_logging
-from readygo.apps.observe.observer import Observer
+from readygo.apps.observe.observer import ProcessObserver
 from readygo.apps.observe.settings import Observing
-from readygo.apps.run.aside import keep_scenario, note_set_aside
-from readygo.apps.run.config import config_of
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.identity import check_same_make, files_of, numeric_class
-from readygo.apps.run.policy import check_offer
-from readygo.apps.run.recovery import Witness
 from readygo.common.bus import Bus
 from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.bus.identity import ALL, COORDINATOR, RECORDER, TRAINER
@@ -41,13 +35,19 @@ from readygo.common.fleet import Worker, pull
 from readygo.common.messages import RunSpecRequest, topics
 from readygo.common.messages.reconstruction import RECONSTRUCTOR
 from readygo.common.printable import strip_controls
+from readygo.runs.aside import keep_scenario, note_set_aside
+from readygo.runs.config import config_of
+from readygo.runs.folder import RunFolder
+from readygo.runs.identity import check_same_make, files_of, numeric_class
+from readygo.runs.policy import check_offer
+from readygo.runs.recovery import Witness
 from readygo.services import coordinator as coordination
 from readygo.services.recorder import Recorder
 from readygo.services.recorder import attach as attach_recorder
 
 if TYPE_CHECKING:
     # These modules take a second to load; coordinator and recorder do not need them.
-    from readygo.apps.run.world import World
+    from readygo.runs.world import World
 
 log = logging.getLogger(__name__)
 
@@ -114,7 +114,7 @@ def worker(options: WorkerOptions) -> None:
         if not options.run and not several:
             raise RunError(f"A {options.role} needs the name of its run: pass --run.")
         state = RunFolder(options.data[0]).state if options.data and not several else None
-        with Observer(options.observe, run=options.run, role=options.role, name=name, state=state) as observer:
+        with ProcessObserver(options.observe, run=options.run, role=options.role, name=name, state=state) as observer:
             if options.role == TRAINER:
                 buses: dict[str, Bus] = {each: joined(each) for each in options.run.split(",")}
                 _train(buses, options.data, options.out, options.config, stop)
@@ -146,7 +146,7 @@ class _Part:
     role: str
     name: str
     data: tuple[Path, ...]
-    observer: Observer
+    observer: ProcessObserver
     join: Callable[[str], ZenohBus]
     """Joins the bus of a run by its name."""
     stop: threading.Event
@@ -158,7 +158,7 @@ def _serve_runs(part: _Part, named: list[str]) -> None:
     folder = _folder(part.role, part.data).path if part.role == RECORDER else None
     if folder is None:
         # Compile kernels before a run waits for this worker.
-        from readygo.apps.run.warm import warm_once
+        from readygo.runs.warm import warm_once
 
         warm_once()
     bus = part.join(ANY_RUN)
@@ -194,9 +194,9 @@ def _take_part(part: _Part, run: str, leave: Callable[[], bool], *, alone: bool)
         bus.close()
 
 
-def _reconstruct(bus: Bus, name: str, stop: threading.Event, observer: Observer) -> None:
+def _reconstruct(bus: Bus, name: str, stop: threading.Event, observer: ProcessObserver) -> None:
     # Imported here: it takes memory that no other role needs.
-    from readygo.services.reconstructor.service import pull_jobs
+    from readygo.services.reconstructor import pull_jobs
 
     try:
         with showing_health(bus, RECONSTRUCTOR, name, metrics=observer.metrics_at):
@@ -209,7 +209,7 @@ def _train(
     buses: dict[str, Bus], data: tuple[Path, ...], out: Path | None, config: Path | None, stop: threading.Event
 ) -> None:
     from readygo.apps.fleet.trainer import train_beside
-    from readygo.apps.run.training import make_config
+    from readygo.runs.training import make_config
 
     try:
         if out is None:
@@ -296,8 +296,8 @@ def make_recorder(bus: Bus, name: str, folder: RunFolder, world: "World") -> Rec
     )
 
 
-def _coordinate(bus: Bus, folder: RunFolder, stop: threading.Event, observer: Observer) -> bool:
-    with folder.coordinated(patience_s=2 * LATE_S):
+def _coordinate(bus: Bus, folder: RunFolder, stop: threading.Event, observer: ProcessObserver) -> bool:
+    with folder.lock_coordinator(patience_s=2 * LATE_S):
         coordinator = make_coordinator(folder)
         observer.coordinator(coordinator)
         lead_on = take_the_lead(bus, coordinator)
@@ -308,7 +308,9 @@ def _coordinate(bus: Bus, folder: RunFolder, stop: threading.Event, observer: Ob
         return coordinator.over
 
 
-def _record(bus: Bus, name: str, folder: RunFolder, stop: threading.Event, observer: Observer, *, alone: bool) -> bool:
+def _record(
+    bus: Bus, name: str, folder: RunFolder, stop: threading.Event, observer: ProcessObserver, *, alone: bool
+) -> bool:
     over = threading.Event()
     if alone:
         bus.subscribe(topics.PROGRESS, lambda status: over.set() if status.finished or status.failed else None)
@@ -322,9 +324,9 @@ def _record(bus: Bus, name: str, folder: RunFolder, stop: threading.Event, obser
     return over.is_set()
 
 
-def _work(bus: Bus, role: str, name: str, leave: Callable[[], bool], observer: Observer, *, alone: bool) -> bool:
-    from readygo.apps.run.stages import stage_works
-    from readygo.apps.run.warm import warm_once
+def _work(bus: Bus, role: str, name: str, leave: Callable[[], bool], observer: ProcessObserver, *, alone: bool) -> bool:
+    from readygo.runs.stages import stage_works
+    from readygo.runs.warm import warm_once
 
     world = _world(bus, role)
     if alone:
@@ -339,7 +341,7 @@ def _work(bus: Bus, role: str, name: str, leave: Callable[[], bool], observer: O
 
 
 def _world(bus: Bus, role: str) -> "World":
-    from readygo.apps.run.world import World
+    from readygo.runs.world import World
 
     return World(bus.request(topics.SPEC, RunSpecRequest(role=role), timeout_s=SPEC_TIMEOUT_S), bus)
 

@@ -11,9 +11,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.run.config import RunConfig, load_run_config
-from readygo.apps.run.evaluation import evaluation_world, make_evaluator
-from readygo.apps.run.origin import avatars_of_policy, settings_of_policy
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.conduct import PERSONAL_SPACE_M
 from readygo.common.episode.loop import EpisodeRun, Observer
@@ -21,9 +18,10 @@ from readygo.common.errors import ConfigError, SceneError
 from readygo.common.messages import EpisodeKey, Outcome, Split
 from readygo.common.policy import PolicySpec, load_spec
 from readygo.common.robot import RobotConfig
-from readygo.services.evaluator import Task
-from readygo.services.evaluator.baselines.goal_field import GoalField
-from readygo.services.evaluator.episodes import as_task
+from readygo.runs.config import RunConfig, load_run_config
+from readygo.runs.evaluation import evaluation_world, make_evaluator
+from readygo.runs.origin import avatars_of_policy, settings_of_policy
+from readygo.services.evaluator import GoalField, Task, as_task
 from readygo.services.planner import Expert
 
 REJECTED_MAX = 1000
@@ -71,7 +69,9 @@ class RewardObserver(Observer):
         gained_m = self.left_m - left_m if math.isfinite(left_m) and math.isfinite(self.left_m) else 0.0
         self.left_m = left_m
         self.value = reward.per_metre * gained_m + reward.per_second * simulation.clock.dt_s
-        self.value += reward.success if outcome is Outcome.SUCCESS else reward.collision if _collided(outcome) else 0.0
+        self.value += (
+            reward.success if outcome is Outcome.SUCCESS else reward.collision if _is_collision(outcome) else 0.0
+        )
 
 
 @dataclass(eq=False)
@@ -187,7 +187,7 @@ class PointNav:
         places = simulation.human_xy_m
         distance_m = min((math.dist((simulation.x_m, simulation.y_m), place) for place in places), default=math.inf)
         info: dict[str, Any] = {
-            "cost_collision": float(_collided(outcome)),
+            "cost_collision": float(_is_collision(outcome)),
             "cost_intrusion": float(distance_m - simulation.contact_m < PERSONAL_SPACE_M),
             "success": outcome is Outcome.SUCCESS,
             "outcome": "" if outcome is None else outcome.value,
@@ -226,5 +226,5 @@ def _settings(path: Path | None, policy: PolicySpec | None, humans: int, image_p
     return dataclasses.replace(settings, episode=episode, robot=robot)
 
 
-def _collided(outcome: Outcome | None) -> bool:
+def _is_collision(outcome: Outcome | None) -> bool:
     return outcome in (Outcome.HUMAN_COLLISION, Outcome.STATIC_COLLISION)

@@ -8,7 +8,7 @@ AHEAD_SAMPLES = 10_000
 
 
 @dataclass(frozen=True)
-class Split:
+class CoreSplit:
     """Numbers of cores for recording and for training."""
 
     collectors: int
@@ -16,7 +16,7 @@ class Split:
     trainer_threads: int
 
 
-def split_cores(cores: int, *, scenes: int, collect_hz: float, train_hz: float, reuse: float) -> Split:
+def split_cores(cores: int, *, scenes: int, collect_hz: float, train_hz: float, reuse: float) -> CoreSplit:
     """The split at which training uses every recorded sample `reuse` times.
 
     k of n cores record k c samples a second, the others learn from (n - k) t: as many as k c reuse where
@@ -31,7 +31,7 @@ def split_cores(cores: int, *, scenes: int, collect_hz: float, train_hz: float, 
     """
     wanted = round(cores * train_hz / (train_hz + reuse * collect_hz))
     collectors = max(scenes, min(wanted, cores - 1), 1)
-    return Split(collectors, max(1, cores - collectors))
+    return CoreSplit(collectors, max(1, cores - collectors))
 
 
 def shared_out(collectors: int, scenes: int) -> list[int]:

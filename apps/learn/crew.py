@@ -13,16 +13,16 @@ from readygo.apps.fleet.fleet import Fleet
 from readygo.apps.fleet.fork_server import ForkServer
 from readygo.apps.fleet.roles import places as places_of
 from readygo.apps.fleet.token import given_token, new_token, with_token
-from readygo.apps.learn.cores import Split, shared_out
-from readygo.apps.learn.plan import Place, Plan
+from readygo.apps.learn.cores import CoreSplit, shared_out
+from readygo.apps.learn.plan import LearnPlace, LearnPlan
 from readygo.apps.learn.training import Training, write_trainer_config
-from readygo.apps.run.recovery import recover
 from readygo.common.bus import Member
 from readygo.common.bus.identity import ALL, COORDINATOR, TRAINER
 from readygo.common.bus.zenoh_bus import ZenohBus, free_endpoint
 from readygo.common.errors import BusError, RunError
 from readygo.common.messages import Command, ControlRequest, StatusReply, topics
 from readygo.common.messages.stages import STAGES
+from readygo.runs.recovery import recover
 from readygo.services.evaluator import EpisodeRecord, shown_record
 
 EVALUATOR = "evaluator"
@@ -63,7 +63,7 @@ ALONE = Reach()
 class Crew:
     """Supervisor of the processes: starts, restarts and ends them; a context that leaves no process behind."""
 
-    def __init__(self, plan: Plan, split: Split, reach: Reach = ALONE) -> None:
+    def __init__(self, plan: LearnPlan, split: CoreSplit, reach: Reach = ALONE) -> None:
         self.status: dict[str, StatusReply] = {}
         """Last status of each scene's run."""
         self._plan, self._split = plan, split
@@ -117,7 +117,7 @@ class Crew:
         return self.images / cpu_s if cpu_s > 0 else 0.0
 
     @property
-    def running(self) -> Split:
+    def running(self) -> CoreSplit:
         """The current division of the cores."""
         return self._split
 
@@ -167,7 +167,7 @@ class Crew:
             del self._deaf[name]
             self._fleets[name].kill(COORDINATOR)
 
-    def split(self, split: Split) -> None:
+    def split(self, split: CoreSplit) -> None:
         """Change the division of the cores: add or remove collectors, restart the trainer with other threads."""
         threads = self._split.trainer_threads
         self._split = split
@@ -193,9 +193,9 @@ class Crew:
         self._open.callback(self._trainer.stop)
         self._start_trainer()
 
-    def _start_fleet(self, place: Place, collectors: int) -> None:
+    def _start_fleet(self, place: LearnPlace, collectors: int) -> None:
         folder, spec = place.folder, place.spec
-        self._open.enter_context(folder.locked())
+        self._open.enter_context(folder.lock())
         recover(folder)
         here = reached_here(self._endpoint)
         bus = join(here, spec.run, COORDINATOR, certs=self._reach.certs, token=self._token)

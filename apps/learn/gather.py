@@ -9,7 +9,7 @@ import numpy as np
 
 from readygo.apps.learn.choice import Measurement
 from readygo.apps.learn.curve import CurvePoint
-from readygo.apps.learn.plan import Plan
+from readygo.apps.learn.plan import LearnPlan
 from readygo.apps.learn.training import read_losses
 from readygo.apps.pictures.playback import latest_pictured, rows_of
 from readygo.apps.pictures.recorded import RecordedEpisodes
@@ -17,12 +17,12 @@ from readygo.apps.report.evaluation import FAILURES, GALLERY_FILE, REPORT_FILE
 from readygo.apps.report.learn import Ends, ReportContent, RunNumbers
 from readygo.apps.report.page import CommandLine, MediaFigure, PageLink, StripImage, film, percent
 from readygo.apps.report.tables import DriverScore
-from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset, EpisodeEntry
 from readygo.common.drawing.charts import Curve
 from readygo.common.episode import wilson_interval
-from readygo.common.messages import Driver, Outcome
+from readygo.common.messages import DriverKind, Outcome
 from readygo.common.scenes.top_view import TopView, top_view
+from readygo.runs.world import World
 from readygo.services.evaluator import EvaluateReply
 
 TASK_NAMES = {"static": "static", "dynamic": "among humans"}
@@ -39,7 +39,7 @@ SEARCHED = 20
 
 
 def gather(
-    plan: Plan,
+    plan: LearnPlan,
     points: Sequence[CurvePoint],
     chosen: Measurement | None,
     replies: Mapping[str, EvaluateReply],
@@ -62,7 +62,7 @@ def gather(
     recorded = RecordedEpisodes(dataset, world)
     view = top_view(world.scene)
     films, scores = plan.out / "films", tuple(_scores(replies))
-    driven = [entry for entry in dataset.episodes if entry.driver is Driver.POLICY][-LATEST:]
+    driven = [entry for entry in dataset.episodes if entry.driver is DriverKind.POLICY][-LATEST:]
     seen = recorded.best_encounter(list(dataset.episodes[-SEARCHED:]))
     origin = dataset.provenance
     return ReportContent(
@@ -74,7 +74,7 @@ def gather(
         scene_note=f"{len(world.scene.cloud):,} Gaussians; {len(world.avatars)} humans can walk in it.",
         top_view=view,
         occupancy=world.scene.maps.robot,
-        episodes=tuple(recorded.drawn(entry) for entry in dataset.episodes[:6]),
+        episodes=tuple(recorded.draw_episode(entry) for entry in dataset.episodes[:6]),
         strip=_strip(recorded, seen),
         strip_note=f"Episode {seen.episode.episode_id}, as recorded: {dataset.width_px}x{dataset.height_px}.",
         **_rates(points),

@@ -11,13 +11,13 @@ from readygo.apps.learn.crew import ALONE, Reach
 from readygo.apps.learn.curve import CurvePoint
 from readygo.apps.learn.gather import TEST_FOLDER, gather
 from readygo.apps.learn.measure import Measuring
-from readygo.apps.learn.plan import Plan, locked
+from readygo.apps.learn.plan import LearnPlan, lock_folder
 from readygo.apps.learn.supervise import Now, Supervisor
 from readygo.apps.report.learn import ReportContent, RunNumbers
 from readygo.apps.report.page import CommandLine
 from readygo.common.config import section_to_mapping
 from readygo.common.messages import StatusRequest
-from readygo.services.coordinator.handlers import handle_status
+from readygo.services.coordinator import handle_status
 from readygo.services.evaluator import EpisodeRecord, EvaluateReply
 
 
@@ -25,7 +25,7 @@ from readygo.services.evaluator import EpisodeRecord, EvaluateReply
 class Learned:
     """Result of a learning run."""
 
-    plan: Plan
+    plan: LearnPlan
     points: list[CurvePoint]
     chosen: Measurement | None
     """The measurement of the policy that was kept."""
@@ -56,7 +56,7 @@ class Learned:
 
 
 def learn_policy(
-    plan: Plan,
+    plan: LearnPlan,
     *,
     episodes: int,
     show: Callable[[Now], None] = lambda now: None,
@@ -77,7 +77,7 @@ def learn_policy(
     Raises:
         ReadygoError: If the run cannot continue; recorded data and trained policies stay.
     """
-    with locked(plan):
+    with lock_folder(plan):
         measuring = Measuring(plan)
         supervisor = Supervisor(plan, measuring, show, reach)
         chosen = supervisor.learn()
@@ -122,7 +122,7 @@ def _numbers(learned: Learned) -> RunNumbers:
     )
 
 
-def _commands(plan: Plan, scenes: tuple[str, ...], options: Mapping[str, object]) -> tuple[CommandLine, ...]:
+def _commands(plan: LearnPlan, scenes: tuple[str, ...], options: Mapping[str, object]) -> tuple[CommandLine, ...]:
     policy, data, budget = plan.policy, plan.places[0].folder.path, plan.budget
     named = [f"--{name} {value}" for name, value in options.items() if value is not None]
     more = f"--minutes {2 * budget.minutes:g}" if budget.samples is None else f"--samples {2 * budget.samples}"

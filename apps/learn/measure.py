@@ -11,19 +11,19 @@ from pathlib import Path
 from readygo.apps.evaluation.replay import Replays
 from readygo.apps.evaluation.watch import write_pages
 from readygo.apps.learn.choice import Measurement
-from readygo.apps.learn.plan import Plan
-from readygo.apps.run.config import RunConfig
-from readygo.apps.run.evaluation import (
+from readygo.apps.learn.plan import LearnPlan
+from readygo.common.messages import Outcome, Split
+from readygo.common.policy import PolicySpec, load_policy
+from readygo.runs.config import RunConfig
+from readygo.runs.evaluation import (
     evaluation_settings,
     evaluation_world,
     make_evaluator,
     summarize,
 )
-from readygo.apps.run.origin import origin_of_runs, settings_of_policy, with_origin
-from readygo.apps.run.policy import policy_sha256
-from readygo.apps.run.world import World
-from readygo.common.messages import Outcome, Split
-from readygo.common.policy import PolicySpec, load_policy
+from readygo.runs.origin import origin_of_runs, settings_of_policy, with_origin
+from readygo.runs.policy import policy_sha256
+from readygo.runs.world import World
 from readygo.services.evaluator import (
     POLICY,
     EpisodeRecord,
@@ -52,7 +52,7 @@ class Measured:
 class Measuring:
     """Measures policies in loaded scenes; the first measurement loads them."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: LearnPlan) -> None:
         self._plan = plan
 
     def val(
@@ -158,7 +158,7 @@ class Measuring:
         return [world.renderer() for world in self._worlds]
 
 
-def tried_settings(plan: Plan) -> RunConfig:
+def tried_settings(plan: LearnPlan) -> RunConfig:
     """The settings in which a plan's policies are evaluated: those that `readygo evaluate` takes from the policy."""
     bare = PolicySpec(robot=plan.config.robot, sensor=plan.config.renderer.sensor)
     return settings_of_policy(with_origin(bare, origin_of_runs(place.spec for place in plan.places)))

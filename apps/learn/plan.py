@@ -11,14 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from readygo.apps.learn.config import GoalName, LearnConfig, load_learn_config
-from readygo.apps.run.config import RunConfig, load_run_config
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.policy import with_offers
-from readygo.apps.run.scene_argument import open_scene
-from readygo.apps.run.sight import chosen_images
-from readygo.apps.run.spec import make_spec
-from readygo.apps.run.world import World
-from readygo.apps.sections import NO_KEYS, Keys, with_keys
 from readygo.common.camera import CameraConfig
 from readygo.common.documents import read_json
 from readygo.common.errors import ConfigError, RunError, SceneError
@@ -27,11 +19,17 @@ from readygo.common.images.names import kind_of
 from readygo.common.messages import EpisodeKey, HumanPlanRequest, RunSpec, Split
 from readygo.common.policy.sight import check_cameras
 from readygo.common.robot import RobotConfig, load_robot
+from readygo.runs.config import RunConfig, load_run_config
+from readygo.runs.folder import RunFolder
+from readygo.runs.policy import with_offers
+from readygo.runs.scene_argument import open_scene
+from readygo.runs.sections import NO_KEYS, Keys, with_keys
+from readygo.runs.spec import make_spec
+from readygo.runs.world import World
 from readygo.services.driver import DriverConfig
-from readygo.services.planner import handle_human_plan
-from readygo.services.planner.humans.config import HumanPlannerConfig
+from readygo.services.planner import HumanPlannerConfig, handle_human_plan
 from readygo.services.renderer import RendererConfig
-from readygo.services.trainer.config import SamplingConfig
+from readygo.services.trainer import SamplingConfig, chosen_images
 
 FORMAT = "readygo-learn/1"
 SMALL_CAMERA = CameraConfig(height_px=72, width_px=128)
@@ -49,7 +47,7 @@ DRAWS = 40
 
 
 @dataclass(frozen=True, kw_only=True)
-class Place:
+class LearnPlace:
     """A scene, and its recording run."""
 
     name: str
@@ -70,11 +68,11 @@ class Budget:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
+class LearnPlan:
     """Scenes, settings, budget and folder of a learning run."""
 
     out: Path
-    places: tuple[Place, ...]
+    places: tuple[LearnPlace, ...]
     config: RunConfig
     learn: LearnConfig
     budget: Budget
@@ -191,7 +189,7 @@ def make_plan(
     *,
     avatars: Path | None,
     seed: int,
-) -> Plan:
+) -> LearnPlan:
     """Plan the runs of some scenes, with one robot and one scenario mix; writes nothing.
 
     Raises:
@@ -202,15 +200,17 @@ def make_plan(
         raise RunError('Name a scene: a bundle, or "embedded".')
     if not (0 < budget.minutes < math.inf and (budget.samples is None or budget.samples > 0)):
         raise RunError(f"--minutes and --samples must be above 0, got {budget.minutes:g} and {budget.samples}.")
-    places: list[Place] = []
+    places: list[LearnPlace] = []
     for scene in scenes:
         spec = make_spec(open_scene(scene), avatars, config, seed=seed, split=Split.TRAIN, static=False)
         if spec.scene_hash in [place.spec.scene_hash for place in places]:
             raise RunError(f"Scene {scene} is named twice; name each scene once.")
         name = free_name(spec.metadata["scene"]["name"] or "scene", [place.name for place in places])
         folder = RunFolder(out / "data" / name)
-        places.append(Place(name=name, scene=scene, spec=with_offers(spec, config, learn.mix), folder=folder))
-    plan = Plan(out=out, places=tuple(places), config=config, learn=learn, budget=budget, avatars=avatars, seed=seed)
+        places.append(LearnPlace(name=name, scene=scene, spec=with_offers(spec, config, learn.mix), folder=folder))
+    plan = LearnPlan(
+        out=out, places=tuple(places), config=config, learn=learn, budget=budget, avatars=avatars, seed=seed
+    )
     _check_folder(plan)
     for place in plan.places:
         place.folder.check(place.spec)
@@ -219,7 +219,7 @@ def make_plan(
 
 
 @contextmanager
-def locked(plan: Plan) -> Iterator[None]:
+def lock_folder(plan: LearnPlan) -> Iterator[None]:
     """Lock the run's folder, which is made if missing; the lock ends with the process.
 
     Raises:
@@ -238,7 +238,7 @@ def locked(plan: Plan) -> Iterator[None]:
         yield
 
 
-def read_state(plan: Plan) -> dict[str, Any]:
+def read_state(plan: LearnPlan) -> dict[str, Any]:
     """The state from `write_state`; empty for a new run.
 
     Raises:
@@ -255,17 +255,17 @@ def read_state(plan: Plan) -> dict[str, Any]:
     return dict(state)
 
 
-def write_state(plan: Plan, **state: Any) -> None:
+def write_state(plan: LearnPlan, **state: Any) -> None:
     """Write the run's settings and its progress."""
     mapping = {"format": FORMAT, "runs": _runs(plan), **state}
     write_whole(plan.state_file, json.dumps(mapping, indent=2) + "\n", raises=RunError)
 
 
-def _runs(plan: Plan) -> dict[str, str]:
+def _runs(plan: LearnPlan) -> dict[str, str]:
     return {place.name: place.spec.run for place in plan.places}
 
 
-def _check_folder(plan: Plan) -> None:
+def _check_folder(plan: LearnPlan) -> None:
     if plan.state_file.exists():
         theirs, ours = read_state(plan)["runs"], _runs(plan)
         if set(theirs) != set(ours):
@@ -274,7 +274,7 @@ def _check_folder(plan: Plan) -> None:
         raise RunError(f"{plan.out} holds files of something else; choose an empty or new folder with --out.")
 
 
-def _check_room(place: Place) -> None:
+def _check_room(place: LearnPlace) -> None:
     """Raise SceneError unless some of the first scenarios have room for humans beside the robot."""
     world = World(place.spec)
     config = dataclasses.replace(world.config.human_planner, absent=0.0, absent_first=0)

@@ -9,18 +9,18 @@ from pathlib import Path
 
 from readygo.apps.learn.background import Background
 from readygo.apps.learn.choice import Measurement, best_of, episodes_to_measure, has_stopped_rising
-from readygo.apps.learn.cores import Split, cores_here, is_ahead, split_cores
+from readygo.apps.learn.cores import CoreSplit, cores_here, is_ahead, split_cores
 from readygo.apps.learn.crew import ALONE, Crew, Reach
 from readygo.apps.learn.curve import CurvePoint, load_curve, measurements_of, save_curve
 from readygo.apps.learn.measure import Measured, Measuring
-from readygo.apps.learn.plan import Plan, read_state, write_state
+from readygo.apps.learn.plan import LearnPlan, read_state, write_state
 from readygo.apps.learn.training import Training, begin_decay, decay_share, forget_decay, read_training
-from readygo.apps.run.origin import note_origin, origin_of_runs
-from readygo.apps.run.policy import policy_sha256
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import RunError
 from readygo.common.files import unfinished_folder, write_whole
 from readygo.common.policy.artifact import POLICY_FILES, SPEC_FILE, WEIGHTS_FILE
+from readygo.runs.origin import note_origin, origin_of_runs
+from readygo.runs.policy import policy_sha256
 from readygo.services.evaluator import EpisodeRecord
 
 TICK_S = 0.5
@@ -65,7 +65,9 @@ class Now:
 class Supervisor:
     """Supervisor of one learning run; its state is on disk, so that it resumes after any interruption."""
 
-    def __init__(self, plan: Plan, measuring: Measuring, show: Callable[[Now], None], reach: Reach = ALONE) -> None:
+    def __init__(
+        self, plan: LearnPlan, measuring: Measuring, show: Callable[[Now], None], reach: Reach = ALONE
+    ) -> None:
         """Read the state in the run's folder, and resume from there.
 
         Raises:
@@ -75,7 +77,7 @@ class Supervisor:
         state = read_state(plan)
         self._spent_s = float(state.get("spent_s", 0.0))
         self._over = state.get("over") == section_to_mapping(plan.budget)
-        self._split = Split(**state["split"]) if "split" in state else None
+        self._split = CoreSplit(**state["split"]) if "split" in state else None
         self._begun_decay = False
         self._episode_s = EPISODE_S
         self.points = load_curve(plan.curve_file)
@@ -122,14 +124,14 @@ class Supervisor:
         minutes = plan.budget.minutes if plan.budget.samples is None else 60.0
         wanted = math.ceil(60 * minutes * EPISODES_HZ * collectors)
         for place in plan.places:
-            with place.folder.locked():
+            with place.folder.lock():
                 before = place.folder.load()[1] if place.folder.ledger.exists() else 0
                 place.folder.save(place.spec, max(wanted, before))
 
-    def _first_split(self) -> Split:
+    def _first_split(self) -> CoreSplit:
         cores = cores_here()
         if self._reach.hosts:
-            return Split(0, cores)
+            return CoreSplit(0, cores)
         if self._split:
             return self._split
         return split_cores(cores, scenes=len(self._plan.places), collect_hz=1.0, train_hz=1.0, reuse=1.0)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from readygo.apps.learn.plan import Plan
+from readygo.apps.learn.plan import LearnPlan
 from readygo.common.documents import read_json, write_toml
 from readygo.common.drawing.charts import Curve
 from readygo.common.errors import RunError
@@ -118,7 +118,7 @@ def read_history(folder: Path) -> list[dict[str, Any]]:
         return []
 
 
-def write_trainer_config(plan: Plan, threads: int) -> Path:
+def write_trainer_config(plan: LearnPlan, threads: int) -> Path:
     """Write the trainer's settings, the recipe "best" with the run's budget; returns the file's path."""
     budget = plan.budget
     tables = {

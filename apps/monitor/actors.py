@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.monitor import shapes
-from readygo.apps.monitor.shapes import Mesh
+from readygo.apps.monitor.shapes import ViewerMesh
 from readygo.common.camera.config import CameraConfig
 from readygo.common.drawing.plan_view import GOAL, HUMANS
 from readygo.common.frames import quat_from_matrix
@@ -116,7 +116,7 @@ class Actor:
         if name in self._nodes:
             self._nodes.pop(name).remove()
 
-    def _mesh(self, path: str, mesh: Mesh, colour: Rgb, opacity: float | None = None, **more: Any) -> Any:
+    def _mesh(self, path: str, mesh: ViewerMesh, colour: Rgb, opacity: float | None = None, **more: Any) -> Any:
         return self._scene.add_mesh_simple(
             f"{self._name}/{path}", mesh.vertices_m, mesh.faces, color=colour, opacity=opacity, side="double", **more
         )
@@ -128,10 +128,10 @@ class Actor:
         self._mesh("robot/body/drum", shapes.robot(robot.radius_m, robot.height_m), BODY)
         height_m = robot.height_m
         self._mesh("robot/body/band", shapes.band(robot.radius_m, 0.62 * height_m, 0.72 * height_m), self._accent)
-        nose = shapes.moved(shapes.gem(0.05), robot.radius_m, 0.0, robot.camera.mount_height_m - 0.06)
+        nose = shapes.move_mesh(shapes.gem(0.05), robot.radius_m, 0.0, robot.camera.mount_height_m - 0.06)
         self._mesh("robot/body/nose", nose, (30, 34, 40))
         glow = shapes.disc(robot.radius_m + 0.10, robot.radius_m + 0.05)
-        self._mesh("robot/glow", shapes.moved(glow, 0.0, 0.0, LIFT_M), self._accent, 0.9, cast_shadow=False)
+        self._mesh("robot/glow", shapes.move_mesh(glow, 0.0, 0.0, LIFT_M), self._accent, 0.9, cast_shadow=False)
         self._nodes["label"] = self._scene.add_label(
             f"{self._name}/robot/label", "", position=(0.0, 0.0, height_m + 0.45), anchor="bottom-center"
         )
@@ -150,7 +150,7 @@ class Actor:
         T_robot_camera = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
         ahead = _yaw_wxyz(math.radians(camera.mount_yaw_deg))
         for number, (begin, end, opacity) in enumerate(((0.15, 0.45, 0.5), (0.45, 0.75, 0.34), (0.75, 1.0, 0.2))):
-            ring = shapes.moved(shapes.fan(angle_rad, end * SIGHT_M, begin * SIGHT_M), 0.0, 0.0, LIFT_M)
+            ring = shapes.move_mesh(shapes.fan(angle_rad, end * SIGHT_M, begin * SIGHT_M), 0.0, 0.0, LIFT_M)
             self._nodes[f"fan{name}{number}"] = self._mesh(
                 f"robot/fan{name}{number}", ring, self._accent, opacity, cast_shadow=False, wxyz=ahead
             )
@@ -175,7 +175,7 @@ class Actor:
     def _make_goal(self) -> Any:
         goal = self._scene.add_frame(f"{self._name}/goal", show_axes=False)
         parts = [shapes.disc(0.34, 0.27), shapes.disc(0.18, 0.12), shapes.pin(0.8)]
-        self._mesh("goal/mark", shapes.joined(parts), GOAL, 0.95)
+        self._mesh("goal/mark", shapes.join_meshes(parts), GOAL, 0.95)
         return goal
 
     def _place_humans(self, state: LiveState) -> None:
@@ -192,7 +192,7 @@ class Actor:
         path = f"human{number}"
         base = self._scene.add_frame(f"{self._name}/{path}", show_axes=False)
         self._mesh(f"{path}/body", shapes.human(), colour)
-        ahead = shapes.moved(shapes.fan(0.9, 0.52, 0.34), 0.0, 0.0, LIFT_M)
+        ahead = shapes.move_mesh(shapes.fan(0.9, 0.52, 0.34), 0.0, 0.0, LIFT_M)
         self._mesh(f"{path}/ahead", ahead, colour, 0.85, cast_shadow=False)
         return base
 
@@ -219,8 +219,10 @@ class Actor:
     def _mark(self, places: Way) -> None:
         self._drop("replans")
         if len(places):
-            gems = [shapes.moved(shapes.gem(0.035), *place) for place in (places + np.array([0.0, 0.0, 0.1])).tolist()]
-            self._nodes["replans"] = self._mesh("replans", shapes.joined(gems), REPLAN)
+            gems = [
+                shapes.move_mesh(shapes.gem(0.035), *place) for place in (places + np.array([0.0, 0.0, 0.1])).tolist()
+            ]
+            self._nodes["replans"] = self._mesh("replans", shapes.join_meshes(gems), REPLAN)
 
 
 def eye_of(camera: CameraConfig, state: LiveState) -> npt.NDArray[np.float64]:

@@ -21,7 +21,7 @@ def check_viewer() -> None:
 
 
 @contextlib.contextmanager
-def watched(folder: Path, begun: Callable[[], bool], certs: Path | None = None) -> Iterator[None]:
+def show_page(folder: Path, begun: Callable[[], bool], certs: Path | None = None) -> Iterator[None]:
     """Show a run on a page while the context is active; the page never blocks the run.
 
     Args:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.monitor.subject import Subject
-from readygo.apps.monitor.track import Pictures, Track, on_floor
+from readygo.apps.monitor.track import EpisodeTrack, Pictures, on_floor
 from readygo.common.errors import ReadygoError
 from readygo.common.messages import EpisodeKey
 from readygo.common.messages.live import LiveState
@@ -29,7 +29,7 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Moment:
+class LiveMoment:
     """An episode at one time."""
 
     state: LiveState
@@ -43,11 +43,11 @@ class Moment:
 class Sink(Protocol):
     """A viewer."""
 
-    def begin(self, moment: Moment, stamp_ns: int) -> None:
+    def begin(self, moment: LiveMoment, stamp_ns: int) -> None:
         """Show the content that is constant over an episode; called again periodically."""
         ...
 
-    def show(self, moment: Moment, stamp_ns: int) -> None:
+    def show(self, moment: LiveMoment, stamp_ns: int) -> None:
         """Show a moment; `stamp_ns` is the wall clock."""
         ...
 
@@ -87,13 +87,13 @@ class Feed:
         except Exception:
             log.exception("the viewer gets no more")
 
-    def _moments(self) -> Iterator[Moment]:
+    def _moments(self) -> Iterator[LiveMoment]:
         while not self._stop.is_set():
             yield from self._live()
-            yield from self._recorded()
+            yield from self._recorded_moments()
             self._stop.wait(POLL_S)
 
-    def _live(self) -> Iterator[Moment]:
+    def _live(self) -> Iterator[LiveMoment]:
         """Moments of running episodes, each while new messages arrive; ends if no episode runs."""
         quiet_s, followed, told_ns = 0.0, None, (-1, -1)
         while quiet_s < WAIT_S and not self._stop.is_set():
@@ -110,11 +110,11 @@ class Feed:
                     told_ns, quiet_s = (newest.time_ns, preview[0]), 0.0
                     plan, z_m = episode.plan, newest.robot_xyzyaw[2]
                     way = _poses(plan.robot_xyyaw, z_m) if plan else np.array([newest.robot_xyzyaw])
-                    yield Moment(state=newest, images=images, image_format=episode.image_format, way=way)
+                    yield LiveMoment(state=newest, images=images, image_format=episode.image_format, way=way)
             self._stop.wait(POLL_S)
             quiet_s += POLL_S
 
-    def _recorded(self) -> Iterator[Moment]:
+    def _recorded_moments(self) -> Iterator[LiveMoment]:
         """Moments of recorded episodes, at their pace, until an episode runs."""
         recorded = self._subject.recorded
         for episode in cycle(recorded.episodes() if recorded else ()):
@@ -125,7 +125,7 @@ class Feed:
                 return
             if track is None:
                 return
-            for moment in _replayed(track):
+            for moment in _replay_moments(track):
                 yield moment
                 if self._stop.wait(2 * DT_S):
                     return
@@ -134,13 +134,15 @@ class Feed:
                     return
 
 
-def _replayed(track: Track) -> Iterator[Moment]:
+def _replay_moments(track: EpisodeTrack) -> Iterator[LiveMoment]:
     """Every second moment of an episode."""
     way = np.array([state.robot_xyzyaw for state in track.states])
     before: Pictures = {}
     for state in track.states[::2]:
         images = track.images_at(state.time_ns / 1e9)
-        yield Moment(state=state, images={} if images is before else images, image_format=track.image_format, way=way)
+        yield LiveMoment(
+            state=state, images={} if images is before else images, image_format=track.image_format, way=way
+        )
         before = images
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from readygo.apps.monitor.feed import Moment
+from readygo.apps.monitor.feed import LiveMoment
 from readygo.apps.monitor.track import Pictures
 from readygo.common.camera import SensorConfig
 from readygo.common.dataset import columns, markers, packed, schemas
@@ -67,7 +67,7 @@ class FoxgloveSink:
         self.port: int = self._server.port
         """Port of the server."""
 
-    def begin(self, moment: Moment, stamp_ns: int) -> None:
+    def begin(self, moment: LiveMoment, stamp_ns: int) -> None:
         """Show the content that is constant over an episode."""
         episode, stamp = moment.state.episode, schemas.timestamp(stamp_ns)
         robot = robot_of_episode(self._robot, episode)
@@ -86,14 +86,14 @@ class FoxgloveSink:
             (schemas.ROBOT_OUTLINE, markers.robot_outline(robot, stamp)),
         )
         for channel, message in shown:
-            self._log(channel, schemas.serialized(message), stamp_ns)
+            self._log(channel, schemas.serialize(message), stamp_ns)
         if self._maps is not None and self._begun % MAP_EVERY == 0:
             for channel, message in zip((schemas.MAP, schemas.MAP_POINTS), self._maps, strict=True):
                 message.timestamp.CopyFrom(stamp)
-                self._log(channel, schemas.serialized(message), stamp_ns)
+                self._log(channel, schemas.serialize(message), stamp_ns)
         self._begun += 1
 
-    def show(self, moment: Moment, stamp_ns: int) -> None:
+    def show(self, moment: LiveMoment, stamp_ns: int) -> None:
         """Show a moment; `stamp_ns` is the wall clock."""
         state, stamps = moment.state, columns.stamps(np.array([stamp_ns], dtype=np.uint64))
         messages = packed.messages([_sample(state, moment.images, self._robot)], _header(moment, self._cameras))
@@ -116,7 +116,7 @@ class FoxgloveSink:
         self._channels[channel.number].log(payload, log_time=stamp_ns)
 
 
-def _header(moment: Moment, cameras: tuple[FurtherCamera, ...]) -> EpisodeHeader:
+def _header(moment: LiveMoment, cameras: tuple[FurtherCamera, ...]) -> EpisodeHeader:
     """The header of an episode, as far as its states contain it."""
     state, (first, *further) = moment.state, cameras
     x_m, y_m, _, yaw_rad = moment.way[0].tolist()

@@ -42,7 +42,7 @@ class Answer:
     location: str = ""
     cookie: str = ""
 
-    def encoded(self) -> bytes:
+    def to_bytes(self) -> bytes:
         """The HTTP response as bytes."""
         body = self.text.encode()
         lines = [f"HTTP/1.1 {self.status}", "Content-Type: text/plain; charset=utf-8", f"Content-Length: {len(body)}"]
@@ -167,7 +167,7 @@ class Gate:
         request = parse_head(head)
         answer = judge(request, self._token, self._cookie_name) if request else Answer("400 Bad Request")
         if answer is not None:
-            writer.write(answer.encoded())
+            writer.write(answer.to_bytes())
             await writer.drain()
             return
         inner_reader, inner_writer = await asyncio.open_unix_connection(self._behind)

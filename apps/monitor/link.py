@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from readygo.apps.fleet.access import TLS, join
-from readygo.apps.monitor.watch import Watch
-from readygo.apps.run.folder import RunFolder
+from readygo.apps.monitor.watch import RunWatch
 from readygo.common.bus.identity import MONITOR
 from readygo.common.bus.zenoh_bus import ZenohBus
 from readygo.common.errors import BusError, PeerError, ReadygoError
 from readygo.common.messages import RunSpec, RunSpecRequest, topics
+from readygo.runs.folder import RunFolder
 
 SILENT_S = 15.0
 """Time without a message after which a coordinator counts as ended or replaced [s]."""
@@ -20,7 +20,7 @@ RETRY_S = 2.0
 SPEC_TIMEOUT_S = 5.0
 
 
-class Address(NamedTuple):
+class RunAddress(NamedTuple):
     """Endpoint, name and credentials of a run."""
 
     endpoint: str
@@ -34,7 +34,7 @@ class Address(NamedTuple):
         return join(self.endpoint, self.run, MONITOR, certs=self.certs, token=self.token)
 
 
-def address_of(folder: RunFolder, certs: Path | None = None) -> Address:
+def address_of(folder: RunFolder, certs: Path | None = None) -> RunAddress:
     """Address of the fleet that works on a folder.
 
     Args:
@@ -45,13 +45,13 @@ def address_of(folder: RunFolder, certs: Path | None = None) -> Address:
         RunError: If no fleet works on the folder.
     """
     endpoint, token = folder.fleet_endpoint()
-    return Address(endpoint, folder.load()[0].run, token, certs if endpoint.startswith(TLS) else None)
+    return RunAddress(endpoint, folder.load()[0].run, token, certs if endpoint.startswith(TLS) else None)
 
 
 class Link:
     """Connects a watch to its run, and reconnects it, on a separate thread."""
 
-    def __init__(self, watch: Watch, find: Callable[[], Address]) -> None:
+    def __init__(self, watch: RunWatch, find: Callable[[], RunAddress]) -> None:
         """Prepare a link that is not connected.
 
         Args:
@@ -60,7 +60,7 @@ class Link:
         """
         self._watch, self._find = watch, find
         self._bus: ZenohBus | None = None
-        self._address: Address | None = None
+        self._address: RunAddress | None = None
         self._joined_s = 0.0
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._keep, name="link", daemon=True)
@@ -126,7 +126,7 @@ class Link:
             self._bus = None
 
 
-def _spec(bus: ZenohBus, address: Address) -> RunSpec:
+def _spec(bus: ZenohBus, address: RunAddress) -> RunSpec:
     """Request the run's spec.
 
     Raises:

@@ -11,7 +11,7 @@ from readygo.apps.monitor import panels
 from readygo.apps.monitor.actors import ACCENTS, Actor, eye_of
 from readygo.apps.monitor.splats import DollsHouse, Splats
 from readygo.apps.monitor.subject import Subject
-from readygo.apps.monitor.track import Pictures, Track, between, on_floor
+from readygo.apps.monitor.track import EpisodeTrack, Pictures, between, on_floor
 from readygo.apps.monitor.watch import Moving
 from readygo.common.errors import ReadygoError
 from readygo.common.images.encoded import decode_image
@@ -49,7 +49,7 @@ class Page:
         self._due_s: dict[str, float] = {}
         self._cast: dict[str, Actor] = {}
         self._keys: dict[str, EpisodeKey] = {}
-        self._track: Track | None = None
+        self._track: EpisodeTrack | None = None
         self._time_s = 0.0
         self._before_s: float | None = None
         self._followed = ""
@@ -340,11 +340,11 @@ class Page:
 def _by_hand(act: Callable[[], None]) -> Callable[[Any], None]:
     """A callback that runs when the user changes a control, not when the page sets it."""
 
-    def chosen(event: Any) -> None:
+    def on_click(event: Any) -> None:
         if event.client is not None:
             act()
 
-    return chosen
+    return on_click
 
 
 def _now(episode: Moving, now_s: float) -> LiveState:
@@ -355,7 +355,7 @@ def _now(episode: Moving, now_s: float) -> LiveState:
     return between(before, after, (now_s - after_s) / max(after_s - before_s, 1e-3))
 
 
-def _human_ways(track: Track) -> tuple[Any, ...]:
+def _human_ways(track: EpisodeTrack) -> tuple[Any, ...]:
     count = min((len(state.humans_xyzyaw) for state in track.states), default=0)
     return tuple(np.array([state.humans_xyzyaw[k][:3] for state in track.states]) for k in range(count))
 

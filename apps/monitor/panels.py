@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from readygo.apps.monitor.track import Pictures, Track, pictures_of, time_text
-from readygo.apps.monitor.watch import RATE_WINDOW_S, Seen, Watch
-from readygo.apps.pictures.shades import shaded
+from readygo.apps.monitor.track import EpisodeTrack, Pictures, pictures_of, time_text
+from readygo.apps.monitor.watch import RATE_WINDOW_S, RunWatch, Seen
+from readygo.apps.pictures.shades import shade_depth
 from readygo.apps.pictures.side_by_side import caption_of, shown_images
 from readygo.apps.report.page import draw
 from readygo.common.drawing.charts import Curve, line_chart, number_text
@@ -48,7 +48,7 @@ def _drawn(macro: str, *data: Any) -> str:
     return draw("panels.html", macro, *data)
 
 
-def header(name: str, watch: Watch, recorded: int, note: str = "") -> str:
+def header(name: str, watch: RunWatch, recorded: int, note: str = "") -> str:
     """Name, state and key figures of a run.
 
     Args:
@@ -75,7 +75,7 @@ def header(name: str, watch: Watch, recorded: int, note: str = "") -> str:
     return html(_drawn("header", name, kind, words, tiles, progress, troubles, notes))
 
 
-def _health(watch: Watch, recorded: int) -> tuple[str, str]:
+def _health(watch: RunWatch, recorded: int) -> tuple[str, str]:
     status = watch.status
     if status and status.failed:
         return "bad", "ended"
@@ -86,7 +86,7 @@ def _health(watch: Watch, recorded: int) -> tuple[str, str]:
     return "live", "live"
 
 
-def moment(state: LiveState, track: Track | None, worker: str = "") -> str:
+def moment(state: LiveState, track: EpisodeTrack | None, worker: str = "") -> str:
     """State of an episode at one time."""
     outcome = track.outcome if track else None
     near_m = state.human_distance_m
@@ -135,16 +135,16 @@ def _image_rows(images: Pictures, kind: str, robot: RobotConfig) -> list[list[tu
 
 def _source(image: bytes, kind: str, name: str) -> str:
     if kind_of(name) != RGB:
-        image, kind = _shaded(name, image), "jpeg"
+        image, kind = _shade_depth(name, image), "jpeg"
     kind = kind if kind in ("jpeg", "png") else "jpeg"
     return f"data:image/{kind};base64,{base64.b64encode(image).decode()}"
 
 
 @functools.lru_cache(maxsize=64)
-def _shaded(name: str, image: bytes) -> bytes:
+def _shade_depth(name: str, image: bytes) -> bytes:
     """Depths as a shaded image for browsers; empty if they cannot be decoded."""
     pixels = decode_output(kind_of(name), image)
-    return b"" if pixels is None else jpeg_bytes(shaded(pixels))
+    return b"" if pixels is None else jpeg_bytes(shade_depth(pixels))
 
 
 def stages(status: StatusReply | None, spec: RunSpec | None) -> str:
@@ -180,7 +180,7 @@ def _count_bars(counts: Mapping[str, int], colour: str) -> list[tuple[str, Segme
     return [(name.replace("_", " "), [(count / most, colour)], f"{count:,}") for name, count in ordered[:ROWS_MAX]]
 
 
-def charts(watch: Watch) -> str:
+def charts(watch: RunWatch) -> str:
     """Samples/s, and the queue, over time."""
     seconds, rates = watch.progress.rates(0, RATE_WINDOW_S)
     unit, scale = ("min", 60.0) if len(seconds) and seconds[-1] > 180 else ("s", 1.0)
@@ -199,7 +199,7 @@ def learning(losses: Sequence[Curve], success: Sequence[Curve]) -> str:
     return line_chart(losses, x_name="samples") + line_chart(success, x_name="min", what="Success rate", y_max=1.0)
 
 
-def evaluations(watch: Watch) -> str:
+def evaluations(watch: RunWatch) -> str:
     """Success rates of the received evaluations, the newest policy first."""
     results: dict[tuple[str, str, str], list[bool]] = {}
     for record in watch.evaluations:
@@ -212,7 +212,7 @@ def evaluations(watch: Watch) -> str:
     return _drawn("bars", "Evaluations: success rate", rows[:ROWS_MAX]) if rows else ""
 
 
-def workers(watch: Watch) -> str:
+def workers(watch: RunWatch) -> str:
     """Table of the workers with their current work and load."""
     if not watch.workers:
         return sentence("No worker is active.")

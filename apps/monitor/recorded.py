@@ -4,7 +4,7 @@ import threading
 from collections import OrderedDict
 from pathlib import Path
 
-from readygo.apps.monitor.track import Track, track_of
+from readygo.apps.monitor.track import EpisodeTrack, track_of
 from readygo.common.dataset.committed import committed_episode, episode_keys
 from readygo.common.dataset.index import index_path, read_index
 from readygo.common.dataset.places import absent, present_folders
@@ -25,21 +25,21 @@ class Recorded:
         self._listing, self._reading = threading.Lock(), threading.Lock()
         self._shards: dict[Path, dict[EpisodeKey, Outcome | None]] = {}
         """Episodes of finished shards, which no longer change."""
-        self._tracks: OrderedDict[EpisodeKey, Track] = OrderedDict()
+        self._tracks: OrderedDict[EpisodeKey, EpisodeTrack] = OrderedDict()
 
     def episodes(self) -> dict[EpisodeKey, Outcome | None]:
         """Outcome of every durable episode, in order; None if it is unknown without reading the episode."""
         with self._listing:
             folders = self._folders()
             parts = (part for folder in folders for part in folder.glob("shard-*.mcap.part"))
-            found = dict(entry for part in parts for entry in _listed(part).items())
+            found = dict(entry for part in parts for entry in _list_outcomes(part).items())
             for shard in (shard for folder in folders for shard in folder.glob("shard-*.mcap")):
                 if shard not in self._shards:
-                    self._shards[shard] = _listed(shard)
+                    self._shards[shard] = _list_outcomes(shard)
                 found.update(self._shards[shard])
         return dict(sorted(found.items(), key=lambda entry: _rank(entry[0])))
 
-    def track(self, episode: EpisodeKey) -> Track | None:
+    def track(self, episode: EpisodeKey) -> EpisodeTrack | None:
         """Read an episode; None if it does not exist.
 
         Raises:
@@ -65,7 +65,7 @@ class Recorded:
         return folders
 
 
-def _listed(shard: Path) -> dict[EpisodeKey, Outcome | None]:
+def _list_outcomes(shard: Path) -> dict[EpisodeKey, Outcome | None]:
     index = read_index(index_path(shard)) if shard.suffix == ".mcap" else None
     if index is None:
         return dict.fromkeys(episode_keys(shard))

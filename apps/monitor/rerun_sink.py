@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from readygo.apps.monitor.feed import Moment
+from readygo.apps.monitor.feed import LiveMoment
 from readygo.apps.monitor.splats import DollsHouse
 from readygo.common.dataset.markers import BODY_HEIGHT_M, BODY_RADIUS_M
 from readygo.common.dataset.schemas import camera_frame
@@ -57,7 +57,7 @@ class RerunSink:
             self._stream.log("world/scene", points, static=True)
         self._mount()
 
-    def begin(self, moment: Moment, stamp_ns: int) -> None:
+    def begin(self, moment: LiveMoment, stamp_ns: int) -> None:
         """Show the content that is constant over an episode."""
         rr = self._rr
         self._stream.set_time("time", timestamp=np.datetime64(stamp_ns, "ns"))
@@ -66,7 +66,7 @@ class RerunSink:
         goal = (*moment.state.goal_xy_m, moment.state.robot_xyzyaw[2])
         self._stream.log("world/goal", rr.Points3D([goal], colors=[GOAL], radii=0.15))
 
-    def show(self, moment: Moment, stamp_ns: int) -> None:
+    def show(self, moment: LiveMoment, stamp_ns: int) -> None:
         """Show a moment; `stamp_ns` is the wall clock."""
         rr, state, stream = self._rr, moment.state, self._stream
         x, y, z, yaw = state.robot_xyzyaw

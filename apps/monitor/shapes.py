@@ -37,7 +37,7 @@ _LIMBS = (
 """Begin, end and radii at both [m] of neck, head, nose, legs and arms of a human in mid-stride."""
 
 
-class Mesh(NamedTuple):
+class ViewerMesh(NamedTuple):
     """A triangle mesh."""
 
     vertices_m: npt.NDArray[np.float32]
@@ -46,7 +46,7 @@ class Mesh(NamedTuple):
     """Vertex indices of the triangles, shape (F, 3)."""
 
 
-def lathe(profile: npt.ArrayLike, sides: int = SIDES) -> Mesh:
+def lathe(profile: npt.ArrayLike, sides: int = SIDES) -> ViewerMesh:
     """A body of revolution around z.
 
     Args:
@@ -63,10 +63,10 @@ def lathe(profile: npt.ArrayLike, sides: int = SIDES) -> Mesh:
     a, b = i * sides + j, i * sides + (j + 1) % sides
     c, d = a + sides, b + sides
     faces = np.concatenate([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)])
-    return Mesh(vertices.astype(np.float32), faces.astype(np.uint32))
+    return ViewerMesh(vertices.astype(np.float32), faces.astype(np.uint32))
 
 
-def capsule(begin_m: npt.ArrayLike, end_m: npt.ArrayLike, begin_radius_m: float, end_radius_m: float) -> Mesh:
+def capsule(begin_m: npt.ArrayLike, end_m: npt.ArrayLike, begin_radius_m: float, end_radius_m: float) -> ViewerMesh:
     """A round limb from one point to another, shape (3,) each."""
     begin, end = np.asarray(begin_m, float), np.asarray(end_m, float)
     length_m = float(np.linalg.norm(end - begin))
@@ -78,17 +78,17 @@ def capsule(begin_m: npt.ArrayLike, end_m: npt.ArrayLike, begin_radius_m: float,
     across = np.cross(along, [0.0, 1.0, 0.0] if abs(along[1]) < 0.9 else [1.0, 0.0, 0.0])
     across /= np.linalg.norm(across)
     axes = np.stack([across, np.cross(along, across), along])
-    return Mesh((mesh.vertices_m @ axes + begin).astype(np.float32), mesh.faces)
+    return ViewerMesh((mesh.vertices_m @ axes + begin).astype(np.float32), mesh.faces)
 
 
-def human() -> Mesh:
+def human() -> ViewerMesh:
     """A walking human, 1.74 m tall; face and feet show the direction."""
     trunk = lathe(_TRUNK, sides=20)
-    deep = Mesh(trunk.vertices_m * np.array([0.72, 1.15, 1.0], np.float32), trunk.faces)
-    return joined([deep, *(capsule(*limb) for limb in _LIMBS)])
+    deep = ViewerMesh(trunk.vertices_m * np.array([0.72, 1.15, 1.0], np.float32), trunk.faces)
+    return join_meshes([deep, *(capsule(*limb) for limb in _LIMBS)])
 
 
-def robot(radius_m: float, height_m: float) -> Mesh:
+def robot(radius_m: float, height_m: float) -> ViewerMesh:
     """A robot's body: a rounded drum."""
     edge = min(0.25 * radius_m, 0.25 * height_m)
     turn = np.linspace(0.0, np.pi / 2, 6)
@@ -97,17 +97,17 @@ def robot(radius_m: float, height_m: float) -> Mesh:
     return lathe([(0.0, 0.03), *bottom, *top, (0.0, height_m)])
 
 
-def band(radius_m: float, low_m: float, high_m: float) -> Mesh:
+def band(radius_m: float, low_m: float, high_m: float) -> ViewerMesh:
     """A ring around a body."""
     return lathe([(radius_m, low_m), (radius_m + 0.012, low_m), (radius_m + 0.012, high_m), (radius_m, high_m)])
 
 
-def disc(radius_m: float, inner_m: float = 0.0) -> Mesh:
+def disc(radius_m: float, inner_m: float = 0.0) -> ViewerMesh:
     """A flat ring, or a disc without a hole."""
     return lathe([(inner_m, 0.0), (radius_m, 0.0)], sides=48)
 
 
-def fan(angle_rad: float, reach_m: float, begin_m: float = 0.0) -> Mesh:
+def fan(angle_rad: float, reach_m: float, begin_m: float = 0.0) -> ViewerMesh:
     """The ground in a camera's view: a flat sector around x."""
     angles = np.linspace(-angle_rad / 2, angle_rad / 2, 25)
     circle = np.stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))], axis=1)
@@ -115,15 +115,15 @@ def fan(angle_rad: float, reach_m: float, begin_m: float = 0.0) -> Mesh:
     a = np.arange(len(angles) - 1)
     b = a + len(angles)
     faces = np.concatenate([np.stack([a, b, b + 1], axis=1), np.stack([a, b + 1, a + 1], axis=1)])
-    return Mesh(vertices.astype(np.float32), faces.astype(np.uint32))
+    return ViewerMesh(vertices.astype(np.float32), faces.astype(np.uint32))
 
 
-def gem(radius_m: float) -> Mesh:
+def gem(radius_m: float) -> ViewerMesh:
     """A mark: two pyramids, one upside down."""
     return lathe([(0.0, 0.0), (radius_m, 1.3 * radius_m), (0.0, 2.6 * radius_m)], sides=4)
 
 
-def pin(height_m: float) -> Mesh:
+def pin(height_m: float) -> ViewerMesh:
     """A goal's post: thin, with a ball on top."""
     ball = 0.09
     turn = np.linspace(-np.pi / 2 + 0.15, np.pi / 2, 9)
@@ -131,16 +131,16 @@ def pin(height_m: float) -> Mesh:
     return lathe([(0.0, 0.0), (0.014, 0.0), (0.014, height_m - ball), *head], sides=16)
 
 
-def joined(meshes: list[Mesh]) -> Mesh:
+def join_meshes(meshes: list[ViewerMesh]) -> ViewerMesh:
     """Several meshes as one."""
     begins = np.cumsum([0, *(len(mesh.vertices_m) for mesh in meshes[:-1])])
     faces = [mesh.faces + np.uint32(begin) for mesh, begin in zip(meshes, begins, strict=True)]
-    return Mesh(np.concatenate([mesh.vertices_m for mesh in meshes]), np.concatenate(faces))
+    return ViewerMesh(np.concatenate([mesh.vertices_m for mesh in meshes]), np.concatenate(faces))
 
 
-def moved(mesh: Mesh, x_m: float, y_m: float, z_m: float) -> Mesh:
+def move_mesh(mesh: ViewerMesh, x_m: float, y_m: float, z_m: float) -> ViewerMesh:
     """A mesh at another place."""
-    return Mesh(mesh.vertices_m + np.array([x_m, y_m, z_m], np.float32), mesh.faces)
+    return ViewerMesh(mesh.vertices_m + np.array([x_m, y_m, z_m], np.float32), mesh.faces)
 
 
 def segments(points_m: npt.NDArray[np.float64], lift_m: float = 0.0) -> npt.NDArray[np.float32]:

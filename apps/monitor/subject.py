@@ -9,14 +9,11 @@ import numpy as np
 
 from readygo.apps.learn.curve import load_curve
 from readygo.apps.learn.training import read_losses
-from readygo.apps.monitor.link import Address, Link, address_of
+from readygo.apps.monitor.link import Link, RunAddress, address_of
 from readygo.apps.monitor.recorded import Recorded
 from readygo.apps.monitor.splats import DollsHouse, dolls_house
-from readygo.apps.monitor.track import Track
-from readygo.apps.monitor.watch import Watch
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.scene_argument import open_scene
-from readygo.apps.run.world import World
+from readygo.apps.monitor.track import EpisodeTrack
+from readygo.apps.monitor.watch import RunWatch
 from readygo.common.camera import SensorConfig
 from readygo.common.dataset.index import load_index
 from readygo.common.dataset.places import find_shards
@@ -27,6 +24,9 @@ from readygo.common.errors import ReadygoError, RunError
 from readygo.common.messages import EpisodeKey
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes import Scene
+from readygo.runs.folder import RunFolder
+from readygo.runs.scene_argument import open_scene
+from readygo.runs.world import World
 
 LEARN_FILE, CURVE_FILE, POLICY_FOLDER, DATA_FOLDER = "learn.json", "curve.json", "policy", "data"
 
@@ -38,7 +38,7 @@ class Subject:
         self,
         name: str,
         *,
-        find: Callable[[], Address] | None = None,
+        find: Callable[[], RunAddress] | None = None,
         data: Path | None = None,
         learned: Path | None = None,
         scene: str = "",
@@ -53,7 +53,7 @@ class Subject:
             scene: Its scene, if the run's own entry is missing or wrong.
         """
         self.name, self._find, self._scene, self._learned = name, find, scene, learned
-        self.watch = Watch()
+        self.watch = RunWatch()
         self.recorded = Recorded(data) if data is not None else None
         self.link = Link(self.watch, find) if find else None
         self.house: DollsHouse | None = None
@@ -125,7 +125,7 @@ class Subject:
         finally:
             bus.close()
 
-    def track(self, episode: EpisodeKey) -> Track | None:
+    def track(self, episode: EpisodeKey) -> EpisodeTrack | None:
         """An episode to scrub through: the recorded one, else the received part."""
         if self.recorded is not None and (track := self.recorded.track(episode)) is not None:
             return track
@@ -189,7 +189,7 @@ def _of_folder(folder: Path, name: str, make: Callable[..., Subject], certs: Pat
     return make(name, data=folder)
 
 
-def subject_at(address: Address, scene: str = "") -> Subject:
+def subject_at(address: RunAddress, scene: str = "") -> Subject:
     """Join a run on the network.
 
     Raises:

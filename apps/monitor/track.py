@@ -23,7 +23,7 @@ Pose = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Track:
+class EpisodeTrack:
     """Known states and images of an episode, in order of time."""
 
     episode: EpisodeKey
@@ -87,12 +87,12 @@ def _between(a: Pose, b: Pose, share: float) -> Pose:
     return x, y, z, a[3] + share * float(wrap_angle(b[3] - a[3]))
 
 
-def track_of(committed: CommittedEpisode) -> Track:
+def track_of(committed: CommittedEpisode) -> EpisodeTrack:
     """The track of a recorded episode."""
     header = committed.header
     states = [state_of(header, sample) for sample in committed.samples]
     replans = [state.robot_xyzyaw[:3] for state in states if state.replanned]
-    return Track(
+    return EpisodeTrack(
         episode=header.episode,
         states=states,
         images=[(sample.time_ns, pictures_of(sample)) for sample in committed.samples if sample.image],

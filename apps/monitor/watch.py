@@ -9,9 +9,9 @@ from functools import partial
 from typing import TypeVar
 
 from readygo.apps.monitor.history import History
-from readygo.apps.monitor.track import Pictures, Track, pictures_of, replans_of
+from readygo.apps.monitor.track import EpisodeTrack, Pictures, pictures_of, replans_of
 from readygo.common.bus import Bus, Member
-from readygo.common.messages import Driver, EpisodeKey, Outcome, RunSpec, StatusReply, topics
+from readygo.common.messages import DriverKind, EpisodeKey, Outcome, RunSpec, StatusReply, topics
 from readygo.common.messages.live import (
     LiveCommit,
     LiveEvaluation,
@@ -78,12 +78,12 @@ class Moving:
     heard_s: float = 0.0
     commit: LiveCommit | None = None
 
-    def track(self) -> Track | None:
+    def track(self) -> EpisodeTrack | None:
         """The episode for display; None before its first state."""
         if not self.states:
             return None
         height_m = self.states[0][1].robot_xyzyaw[2]
-        return Track(
+        return EpisodeTrack(
             episode=self.episode,
             states=[state for _, state in self.states],
             images=list(self.previews),
@@ -94,7 +94,7 @@ class Moving:
         )
 
 
-class Watch:
+class RunWatch:
     """State of one run. Its handlers run on a bus's thread; readers must hold `lock`."""
 
     def __init__(self, clock: Clock = time.monotonic) -> None:
@@ -249,7 +249,7 @@ class Watch:
             self.commits.append(commit)
             if commit.episode in self.moving:
                 self.moving[commit.episode].commit = commit
-            if commit.driver is Driver.POLICY:
+            if commit.driver is DriverKind.POLICY:
                 self._recent.append(commit.outcome is Outcome.SUCCESS)
                 minutes = (self.clock() - self.begun_s) / 60
                 self.driven.add(minutes, (sum(self._recent) / len(self._recent),))

@@ -7,8 +7,7 @@ from typing import Protocol
 from readygo.apps.observe.metrics import Gauges
 from readygo.common.files import disk_space
 from readygo.common.messages import StatusRequest
-from readygo.services.coordinator import Coordinator
-from readygo.services.coordinator.handlers import handle_fleet, handle_status
+from readygo.services.coordinator import Coordinator, handle_fleet, handle_status
 from readygo.services.recorder import Recorder
 
 Rows = Iterator[tuple[str, str, dict[str, str], float]]

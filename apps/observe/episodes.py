@@ -24,7 +24,7 @@ class EpisodeClock:
         self._done, self._clock_s = done, clock_s
         self._under_way: OrderedDict[int, float] = OrderedDict()
 
-    def answered(self, request: Any, reply: Any) -> None:
+    def observe_reply(self, request: Any, reply: Any) -> None:
         """Process a handled request."""
         if isinstance(reply, ClaimReply) and reply.episode is not None:
             self._under_way.setdefault(reply.episode.index, self._clock_s())

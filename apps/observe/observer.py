@@ -12,19 +12,19 @@ from readygo.apps.observe.collectors import Restarted, of_coordinator, of_launch
 from readygo.apps.observe.episodes import EpisodeClock
 from readygo.apps.observe.metrics import Gauges, Metrics
 from readygo.apps.observe.settings import Observing
-from readygo.apps.run.folder import TARGETS, keep_private
 from readygo.common.bus import Bus
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.common.fleet import Inputs, StageResult, Work
 from readygo.common.messages import ClaimReply, Stage
+from readygo.runs.folder import TARGETS, keep_private
 from readygo.services.coordinator import Coordinator
 from readygo.services.recorder import Recorder
 
 log = logging.getLogger(__name__)
 
 
-class Observer:
+class ProcessObserver:
     """Metrics of a process; without them it returns its arguments unchanged."""
 
     def __init__(self, observing: Observing, *, run: str, role: str, name: str, state: Path | None = None) -> None:
@@ -52,7 +52,7 @@ class Observer:
             if state is not None:
                 self._announce(state / TARGETS / f"{name}.json", {"run": run, "service": role, "worker": name})
 
-    def __enter__(self) -> "Observer":
+    def __enter__(self) -> "ProcessObserver":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -62,7 +62,7 @@ class Observer:
         """The bus with observed requests."""
         if self._metrics is None:
             return bus
-        return WatchedBus(bus, self._metrics, EpisodeClock(self._metrics.episode_done).answered)
+        return WatchedBus(bus, self._metrics, EpisodeClock(self._metrics.episode_done).observe_reply)
 
     def works(self, works: Mapping[Stage, Work]) -> Mapping[Stage, Work]:
         """A worker's work functions with measured stages."""

@@ -32,7 +32,7 @@ class Observed:
     """Cores in use between the two newest messages, by role and name."""
 
 
-class Look:
+class RunStatus:
     """Subscribes to the resource use of a run's processes, and requests the status of its coordinator."""
 
     def __init__(self, bus: Bus) -> None:

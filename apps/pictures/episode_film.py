@@ -92,9 +92,11 @@ def film_frames(
     background: TopView | None = None
     shown = 0
     for row, image in zip(rows, images, strict=False):
-        camera = image if image is None or not film.enlarged else _enlarged(image, camera_height_px)
+        camera = image if image is None or not film.enlarged else _enlarge(image, camera_height_px)
         if background is None:
-            background = plan_view.faded(_fitted(view, _plan_height_px(film, camera, camera_height_px)), 0.25)
+            background = plan_view.fade_view(
+                _fit_plan_view(view, _plan_height_px(film, camera, camera_height_px)), 0.25
+            )
         shown += 1
         yield _frame(film, background, row, camera)
     if shown < len(rows):
@@ -107,15 +109,15 @@ def _plan_height_px(film: EpisodeFilm, camera: Picture | None, camera_height_px:
     return len(camera) if film.enlarged else max(len(camera), camera_height_px)
 
 
-def _enlarged(image: Picture, height_px: int) -> Picture:
+def _enlarge(image: Picture, height_px: int) -> Picture:
     scale = max(1, round(height_px / image.shape[0]))
     size = (image.shape[1] * scale, image.shape[0] * scale)
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
 
 
-def _fitted(view: TopView, height_px: int) -> TopView:
+def _fit_plan_view(view: TopView, height_px: int) -> TopView:
     rows, columns = view.rgb.shape[:2]
-    return plan_view.resized(view, min(height_px, max(1, PLAN_WIDTH_MAX_PX * rows // columns)))
+    return plan_view.resize_view(view, min(height_px, max(1, PLAN_WIDTH_MAX_PX * rows // columns)))
 
 
 def _frame(film: EpisodeFilm, background: TopView, row: int, camera: Picture | None) -> Picture:

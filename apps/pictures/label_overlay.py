@@ -122,7 +122,7 @@ def _ahead_m(dataset: Dataset, index: int) -> float:
     return float(forward[in_view].min(initial=np.inf))
 
 
-def _fixed(pixel: Array) -> tuple[int, int]:
+def _to_fixed_point(pixel: Array) -> tuple[int, int]:
     """A pixel position in OpenCV's convention (integer centres), in sixteenths of a pixel."""
     u, v = np.clip((pixel - 0.5) * (1 << _SUBPIXEL_BITS), -(2**20), 2**20)
     return round(float(u)), round(float(v))
@@ -131,10 +131,18 @@ def _fixed(pixel: Array) -> tuple[int, int]:
 def _lines(picture: Picture, points: Array, pairs: Sequence[tuple[int, int]], colour: Rgb, width_px: int) -> None:
     for a, b in pairs:
         if np.isfinite(points[[a, b]]).all():
-            cv2.line(picture, _fixed(points[a]), _fixed(points[b]), colour, width_px, cv2.LINE_AA, _SUBPIXEL_BITS)
+            cv2.line(
+                picture,
+                _to_fixed_point(points[a]),
+                _to_fixed_point(points[b]),
+                colour,
+                width_px,
+                cv2.LINE_AA,
+                _SUBPIXEL_BITS,
+            )
 
 
 def _dots(picture: Picture, points: Array, colour: Rgb, radius_px: float) -> None:
     for point in points[np.isfinite(points).all(axis=1)]:
         radius = round(radius_px * (1 << _SUBPIXEL_BITS))
-        cv2.circle(picture, _fixed(point), radius, colour, cv2.FILLED, cv2.LINE_AA, _SUBPIXEL_BITS)
+        cv2.circle(picture, _to_fixed_point(point), radius, colour, cv2.FILLED, cv2.LINE_AA, _SUBPIXEL_BITS)

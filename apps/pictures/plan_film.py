@@ -9,10 +9,7 @@ from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import draw_scale_bar
 from readygo.common.messages import EpisodeMotions, RobotTrajectory, Scenario
 from readygo.common.scenes.top_view import TopView
-from readygo.services.planner import RobotPlanner
-from readygo.services.planner.explain.journal import DrivenRun
-from readygo.services.planner.explain.picture import episode_view
-from readygo.services.planner.explain.picture_layers import draw_knowledge, draw_superseded
+from readygo.services.planner import DrivenRun, RobotPlanner, draw_knowledge, draw_superseded, episode_view
 from readygo.services.renderer import Renderer, episode_shots, view_image
 
 PIXELS_PER_M = 80

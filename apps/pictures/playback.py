@@ -8,7 +8,6 @@ import numpy.typing as npt
 
 from readygo.apps.pictures.episode_film import EpisodeFilm
 from readygo.apps.pictures.side_by_side import ALONE, CAMERAS_WIDTH_PX, recorded_together, shown_images
-from readygo.apps.run.folder import RunFolder
 from readygo.common.dataset import Dataset, EpisodeEntry
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import map_window
@@ -17,6 +16,7 @@ from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes import load_scene
 from readygo.common.scenes.top_view import TopView, top_view
+from readygo.runs.folder import RunFolder
 
 MARGIN_M = 2.0
 PIXEL_M = 0.02

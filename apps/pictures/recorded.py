@@ -9,13 +9,13 @@ import numpy.typing as npt
 from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
 from readygo.apps.pictures.playback import Way, recorded_film, rows_of
 from readygo.apps.pictures.side_by_side import CAMERAS_WIDTH_PX
-from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset, EpisodeEntry
 from readygo.common.drawing.film import write_film
 from readygo.common.drawing.plan_view import DrawnEpisode
 from readygo.common.frames import wrap_angle
 from readygo.common.messages import AnimateRequest, HumanPlanRequest, Scenario
 from readygo.common.scenes.top_view import TopView
+from readygo.runs.world import World
 from readygo.services.animator import handle_animate
 from readygo.services.planner import handle_human_plan
 
@@ -54,7 +54,7 @@ class RecordedEpisodes:
         assert motions is not None
         return scenario, tuple(human.motion.root_m[:, :2].astype(np.float64) for human in motions.humans)
 
-    def drawn(self, entry: EpisodeEntry) -> DrawnEpisode:
+    def draw_episode(self, entry: EpisodeEntry) -> DrawnEpisode:
         """The trajectories of robot and humans in an episode."""
         scenario, humans = self.humans(entry)
         return DrawnEpisode(

@@ -95,7 +95,7 @@ def _view(
     _draw_grid(picture, view, (right, upwards))
     for colour, candidate in list(zip(COLOURS, candidates, strict=False))[::-1]:
         _draw_floor(picture, view, R @ candidate.up, candidate.floor, colour)
-    return _titled(picture, right, upwards, R[2])
+    return _add_title(picture, right, upwards, R[2])
 
 
 def _box(found: Survey, axis: int) -> tuple[float, float]:
@@ -150,7 +150,7 @@ def _put_label(picture: Picture, text: str, xy_px: tuple[int, int]) -> None:
     put_text(picture, text, xy_px, size=0.4)
 
 
-def _titled(picture: Picture, right: int, upwards: int, viewer: Floats) -> Picture:
+def _add_title(picture: Picture, right: int, upwards: int, viewer: Floats) -> Picture:
     axis = int(np.argmax(np.abs(viewer)))
     side = "+" if viewer[axis] > 0 else "-"
     text = f"seen from {side}{AXES[axis]}: {AXES[right]} to the right, {AXES[upwards]} upwards"

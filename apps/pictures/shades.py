@@ -12,7 +12,7 @@ NEAREST_M, FARTHEST_M = 0.3, 10.0
 """Range of depths with different brightness, on a logarithmic scale [m]."""
 
 
-def shaded(depth_m: npt.NDArray[Any]) -> Picture:
+def shade_depth(depth_m: npt.NDArray[Any]) -> Picture:
     """Depths, bright where they are near and black where nothing is measured.
 
     Args:

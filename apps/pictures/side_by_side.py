@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.pictures.shades import shaded
+from readygo.apps.pictures.shades import shade_depth
 from readygo.common.dataset import Dataset
 from readygo.common.drawing import plan_view
 from readygo.common.drawing.files import Picture
@@ -89,7 +89,9 @@ def side_by_side(
     Returns:
         sRGB image.
     """
-    pictures = {name: images[name] if kind_of(name) == RGB else shaded(images[name]) for row in rows for name in row}
+    pictures = {
+        name: images[name] if kind_of(name) == RGB else shade_depth(images[name]) for row in rows for name in row
+    }
     height_px = max(len(pictures[row[0]]) for row in rows)
     widest_px = max(sum(_width_at(pictures[name], height_px) for name in row) for row in rows)
     scale = max(1, width_px // widest_px) if widest_px <= width_px else width_px / widest_px
@@ -103,12 +105,12 @@ def side_by_side(
 
 
 def _strip(names: Sequence[str], images: Mapping[str, Picture], robot: RobotConfig, height_px: int) -> Picture:
-    tiles = [_captioned(images[name], caption_of(name, robot), height_px) for name in names]
+    tiles = [_add_caption(images[name], caption_of(name, robot), height_px) for name in names]
     gap = np.full((len(tiles[0]), GAP_PX, 3), WHITE, np.uint8)
     return np.concatenate([part for tile in tiles for part in (tile, gap)][:-1], axis=1)
 
 
-def _captioned(picture: Picture, text: str, height_px: int) -> Picture:
+def _add_caption(picture: Picture, text: str, height_px: int) -> Picture:
     method = cv2.INTER_CUBIC if height_px > len(picture) else cv2.INTER_AREA
     size = (_width_at(picture, height_px), height_px)
     image = np.asarray(cv2.resize(picture, size, interpolation=method), np.uint8)

@@ -8,9 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from readygo.apps.report.coverage_numbers import Coverage, visited_share
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.scene_argument import open_maps
-from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset
 from readygo.common.dataset.casts import Cast
 from readygo.common.errors import ReadygoError, RunError
@@ -18,6 +15,9 @@ from readygo.common.maps import OccupancyMap
 from readygo.common.messages import EpisodeKey, HumanPlanRequest, Outcome, RunSpec
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes import load_scene
+from readygo.runs.folder import RunFolder
+from readygo.runs.scene_argument import open_maps
+from readygo.runs.world import World
 from readygo.services import coordinator as coordination
 from readygo.services.planner import HumanPlanner, handle_human_plan
 
@@ -143,7 +143,7 @@ def rejected(data: Path) -> Mapping[int, str] | None:
         return None
     ledger = coordination.Ledger(folder.ledger)
     try:
-        return ledger.census.rejected()
+        return ledger.census.rejection_reasons()
     finally:
         ledger.close()
 

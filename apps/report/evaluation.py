@@ -129,7 +129,7 @@ def gallery_html(content: EvaluationContent) -> str:
 
 def draw_runs(occupancy: OccupancyMap, runs: Sequence[tuple[EpisodeRecord, RobotTrajectory]]) -> Picture:
     """Paths of many episodes on the whole map; the colour of a dot shows how each ended."""
-    view = plan_view.resized(plan_view.map_view(occupancy), _MAP_HEIGHT_PX)
+    view = plan_view.resize_view(plan_view.map_view(occupancy), _MAP_HEIGHT_PX)
     picture = view.rgb.copy()
     for _, trajectory in runs:
         plan_view.draw_path(picture, view, trajectory.xyyaw[:, :2], ROBOT, width_px=2)

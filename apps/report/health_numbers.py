@@ -14,7 +14,7 @@ from readygo.apps.views.views import SceneViews, warnings
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.documents import read_json
 from readygo.common.errors import SceneError
-from readygo.common.gaussians.defects import unwanted
+from readygo.common.gaussians.defects import unwanted_masks
 from readygo.common.maps import clearance_m, free_components
 from readygo.common.maps.ros_map import load_unknown_cells
 from readygo.common.scenes import Scene
@@ -88,7 +88,7 @@ def health(scene: Scene, radius_m: float, lines: Sightlines, seen: SceneViews) -
     maps = scene.maps
     figures = scene_report(scene.cloud, scene.sky, maps.robot, maps.human, maps.floor, radius_m)
     made = scene.reconstruction or {}
-    masks, holes = unwanted(scene.cloud), _floor_holes(scene)
+    masks, holes = unwanted_masks(scene.cloud), _floor_holes(scene)
     return {
         "name": scene.name,
         "content_hash": scene.content_hash,

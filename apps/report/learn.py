@@ -38,9 +38,9 @@ from readygo.common.drawing.plan_view import (
     draw_disc,
     draw_episodes,
     draw_scale_bar,
-    faded,
+    fade_view,
     map_view,
-    resized,
+    resize_view,
 )
 from readygo.common.files import write_whole
 from readygo.common.maps import OccupancyMap
@@ -214,7 +214,7 @@ def _training(content: ReportContent) -> list[Block]:
 def _place(content: ReportContent) -> list[Block]:
     blocks: list[Block] = []
     if content.top_view:
-        view = resized(content.top_view, _PLAN_HEIGHT_PX)
+        view = resize_view(content.top_view, _PLAN_HEIGHT_PX)
         picture = view.rgb.copy()
         draw_scale_bar(picture, view)
         note = f"{content.scene_name} from above, ceiling removed. {content.scene_note}"
@@ -227,9 +227,9 @@ def _place(content: ReportContent) -> list[Block]:
 
 def _plan(content: ReportContent) -> TopView:
     if content.occupancy:
-        return resized(map_view(content.occupancy), _PLAN_HEIGHT_PX)
+        return resize_view(map_view(content.occupancy), _PLAN_HEIGHT_PX)
     assert content.top_view
-    return faded(resized(content.top_view, _PLAN_HEIGHT_PX), 0.5)
+    return fade_view(resize_view(content.top_view, _PLAN_HEIGHT_PX), 0.5)
 
 
 def _paths_note(content: ReportContent) -> str:

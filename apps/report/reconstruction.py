@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from readygo.apps.capture.compare import PoseErrors
+from readygo.apps.capture.compare import FoundPoseErrors
 from readygo.apps.report.page import Block, PageTable, arranged, drawing, fact_table, film, page
 from readygo.common.dataset import Dataset
 from readygo.common.documents import read_json
@@ -17,7 +17,7 @@ from readygo.common.images.encoded import read_pixels
 from readygo.common.scenes import Scene
 from readygo.common.scenes.scene import REPORT_FILE
 from readygo.common.scenes.top_view import top_view
-from readygo.services.reconstructor.reconstruct import GAUSSIANS
+from readygo.services.reconstructor import GAUSSIANS
 
 _SHOWN = 4
 _PICTURE_PX = 720
@@ -29,7 +29,7 @@ class Reconstructed:
 
     report: dict[str, Any]
     """Report of the reconstruction, as returned by `reconstruct`."""
-    errors: PoseErrors
+    errors: FoundPoseErrors
     work: Path
     source: Scene
     found: Scene

@@ -17,8 +17,7 @@ from readygo.apps.report.page import (
     small_print,
 )
 from readygo.common.episode import TaskSummary
-from readygo.services.evaluator import Category, Task, short_name
-from readygo.services.evaluator.scores import MEASURES, Comparison, Group, Measure, Score
+from readygo.services.evaluator import MEASURES, Category, Comparison, Group, Measure, Score, Task, short_name
 
 TASK_NAMES = {Task.STATIC: "alone", Task.DYNAMIC: "among humans", Task.REACTIVE: "among humans who make way"}
 LATEX_MEASURES = ("success", "art_s", "spl", "static_collision", "human_collision", "at_fault", "intrusion")

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from readygo.apps.robot_logs.drives import GAP_NS, Drive, drive_of, spans
-from readygo.apps.robot_logs.reader import LogCamera, RobotLog, opened
+from readygo.apps.robot_logs.drives import GAP_NS, UnicycleDrive, drive_of, spans
+from readygo.apps.robot_logs.reader import LogCamera, RobotLog, open_log
 from readygo.common.config import section_to_mapping
 from readygo.common.dataset import Provenance, SceneOrigin, ShardWriter, encode_episode, shard_name
-from readygo.common.dataset.stage import Stage
+from readygo.common.dataset.stage import Scenery
 from readygo.common.errors import ConfigError, DatasetError
 from readygo.common.files import unfinished_folder
 from readygo.common.frames import goal_in_robot_frame
@@ -77,7 +77,7 @@ def convert(
     """
     if episode_s < 2.0:
         raise ConfigError(f"--episode-s must be at least 2, got {episode_s:g}.")
-    with opened(path) as log, unfinished_folder(out, raises=DatasetError) as folder:
+    with open_log(path) as log, unfinished_folder(out, raises=DatasetError) as folder:
         if topics.camera_info:
             robot = dataclasses.replace(robot, camera=camera_of(robot.camera, log.camera(topics.camera_info)))
         odometry = log.odometry(topics.odometry)
@@ -141,12 +141,12 @@ def _write(
     folder: Path,
     log: RobotLog,
     topic: str,
-    drives: list[Drive],
+    drives: list[UnicycleDrive],
     robot: RobotConfig,
     provenance: Provenance,
     progress: Progress,
 ) -> None:
-    with ShardWriter(folder / shard_name("log", 0), provenance, stage=Stage(robot=robot, maps=None)) as writer:
+    with ShardWriter(folder / shard_name("log", 0), provenance, stage=Scenery(robot=robot, maps=None)) as writer:
         for index, drive in enumerate(drives):
             images = list(_images_at(log, topic, drive))
             header = _header(index, drive, robot.camera, images[0])
@@ -156,7 +156,7 @@ def _write(
             progress(index + 1, len(drives))
 
 
-def _images_at(log: RobotLog, topic: str, drive: Drive) -> Iterator[bytes]:
+def _images_at(log: RobotLog, topic: str, drive: UnicycleDrive) -> Iterator[bytes]:
     """The newest image at each sample."""
     images = log.images(topic, drive.start_ns - GAP_NS, int(drive.times_ns[-1]))
     newest, following = b"", next(images, None)
@@ -166,7 +166,7 @@ def _images_at(log: RobotLog, topic: str, drive: Drive) -> Iterator[bytes]:
         yield newest
 
 
-def _header(index: int, drive: Drive, camera: CameraConfig, image: bytes) -> EpisodeHeader:
+def _header(index: int, drive: UnicycleDrive, camera: CameraConfig, image: bytes) -> EpisodeHeader:
     """The header of an episode; its goal is its last position."""
     picture = decode_image(image)
     if picture is None or picture.shape[:2] != (camera.height_px, camera.width_px):
@@ -193,7 +193,7 @@ def _header(index: int, drive: Drive, camera: CameraConfig, image: bytes) -> Epi
     )
 
 
-def _sample(drive: Drive, header: EpisodeHeader, seq: int, image: bytes) -> Sample:
+def _sample(drive: UnicycleDrive, header: EpisodeHeader, seq: int, image: bytes) -> Sample:
     x, y, yaw = drive.xyyaw[seq].tolist()
     v, w = drive.actions[seq].tolist()
     return Sample(

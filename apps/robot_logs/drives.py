@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.robot_logs.reader import Odometry
+from readygo.apps.robot_logs.reader import LoggedPoses
 from readygo.common.frames import goal_in_robot_frame
 from readygo.common.robot import Clock, RobotConfig, limit_command, step_unicycle
 from readygo.common.robot.kinematics import DT_S, STEP_NS
@@ -23,7 +23,7 @@ SHORTEST_S, SHORTEST_M = 2.0, 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Drive:
+class UnicycleDrive:
     """Motion of one episode as a unicycle model: each pose follows from the previous one and its command."""
 
     start_ns: int
@@ -43,7 +43,7 @@ class Drive:
         return _ticks(self.start_ns, self.clock, len(self.xyyaw))
 
 
-def spans(odometry: Odometry, image_times_ns: npt.NDArray[np.int64], episode_s: float) -> list[tuple[int, int]]:
+def spans(odometry: LoggedPoses, image_times_ns: npt.NDArray[np.int64], episode_s: float) -> list[tuple[int, int]]:
     """First and last times of the episodes of a log [ns].
 
     Args:
@@ -66,7 +66,7 @@ def spans(odometry: Odometry, image_times_ns: npt.NDArray[np.int64], episode_s: 
     return [span for span in found if _is_long_enough(odometry, *span)]
 
 
-def drive_of(odometry: Odometry, span: tuple[int, int], robot: RobotConfig) -> Drive:
+def drive_of(odometry: LoggedPoses, span: tuple[int, int], robot: RobotConfig) -> UnicycleDrive:
     """The motion of an episode: at every step the command that leads to the robot's next pose.
 
     A robot that slips or exceeds `robot`'s limits deviates from its odometry; `drift_m` is the largest deviation.
@@ -86,7 +86,7 @@ def drive_of(odometry: Odometry, span: tuple[int, int], robot: RobotConfig) -> D
         pose = step_unicycle(*pose, *before, clock.dt_s)
     xyyaw = np.array(poses)
     drift_m = np.linalg.norm(xyyaw[:, :2] - measured[:-1, :2], axis=1).max()
-    return Drive(start_ns=span[0], xyyaw=xyyaw, actions=np.array(actions), clock=clock, drift_m=float(drift_m))
+    return UnicycleDrive(start_ns=span[0], xyyaw=xyyaw, actions=np.array(actions), clock=clock, drift_m=float(drift_m))
 
 
 def _follow(
@@ -111,7 +111,7 @@ def _ticks(first_ns: int, clock: Clock, count: int) -> npt.NDArray[np.int64]:
     return first_ns + np.array([clock.time_ns(step) for step in range(count)], np.int64)
 
 
-def _at(odometry: Odometry, times_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+def _at(odometry: LoggedPoses, times_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
     """Poses at times, interpolated between the measured ones, shape (T, 3)."""
     columns = [np.interp(times_ns, odometry.time_ns, column) for column in odometry.xyyaw.T]
     return np.stack(columns, axis=1)
@@ -124,7 +124,7 @@ def _fresh(times_ns: npt.NDArray[np.int64], known_ns: npt.NDArray[np.int64]) -> 
     return (place >= 0) & (times_ns - known_ns[place] <= GAP_NS) & (following - known_ns[place] <= GAP_NS)
 
 
-def _still(odometry: Odometry, times_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+def _still(odometry: LoggedPoses, times_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
     """True at times within a standstill of at least `STILL_S`, shape (T,)."""
     poses = _at(odometry, times_ns)
     speed = np.linalg.norm(np.gradient(poses[:, :2], DT_S, axis=0), axis=1) if len(poses) > 1 else np.zeros(len(poses))
@@ -137,7 +137,7 @@ def _still(odometry: Odometry, times_ns: npt.NDArray[np.int64]) -> npt.NDArray[n
     return still
 
 
-def _is_long_enough(odometry: Odometry, first_ns: int, last_ns: int) -> bool:
+def _is_long_enough(odometry: LoggedPoses, first_ns: int, last_ns: int) -> bool:
     places = _at(odometry, np.arange(first_ns, last_ns + 1, STEP_NS))[:, :2]
     way_m = np.linalg.norm(np.diff(places, axis=0), axis=1).sum()
     return (last_ns - first_ns) / 1e9 >= SHORTEST_S and bool(way_m >= SHORTEST_M)

@@ -34,7 +34,7 @@ _WORDS_MAX = 200
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Odometry:
+class LoggedPoses:
     """Poses of the robot over time."""
 
     time_ns: npt.NDArray[np.int64]
@@ -66,7 +66,7 @@ class LogCamera:
 
 
 class RobotLog:
-    """An open log, from `opened`."""
+    """An open log, from `open_log`."""
 
     def __init__(self, reader: Any, types: Any, path: Path) -> None:
         self._reader, self._types, self._path = reader, types, path
@@ -75,7 +75,7 @@ class RobotLog:
             # rosbags would unpack each message without a limit of its size.
             reader.storage.metadata = reader.storage.metadata._replace(compression_mode=None)
 
-    def odometry(self, topic: str) -> Odometry:
+    def odometry(self, topic: str) -> LoggedPoses:
         """Read all poses; those whose time does not rise are dropped.
 
         Raises:
@@ -99,7 +99,7 @@ class RobotLog:
                 f"{topic} of {self._path} lasts longer than {DURATION_MAX_S // 3600} hours; cut it, or mend its clock."
             )
         xyyaw[:, 2] = np.unwrap(xyyaw[:, 2])
-        return Odometry(time_ns=np.array(times, dtype=np.int64), xyyaw=xyyaw)
+        return LoggedPoses(time_ns=np.array(times, dtype=np.int64), xyyaw=xyyaw)
 
     def camera(self, topic: str) -> LogCamera:
         """Read the first CameraInfo.
@@ -125,7 +125,7 @@ class RobotLog:
         """
         connections = self._connections(topic, IMAGE_TYPES)
         for time_ns, message in self._read(connections, start=first_ns, stop=last_ns + 1):
-            yield time_ns, _encoded(message, topic)
+            yield time_ns, _encode_image(message, topic)
 
     def _messages(self, topic: str, types: tuple[str, ...]) -> Iterator[tuple[int, Any]]:
         return self._read(self._connections(topic, types))
@@ -148,7 +148,7 @@ class RobotLog:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[RobotLog]:
+def open_log(path: Path) -> Iterator[RobotLog]:
     """Open a log.
 
     Args:
@@ -227,7 +227,7 @@ def yaw_of(turn: Any) -> float:
     return math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
 
 
-def _encoded(message: Any, topic: str) -> bytes:
+def _encode_image(message: Any, topic: str) -> bytes:
     """The JPEG or PNG of an image message."""
     if not hasattr(message, "encoding"):
         return bytes(message.data)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.views.views import Place, SceneViews
+from readygo.apps.views.views import SceneViews, ViewPlace
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import (
     INK,
@@ -107,7 +107,7 @@ def _nearest(
     return owner
 
 
-def captioned(rgb: Picture, text: str, colour: Rgb = INK) -> Picture:
+def add_caption(rgb: Picture, text: str, colour: Rgb = INK) -> Picture:
     """A picture at the size of a thumbnail, with a line of text below it."""
     height, width = rgb.shape[:2]
     size = (TILE_WIDTH_PX, round(height * TILE_WIDTH_PX / width))
@@ -119,8 +119,8 @@ def captioned(rgb: Picture, text: str, colour: Rgb = INK) -> Picture:
     return np.concatenate([image, caption])
 
 
-def _tile(number: int, place: Place) -> Picture:
+def _tile(number: int, place: ViewPlace) -> Picture:
     look = place.typical
     x_m, y_m, _ = look.xyyaw
     text = f"{number}  ({x_m:.1f}, {y_m:.1f})  sharp {look.sharpness:.0f}  surface {100 * look.coverage:.0f} %"
-    return captioned(look.rgb, text, ALARM if place.blurred or place.bare else INK)
+    return add_caption(look.rgb, text, ALARM if place.blurred or place.bare else INK)

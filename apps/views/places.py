@@ -36,15 +36,15 @@ def spread_places(reachable: npt.NDArray[np.bool_], frame: GridFrame, count: int
     """
     cells = np.argwhere(reachable)
     cells = cells[:: -(-len(cells) // _CELLS_MAX)]
-    chosen = [int(np.argmin(_squared(cells, cells.mean(axis=0))))]
-    nearest = _squared(cells, cells[chosen[0]])
+    chosen = [int(np.argmin(_square_distances(cells, cells.mean(axis=0))))]
+    nearest = _square_distances(cells, cells[chosen[0]])
     while len(chosen) < min(count, len(cells)):
         chosen.append(int(np.argmax(nearest)))
-        nearest = np.minimum(nearest, _squared(cells, cells[chosen[-1]]))
+        nearest = np.minimum(nearest, _square_distances(cells, cells[chosen[-1]]))
     for _ in range(_ROUNDS):
-        owner = np.argmin([_squared(cells, cells[k]) for k in chosen], axis=0)
+        owner = np.argmin([_square_distances(cells, cells[k]) for k in chosen], axis=0)
         middles = (cells[owner == k].mean(axis=0) for k in range(len(chosen)))
-        chosen = [int(np.argmin(_squared(cells, middle))) for middle in middles]
+        chosen = [int(np.argmin(_square_distances(cells, middle))) for middle in middles]
     # From the largest y down, as people read a map.
     rows = sorted({tuple(cells[k]) for k in chosen}, reverse=True)
     corner = np.array([frame.origin_x_m, frame.origin_y_m])
@@ -52,7 +52,7 @@ def spread_places(reachable: npt.NDArray[np.bool_], frame: GridFrame, count: int
     return places
 
 
-def _squared(cells: npt.NDArray[np.int64], cell: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _square_distances(cells: npt.NDArray[np.int64], cell: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     offset: npt.NDArray[np.float64] = (cells - cell).astype(np.float64)
     squared: npt.NDArray[np.float64] = offset[:, 0] ** 2 + offset[:, 1] ** 2
     return squared

@@ -12,14 +12,14 @@ from readygo.apps.views.pictures import (
     ALARM,
     COLUMNS,
     MAP_SIDE_PX,
-    captioned,
+    add_caption,
     sharpness_colour,
     sharpness_legend,
 )
 from readygo.common.dataset import Dataset, RecordedClarity, recorded_clarity
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import INK, draw_disc, draw_scale_bar, map_window
-from readygo.common.drawing.sheet import sheet, stacked
+from readygo.common.drawing.sheet import sheet, stack_panels
 from readygo.common.errors import ReadygoError
 from readygo.common.images.clarity import COVERED_FROM, SHARP_FROM
 from readygo.common.maps import GridFrame, OccupancyMap
@@ -142,7 +142,7 @@ def camera_moments(dataset: Dataset) -> Picture | None:
     with_somebody = looked_at[dataset.truth["human_visible"][looked_at]]
     chosen = with_somebody if len(with_somebody) else looked_at
     shown = dict.fromkeys(chosen[(2 * np.arange(MOMENTS) + 1) * len(chosen) // (2 * MOMENTS)].tolist())
-    return stacked([recorded_together(dataset, sample, rows, robot, width_px=MOMENT_WIDTH_PX) for sample in shown])
+    return stack_panels([recorded_together(dataset, sample, rows, robot, width_px=MOMENT_WIDTH_PX) for sample in shown])
 
 
 def recorded_map(dataset: Dataset, clarity: RecordedClarity, occupancy: OccupancyMap | None) -> Picture:
@@ -184,4 +184,4 @@ def _thumbnail(dataset: Dataset, index: int, sharp: float) -> Picture:
     x_m, y_m = dataset.poses[index, :2].tolist()
     time_s = int(dataset.time_ns[index]) / 1e9
     text = f"{entry.episode.episode_id}  {time_s:.1f} s  ({x_m:.1f}, {y_m:.1f})  sharp {sharp:.0f}"
-    return captioned(dataset.decode(index), text, ALARM if sharp < SHARP_FROM else INK)
+    return add_caption(dataset.decode(index), text, ALARM if sharp < SHARP_FROM else INK)

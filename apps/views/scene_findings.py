@@ -10,7 +10,17 @@ from readygo.apps.pictures.scene_maps import OCCUPIED, REACHABLE, SEPARATE, TOO_
 from readygo.apps.views.pictures import ALARM
 from readygo.apps.views.views import SceneViews
 from readygo.common.drawing.files import Picture
-from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, WHITE, Rgb, draw_scale_bar, put_mark, put_text, resized
+from readygo.common.drawing.plan_view import (
+    GOAL,
+    HUMANS,
+    INK,
+    WHITE,
+    Rgb,
+    draw_scale_bar,
+    put_mark,
+    put_text,
+    resize_view,
+)
 from readygo.common.drawing.sheet import area_swatch, ring_swatch, sheet
 from readygo.common.maps import ScenePlan, clearance_m, free_components
 from readygo.common.scenes.findings import BLURRED, ROUGH, UNFILMED, marks
@@ -70,7 +80,7 @@ def _map(plan: ScenePlan, radius_m: float) -> TopView:
     factor = max(1, -(-HEIGHT_PX // len(cells)))
     large = cells[::-1].repeat(factor, axis=0).repeat(factor, axis=1)
     view = TopView(rgb=large, frame=replace(frame, resolution_m=frame.resolution_m / factor))
-    return resized(view, min(HEIGHT_PX, round(WIDTH_MAX_PX * len(cells) / cells.shape[1])))
+    return resize_view(view, min(HEIGHT_PX, round(WIDTH_MAX_PX * len(cells) / cells.shape[1])))
 
 
 def _text(sentences: Sequence[str], width: int) -> Picture:

@@ -20,7 +20,7 @@ TOLERATED = 1 / 8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Place:
+class ViewPlace:
     """The views from one place."""
 
     looks: tuple[Look, ...]
@@ -46,7 +46,7 @@ class Place:
 class SceneViews:
     """Places spread over the reachable ground of a scene."""
 
-    places: tuple[Place, ...]
+    places: tuple[ViewPlace, ...]
 
     @property
     def sharpness(self) -> float:
@@ -105,7 +105,7 @@ def scene_views(scene: Scene, robot: RobotConfig, *, radius_m: float | None = No
     poses = poses_to_look_from(labels == 1, scene.maps.robot.frame, places)
     looks = list(look_around(Renderer(scene, {}, robot, RendererConfig()), poses.reshape(-1, 3)))
     width = poses.shape[1]
-    return SceneViews(places=tuple(Place(looks=tuple(looks[k : k + width])) for k in range(0, len(looks), width)))
+    return SceneViews(places=tuple(ViewPlace(looks=tuple(looks[k : k + width])) for k in range(0, len(looks), width)))
 
 
 def warnings(views: SceneViews) -> list[str]:

@@ -17,13 +17,13 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from readygo.apps.run.folder import RunFolder
 from readygo.benchmarks.fleet.faults import Fault, Trace, bring_about, schedule
-from readygo.benchmarks.fleet.site import Site, run_to_end
+from readygo.benchmarks.fleet.site import DataSite, run_to_end
 from readygo.benchmarks.rasterizer.render import machine
 from readygo.common.dataset import Report, validate
 from readygo.common.dataset.index import load_index
 from readygo.common.errors import ConfigError, DatasetError
+from readygo.runs.folder import RunFolder
 
 POLL_S = 0.1
 PATIENCE_S = 180.0
@@ -50,7 +50,7 @@ recorders = ["rec0", "rec1", "rec2"]
 
 
 @dataclass(kw_only=True)
-class Outcome:
+class ChaosOutcome:
     """What the disturbed run has, beside what it should have."""
 
     episodes: int = 0
@@ -115,7 +115,7 @@ def bench_chaos(options: BenchChaosOptions) -> None:
         disk = stack.enter_context(small_disk(place / "data", options.disk_mib))
         planned = schedule(options.episodes, options.faults, options.seed, longest_s=options.longest_s)
         begin_s = time.monotonic()
-        site = Site([*command, "--out", str(place / "data")], RunFolder(place / "data"), place / "chaos.log")
+        site = DataSite([*command, "--out", str(place / "data")], RunFolder(place / "data"), place / "chaos.log")
         traces = disturb(site, planned, place / "faults.log")
         outcome = compare([place / "alone"], site.places(), validate(place / "data"))
         outcome.orphans = _orphans(site)
@@ -135,7 +135,7 @@ def _settings(path: Path, text: str) -> str:
 
 def _undisturbed(command: list[str], place: Path) -> float:
     """Record the same run in peace; returns how long that took [s]."""
-    site = Site([*command, "--out", str(place / "alone")], RunFolder(place / "alone"), place / "alone.log")
+    site = DataSite([*command, "--out", str(place / "alone")], RunFolder(place / "alone"), place / "alone.log")
     begin_s = time.monotonic()
     site.start()
     run_to_end(site, patience_s=24 * 3600.0, runs_max=0)
@@ -156,7 +156,7 @@ def small_disk(folder: Path, size_mib: int) -> Iterator[bool]:
             libc.umount2(str(folder).encode(), 2)
 
 
-def disturb(site: Site, faults: list[Fault], log: Path) -> list[tuple[Fault, Trace]]:
+def disturb(site: DataSite, faults: list[Fault], log: Path) -> list[tuple[Fault, Trace]]:
     """Do a run while faults happen; afterwards all is recorded, or the run does not end.
 
     Raises:
@@ -208,11 +208,11 @@ def _ended(lasting: list[tuple[float, Trace]]) -> list[tuple[float, Trace]]:
     return [(end_s, trace) for end_s, trace in lasting if end_s > now_s]
 
 
-def compare(alone: list[Path], disturbed: list[Path], checked: Report) -> Outcome:
+def compare(alone: list[Path], disturbed: list[Path], checked: Report) -> ChaosOutcome:
     """What of a disturbed run is not as in the same run left alone, by their folders and what `validate` says."""
     expected = {index: hashes[0] for index, hashes in _episodes(alone).items()}
     found = _episodes(disturbed)
-    return Outcome(
+    return ChaosOutcome(
         episodes=sum(map(len, found.values())),
         missing=sorted(set(expected) - set(found)),
         double=sorted(index for index, hashes in found.items() if len(hashes) > 1),
@@ -234,7 +234,7 @@ def _unfinished(folder: Path) -> list[Path]:
     return [path for pattern in ("*.part", "*.salvage") for path in folder.glob(pattern)]
 
 
-def _orphans(site: Site) -> int:
+def _orphans(site: DataSite) -> int:
     deadline_s = time.monotonic() + ORPHAN_S
     while (left := site.left_behind()) and time.monotonic() < deadline_s:
         time.sleep(POLL_S)
@@ -242,7 +242,7 @@ def _orphans(site: Site) -> int:
     return len(left)
 
 
-def report(traces: list[tuple[Fault, Trace]], outcome: Outcome, site: Site) -> dict[str, Any]:
+def report(traces: list[tuple[Fault, Trace]], outcome: ChaosOutcome, site: DataSite) -> dict[str, Any]:
     """All of it as plain values."""
     happened = Counter(fault.kind.value for fault, trace in traces if not trace.skipped)
     skipped = Counter(f"{fault.kind.value}: {trace.words}" for fault, trace in traces if trace.skipped)

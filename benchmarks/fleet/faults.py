@@ -12,13 +12,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from readygo.apps.run.recorders import requeue
 from readygo.benchmarks.fleet.hostile import send_lies
-from readygo.benchmarks.fleet.site import LAUNCHER, Site
+from readygo.benchmarks.fleet.site import LAUNCHER, DataSite
 from readygo.common.dataset.places import own_folders
 from readygo.common.errors import BusError, ReadygoError, RunError
 from readygo.common.messages import StatusRequest, topics
 from readygo.common.messages.fleet import FleetRequest
+from readygo.runs.recorders import requeue
 
 SHORTEST_S = 0.3
 """Shortest duration of a freeze or of a full disk [s]."""
@@ -110,7 +110,7 @@ def schedule(episodes: int, faults: int, seed: int, *, longest_s: float) -> list
     ]
 
 
-def bring_about(site: Site, fault: Fault) -> Trace:
+def bring_about(site: DataSite, fault: Fault) -> Trace:
     """Let a fault happen."""
     try:
         return ACTIONS[fault.kind](site, fault)
@@ -122,11 +122,11 @@ def _nothing(words: str) -> Trace:
     return Trace(words=words, skipped=True, later=True)
 
 
-def _workers(site: Site) -> list[tuple[str, int]]:
+def _workers(site: DataSite) -> list[tuple[str, int]]:
     return sorted((name, pid) for name, pid in site.processes().items() if name != LAUNCHER)
 
 
-def _kill(site: Site, fault: Fault) -> Trace:
+def _kill(site: DataSite, fault: Fault) -> Trace:
     workers = _workers(site)
     count = 2 if fault.kind is Kind.KILL_TWO else 1
     if len(workers) < count:
@@ -138,7 +138,7 @@ def _kill(site: Site, fault: Fault) -> Trace:
     return Trace(words=", ".join(name for name, _ in chosen))
 
 
-def _freeze(site: Site, fault: Fault) -> Trace:
+def _freeze(site: DataSite, fault: Fault) -> Trace:
     workers = _workers(site)
     if fault.kind is Kind.FREEZE_ROUTER:
         workers = [(LAUNCHER, pid) for name, pid in site.processes().items() if name == LAUNCHER]
@@ -154,7 +154,7 @@ def _freeze(site: Site, fault: Fault) -> Trace:
     return Trace(words=f"{name}, {fault.duration_s:.1f} s", undo=go_on)
 
 
-def _end_launcher(site: Site, fault: Fault) -> Trace:
+def _end_launcher(site: DataSite, fault: Fault) -> Trace:
     number = signal.SIGTERM if fault.kind is Kind.END_LAUNCHER else signal.SIGKILL
     site.end(number)
     if fault.kind is Kind.LOSE_LEDGER:
@@ -163,7 +163,7 @@ def _end_launcher(site: Site, fault: Fault) -> Trace:
     return Trace(words=number.name)
 
 
-def _lose_disk(site: Site, fault: Fault) -> Trace:
+def _lose_disk(site: DataSite, fault: Fault) -> Trace:
     own = own_folders(site.folder.path)
     if not own:
         return Trace(words="no recorder has a separate disk any more", skipped=True)
@@ -177,7 +177,7 @@ def _lose_disk(site: Site, fault: Fault) -> Trace:
     return Trace(words=name)
 
 
-def _given_up(site: Site, recorder: str) -> bool:
+def _given_up(site: DataSite, recorder: str) -> bool:
     """Give a recorder up as soon as the command that began the run lets go of the folder."""
     try:
         with site.folder.locked():
@@ -207,12 +207,12 @@ def _chosen(paths: list[Path], fault: Fault) -> Path | None:
     return paths[int(fault.pick * len(paths))] if paths else None
 
 
-def _damage_blob(site: Site, fault: Fault) -> Trace:
+def _damage_blob(site: DataSite, fault: Fault) -> Trace:
     path = _chosen(sorted(site.folder.blobs.glob("[0-9a-f]*")), fault)
     return _damage(path, fault) if path else _nothing("no result is there")
 
 
-def _damage_shard(site: Site, fault: Fault) -> Trace:
+def _damage_shard(site: DataSite, fault: Fault) -> Trace:
     path = _chosen(site.shards(), fault)
     if path is None:
         return _nothing("no shard is there")
@@ -226,7 +226,7 @@ def _damage_shard(site: Site, fault: Fault) -> Trace:
     return Trace(words=f"{path.name} to {int(size * fault.pick)} of {size} bytes")
 
 
-def _fill_disk(site: Site, fault: Fault) -> Trace:
+def _fill_disk(site: DataSite, fault: Fault) -> Trace:
     folder = site.folder.path
     if not os.path.ismount(folder):
         return Trace(words="the data folder is not on a separate small disk", skipped=True)
@@ -246,7 +246,7 @@ def _take_all(descriptor: int) -> None:
                 end += block
 
 
-def _take_names(site: Site, fault: Fault) -> Trace:
+def _take_names(site: DataSite, fault: Fault) -> Trace:
     """Have processes come and go that are called as the fleet's, in roles that these have not."""
     try:
         bus = site.join()
@@ -264,7 +264,7 @@ def _take_names(site: Site, fault: Fault) -> Trace:
     return Trace(words=f"{len(workers)} names in {len(roles)} roles")
 
 
-def _lie(site: Site, fault: Fault) -> Trace:
+def _lie(site: DataSite, fault: Fault) -> Trace:
     if not site.durable():
         return _nothing("no worker has said yet of which numeric class the run is")
     try:
@@ -280,7 +280,7 @@ def _lie(site: Site, fault: Fault) -> Trace:
         bus.close()
 
 
-ACTIONS: Mapping[Kind, Callable[[Site, Fault], Trace]] = {
+ACTIONS: Mapping[Kind, Callable[[DataSite, Fault], Trace]] = {
     Kind.KILL: _kill,
     Kind.KILL_TWO: _kill,
     Kind.FREEZE: _freeze,

@@ -24,13 +24,13 @@ from typing import Any
 
 import tyro
 
-from readygo.apps.run.folder import RunFolder
 from readygo.benchmarks.fleet.chaos import SETTINGS, compare
 from readygo.benchmarks.rasterizer.render import machine
 from readygo.benchmarks.recording.three_hosts import PORT, Host, committed, hosts_on_a_bridge, readygo, set_link
 from readygo.common.dataset import Report, validate
 from readygo.common.dataset.aside import read_set_aside
 from readygo.common.messages.stages import EXPERT_LINE
+from readygo.runs.folder import RunFolder
 
 NAME = "desk-1"
 """Name of every worker."""
@@ -67,7 +67,7 @@ class Process:
 
 
 @dataclass
-class Fleet:
+class HostFleet:
     """All processes, and what was done to them."""
 
     hosts: tuple[Host, ...]
@@ -103,44 +103,44 @@ class Fleet:
         self.undo.append((time.monotonic() + duration_s, undo))
 
 
-def _kill(fleet: Fleet) -> None:
+def _kill(fleet: HostFleet) -> None:
     fleet.some().kill()
 
 
-def _kill_coordinator(fleet: Fleet) -> None:
+def _kill_coordinator(fleet: HostFleet) -> None:
     fleet.some(coordinator=True).kill()
 
 
-def _freeze(fleet: Fleet) -> None:
+def _freeze(fleet: HostFleet) -> None:
     process = fleet.some()
     process.send_signal(signal.SIGSTOP)
     fleet.later(lambda: process.send_signal(signal.SIGCONT))
 
 
-def _cut(fleet: Fleet) -> None:
+def _cut(fleet: HostFleet) -> None:
     host = fleet.rng.choice(fleet.hosts[1:])
     set_link(host, "down")
     fleet.later(lambda: set_link(host, "up"))
 
 
-def _take_name(fleet: Fleet) -> None:
+def _take_name(fleet: HostFleet) -> None:
     """A worker of another role has the others' name for a while."""
     _visit(fleet, GUEST)
 
 
-def _take_taken_name(fleet: Fleet) -> None:
+def _take_taken_name(fleet: HostFleet) -> None:
     """A second worker of a role asks for the name of the first."""
     _visit(fleet, fleet.rng.choice(("all", "renderer")))
 
 
-def _visit(fleet: Fleet, role: str) -> None:
+def _visit(fleet: HostFleet, role: str) -> None:
     host = fleet.hosts[1] if role in ("all", GUEST) else fleet.hosts[2]
     recorder = fleet.processes["rec0"].arguments
     guest = host.start("worker", role, *recorder[2:6], "--name", NAME, "--certs", str(host.certs))
     fleet.later(guest.kill, GUEST_S)
 
 
-FAULTS: Mapping[str, Callable[[Fleet], None]] = {
+FAULTS: Mapping[str, Callable[[HostFleet], None]] = {
     "a worker or recorder is killed": _kill,
     "the coordinator is killed": _kill_coordinator,
     "a process is stopped and continues": _freeze,
@@ -189,7 +189,7 @@ def _issue(authority: Path, hosts: Sequence[Host]) -> None:
 
 
 @contextlib.contextmanager
-def _fleet(hosts: tuple[Host, ...], what: Sequence[str], seed: int, deadline_s: float) -> Iterator[Fleet]:
+def _fleet(hosts: tuple[Host, ...], what: Sequence[str], seed: int, deadline_s: float) -> Iterator[HostFleet]:
     first, second, third = hosts
     data = first.root / "data"
     listen = ("--listen", f"tls/0.0.0.0:{PORT}", "--certs", str(first.certs))
@@ -200,7 +200,7 @@ def _fleet(hosts: tuple[Host, ...], what: Sequence[str], seed: int, deadline_s: 
         time.sleep(POLL_S)
     run = RunFolder(data).load()[0].run
     lead = Process(first, ("coordinator", str(data), *listen), begin)
-    fleet = Fleet(hosts, {"coordinator": lead}, random.Random(seed))
+    fleet = HostFleet(hosts, {"coordinator": lead}, random.Random(seed))
 
     def add(name: str, host: Host, role: str, *own: str) -> None:
         join = ("--connect", f"tls/{first.address}:{PORT}", "--run", run)
@@ -220,7 +220,7 @@ def _fleet(hosts: tuple[Host, ...], what: Sequence[str], seed: int, deadline_s: 
             process.running.wait()
 
 
-def _disturb(fleet: Fleet, faults: int, every_s: float, deadline_s: float) -> None:
+def _disturb(fleet: HostFleet, faults: int, every_s: float, deadline_s: float) -> None:
     """Let faults happen until the run is over, and until all shards are finished."""
     next_s = time.monotonic()
     while not all(process.done for process in fleet.processes.values()):
@@ -236,7 +236,7 @@ def _disturb(fleet: Fleet, faults: int, every_s: float, deadline_s: float) -> No
         undo()
 
 
-def _result(alone: Path, shards: list[Path], fleet: Fleet, data: Path) -> dict[str, Any]:
+def _result(alone: Path, shards: list[Path], fleet: HostFleet, data: Path) -> dict[str, Any]:
     reports = [validate(place) for place in shards]
     whole = Report(
         folder=data,

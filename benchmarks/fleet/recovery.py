@@ -20,13 +20,13 @@ from typing import Annotated, Any
 import tyro
 
 from readygo.apps.fleet.roles import COORDINATOR
-from readygo.apps.run.folder import RunFolder
 from readygo.benchmarks.fleet.chaos import SETTINGS
-from readygo.benchmarks.fleet.site import Site
+from readygo.benchmarks.fleet.site import DataSite
 from readygo.benchmarks.rasterizer.render import machine
 from readygo.common.bus import Bus, Member
 from readygo.common.errors import BusError, ReadygoError
 from readygo.common.messages import CommittedEpisode, StatusRequest, topics
+from readygo.runs.folder import RunFolder
 
 ASKED_S = {
     "ready": 2.0,
@@ -44,7 +44,7 @@ EPISODES = 100_000
 """More than will be recorded: the run is stopped when all is measured."""
 
 
-class Watch:
+class RunObserver:
     """What a process that has joined the run observes."""
 
     def __init__(self, bus: Bus) -> None:
@@ -105,7 +105,7 @@ def main(
         (Path(place) / "settings.toml").write_text(SETTINGS)
         command = ["generate", "embedded", "--episodes", str(EPISODES), "--workers", str(workers)]
         command += ["--config", f"{place}/settings.toml", "--out", f"{place}/data"]
-        site = Site(command, RunFolder(Path(place) / "data"), Path(place) / "fleet.log")
+        site = DataSite(command, RunFolder(Path(place) / "data"), Path(place) / "fleet.log")
         site.start()
         try:
             found = measure(site, repeats)
@@ -115,7 +115,7 @@ def main(
     print(json.dumps(result) if json_output else _text(result))
 
 
-def measure(site: Site, repeats: int) -> dict[str, dict[str, float]]:
+def measure(site: DataSite, repeats: int) -> dict[str, dict[str, float]]:
     """All rows, by name: fastest and median [s]."""
     watch = _joined(site)
     try:
@@ -125,7 +125,7 @@ def measure(site: Site, repeats: int) -> dict[str, dict[str, float]]:
         watch.bus.close()
 
 
-def _measured(site: Site, watch: Watch, repeats: int) -> dict[str, dict[str, float]]:
+def _measured(site: DataSite, watch: RunObserver, repeats: int) -> dict[str, dict[str, float]]:
     watch.until(lambda: watch.committed_s > 0.0)
     times: dict[str, list[float]] = {}
 
@@ -143,18 +143,18 @@ def _measured(site: Site, watch: Watch, repeats: int) -> dict[str, dict[str, flo
     }
 
 
-def _joined(site: Site) -> Watch:
+def _joined(site: DataSite) -> RunObserver:
     deadline_s = time.monotonic() + PATIENCE_S
     while True:
         try:
-            return Watch(site.join())
+            return RunObserver(site.join())
         except ReadygoError:
             if time.monotonic() > deadline_s:
                 raise
             time.sleep(0.2)
 
 
-def _killed(site: Site, watch: Watch, name: str) -> dict[str, float]:
+def _killed(site: DataSite, watch: RunObserver, name: str) -> dict[str, float]:
     """Kill a process; when its successor is ready, and what else is waited for."""
     pid, before = site.processes()[name], watch.requeued()[0]
     begin_s = time.monotonic()
@@ -179,7 +179,7 @@ def _killed(site: Site, watch: Watch, name: str) -> dict[str, float]:
     return rows
 
 
-def _requeued(watch: Watch, before: int, begin_s: float) -> dict[str, float]:
+def _requeued(watch: RunObserver, before: int, begin_s: float) -> dict[str, float]:
     """When the lease of a worker that was killed ended; nothing if it held none."""
     while time.monotonic() - begin_s < LEASELESS_S:
         if before >= 0 and watch.requeued()[0] > before:
@@ -188,7 +188,7 @@ def _requeued(watch: Watch, before: int, begin_s: float) -> dict[str, float]:
     return {}
 
 
-def _silent(site: Site, watch: Watch) -> float:
+def _silent(site: DataSite, watch: RunObserver) -> float:
     """Stop a renderer that holds a lease, as if its host were unplugged: when its lease ends."""
     deadline_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline_s:
@@ -198,7 +198,7 @@ def _silent(site: Site, watch: Watch) -> float:
     raise TimeoutError(f"No renderer that holds a lease was met in {PATIENCE_S:g} s.")
 
 
-def _stopped(site: Site, watch: Watch) -> float | None:
+def _stopped(site: DataSite, watch: RunObserver) -> float | None:
     pid = next(pid for name, pid in site.processes().items() if name.startswith("renderer"))
     before, begin_s = watch.requeued()[0], time.monotonic()
     os.kill(pid, signal.SIGSTOP)

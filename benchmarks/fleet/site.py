@@ -11,12 +11,12 @@ from pathlib import Path
 
 from readygo.apps.fleet.fleet import last_words
 from readygo.apps.fleet.token import TOKEN_VARIABLE, new_token, with_token
-from readygo.apps.run.folder import RunFolder
 from readygo.benchmarks.recording.memory import workers_below
 from readygo.common.bus.zenoh_bus import ZenohBus
 from readygo.common.dataset.committed import episode_indices
 from readygo.common.dataset.places import own_folders
 from readygo.common.errors import RunError
+from readygo.runs.folder import RunFolder
 
 LAUNCHER = "launcher"
 """The process that the user starts: it holds the router and the fleet."""
@@ -26,7 +26,7 @@ END_S = 120.0
 """So does a launcher that takes longer to end when it is told to [s]."""
 
 
-class Site:
+class DataSite:
     """One data folder, and the command that fills it."""
 
     def __init__(self, command: Sequence[str], folder: RunFolder, log: Path) -> None:
@@ -157,7 +157,7 @@ class Site:
             self.end(signal.SIGKILL)
 
 
-def run_to_end(site: Site, *, patience_s: float, runs_max: int = 10) -> None:
+def run_to_end(site: DataSite, *, patience_s: float, runs_max: int = 10) -> None:
     """Run the command until it says that all is recorded.
 
     Raises:

@@ -49,7 +49,7 @@ FLIGHT_M = 0.01
 """With both soles higher than this above the floor a runner flies."""
 
 
-class Gate(NamedTuple):
+class MotionGate(NamedTuple):
     """A number and what it must be."""
 
     name: str
@@ -89,7 +89,7 @@ def bench_motion(options: BenchMotionOptions) -> None:
     ]
     folder = options.mocap or MOCAP
     gates += mocap_gates(body, folder) if folder.is_dir() else []
-    gates.append(Gate("ms_per_10s", cost_ms(body), 0.0, 60.0))
+    gates.append(MotionGate("ms_per_10s", cost_ms(body), 0.0, 60.0))
     mocap_note = "present" if folder.is_dir() else "absent"
     if options.json:
         rows = [{**gate._asdict(), "held": gate.held} for gate in gates]
@@ -106,7 +106,7 @@ def _avatar(name: str) -> Avatar:
     return avatars[name if name in avatars else sorted(avatars)[0]]
 
 
-def _print(gates: list[Gate], name: str, mocap_note: str) -> None:
+def _print(gates: list[MotionGate], name: str, mocap_note: str) -> None:
     width = max(len(gate.name) for gate in gates)
     for gate in gates:
         verdict = "" if gate.held else "  BEYOND"
@@ -123,7 +123,7 @@ def quality(avatar: Avatar, xy: Array, ground: FloorMap, style: float) -> dict[s
     return dataclasses.asdict(measure(motion, avatar, ground, xy))
 
 
-def _worst(name: str, numbers: list[dict[str, float]]) -> Iterator[Gate]:
+def _worst(name: str, numbers: list[dict[str, float]]) -> Iterator[MotionGate]:
     """Gates of feet, root and knees over some motions."""
     limits = {
         "skate_mean_cmps": 1.0,
@@ -136,11 +136,11 @@ def _worst(name: str, numbers: list[dict[str, float]]) -> Iterator[Gate]:
         "joint_speed_max_degps": 1000.0,
     }
     for key, high in limits.items():
-        yield Gate(f"{name}: {key}", max(quality[key] for quality in numbers), 0.0, high)
-    yield Gate(f"{name}: knee_min_deg", min(quality["knee_min_deg"] for quality in numbers), 0.5, 80.0)
+        yield MotionGate(f"{name}: {key}", max(quality[key] for quality in numbers), 0.0, high)
+    yield MotionGate(f"{name}: knee_min_deg", min(quality["knee_min_deg"] for quality in numbers), 0.5, 80.0)
 
 
-def path_gates(avatar: Avatar, style: float) -> Iterator[Gate]:
+def path_gates(avatar: Avatar, style: float) -> Iterator[MotionGate]:
     """Worst numbers of every path over its speeds, and of uneven floors."""
     for path, make in PATHS.items():
         numbers = [quality(avatar, make(speed), FLOORS["flat"], style) for speed in SPEEDS_MPS]
@@ -160,16 +160,16 @@ def steady(avatar: Avatar, speed_mps: float) -> tuple[float, float, float]:
     return cadence, 60.0 * speed_mps / cadence, float(np.ptp(middle.root_m[:, 2]))
 
 
-def steady_gates(avatar: Avatar) -> Iterator[Gate]:
+def steady_gates(avatar: Avatar) -> Iterator[MotionGate]:
     """Cadence and step length against the fits to 207 walks, and the pelvis' oscillation."""
     size = skeleton_of(avatar).size
     for speed in STEADY_SPEEDS_MPS:
         cadence, step_m, _ = steady(avatar, speed)
         scaled = speed / np.sqrt(size)
         fit_per_min, fit_m = (66.4 + 38.9 * scaled) / np.sqrt(size), (0.158 + 0.417 * scaled) * size
-        yield Gate(f"cadence_per_min at {speed} m/s", cadence, 0.9 * fit_per_min, 1.1 * fit_per_min)
-        yield Gate(f"step_m at {speed} m/s", step_m, 0.9 * fit_m, 1.1 * fit_m)
-    yield Gate("pelvis_oscillation_cm at 1.2 m/s", 100.0 * steady(avatar, 1.2)[2], 2.5, 4.5)
+        yield MotionGate(f"cadence_per_min at {speed} m/s", cadence, 0.9 * fit_per_min, 1.1 * fit_per_min)
+        yield MotionGate(f"step_m at {speed} m/s", step_m, 0.9 * fit_m, 1.1 * fit_m)
+    yield MotionGate("pelvis_oscillation_cm at 1.2 m/s", 100.0 * steady(avatar, 1.2)[2], 2.5, 4.5)
 
 
 def flight_share(avatar: Avatar, speed_mps: float) -> float:
@@ -180,15 +180,15 @@ def flight_share(avatar: Avatar, speed_mps: float) -> float:
     return float(share)
 
 
-def run_gates(avatar: Avatar, style: float) -> Iterator[Gate]:
+def run_gates(avatar: Avatar, style: float) -> Iterator[MotionGate]:
     """Runs: cadence, oscillation, flight, knees and feet; figures of 2.6 to 2.9 m/s are mocap's."""
     size = skeleton_of(avatar).size
     cadence, _, oscillation_m = steady(avatar, 2.9)
     known = 120.0 * float(stride_rate(2.9 / np.sqrt(size), 1.0, 1.0)) / np.sqrt(size)
-    yield Gate("run cadence_per_min at 2.9 m/s", cadence, 0.9 * 157.0, 1.1 * 157.0)
-    yield Gate("run cadence beside its own law", cadence / known, 0.97, 1.03)
-    yield Gate("run pelvis_oscillation_cm at 2.9 m/s", 100.0 * oscillation_m, 8.0, 14.0)
-    yield Gate("run flight_share at 2.9 m/s", flight_share(avatar, 2.9), 0.15, 0.5)
+    yield MotionGate("run cadence_per_min at 2.9 m/s", cadence, 0.9 * 157.0, 1.1 * 157.0)
+    yield MotionGate("run cadence beside its own law", cadence / known, 0.97, 1.03)
+    yield MotionGate("run pelvis_oscillation_cm at 2.9 m/s", 100.0 * oscillation_m, 8.0, 14.0)
+    yield MotionGate("run flight_share at 2.9 m/s", flight_share(avatar, 2.9), 0.15, 0.5)
     numbers = [quality(avatar, dash(speed), FLOORS["flat"], style) for speed in RUN_SPEEDS_MPS]
     worst = {key: max(quality[key] for quality in numbers) for key in numbers[0]}
     for key, low, high in (
@@ -199,31 +199,31 @@ def run_gates(avatar: Avatar, style: float) -> Iterator[Gate]:
         ("root_error_max_cm", 0.0, 2.0),
         ("knee_max_deg", 95.0, 125.5),
     ):
-        yield Gate(f"run {RUN_SPEEDS_MPS[0]}..{RUN_SPEEDS_MPS[-1]} m/s: {key}", worst[key], low, high)
+        yield MotionGate(f"run {RUN_SPEEDS_MPS[0]}..{RUN_SPEEDS_MPS[-1]} m/s: {key}", worst[key], low, high)
 
 
-def feature_gates(avatar: Avatar) -> Iterator[Gate]:
+def feature_gates(avatar: Avatar) -> Iterator[MotionGate]:
     """HumanML3D's features of our motions and paths give them back."""
     motion = walk(skeleton_of(avatar), s_curve(1.2), FLOORS["flat"], np.random.default_rng(0))
     joints = yup_from_zup(joints_of(motion, avatar)[1])[:, :22]
     features, start = encode(joints)
     error_m = float(np.abs(decode_joints(features, start) - joints[:-1]).max())
-    yield Gate("features -> joints_m", error_m, 0.0, 1e-5)
+    yield MotionGate("features -> joints_m", error_m, 0.0, 1e-5)
     xy = s_curve(1.2)
     x, z, psi = xy[:, 0], -xy[:, 1], np.cumsum(np.full(len(xy), 0.01))
     rows = np.concatenate([encode_path(x, z, psi), np.zeros((1, 3))])
     back = decode_path(rows, Start(float(x[0]), float(z[0]), float(psi[0])))
-    yield Gate("path -> features -> path", float(np.abs(back - np.stack([x, z, psi], axis=1)).max()), 0.0, 1e-9)
+    yield MotionGate("path -> features -> path", float(np.abs(back - np.stack([x, z, psi], axis=1)).max()), 0.0, 1e-9)
 
 
-def mocap_gates(avatar: Avatar, folder: Path) -> Iterator[Gate]:
+def mocap_gates(avatar: Avatar, folder: Path) -> Iterator[MotionGate]:
     """Leg curves and jerk beside CMU mocap; runs may be further from their one short clip."""
     for name, numbers in compare_all(avatar, folder).items():
         limit_deg = 10.0 if "02_03 by" in name else 6.0
-        yield Gate(f"CMU {name}: hip_rmse_deg", numbers["hip_rmse_deg"], 0.0, limit_deg)
-        yield Gate(f"CMU {name}: knee_rmse_deg", numbers["knee_rmse_deg"], 0.0, limit_deg)
-        yield Gate(f"CMU {name}: jerk_mean_ratio", numbers["jerk_mean_ratio"], 0.0, 1.5)
-        yield Gate(f"CMU {name}: jerk_p99_ratio", numbers["jerk_p99_ratio"], 0.0, 1.5)
+        yield MotionGate(f"CMU {name}: hip_rmse_deg", numbers["hip_rmse_deg"], 0.0, limit_deg)
+        yield MotionGate(f"CMU {name}: knee_rmse_deg", numbers["knee_rmse_deg"], 0.0, limit_deg)
+        yield MotionGate(f"CMU {name}: jerk_mean_ratio", numbers["jerk_mean_ratio"], 0.0, 1.5)
+        yield MotionGate(f"CMU {name}: jerk_p99_ratio", numbers["jerk_p99_ratio"], 0.0, 1.5)
 
 
 def cost_ms(avatar: Avatar, repetitions: int = 15) -> float:

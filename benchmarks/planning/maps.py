@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from readygo.apps.run import scene_argument
-from readygo.apps.run.scene_argument import FlatMaps, open_scene
 from readygo.benchmarks.planning.movingai import load_movingai_map
 from readygo.common.errors import ConfigError, SceneError
 from readygo.common.files import cache_folder
 from readygo.common.scenes import import_scene
-from readygo.services.planner import SceneMaps
+from readygo.runs import scene_argument
+from readygo.runs.scene_argument import FlatMaps, open_scene
+from readygo.services.planner import PlanningMaps
 
 ROOT = Path(__file__).resolve().parents[2]
 SHORT_NAMES = {"willow": "willow-full-0.05", "home": "UMA_236_237"}
@@ -71,7 +71,7 @@ def find_map(name: str, data: Path | None) -> MapSource:
     raise ConfigError(_unknown(name, data))
 
 
-def open_maps(source: MapSource) -> SceneMaps:
+def open_maps(source: MapSource) -> PlanningMaps:
     """The maps of a source.
 
     Raises:

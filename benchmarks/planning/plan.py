@@ -16,7 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from readygo.apps.terminal import PlainConsole
 from readygo.benchmarks.planning.maps import default_data_folder, find_map
 from readygo.benchmarks.planning.pool import draws, processes
-from readygo.benchmarks.planning.runs import Draw, Job
+from readygo.benchmarks.planning.runs import Draw, PlanningJob
 from readygo.benchmarks.planning.summary import map_row, rows_of, text
 from readygo.benchmarks.rasterizer.render import machine
 from readygo.common.errors import ConfigError
@@ -66,7 +66,7 @@ def bench_plan(options: BenchPlanOptions) -> None:
         raise ConfigError("--maps needs at least one map.")
     data = options.data or default_data_folder()
     sources = [find_map(name, data) for name in options.maps]
-    job = Job(
+    job = PlanningJob(
         source=sources[0],
         modes=options.modes,
         tasks=options.tasks,
@@ -79,7 +79,7 @@ def bench_plan(options: BenchPlanOptions) -> None:
     sys.stdout.write(json_module.dumps(result) + "\n" if options.json else text(result))
 
 
-def measure(jobs: list[Job], episodes: int, *, process_count: int, quiet: bool) -> dict[str, Any]:
+def measure(jobs: list[PlanningJob], episodes: int, *, process_count: int, quiet: bool) -> dict[str, Any]:
     """Run jobs one after the other, each by all processes.
 
     Raises:
@@ -100,7 +100,7 @@ def measure(jobs: list[Job], episodes: int, *, process_count: int, quiet: bool) 
 
 
 @contextmanager
-def _progress(jobs: list[Job], episodes: int, *, quiet: bool) -> Iterator[Callable[[Job, bool], None]]:
+def _progress(jobs: list[PlanningJob], episodes: int, *, quiet: bool) -> Iterator[Callable[[PlanningJob, bool], None]]:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     console = PlainConsole(stderr=True)
     with Progress(*columns, console=console, disable=quiet or not console.is_terminal, transient=True) as progress:

@@ -7,14 +7,14 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from itertools import count
 
-from readygo.benchmarks.planning.runs import REJECTED_MAX, Course, Draw, Job
+from readygo.benchmarks.planning.runs import REJECTED_MAX, Course, Draw, PlanningJob
 from readygo.common.errors import SceneError
 from readygo.common.files import write_whole
 
 _course: Course | None = None
 
 
-def draw_index(job: Job, index: int) -> Draw:
+def draw_index(job: PlanningJob, index: int) -> Draw:
     """Draw an index of a job; the process keeps the course for the next one."""
     global _course
     if _course is None or _course.job != job:
@@ -23,7 +23,7 @@ def draw_index(job: Job, index: int) -> Draw:
     return _course.draw(index, pictured=job.pictures is not None)
 
 
-Submit = Callable[[Job, int], "Future[Draw]"]
+Submit = Callable[[PlanningJob, int], "Future[Draw]"]
 
 
 @contextmanager
@@ -45,7 +45,7 @@ def processes(process_count: int) -> Iterator[Submit]:
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _drawn_here(job: Job, index: int) -> "Future[Draw]":
+def _drawn_here(job: PlanningJob, index: int) -> "Future[Draw]":
     future: Future[Draw] = Future()
     try:
         future.set_result(draw_index(job, index))
@@ -54,7 +54,7 @@ def _drawn_here(job: Job, index: int) -> "Future[Draw]":
     return future
 
 
-def draws(job: Job, episodes: int, submit: Submit, ahead: int) -> Iterator[Draw]:
+def draws(job: PlanningJob, episodes: int, submit: Submit, ahead: int) -> Iterator[Draw]:
     """The draws of a job in the order of their indices, up to the one that completes `episodes` accepted ones.
 
     Args:

@@ -57,7 +57,7 @@ START_S = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Job:
+class PlanningJob:
     """What is run on one map."""
 
     source: MapSource
@@ -71,7 +71,7 @@ class Job:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run:
+class PlanningRun:
     """One expert's drive through one episode."""
 
     result: EpisodeResult
@@ -102,7 +102,7 @@ class Draw:
     scenario_ms: float = 0.0
     """CPU time of drawing the scenario, or of finding out that there is none [ms]."""
     motion_ms: float = 0.0
-    runs: dict[tuple[str, str], Run] = field(default_factory=dict)
+    runs: dict[tuple[str, str], PlanningRun] = field(default_factory=dict)
     """Runs by task and mode."""
     pictures: dict[str, bytes] = field(default_factory=dict)
     """Failures as PNG, by their path in the folder of pictures; empty where they are not wanted or written already."""
@@ -111,7 +111,7 @@ class Draw:
 class Course:
     """One map with all experts, ready to drive; kept by a process while it works on the map."""
 
-    def __init__(self, job: Job) -> None:
+    def __init__(self, job: PlanningJob) -> None:
         """Open the maps and drive once, so that compiled code is loaded before a clock runs.
 
         Raises:
@@ -156,14 +156,14 @@ class Course:
                 draw.pictures[name] = png_bytes(picture)
         return draw
 
-    def _drive(self, mode: str, scenario: Scenario, motions: EpisodeMotions) -> tuple[RobotTrajectory, Run]:
+    def _drive(self, mode: str, scenario: Scenario, motions: EpisodeMotions) -> tuple[RobotTrajectory, PlanningRun]:
         request = RobotPlanRequest(scenario=scenario, motions=motions)
         reply, expert_ms = timed(lambda: handle_robot_plan(self.robot_planners[mode], request))
         run = reply.trajectory
         assert run is not None
         failure = self._failure(run, motions)
         free = self._free_steps(run)
-        return run, Run(
+        return run, PlanningRun(
             result=EpisodeResult.from_trajectory(run, self._shortest_m(scenario)),
             failure=failure,
             closest_m=float(run.human_distance_m.min()),

@@ -15,10 +15,10 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from readygo.apps.run.config import load_run_config
-from readygo.apps.run.scene_argument import open_maps
 from readygo.common.avatars import load_avatars
 from readygo.common.messages import AnimateRequest, EpisodeKey, HumanPlanRequest, Scenario, Split
+from readygo.runs.config import load_run_config
+from readygo.runs.scene_argument import open_maps
 from readygo.services.animator import Animator, handle_animate
 from readygo.services.planner import HumanPlanner, RobotPlanner, handle_human_plan
 from readygo.services.planner.expert.handlers import drive

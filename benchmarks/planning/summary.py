@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from readygo.benchmarks.planning.runs import Draw, Job, Run
+from readygo.benchmarks.planning.runs import Draw, PlanningJob, PlanningRun
 from readygo.common.episode import EpisodeConfig, summarize
 from readygo.common.robot import RobotConfig
 
@@ -23,7 +23,7 @@ LEGEND = (
 )
 
 
-def rows_of(job: Job, drawn: Sequence[Draw]) -> list[dict[str, Any]]:
+def rows_of(job: PlanningJob, drawn: Sequence[Draw]) -> list[dict[str, Any]]:
     """One row per task and mode; keys carry units, `_ms` and `_core_s` ones are CPU time."""
     accepted = [draw for draw in drawn if not draw.rejected]
     scenario_ms = sum(draw.scenario_ms for draw in drawn) / len(accepted)
@@ -35,7 +35,7 @@ def rows_of(job: Job, drawn: Sequence[Draw]) -> list[dict[str, Any]]:
     return rows
 
 
-def row_of(runs: Sequence[Run], scenario_ms: float) -> dict[str, Any]:
+def row_of(runs: Sequence[PlanningRun], scenario_ms: float) -> dict[str, Any]:
     """Numbers of one mode in one task."""
     contact_m = RobotConfig().radius_m + EpisodeConfig().human_radius_m
     score = asdict(summarize([run.result for run in runs], time_limit_s=EpisodeConfig().time_limit_s))
@@ -59,7 +59,7 @@ def row_of(runs: Sequence[Run], scenario_ms: float) -> dict[str, Any]:
     }
 
 
-def map_row(job: Job, drawn: Sequence[Draw]) -> dict[str, Any]:
+def map_row(job: PlanningJob, drawn: Sequence[Draw]) -> dict[str, Any]:
     """What was drawn on a map, independent of the experts' results."""
     accepted = [draw for draw in drawn if not draw.rejected]
     return {

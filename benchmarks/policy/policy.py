@@ -22,7 +22,7 @@ import numpy as np
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
-from readygo.benchmarks.policy.toy_rooms import Rooms, Task, draw_task, drive, expert_command, make_rooms, record
+from readygo.benchmarks.policy.toy_rooms import Rooms, ToyTask, draw_task, drive, expert_command, make_rooms, record
 from readygo.common.episode.metrics import wilson_interval
 from readygo.common.episode.straight_line import straight_line_command
 from readygo.common.policy import Policy, load_policy
@@ -33,7 +33,7 @@ from readygo.services.trainer.model import parameter_count
 from readygo.services.trainer.parts import build_parts, timing_of
 from readygo.services.trainer.run import TrainRun
 from readygo.services.trainer.samples import draw_samples, make_batch
-from readygo.services.trainer.train import train, training_threads
+from readygo.services.trainer.train import train_policy, training_threads
 
 ROOMS_SEED, BOXES = 3, 28
 
@@ -119,7 +119,7 @@ def measure_latency(policy: Policy, images: list) -> dict:
 def measure_learning(config: TrainConfig, episodes: int, drives: int, out: Path) -> dict:
     """Open-loop errors and closed-loop successes in the toy rooms."""
     rooms = make_rooms(RobotConfig(), seed=ROOMS_SEED, boxes=BOXES)
-    metrics = train(record(rooms, episodes, seed=0), config, out)
+    metrics = train_policy(record(rooms, episodes, seed=0), config, out)
     policy = load_policy(out)
     metrics.pop("history")
     successes = {
@@ -146,7 +146,7 @@ def count_successes(rooms: Rooms, drives: int, make_command) -> int:
     rng = np.random.default_rng(99)
     count = 0
     for _ in range(drives):
-        task: Task = draw_task(rooms, rng)
+        task: ToyTask = draw_task(rooms, rng)
         outcome, _ = drive(rooms, task, make_command(task))
         count += outcome == "success"
     return count

@@ -12,23 +12,23 @@ import numpy.typing as npt
 from readygo.common.camera import SensorConfig
 from readygo.common.episode import EpisodeConfig
 from readygo.common.frames import goal_in_robot_frame
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.messages import EpisodeKey, Split
-from readygo.common.messages.plan import Driver, Outcome
+from readygo.common.messages.plan import DriverKind, Outcome
 from readygo.common.robot import RobotConfig, limit_command, step_unicycle
 from readygo.common.robot.kinematics import DT_S
 
 CELL_M = 0.1
 
 
-@compiled
+@kernel_with_cache
 def _hash(a, b, c):
     h = (a * 73856093) ^ (b * 19349663) ^ (c * 83492791)
     h = (h ^ (h >> 13)) * 1274126177
     return ((h ^ (h >> 16)) & 255) / 255.0
 
 
-@compiled
+@kernel_with_cache
 def draw(occupied, x, y, yaw, focal, eye, image):
     """Fill `image` (H, W, 3) uint8 with walls 1.2 m high, floor and ceiling."""
     height, width = image.shape[0], image.shape[1]
@@ -60,7 +60,7 @@ def draw(occupied, x, y, yaw, focal, eye, image):
             image[v, u, 0], image[v, u, 1], image[v, u, 2] = int(r), int(g), int(b)
 
 
-@compiled
+@kernel_with_cache
 def _march(occupied, x, y, dx, dy):
     i, j = math.floor(y), math.floor(x)
     step_j, step_i = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
@@ -154,7 +154,7 @@ def expert_command(cost: npt.NDArray[np.float64], pose: Sequence[float], robot: 
 
 
 @dataclass
-class Task:
+class ToyTask:
     """Start and goal."""
 
     pose: tuple[float, float, float]
@@ -162,7 +162,7 @@ class Task:
     cost: npt.NDArray[np.float64] = field(repr=False)
 
 
-def draw_task(rooms: Rooms, rng: np.random.Generator) -> Task:
+def draw_task(rooms: Rooms, rng: np.random.Generator) -> ToyTask:
     """A start with 3 to 10 m to a goal, heading at it."""
     size = rooms.occupied.shape[0] * CELL_M
     while True:
@@ -171,10 +171,10 @@ def draw_task(rooms: Rooms, rng: np.random.Generator) -> Task:
             continue
         cost = cost_to_go(rooms, b)
         if np.isfinite(cost[int(a[1] / CELL_M), int(a[0] / CELL_M)]):
-            return Task((float(a[0]), float(a[1]), math.atan2(b[1] - a[1], b[0] - a[0])), b, cost)
+            return ToyTask((float(a[0]), float(a[1]), math.atan2(b[1] - a[1], b[0] - a[0])), b, cost)
 
 
-def drive(rooms: Rooms, task: Task, command, *, time_limit_s: float = 50.0):
+def drive(rooms: Rooms, task: ToyTask, command, *, time_limit_s: float = 50.0):
     """Drive `command(image, goal, previous, pose)` until the end; returns success and the records."""
     pose, previous, records = task.pose, (0.0, 0.0), []
     for _ in range(round(time_limit_s / DT_S)):
@@ -197,7 +197,7 @@ class ToyEpisode:
     first_sample: int
     sample_count: int
     sha256: str
-    driver: Driver = Driver.EXPERT
+    driver: DriverKind = DriverKind.EXPERT
     outcome: Outcome = Outcome.SUCCESS
     policy: str = ""
     drawn: dict[str, float] = field(default_factory=dict)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 import tyro
 
 from readygo.benchmarks.rasterizer.scenery import Scenery
-from readygo.benchmarks.rasterizer.setting import Job, open_setting
+from readygo.benchmarks.rasterizer.setting import Measurement, open_setting
 from readygo.common.maps import OccupancyMap
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.interface import View
@@ -51,7 +51,7 @@ def main(
         seed: Seed of the camera poses.
         json_output: Print JSON.
     """
-    job = Job(scene=str(scene), avatars=0, height_px=height_px, width_px=width_px, views=views, seed=seed)
+    job = Measurement(scene=str(scene), avatars=0, height_px=height_px, width_px=width_px, views=views, seed=seed)
     setting = open_setting(job)
     camera, scenery = setting.camera, setting.scenery
     rasterizer = CpuRasterizer(scenery.layers(), {}, camera.K_px, height_px, width_px)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.gaussians import GaussianCloud, sh_basis
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.rasterizer.constants import (
     ALPHA_MAX,
     ALPHA_MIN,
@@ -130,7 +130,7 @@ def pixel_stack(
     )
 
 
-@compiled(error_model="numpy")
+@kernel_with_cache(error_model="numpy")
 def _project(
     means: npt.NDArray[np.float32],
     quats: npt.NDArray[np.float32],
@@ -190,7 +190,7 @@ def _project(
     return n
 
 
-@compiled(error_model="numpy")
+@kernel_with_cache(error_model="numpy")
 def _blend(
     shape: Floats, box: Integers, is_human: npt.NDArray[np.bool_], transmittance: Floats, counts: Integers
 ) -> None:

@@ -37,7 +37,7 @@ BATCHES_IN_TURN = 3
 
 
 @dataclass(frozen=True)
-class Job:
+class GpuJob:
     """What is drawn, and where."""
 
     scene: Scene
@@ -106,7 +106,7 @@ def main(
     loaded, wearers = load_scene(scene), load_avatars(avatars)
     count = max(BATCHES_IN_TURN * max(batches), checks)
     views = list(_views(loaded, wearers, camera, _motion(motion), people, count))
-    job = Job(loaded, wearers, camera, views, device)
+    job = GpuJob(loaded, wearers, camera, views, device)
     result: dict[str, Any] = {
         **machine,
         "scene": loaded.name,
@@ -147,7 +147,9 @@ def _machine(device: str) -> dict[str, Any] | None:
     }
 
 
-def _measured(job: Job, name: str, batches: Sequence[int], checks: int, seconds: float, sweep: bool) -> dict[str, Any]:
+def _measured(
+    job: GpuJob, name: str, batches: Sequence[int], checks: int, seconds: float, sweep: bool
+) -> dict[str, Any]:
     """Correctness first, then speed."""
     begin_s = time.perf_counter()
     rasterizer = job.rasterizer(name)
@@ -162,7 +164,7 @@ def _measured(job: Job, name: str, batches: Sequence[int], checks: int, seconds:
     return result
 
 
-def _against_cpu(job: Job, rasterizer: Any, checks: int) -> dict[str, Any]:
+def _against_cpu(job: GpuJob, rasterizer: Any, checks: int) -> dict[str, Any]:
     camera, clouds = job.camera, [job.scene.cloud, *([job.scene.sky] if job.scene.sky is not None else [])]
     cpu = CpuRasterizer(
         [pack_cloud(cloud) for cloud in clouds], job.avatars, camera.K_px, camera.height_px,
@@ -181,7 +183,7 @@ def _against_cpu(job: Job, rasterizer: Any, checks: int) -> dict[str, Any]:
     }
 
 
-def _speed(job: Job, rasterizer: Any, size: int, seconds: float) -> dict[str, Any]:
+def _speed(job: GpuJob, rasterizer: Any, size: int, seconds: float) -> dict[str, Any]:
     """Images per second with images left on the device, and with images copied to the host."""
     on_device = _run_times_s(job, rasterizer.render_on_device, size, seconds)
     to_host = _run_times_s(job, rasterizer.render, size, seconds)
@@ -195,7 +197,7 @@ def _speed(job: Job, rasterizer: Any, size: int, seconds: float) -> dict[str, An
     }
 
 
-def _run_times_s(job: Job, draw: Any, size: int, seconds: float) -> list[float]:
+def _run_times_s(job: GpuJob, draw: Any, size: int, seconds: float) -> list[float]:
     inputs = [job.batch(number, size) for number in range(BATCHES_IN_TURN)]
     for views in inputs:
         draw(views)
@@ -210,7 +212,7 @@ def _run_times_s(job: Job, draw: Any, size: int, seconds: float) -> list[float]:
     return times_s
 
 
-def _stages_ms(job: Job, rasterizer: Any, size: int) -> dict[str, float]:
+def _stages_ms(job: GpuJob, rasterizer: Any, size: int) -> dict[str, float]:
     """Device time of each stage per image [ms], from events between the launches."""
     marks: list[tuple[str, Any]] = []
     rasterizer.set_clock(lambda stage: marks.append((stage, _mark(job.device))))
@@ -224,7 +226,7 @@ def _stages_ms(job: Job, rasterizer: Any, size: int) -> dict[str, float]:
     return {"cameras": float(size), **{f"{stage}_ms": value for stage, value in stages.items()}}
 
 
-def _sweep(job: Job, batches: Sequence[int], seconds: float) -> Iterator[dict[str, Any]]:
+def _sweep(job: GpuJob, batches: Sequence[int], seconds: float) -> Iterator[dict[str, Any]]:
     """Other tiles, slabs, launches and sizes of passes, one changed at a time."""
     from readygo.common.rasterizer.gpu.triton.settings import TritonSettings
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 import tyro
 
 from readygo.benchmarks.rasterizer.runs import make_cpu
-from readygo.benchmarks.rasterizer.setting import Job, Placement, Setting, open_setting
+from readygo.benchmarks.rasterizer.setting import Measurement, Placement, Setting, open_setting
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.warm import warm
 
@@ -58,7 +58,7 @@ def main(
         json: Print one JSON object.
     """
     warm()
-    job = Job(
+    job = Measurement(
         scene=scene,
         synthetic="",
         avatars=avatars,

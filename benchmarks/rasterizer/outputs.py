@@ -15,7 +15,7 @@ from typing import Annotated
 import numpy as np
 import tyro
 
-from readygo.benchmarks.rasterizer.setting import Job, open_setting
+from readygo.benchmarks.rasterizer.setting import Measurement, open_setting
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.interface import View
 from readygo.common.rasterizer.packed.scene import pack_cloud
@@ -54,7 +54,9 @@ def main(
         seed: Seed of the camera poses.
         json_output: Print JSON.
     """
-    job = Job(scene=str(scene), avatar_folder=avatars, height_px=height_px, width_px=width_px, views=views, seed=seed)
+    job = Measurement(
+        scene=str(scene), avatar_folder=avatars, height_px=height_px, width_px=width_px, views=views, seed=seed
+    )
     setting = open_setting(job)
     layers = [pack_cloud(setting.scenery.cloud(), normals=True)]
     rasterizer = CpuRasterizer(layers, setting.wardrobe, setting.camera.K_px, height_px, width_px)

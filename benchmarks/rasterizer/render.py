@@ -27,7 +27,7 @@ from readygo.benchmarks.rasterizer.runs import (
     stages_ms,
 )
 from readygo.benchmarks.rasterizer.scenery import gaussian_count
-from readygo.benchmarks.rasterizer.setting import Backend, Job, Placement, Setting, Switch, open_setting
+from readygo.benchmarks.rasterizer.setting import Backend, Measurement, Placement, Setting, Switch, open_setting
 from readygo.common.errors import ConfigError
 from readygo.common.rasterizer.interface import Rasterizer
 from readygo.common.rasterizer.packed.scene import PackedScene
@@ -84,7 +84,7 @@ class BenchRenderOptions:
 def bench_render(options: BenchRenderOptions) -> None:
     """Measure how fast images of a scene with walking people are drawn."""
     height_px, width_px = _size(options.size)
-    job = Job(
+    job = Measurement(
         scene=options.scene,
         synthetic=options.synthetic,
         avatars=options.avatars,
@@ -107,7 +107,7 @@ def bench_render(options: BenchRenderOptions) -> None:
     sys.stdout.write(json_module.dumps(result) + "\n" if options.json else table(result))
 
 
-def run(job: Job, *, peers: bool = True) -> dict[str, Any]:
+def run(job: Measurement, *, peers: bool = True) -> dict[str, Any]:
     """Measure a job; keys carry units."""
     setting = open_setting(job)
     result = _head(setting)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from readygo.benchmarks.rasterizer.setting import Job, Setting, open_setting
+from readygo.benchmarks.rasterizer.setting import Measurement, Setting, open_setting
 from readygo.common.avatars.file import avatar_hash
 from readygo.common.errors import ConfigError
 from readygo.common.files import cache_folder
@@ -57,7 +57,7 @@ class Timing:
     """Wall time [s], shape (runs, views, images)."""
 
 
-def no_device(job: Job) -> str:
+def no_device(job: Measurement) -> str:
     """Why the backend cannot be measured on this machine, or ""."""
     return "" if job.backend != "gpu" or _has_gpu() else "no gpu"
 
@@ -140,7 +140,7 @@ BACKENDS: dict[str, Callable[[Setting], Rasterizer]] = {
 }
 
 
-def images_per_run(job: Job) -> int:
+def images_per_run(job: Measurement) -> int:
     """Timed images per view and run: at least one."""
     return max(1, job.frames // (job.views * RUNS))
 
@@ -181,7 +181,7 @@ def _keep_barrier(barrier: Barrier) -> None:
     _barrier = barrier
 
 
-def _measure_in_process(job: Job, number: int) -> Timing:
+def _measure_in_process(job: Measurement, number: int) -> Timing:
     assert _barrier is not None
     try:
         setting = open_setting(job)
@@ -194,7 +194,7 @@ def _measure_in_process(job: Job, number: int) -> Timing:
         raise
 
 
-def measure_in_processes(job: Job) -> list[Timing]:
+def measure_in_processes(job: Measurement) -> list[Timing]:
     """Measure in `job.threads` processes that start together when all are warm."""
     context = multiprocessing.get_context("spawn")
     barrier = context.Barrier(job.threads)

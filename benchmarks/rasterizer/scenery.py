@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.run.scene_argument import open_scene
 from readygo.benchmarks.rasterizer import synthetic_room
 from readygo.common.avatars import Avatar
 from readygo.common.errors import ConfigError
@@ -24,6 +23,7 @@ from readygo.common.rasterizer.packed.scene import PackedScene, load_or_pack
 from readygo.common.robot import CameraConfig
 from readygo.common.robot.kinematics import DT_S
 from readygo.common.scenes import Scene
+from readygo.runs.scene_argument import open_scene
 from readygo.services.animator import skeleton_of, walk
 from readygo.services.renderer import pack_folder, static_clouds
 
@@ -49,7 +49,7 @@ class Scenery:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Place:
+class Standpoint:
     """A camera's standpoint, and where people stand before it."""
 
     x_m: float
@@ -125,7 +125,7 @@ def gaussian_count(text: str) -> int:
     return count
 
 
-def random_places(scenery: Scenery, humans: int, count: int, seed: int, *, in_sight: bool = True) -> list[Place]:
+def random_places(scenery: Scenery, humans: int, count: int, seed: int, *, in_sight: bool = True) -> list[Standpoint]:
     """Standpoints and headings in the largest free area.
 
     Args:
@@ -156,11 +156,11 @@ def random_places(scenery: Scenery, humans: int, count: int, seed: int, *, in_si
     return places
 
 
-def _place(scenery: Scenery, cell: npt.NDArray[np.int64], yaw_rad: float, humans: int) -> Place:
+def _place(scenery: Scenery, cell: npt.NDArray[np.int64], yaw_rad: float, humans: int) -> Standpoint:
     x_m, y_m = scenery.occupancy.frame.centre_m(int(cell[0]), int(cell[1]))
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     points = [(x_m + c * forward - s * left, y_m + s * forward + c * left) for forward, left in AHEAD[:humans]]
-    return Place(
+    return Standpoint(
         x_m=x_m,
         y_m=y_m,
         yaw_rad=yaw_rad,
@@ -170,7 +170,7 @@ def _place(scenery: Scenery, cell: npt.NDArray[np.int64], yaw_rad: float, humans
 
 
 def _in_sight(
-    occupancy: OccupancyMap, clear: npt.NDArray[np.bool_], place: Place, point: tuple[float, float, float]
+    occupancy: OccupancyMap, clear: npt.NDArray[np.bool_], place: Standpoint, point: tuple[float, float, float]
 ) -> bool:
     """True if the straight way to a point is not blocked, and the point itself is clear."""
     rows, columns = occupancy.occupied.shape

@@ -18,8 +18,8 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from readygo.benchmarks.rasterizer.scenery import Place
-from readygo.benchmarks.rasterizer.setting import Job, Setting, open_setting
+from readygo.benchmarks.rasterizer.scenery import Standpoint
+from readygo.benchmarks.rasterizer.setting import Measurement, Setting, open_setting
 from readygo.common.avatars import Avatar
 from readygo.common.messages import HumanMotion, Motion
 from readygo.common.robot import CameraConfig, RobotConfig, step_unicycle
@@ -76,7 +76,7 @@ def main(
         json_output: Print JSON.
     """
     camera = CameraConfig(height_px=height_px, width_px=width_px, horizontal_fov_deg=fov_deg)
-    job = Job(scene=str(scene), avatar_folder=avatars, motion=motion, views=views, seed=seed)
+    job = Measurement(scene=str(scene), avatar_folder=avatars, motion=motion, views=views, seed=seed)
     setting = replace(open_setting(job), camera=camera)
     loaded, people = load_scene(scene), {one.name: one for one in setting.avatars}
     renderers = {name: _renderer(name, loaded, people, camera) for name in OPTICS}
@@ -109,7 +109,7 @@ def _renderer(name: str, scene: Scene, people: Mapping[str, Avatar], camera: Cam
     return Renderer(scene, people, RobotConfig(camera=camera), config)
 
 
-def _shot(setting: Setting, place: Place) -> Shot:
+def _shot(setting: Setting, place: Standpoint) -> Shot:
     """A robot that turns at a place, and people who walk on from where they stand at its middle step."""
     rows = [(place.x_m, place.y_m, place.yaw_rad)]
     for _ in range(STEPS):

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from readygo.benchmarks.rasterizer.scenery import Place, Scenery, open_scenery, random_places, walk_motion, wearers
+from readygo.benchmarks.rasterizer.scenery import Scenery, Standpoint, open_scenery, random_places, walk_motion, wearers
 from readygo.common.avatars import Avatar, load_avatars, pose_avatar
 from readygo.common.errors import ConfigError
 from readygo.common.gaussians import GaussianCloud, concatenate
@@ -24,7 +24,7 @@ ROWS_APART = 23
 
 
 @dataclass(frozen=True, kw_only=True)
-class Job:
+class Measurement:
     """A measurement, as its processes are told about it."""
 
     scene: str = ""
@@ -55,10 +55,10 @@ class Job:
 class Setting:
     """Scene, camera, standpoints, and people in motion."""
 
-    job: Job
+    job: Measurement
     scenery: Scenery
     camera: CameraConfig
-    places: list[Place]
+    places: list[Standpoint]
     avatars: list[Avatar]
     """Avatars of the people, one per person."""
     motions: list[Motion]
@@ -69,12 +69,12 @@ class Setting:
         """The avatars by name."""
         return {avatar.name: avatar for avatar in self.avatars}
 
-    def view(self, place: Place, image: int) -> View:
+    def view(self, place: Standpoint, image: int) -> View:
         """Image number `image` of a standpoint: a step of 0.05 s per image."""
         humans = [self._human(number, place, image) for number in range(len(self.avatars))]
         return View(T_world_camera=place.T_world_camera(self.camera, image), humans=humans)
 
-    def _human(self, number: int, place: Place, image: int) -> PosedHuman:
+    def _human(self, number: int, place: Standpoint, image: int) -> PosedHuman:
         motion = self.motions[number]
         first = FIRST_ROW + ROWS_APART * number
         start, row = motion.root_m[first % len(motion.root_m)], (first + image) % len(motion.root_m)
@@ -89,7 +89,7 @@ class Setting:
         return concatenate([scene, *bodies]) if bodies else scene
 
 
-def open_setting(job: Job) -> Setting:
+def open_setting(job: Measurement) -> Setting:
     """Load what a job names.
 
     Raises:

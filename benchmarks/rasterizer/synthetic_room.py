@@ -33,7 +33,7 @@ CELL_M = 0.05
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Box:
+class RoomBox:
     """A box that stands in the flat [m]."""
 
     low_m: tuple[float, float, float]
@@ -41,7 +41,7 @@ class Box:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sheet:
+class GaussianSheet:
     """A rectangle that is covered with Gaussians."""
 
     corner_m: Floats
@@ -112,9 +112,9 @@ def room_maps(seed: int = 0, clearance_height_m: float = 1.9) -> tuple[Occupancy
     return OccupancyMap(frame=frame, occupied=occupied), floor
 
 
-def _walls() -> list[Box]:
+def _walls() -> list[RoomBox]:
     """Inner walls: either side of every door, and the lintel above it."""
-    boxes: list[Box] = []
+    boxes: list[RoomBox] = []
     parts: tuple[tuple[float, float, float], ...]
     thickness = 0.12
     width, height = DOOR_M
@@ -133,11 +133,11 @@ def _walls() -> list[Box]:
                     low, high = [0.0, 0.0, bottom], [0.0, 0.0, SIZE_M[2]]
                     low[axis], high[axis] = at - 0.5 * thickness, at + 0.5 * thickness
                     low[across], high[across] = first, last
-                    boxes.append(Box(low_m=(low[0], low[1], low[2]), high_m=(high[0], high[1], high[2])))
+                    boxes.append(RoomBox(low_m=(low[0], low[1], low[2]), high_m=(high[0], high[1], high[2])))
     return boxes
 
 
-def _furniture(seed: int) -> list[Box]:
+def _furniture(seed: int) -> list[RoomBox]:
     """Boxes of the sizes of sofas, tables and shelves along the rooms' walls, off the doors."""
     rng = np.random.Generator(np.random.Philox(key=[seed, 1 << 62]))
     room = SIZE_M[0] / ROOMS[0], SIZE_M[1] / ROOMS[1]
@@ -159,7 +159,7 @@ def _furniture(seed: int) -> list[Box]:
             size = [0.0, 0.0, height]
             size[axis], size[1 - axis] = length, depth
             boxes.append(
-                Box(
+                RoomBox(
                     low_m=(low[0], low[1], 0.0),
                     high_m=(low[0] + size[0], low[1] + size[1], height),
                 )
@@ -167,10 +167,10 @@ def _furniture(seed: int) -> list[Box]:
     return boxes
 
 
-def _sheets(seed: int) -> list[Sheet]:
+def _sheets(seed: int) -> list[GaussianSheet]:
     """Floor, ceiling, outer walls, and the visible sides of all boxes."""
     rng = np.random.Generator(np.random.Philox(key=[seed, 1 << 61]))
-    hull = Box(low_m=(0.0, 0.0, 0.0), high_m=SIZE_M)
+    hull = RoomBox(low_m=(0.0, 0.0, 0.0), high_m=SIZE_M)
     sheets = _sides(hull, rng, (0, 1, 2, 3, 4, 5), pale=True)
     for box in _walls():
         sheets += _sides(box, rng, (0, 1, 2, 3, 4) if box.low_m[2] else (0, 1, 2, 3), pale=True)
@@ -179,7 +179,7 @@ def _sheets(seed: int) -> list[Sheet]:
     return sheets
 
 
-def _sides(box: Box, rng: np.random.Generator, sides: tuple[int, ...], *, pale: bool) -> list[Sheet]:
+def _sides(box: RoomBox, rng: np.random.Generator, sides: tuple[int, ...], *, pale: bool) -> list[GaussianSheet]:
     """Sides of a box: 2 k is the lower one along axis k / 2, 2 k + 1 the upper one."""
     low, high = np.array(box.low_m), np.array(box.high_m)
     tone = rng.uniform(0.55, 0.9) if pale else rng.uniform(0.2, 0.7)
@@ -193,7 +193,7 @@ def _sides(box: Box, rng: np.random.Generator, sides: tuple[int, ...], *, pale: 
             edges[row, k] = high[k] - low[k]
         rgb = np.clip(tone + rng.uniform(-0.08, 0.08, 3), 0.02, 0.98)
         sheets.append(
-            Sheet(
+            GaussianSheet(
                 corner_m=corner,
                 sides_m=edges,
                 rgb=(float(rgb[0]), float(rgb[1]), float(rgb[2])),
@@ -203,7 +203,7 @@ def _sides(box: Box, rng: np.random.Generator, sides: tuple[int, ...], *, pale: 
     return sheets
 
 
-def _cover(sheet: Sheet, count: int, spacing_m: float, rng: np.random.Generator) -> GaussianCloud:
+def _cover(sheet: GaussianSheet, count: int, spacing_m: float, rng: np.random.Generator) -> GaussianCloud:
     """Gaussians spread over a sheet."""
     at = rng.random((count, 2))
     fuzzy = rng.random(count) < FUZZY_SHARE
@@ -227,7 +227,7 @@ def _cover(sheet: Sheet, count: int, spacing_m: float, rng: np.random.Generator)
     )
 
 
-def _colours(sheet: Sheet, means_m: Floats, rng: np.random.Generator) -> Singles:
+def _colours(sheet: GaussianSheet, means_m: Floats, rng: np.random.Generator) -> Singles:
     """Spherical harmonics: a wavy texture, grain, and a little shine that depends on the direction."""
     wave = np.sin(means_m * (2.0 * math.pi / sheet.pattern_m)).sum(axis=1)
     grain = 0.04 * rng.standard_normal((len(means_m), 3))

@@ -24,9 +24,9 @@ from typing import Annotated
 import tyro
 
 from readygo.apps.fleet.token import new_token, with_token
-from readygo.apps.run.folder import RunFolder
 from readygo.common.bus.zenoh_bus import ZenohBus, free_endpoint
 from readygo.common.messages import StatusReply, topics
+from readygo.runs.folder import RunFolder
 
 JOINS_S = 8.0
 """What is given to those who shall be frozen, to start and to subscribe [s]."""

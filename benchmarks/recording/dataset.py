@@ -17,7 +17,7 @@ import numpy as np
 from readygo.common.bus import InProcessBus
 from readygo.common.dataset import Dataset, Provenance, encode_episode, validate
 from readygo.common.dataset.index import index_path
-from readygo.common.dataset.stage import Stage
+from readygo.common.dataset.stage import Scenery
 from readygo.common.messages import (
     AppendRequest,
     EpisodeHeader,
@@ -100,7 +100,7 @@ def make_requests(index: int, images: list[bytes]) -> list[AppendRequest]:
 
 def record(folder: Path, requests: list[AppendRequest], episodes: int, *, fsync: bool) -> None:
     """Record the same episode under many indices."""
-    stage = Stage(robot=RobotConfig())
+    stage = Scenery(robot=RobotConfig())
     recorder = Recorder(folder, "r0", make_bus(), Provenance(), RecorderConfig(fsync=fsync), stage)
     for index in range(episodes):
         key = EpisodeKey(seed=0, split=Split.TRAIN, index=index)
@@ -137,7 +137,7 @@ def measure_recording(folder: Path, requests: list[AppendRequest]) -> None:
 def measure_stage(requests: list[AppendRequest]) -> None:
     """What an episode costs more because viewers shall show it."""
     header, samples = requests[0].header, [sample for request in requests for sample in request.samples]
-    stage = Stage(robot=RobotConfig())
+    stage = Scenery(robot=RobotConfig())
     encode_s = stage_s = 0.0
     for _ in range(10):
         begin_s = time.thread_time()

@@ -21,10 +21,10 @@ from pathlib import Path
 
 import tyro
 
-from readygo.apps.run.folder import RunFolder
 from readygo.common.dataset import Dataset
 from readygo.common.extras import ROOT
 from readygo.common.files import cache_root
+from readygo.runs.folder import RunFolder
 from readygo.services.coordinator import Ledger
 
 BRIDGE = "readygo-net"

@@ -44,7 +44,7 @@ CAMERA = {
 """What viser's page says first; it counts as connected from then on."""
 
 
-class Moment(NamedTuple):
+class MonitorCost(NamedTuple):
     """What a monitor holds and has spent, and what its viewers have got, since it was started."""
 
     time_s: float
@@ -102,7 +102,7 @@ class Viewers:
             thread.join()
 
 
-def growth_mb_per_h(moments: Sequence[Moment]) -> float:
+def growth_mb_per_h(moments: Sequence[MonitorCost]) -> float:
     """Slope of a line through private memory in the second half of the time, by least squares."""
     half = [moment for moment in moments if moment.time_s >= moments[-1].time_s / 2]
     return float(np.polyfit([m.time_s / 3600 for m in half], [m.private_mb for m in half], 1)[0])
@@ -132,7 +132,7 @@ def main(
     print(json.dumps(result) if json_output else "\n".join(f"{key:22} {value}" for key, value in result.items()))
 
 
-def summary(moments: Sequence[Moment], visits: Sequence[int]) -> dict[str, Any]:
+def summary(moments: Sequence[MonitorCost], visits: Sequence[int]) -> dict[str, Any]:
     """Figures of a time of watching; `private_mb` is read at ten moments from the first to the last one."""
     last = moments[-1]
     tenths = [moments[round(k * (len(moments) - 1) / 9)] for k in range(10)]
@@ -159,13 +159,13 @@ def _monitor(run: Path) -> Iterator[tuple[int, str]]:
             process.terminate()
 
 
-def _moments(pid: int, viewers: Viewers, span_s: float) -> Iterator[Moment]:
+def _moments(pid: int, viewers: Viewers, span_s: float) -> Iterator[MonitorCost]:
     begun = time.monotonic()
     while (elapsed := time.monotonic() - begun) < span_s:
         reading = reading_of(pid)
         if reading is None:
             raise SystemExit("The monitor has ended before its time.")
-        yield Moment(elapsed, reading["private_mb"], _cpu_s(pid), sum(viewers.received) / 1e6)
+        yield MonitorCost(elapsed, reading["private_mb"], _cpu_s(pid), sum(viewers.received) / 1e6)
         time.sleep(PERIOD_S)
 
 

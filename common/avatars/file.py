@@ -11,7 +11,7 @@ import numpy.typing as npt
 from readygo.common.array_files import load_npz
 from readygo.common.avatars.avatar import SMPL_PARENTS, Avatar
 from readygo.common.errors import AvatarError
-from readygo.common.files import unfinished
+from readygo.common.files import write_then_rename
 from readygo.common.gaussians import GaussianCloud
 
 FORMAT = "readygo-avatar/1"
@@ -106,8 +106,8 @@ def save_avatar(avatar: Avatar, path: str | Path, *, quantise: bool = True) -> N
         "R_canonical_to_tpose": avatar.R_tpose_canonical,
     }
     for key, array in floats.items():
-        entries |= _encoded(key, array, quantise)
-    with unfinished(path, raises=AvatarError) as part:
+        entries |= _encode_array(key, array, quantise)
+    with write_then_rename(path, raises=AvatarError) as part:
         np.savez_compressed(part, allow_pickle=False, **entries)
 
 
@@ -279,7 +279,7 @@ def _single(array: Float64Array) -> Float32Array:
     return np.ascontiguousarray(array, dtype=np.float32)
 
 
-def _encoded(key: str, array: Float32Array, quantise: bool) -> dict[str, npt.NDArray[Any]]:
+def _encode_array(key: str, array: Float32Array, quantise: bool) -> dict[str, npt.NDArray[Any]]:
     if not quantise:
         return {key: array}
     if key in _HALF_PRECISION:

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from readygo.common.avatars.avatar import Avatar
 from readygo.common.avatars.kinematics import fill_joint_transforms, posed_point
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.messages.checks import check_array
 from readygo.common.messages.motion import Motion
 
@@ -130,7 +130,7 @@ def _representatives(
     return weights, order[first]
 
 
-@compiled
+@kernel_with_cache
 def _fill_footprint(
     root: Float64Array,
     pose: Float64Array,

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars.avatar import SMPL_PARENTS, Avatar
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.messages.motion import Motion
 
 Float64Array = npt.NDArray[np.float64]
@@ -53,7 +53,7 @@ def joint_positions(avatar: Avatar, motion: Motion) -> Float64Array:
     return positions
 
 
-@compiled
+@kernel_with_cache
 def fill_globals(
     root: Float64Array, pose: Float64Array, joints_tpose: npt.NDArray[np.float32], G: Float64Array, P: Float64Array
 ) -> None:
@@ -80,7 +80,7 @@ def fill_globals(
                 G[j, i, k] = g0 * R[0, k] + g1 * R[1, k] + g2 * R[2, k]
 
 
-@compiled
+@kernel_with_cache
 def fill_joint_transforms(
     root: Float64Array,
     pose: Float64Array,
@@ -107,7 +107,7 @@ def fill_joint_transforms(
             A[j, i, 3] = P[j, i] - shift
 
 
-@compiled
+@kernel_with_cache
 def posed_point(
     A: Float64Array,
     points: Float64Array,
@@ -130,7 +130,7 @@ def posed_point(
     return x, y, z
 
 
-@compiled
+@kernel_with_cache
 def _fill_rotation(x: float, y: float, z: float, R: Float64Array) -> None:
     """Write Rodrigues' rotation matrix of the axis-angle vector (x, y, z) [rad] into R."""
     angle = math.sqrt(x * x + y * y + z * z)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from readygo.common.avatars.avatar import Avatar
 from readygo.common.avatars.footprint import FootprintModel, footprint_xy
 from readygo.common.avatars.kinematics import fill_globals, fill_joint_transforms, posed_point
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.messages.motion import Motion
 from readygo.common.messages.samples import HumanLabels
 
@@ -104,7 +104,7 @@ def _outermost(avatar: Avatar) -> npt.NDArray[np.intp]:
     return np.array(sorted(chosen), dtype=np.intp)
 
 
-@compiled
+@kernel_with_cache
 def _fill_joints_and_box(
     root: Float64Array,
     pose: Float64Array,
@@ -133,7 +133,7 @@ def _fill_joints_and_box(
     box[6] = yaw
 
 
-@compiled
+@kernel_with_cache
 def _fill_thinned(xy: Float64Array, cell: float, out: Float64Array) -> int:
     if len(xy) == 0:
         return 0

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars.avatar import SMPL_PARENTS
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
@@ -47,7 +47,7 @@ def _bone_end(joint: int, joints_m: Floats) -> Floats:
     return end
 
 
-@compiled
+@kernel_with_cache
 def _fill_normals(
     means: Floats, axes: Floats, flatness: Floats, weights: Singles, begins: Floats, ends: Floats, out: Floats
 ) -> None:

@@ -46,14 +46,14 @@ class Skin:
 def load_skeletons(avatars: Sequence[Avatar], device: torch.device | str) -> Skeletons:
     """The avatars' skeletons on a device."""
 
-    def stacked(name: str, *shape: int) -> Tensor:
+    def stack_rows(name: str, *shape: int) -> Tensor:
         arrays = [getattr(avatar, name).astype(np.float64) for avatar in avatars]
         return torch.from_numpy(np.stack(arrays) if arrays else np.zeros((0, *shape))).to(device)
 
     return Skeletons(
-        tpose_m=stacked("joints_tpose_m", 24, 3),
-        canonical_m=stacked("joints_canonical_m", 24, 3),
-        R_tpose_canonical=stacked("R_tpose_canonical", 24, 3, 3),
+        tpose_m=stack_rows("joints_tpose_m", 24, 3),
+        canonical_m=stack_rows("joints_canonical_m", 24, 3),
+        R_tpose_canonical=stack_rows("R_tpose_canonical", 24, 3, 3),
         parents=torch.tensor(SMPL_PARENTS.astype(np.int64), device=device),
     )
 

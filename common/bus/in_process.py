@@ -92,12 +92,12 @@ class InProcessBus:
     def watch(self, changed: Callable[[Member, bool], None]) -> None:
         """Hear of workers; see `Bus.watch`."""
 
-        def told(member: Member, alive: bool) -> None:
+        def deliver_change(member: Member, alive: bool) -> None:
             self._inbox.put(lambda: changed(member, alive))
 
         for member in self._room.present:
-            told(member, True)
-        self._add(self._room.watchers, told)
+            deliver_change(member, True)
+        self._add(self._room.watchers, deliver_change)
 
     def close(self) -> None:
         """Leave the run."""

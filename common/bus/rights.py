@@ -53,7 +53,7 @@ def access_control(workers: Iterable[str], recorders: Iterable[str]) -> dict[str
         says = _rule(("put",), "train/episodes")
         part = _takes_part(RECORDER, name, "live/progress")
         rules[common_name] = [_asks(common_name, *_RECORDERS_ASK), serves, says, *part]
-    return _configured(rules)
+    return _router_config(rules)
 
 
 def _asks(name: str, *topics: str) -> dict[str, Any]:
@@ -79,7 +79,7 @@ def _rule(messages: Iterable[str], *keys: str) -> dict[str, Any]:
     }
 
 
-def _configured(rules: Mapping[str, list[dict[str, Any]]]) -> dict[str, Any]:
+def _router_config(rules: Mapping[str, list[dict[str, Any]]]) -> dict[str, Any]:
     """The configuration of rules by common name; what comes out of the router is what was asked for."""
     out = {**_rule(_EVERYTHING, "**"), "flows": ["egress"], "id": "out"}
     named = {name: [{**rule, "id": f"{name} {n}"} for n, rule in enumerate(own)] for name, own in rules.items()}

@@ -192,13 +192,13 @@ class ZenohBus:
     ) -> None:
         """Answer requests on `topic` with `handler`; see `Bus.serve`."""
 
-        def allowed(asker: str, request: Request) -> Reply:
+        def handle_allowed(asker: str, request: Request) -> Reply:
             if self._certified and (why := refusal(asker, by, request)):
                 raise CertificateError(f"refused: {why}.")
             return handler(request)
 
         def on_query(query: zenoh.Query) -> None:
-            self._inbox.put(lambda: _answer(query, topic, allowed))
+            self._inbox.put(lambda: _answer(query, topic, handle_allowed))
 
         key = f"{self._prefix}by/*/{topic.name}"
         self._declared.append(self._session.declare_queryable(key, on_query, complete=True))
@@ -211,7 +211,7 @@ class ZenohBus:
             waiting_s = max(remaining_s, 0.01)
             for reply in self._session.get(key, payload=payload, attachment=meant, timeout=waiting_s):
                 if reply.ok is not None:
-                    return _decoded(topic, reply.ok.payload.to_bytes())
+                    return _decode_reply(topic, reply.ok.payload.to_bytes())
                 text = reply.err.payload.to_bytes().decode(errors="replace") if reply.err else "no reason given"
                 # Zenoh itself answers a query that ran out of time with an error reply.
                 if text not in ("Timeout", _ASTRAY):
@@ -337,7 +337,7 @@ def _is_name(name: str) -> bool:
     return 0 < len(name) <= NAME_MAX and name.isprintable() and not set(name) & set(_NOT_IN_NAMES)
 
 
-def _decoded(topic: Topic[Request, Reply], payload: bytes) -> Reply:
+def _decode_reply(topic: Topic[Request, Reply], payload: bytes) -> Reply:
     try:
         return decode(topic.reply_type, payload)
     except MessageError as error:

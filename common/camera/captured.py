@@ -51,7 +51,7 @@ class CapturedViews:
         length = float(np.sqrt(mean @ mean))
         return mean / length if length >= AGREE_MIN else None
 
-    def moved(
+    def transform(
         self, R: npt.ArrayLike, translate_m: npt.ArrayLike = (0.0, 0.0, 0.0), scale: float = 1.0
     ) -> "CapturedViews":
         """The cameras after x' = scale R x + translate, as `transform_cloud` moves Gaussians."""

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from readygo.common.camera.config import COEFFICIENT_NAMES, CameraConfig
 from readygo.common.camera.sensor import SensorConfig
 from readygo.common.errors import ConfigError
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 
 Floats = npt.NDArray[np.float64]
 
@@ -131,21 +131,21 @@ def _border(height_px: int, width_px: int) -> Floats:
     return np.concatenate([top, bottom, left, right])
 
 
-@compiled(error_model="numpy")
+@kernel_with_cache(error_model="numpy")
 def _growth(c: Floats, s: float) -> float:
     """The growth of the lens function, g(s) / s."""
     t = s * s
     return float(1.0 + t * (c[0] + t * (c[1] + t * (c[2] + t * c[3]))))
 
 
-@compiled(error_model="numpy")
+@kernel_with_cache(error_model="numpy")
 def _slope(c: Floats, s: float) -> float:
     """Derivative of the lens function g at s."""
     t = s * s
     return float(1.0 + t * (3.0 * c[0] + t * (5.0 * c[1] + t * (7.0 * c[2] + t * 9.0 * c[3]))))
 
 
-@compiled(error_model="numpy")
+@kernel_with_cache(error_model="numpy")
 def _grows_until(c: Floats, s_limit: float) -> float:
     """The largest s up to `s_limit` before which g grows everywhere."""
     for step in range(1, FOLD_STEPS + 1):
@@ -154,7 +154,7 @@ def _grows_until(c: Floats, s_limit: float) -> float:
     return s_limit
 
 
-@compiled(error_model="numpy")
+@kernel_with_cache(error_model="numpy")
 def _inverse(c: Floats, s_max: float, q: float) -> float:
     """The s with g(s) = q, by Newton's method between bounds; NaN beyond `s_max`."""
     low, high = 0.0, s_max
@@ -178,8 +178,8 @@ def _inverse(c: Floats, s_max: float, q: float) -> float:
     return s
 
 
-@compiled(error_model="numpy")
-def _distorted(c: Floats, x: float, y: float) -> tuple[float, float, float, float, float]:
+@kernel_with_cache(error_model="numpy")
+def _distort(c: Floats, x: float, y: float) -> tuple[float, float, float, float, float]:
     """Brown-Conrady: image point over focal length of (x, y), and its derivatives xx, xy (= yx), yy."""
     r2, p1, p2 = x * x + y * y, c[4], c[5]
     r = math.sqrt(r2)
@@ -195,7 +195,7 @@ def _distorted(c: Floats, x: float, y: float) -> tuple[float, float, float, floa
     )
 
 
-@compiled(error_model="numpy")
+@kernel_with_cache(error_model="numpy")
 def _ray(fisheye: bool, c: Floats, s_max: float, xd: float, yd: float) -> tuple[float, float]:
     """The ray (x, y) behind an image point over the focal length; NaN where there is none."""
     q = math.sqrt(xd * xd + yd * yd)
@@ -209,7 +209,7 @@ def _ray(fisheye: bool, c: Floats, s_max: float, xd: float, yd: float) -> tuple[
         return x, y
     residual = math.inf
     for _ in range(NEWTON_STEPS):
-        ex, ey, xx, xy, yy = _distorted(c, x, y)
+        ex, ey, xx, xy, yy = _distort(c, x, y)
         ex, ey, area = ex - xd, ey - yd, xx * yy - xy * xy
         residual = abs(ex) + abs(ey)
         if area <= 0.0 or x * x + y * y > s_max * s_max:
@@ -222,7 +222,7 @@ def _ray(fisheye: bool, c: Floats, s_max: float, xd: float, yd: float) -> tuple[
     return x, y
 
 
-@compiled(error_model="numpy")
+@kernel_with_cache(error_model="numpy")
 def _rays(uv: Floats, fisheye: bool, c: Floats, s_max: float, intrinsics: tuple[float, float, float, float]) -> Floats:
     fx, fy, cx, cy = intrinsics
     out = np.empty_like(uv)
@@ -231,7 +231,7 @@ def _rays(uv: Floats, fisheye: bool, c: Floats, s_max: float, intrinsics: tuple[
     return out
 
 
-@compiled(error_model="numpy")
+@kernel_with_cache(error_model="numpy")
 def _pixels(
     xy: Floats, fisheye: bool, c: Floats, s_max: float, intrinsics: tuple[float, float, float, float]
 ) -> Floats:
@@ -245,6 +245,6 @@ def _pixels(
             factor = s * _growth(c, s) / r if r > 0.0 else 1.0
             x, y = x * factor, y * factor
         else:
-            x, y, _, _, _ = _distorted(c, x, y)
+            x, y, _, _, _ = _distort(c, x, y)
         out[i, 0], out[i, 1] = fx * x + cx, fy * y + cy
     return out

@@ -40,7 +40,7 @@ class SensorConfig(Ranges):
         values: dict[str, Any] = {name: 0.5 * (ends[0] + ends[1]) for name, ends in self.items() if ends}
         return dataclasses.replace(camera, **values)
 
-    def drawn(self, camera: CameraConfig, rng: np.random.Generator) -> CameraConfig:
+    def draw_camera(self, camera: CameraConfig, rng: np.random.Generator) -> CameraConfig:
         """One episode's camera: every value with a range replaced by one from it."""
         values: dict[str, Any] = dict(self.drawn_values(rng))
         return dataclasses.replace(camera, **values)

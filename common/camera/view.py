@@ -15,7 +15,7 @@ BODY_M = 1.9
 
 
 @dataclass(frozen=True, kw_only=True)
-class View:
+class FieldOfView:
     """The borders of a camera's image, behind its lens, as seen from the camera's place on the ground."""
 
     left_rad: float
@@ -36,7 +36,7 @@ class View:
 
 
 @cache
-def view_of(camera: CameraConfig) -> View:
+def view_of(camera: CameraConfig) -> FieldOfView:
     """The view of a camera.
 
     Raises:
@@ -49,13 +49,13 @@ def view_of(camera: CameraConfig) -> View:
     else:
         left_rad = _bearing_rad(camera, np.stack([np.zeros_like(rows), rows], axis=1))
         right_rad = -_bearing_rad(camera, np.stack([np.full_like(rows, width), rows], axis=1))
-    ends = _levelled(camera, np.array([[camera.K_px[0, 2], 0.0], [camera.K_px[0, 2], height]]))
+    ends = _level_rays(camera, np.array([[camera.K_px[0, 2], 0.0], [camera.K_px[0, 2], height]]))
     rise, fall = (up / ahead if ahead > 1e-9 else math.copysign(math.inf, up) for ahead, _, up in ends.tolist())
-    return View(left_rad=left_rad, right_rad=right_rad, rise=rise, fall=fall, height_m=camera.mount_height_m)
+    return FieldOfView(left_rad=left_rad, right_rad=right_rad, rise=rise, fall=fall, height_m=camera.mount_height_m)
 
 
 def in_view(
-    eye: tuple[float, float, float], x_m: float, y_m: float, view: View, range_m: float, radius_m: float
+    eye: tuple[float, float, float], x_m: float, y_m: float, view: FieldOfView, range_m: float, radius_m: float
 ) -> bool:
     """True if some part of a human at (x, y) lies in a camera's view and range.
 
@@ -81,12 +81,12 @@ def in_view(
 
 def _bearing_rad(camera: CameraConfig, border_px: npt.NDArray[np.float64]) -> float:
     """Bearing to the left of a border, where it is nearest to the horizon [rad]."""
-    rays = _levelled(camera, border_px)
+    rays = _level_rays(camera, border_px)
     ahead, left, _ = rays[np.argmin(np.abs(rays[:, 2]) / np.hypot(rays[:, 0], rays[:, 1]))].tolist()
     return math.atan2(left, ahead)
 
 
-def _levelled(camera: CameraConfig, uv_px: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _level_rays(camera: CameraConfig, uv_px: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Rays of pixels with x along the camera's heading, y left, z up, shape (N, 2) -> (N, 3)."""
     x, y = make_lens(camera).rays(uv_px).T
     R_robot_camera = camera.T_world_camera(0.0, 0.0, -math.radians(camera.mount_yaw_deg), 0.0)[:3, :3]

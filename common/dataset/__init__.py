@@ -4,7 +4,7 @@ from readygo.common.dataset.calibration import Calibration
 from readygo.common.dataset.chunk import EpisodeChunk, read_chunk
 from readygo.common.dataset.clarity import RecordedClarity, recorded_clarity
 from readygo.common.dataset.committed import committed_episodes
-from readygo.common.dataset.encode import Place, encode_episode
+from readygo.common.dataset.encode import ShardPlace, encode_episode
 from readygo.common.dataset.entries import EpisodeEntry
 from readygo.common.dataset.provenance import AvatarOrigin, Provenance, ScenarioOrigin, SceneOrigin
 from readygo.common.dataset.reader import Dataset
@@ -18,7 +18,7 @@ __all__ = [
     "Defect",
     "EpisodeChunk",
     "EpisodeEntry",
-    "Place",
+    "ShardPlace",
     "Provenance",
     "RecordedClarity",
     "Report",

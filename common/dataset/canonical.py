@@ -73,7 +73,7 @@ def canonical_parts(view: memoryview, messages: Sequence[Message], index: int) -
         for message in messages:
             if message.channel in _VIEW_NUMBERS:
                 continue
-            payload = moved(view, message, shift_ns)
+            payload = shift_times(view, message, shift_ns)
             number = message.channel
             if number == schemas.ROS_CALIBRATION.number:
                 number, payload = schemas.CALIBRATION.number, with_pixels_moved(payload, HALF_PX)
@@ -89,7 +89,7 @@ def record_head(number: int, sequence: int, log_ns: int, publish_ns: int, payloa
     return _packed_head(_MESSAGE, MESSAGE_FIELDS_SIZE + payload_size, number, sequence, log_ns, publish_ns)
 
 
-def moved(view: memoryview, message: Message, shift_ns: int) -> bytes | memoryview:
+def shift_times(view: memoryview, message: Message, shift_ns: int) -> bytes | memoryview:
     """The payload of a message of a sample or a calibration, with the times in it moved.
 
     Raises:
@@ -104,7 +104,7 @@ def moved(view: memoryview, message: Message, shift_ns: int) -> bytes | memoryvi
         for part in schemas.stamped_parts(content):
             part.timestamp.FromNanoseconds(part.timestamp.ToNanoseconds() + shift_ns)
 
-    return _changed(_BY_NUMBER[message.channel], payload, move)
+    return _change_message(_BY_NUMBER[message.channel], payload, move)
 
 
 def with_pixels_moved(calibration: bytes | memoryview, offset_px: float) -> bytes:
@@ -122,10 +122,10 @@ def with_pixels_moved(calibration: bytes | memoryview, offset_px: float) -> byte
             for place in places:
                 matrix[place] += offset_px
 
-    return _changed(schemas.CALIBRATION, calibration, move)
+    return _change_message(schemas.CALIBRATION, calibration, move)
 
 
-def _changed(channel: schemas.Channel, payload: bytes | memoryview, change: Callable[[Any], None]) -> bytes:
+def _change_message(channel: schemas.Channel, payload: bytes | memoryview, change: Callable[[Any], None]) -> bytes:
     content = channel.message.FromString(payload)
     change(content)
-    return schemas.serialized(content)
+    return schemas.serialize(content)

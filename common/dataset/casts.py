@@ -7,7 +7,7 @@ from mcap.opcode import Opcode
 
 from readygo.common.dataset import schemas
 from readygo.common.dataset.chunk import parse
-from readygo.common.dataset.index import mapped
+from readygo.common.dataset.index import map_file
 from readygo.common.dataset.records import chunk_span, iter_messages, iter_records
 from readygo.common.errors import DatasetError
 from readygo.common.messages.episode import EpisodeKey
@@ -31,7 +31,7 @@ def read_casts(shard: Path) -> list[Cast]:
     """
     casts = []
     try:
-        with mapped(shard) as view:
+        with map_file(shard) as view:
             for record in iter_records(view):
                 if record.opcode == Opcode.CHUNK:
                     span = chunk_span(view, record)

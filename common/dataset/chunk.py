@@ -140,7 +140,7 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
         ending=schemas.ending_of(commands) if commands is not None else schemas.Ending(),
         image_every=every,
         cameras=cameras,
-        drawn=_drawn(view, by_channel),
+        drawn=_drawn_ranges(view, by_channel),
         outputs={
             name: _places(view, by_channel[channel.number], channel, len(rows)) for name, channel in outputs.items()
         },
@@ -263,7 +263,7 @@ def _first_commands(view: memoryview, by_channel: dict[int, list[Message]]) -> A
     return parse(channel, view[found[0].body : found[0].end]) if found else None
 
 
-def _drawn(view: memoryview, by_channel: dict[int, list[Message]]) -> dict[str, float]:
+def _drawn_ranges(view: memoryview, by_channel: dict[int, list[Message]]) -> dict[str, float]:
     """What the robot drew from its ranges; nothing where it has none."""
     channel = schemas.DRAWN_CHANNELS[schemas.DRAWN]
     found = by_channel.get(channel.number)

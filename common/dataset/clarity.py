@@ -57,12 +57,12 @@ def recorded_clarity(dataset: Dataset) -> RecordedClarity:
     shares = (2 * np.arange(each) + 1) / (2 * each)
     entries = [dataset.episodes[number] for number in chosen.tolist()]
     samples = np.array([entry.first_sample + (entry.sample_count * shares).astype(np.int64) for entry in entries])
-    samples = np.array([[_pictured(dataset, index) for index in row] for row in samples.tolist()])
+    samples = np.array([[_last_with_image(dataset, index) for index in row] for row in samples.tolist()])
     values = np.array([[sharpness(dataset.decode(index)) for index in row] for row in samples.tolist()])
     return RecordedClarity(samples=samples.ravel(), sharpness=values.ravel(), of_episode=np.median(values, axis=1))
 
 
-def _pictured(dataset: Dataset, index: int) -> int:
+def _last_with_image(dataset: Dataset, index: int) -> int:
     """The sample, or the one before it that has a picture: a camera may be slower than the robot."""
     while not dataset.image(index):
         index -= 1

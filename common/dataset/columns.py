@@ -75,20 +75,20 @@ def nothing(count: int) -> Column:
     return Column(np.empty((count, 0), dtype=np.uint8), np.empty((count, 0), dtype=np.bool_))
 
 
-def joined(*columns: Column) -> Column:
+def join_columns(*columns: Column) -> Column:
     """The bytes of columns one after the other."""
     rows, there = [column.rows for column in columns], [column.there for column in columns]
     return Column(np.concatenate(rows, axis=1), np.concatenate(there, axis=1))
 
 
-def folded(column: Column, count: int) -> Column:
+def fold_rows(column: Column, count: int) -> Column:
     """`count` rows, each of them the bytes of as many of the column's rows one after the other."""
     return Column(column.rows.reshape(count, -1), column.there.reshape(count, -1))
 
 
 def whole_numbers(number: int, values: npt.NDArray[np.uint64]) -> Column:
     """A field that is a whole number, shape (N,); nothing where it is zero."""
-    return _tagged(number << 3, values).where(values != 0)
+    return _encode_varints(number << 3, values).where(values != 0)
 
 
 def flags(number: int, values: Mask) -> Column:
@@ -110,18 +110,18 @@ def doubles(number: int, *values: Doubles) -> Column:
 def field_head(number: int, *parts: Part) -> Column:
     """What goes before `parts` in a field that is a message or bytes made of them."""
     lengths = sizes_of(parts)
-    return _tagged(number << 3 | _LENGTH, lengths.astype(np.uint64))
+    return _encode_varints(number << 3 | _LENGTH, lengths.astype(np.uint64))
 
 
 def field(number: int, content: Column) -> Column:
     """A field that is a message or bytes."""
-    return joined(field_head(number, content), content)
+    return join_columns(field_head(number, content), content)
 
 
 def stamps(times_ns: Times) -> Column:
     """The first field of a message, with its time [ns], shape (N,)."""
     seconds, nanos = np.divmod(times_ns, np.uint64(NS_PER_S))
-    return field(1, joined(whole_numbers(1, seconds), whole_numbers(2, nanos)))
+    return field(1, join_columns(whole_numbers(1, seconds), whole_numbers(2, nanos)))
 
 
 def record_heads(channel: int, payload_sizes: Counts, times_ns: Times) -> Column:
@@ -145,7 +145,7 @@ def sizes_of(parts: Iterable[Part]) -> Counts:
 
 def bytes_of(parts: Sequence[Part]) -> list[bytes | memoryview]:
     """The bytes of all rows one after the other, each row's parts in their order; no piece is copied."""
-    table = joined(nothing(len(parts[0].rows)), *[part for part in parts if isinstance(part, Column)])
+    table = join_columns(nothing(len(parts[0].rows)), *[part for part in parts if isinstance(part, Column)])
     packed = table.rows[table.there].data
     pieces = [part for part in parts if isinstance(part, Pieces)]
     if not pieces:
@@ -171,7 +171,7 @@ def _whole(rows: npt.NDArray[np.uint8]) -> Column:
     return Column(rows, np.ones(rows.shape, dtype=np.bool_))
 
 
-def _tagged(tag: int, values: npt.NDArray[np.uint64]) -> Column:
+def _encode_varints(tag: int, values: npt.NDArray[np.uint64]) -> Column:
     """A tag and whole numbers, seven bits to a byte, all of whose bytes but the last have their highest bit."""
     width = max(1, -(-int(values.max()).bit_length() // 7))
     rest = values[:, None] >> np.arange(0, 7 * width, 7, dtype=np.uint64)

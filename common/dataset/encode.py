@@ -17,7 +17,7 @@ from readygo.common.dataset.columns import Column, Counts, Part
 from readygo.common.dataset.packed import Messages
 from readygo.common.dataset.poses import stored_yaw_rad
 from readygo.common.dataset.records import MESSAGE_HEADER
-from readygo.common.dataset.stage import Stage
+from readygo.common.dataset.stage import Scenery
 from readygo.common.errors import DatasetError
 from readygo.common.images.names import GOAL_IMAGE
 from readygo.common.messages.samples import EpisodeHeader, Sample
@@ -26,10 +26,10 @@ HASHED_TOGETHER = 64
 
 
 @dataclass(frozen=True, kw_only=True)
-class Place:
+class ShardPlace:
     """Where in a shard an episode is shown."""
 
-    stage: Stage
+    stage: Scenery
     start_ns: int
     """When it begins in the shard's time [ns]."""
     with_map: bool
@@ -37,7 +37,7 @@ class Place:
 
 
 def encode_episode(
-    header: EpisodeHeader, attempt: int, samples: Sequence[Sample], place: Place | None = None
+    header: EpisodeHeader, attempt: int, samples: Sequence[Sample], place: ShardPlace | None = None
 ) -> EpisodeChunk:
     """Encode an episode as one chunk.
 
@@ -45,7 +45,7 @@ def encode_episode(
         header: What is constant over the episode.
         attempt: The lease's number; only EpisodeCommit carries it.
         samples: All samples of the episode in order.
-        place: Where it is shown, as `Stage.staged` would; None gives its canonical form.
+        place: Where it is shown, as `Scenery.staged` would; None gives its canonical form.
 
     Raises:
         DatasetError: If samples are missing, do not all have the same outputs and their labels, or have numbers that
@@ -56,7 +56,7 @@ def encode_episode(
     for sample in samples:
         _check_alike(sample, samples[0], header)
     try:
-        return _Encoder(header, samples, place).encoded(attempt)
+        return _Encoder(header, samples, place).encode(attempt)
     except (struct.error, ValueError, OverflowError, TypeError, LookupError) as error:
         raise DatasetError(f"{_name(header)} cannot be recorded: {error}.") from error
 
@@ -140,7 +140,7 @@ def _places(messages: Messages, stamps: Column, begin: Counts, end: Counts) -> n
 class _Encoder:
     """Makes an episode's chunk."""
 
-    def __init__(self, header: EpisodeHeader, samples: Sequence[Sample], place: Place | None) -> None:
+    def __init__(self, header: EpisodeHeader, samples: Sequence[Sample], place: ShardPlace | None) -> None:
         self._header, self._samples, self._place = header, samples, place
         self._numbers = packed.numbers_of(samples)
         self._rows = _rows(samples, self._numbers)
@@ -148,7 +148,7 @@ class _Encoder:
         self._records = _Records(place.start_ns) if place else self._canonical
         """Records as the shard holds them; the canonical form if no place is given."""
 
-    def encoded(self, attempt: int) -> EpisodeChunk:
+    def encode(self, attempt: int) -> EpisodeChunk:
         """The episode as one chunk."""
         header, records, samples = self._header, self._records, self._samples
         described = self._begin()
@@ -201,10 +201,10 @@ class _Encoder:
         places = self._canonical.add_samples(messages, times_ns)
         if self._place:
             stage = self._place.stage.of(self._header.drawn)
-            places = self._records.add_samples(list(self._shown(messages, stage)), times_ns)
+            places = self._records.add_samples(list(self._viewer_messages(messages, stage)), times_ns)
         return places
 
-    def _shown(self, messages: Sequence[Messages], stage: Stage) -> Iterator[Messages]:
+    def _viewer_messages(self, messages: Sequence[Messages], stage: Scenery) -> Iterator[Messages]:
         """The messages of samples and those that viewers need beside them."""
         for each in messages:
             yield each
@@ -250,7 +250,7 @@ def _check_alike(sample: Sample, first: Sample, header: EpisodeHeader) -> None:
             f"{_name(header)} has images at every {header.image_every}. sample, but sample {sample.seq} has "
             f"{'none' if taken else 'one'}."
         )
-    if (sample.outputs or first.outputs) and sample.outputs.keys() != _wanted(first, sample.seq, taken):
+    if (sample.outputs or first.outputs) and sample.outputs.keys() != _sample_outputs(first, sample.seq, taken):
         raise DatasetError(
             f"{_name(header)} has the outputs {sorted(first.outputs)} at sample 0, but "
             f"{sorted(sample.outputs)} at sample {sample.seq}."
@@ -272,7 +272,7 @@ def _check_alike(sample: Sample, first: Sample, header: EpisodeHeader) -> None:
         )
 
 
-def _wanted(first: Sample, seq: int, taken: bool) -> Set[str]:
+def _sample_outputs(first: Sample, seq: int, taken: bool) -> Set[str]:
     """The outputs of a sample."""
     if not taken:
         return frozenset()

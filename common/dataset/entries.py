@@ -10,7 +10,7 @@ from readygo.common.dataset.provenance import Provenance
 from readygo.common.dataset.schemas import Ending
 from readygo.common.errors import DatasetError
 from readygo.common.messages.episode import EpisodeKey
-from readygo.common.messages.plan import Driver, Outcome
+from readygo.common.messages.plan import DriverKind, Outcome
 
 EpisodePlace: TypeAlias = tuple[int, int]
 """Number of a shard, and the episode's row in its index."""
@@ -34,7 +34,7 @@ class EpisodeEntry:
     """SHA-256 of the episode's bytes, the same on every worker."""
     outcome: Outcome = Outcome.SUCCESS
     """How it ended; the samples before a collision are there."""
-    driver: Driver = Driver.EXPERT
+    driver: DriverKind = DriverKind.EXPERT
     """Who drove."""
     policy: str = ""
     """SHA-256 over the files of the policy that drove; empty for the expert."""
@@ -86,7 +86,7 @@ def entries_of(
 
 def _policy_of(ending: Ending, provenance: Provenance) -> str:
     """The policy that drove an episode: the offered one that it names, else the run's own."""
-    own = provenance.policy.sha256 if provenance.policy and ending.driver is Driver.POLICY else ""
+    own = provenance.policy.sha256 if provenance.policy and ending.driver is DriverKind.POLICY else ""
     return ending.policy or own
 
 

@@ -30,7 +30,7 @@ Finding = tuple[str, str]
 
 
 @dataclass(frozen=True)
-class Limits:
+class ActionLimits:
     """The robot that an episode's actions are held against; None leaves them unchecked."""
 
     robot: RobotConfig | None
@@ -52,7 +52,7 @@ class _Step:
 class EpisodeChecks:
     """Checks the episode in one chunk; `outputs` are the images besides rgb and the labels that its shard has."""
 
-    def __init__(self, view: memoryview, span: ChunkSpan, limits: Limits, outputs: Sequence[str] = ()) -> None:
+    def __init__(self, view: memoryview, span: ChunkSpan, limits: ActionLimits, outputs: Sequence[str] = ()) -> None:
         self.episode: EpisodeKey | None = None
         self.sample_count = 0
         self._image_every = 1
@@ -75,7 +75,7 @@ class EpisodeChecks:
         try:
             yield from self._frame()
             start, calibration, commit = (
-                self._parsed(channel, 0)
+                self._parse_at(channel, 0)
                 for channel in (schemas.EPISODE_START, self._calibration, schemas.EPISODE_COMMIT)
             )
             self.episode = schemas.episode_key(start)
@@ -83,13 +83,13 @@ class EpisodeChecks:
             self.sample_count = len(self._messages(schemas.ROBOT_POSE))
             taken = [message.sequence for message in self._messages(schemas.IMAGE)]
             expert = self._outputs.get(schemas.EXPERT)
-            asked = self._parsed(expert, 0) if expert is not None and self._messages(expert) else None
+            asked = self._parse_at(expert, 0) if expert is not None and self._messages(expert) else None
             self._image_every = schemas.image_every(asked, taken, self.sample_count)
             if self._image_every % self._clock.image_every:
                 yield "time", f"{self._name}: it has more images than the robot's camera takes"
             drawn = self._outputs.get(schemas.DRAWN)
             if self._robot is not None and drawn is not None and self._messages(drawn):
-                self._robot = self._robot.with_values(schemas.drawn_of(self._parsed(drawn, 0)))
+                self._robot = self._robot.with_values(schemas.drawn_of(self._parse_at(drawn, 0)))
             yield from self._hash(start, commit)
             broken = list(self._sequence(start, commit))
             yield from broken
@@ -110,7 +110,7 @@ class EpisodeChecks:
     def _samples_with(self, channel: schemas.Channel) -> range:
         return schemas.samples_with(channel, self.sample_count, self._image_every)
 
-    def _parsed(self, channel: schemas.Channel, position: int) -> Any:
+    def _parse_at(self, channel: schemas.Channel, position: int) -> Any:
         """The message of a channel, by its position there: what is not at every sample has fewer than samples."""
         message = self._messages(channel)[position]
         return parse(channel, self._view[message.body : message.end])
@@ -167,7 +167,9 @@ class EpisodeChecks:
             wrong = [
                 message.sequence
                 for position, message in enumerate(self._messages(channel))
-                if any(time_ns != message.log_time_ns for time_ns in schemas.stamps_ns(self._parsed(channel, position)))
+                if any(
+                    time_ns != message.log_time_ns for time_ns in schemas.stamps_ns(self._parse_at(channel, position))
+                )
             ]
             if wrong:
                 yield "time", f"{self._name}: {channel.topic} has other stamps inside at samples {_some(wrong)}"
@@ -202,7 +204,7 @@ class EpisodeChecks:
             if len(self._messages(camera.calibration)) != 1:
                 count = len(self._messages(camera.calibration))
                 raise DatasetError(f"there are {count} messages on {camera.calibration.topic}, not 1")
-            message = self._parsed(camera.calibration, 0)
+            message = self._parse_at(camera.calibration, 0)
             sizes[camera.name] = message.height, message.width
         return sizes
 
@@ -215,7 +217,7 @@ class EpisodeChecks:
             image_format = start.image_format if kind == RGB else FILE_FORMAT
             bad, strangers = [], []
             for position, seq in enumerate(self._samples_with(channel)):
-                message = self._parsed(channel, position)
+                message = self._parse_at(channel, position)
                 image = decode_image(message.data) if kind == RGB else decode_output(kind, message.data)
                 if image is None or image.shape[:2] != shape or message.format != image_format:
                     bad.append(seq)
@@ -234,7 +236,7 @@ class EpisodeChecks:
         channels = (schemas.HUMANS, *schemas.LABEL_CHANNELS.values())
         found: dict[str, list[int]] = {}
         for seq in range(self.sample_count):
-            for text in wrong_labels(*(self._parsed(channel, seq) for channel in channels)):
+            for text in wrong_labels(*(self._parse_at(channel, seq) for channel in channels)):
                 found.setdefault(text, []).append(seq)
         for text, numbers in found.items():
             yield "label", f"{self._name}: {text} at samples {_some(numbers)}"
@@ -244,11 +246,11 @@ class EpisodeChecks:
         if schemas.EXPERT not in self._outputs:
             return
         wrong, channel = [], self._outputs[schemas.EXPERT]
-        first = self._parsed(channel, 0)
+        first = self._parse_at(channel, 0)
         count, ending = len(first.v_mps), schemas.ending_of(first)
         for position, seq in enumerate(self._samples_with(channel)):
-            commands = self._parsed(channel, position)
-            action = self._parsed(schemas.ACTION, seq - 1) if seq else None
+            commands = self._parse_at(channel, position)
+            action = self._parse_at(schemas.ACTION, seq - 1) if seq else None
             before = (action.v_mps, action.w_radps) if action is not None else (0.0, 0.0)
             if (schemas.ending_of(commands), commands.image_every or 1) != (ending, self._image_every):
                 yield "sequence", f"{self._name}: sample {seq} tells of another end or camera than sample 0"
@@ -264,8 +266,8 @@ class EpisodeChecks:
         frames = {message.sequence: place for place, message in enumerate(self._messages(schemas.TRANSFORMS))}
         wrong = []
         for place, message in enumerate(self._messages(schemas.ROBOT_POSE)):
-            pose = self._parsed(schemas.ROBOT_POSE, place)
-            frame = self._parsed(schemas.TRANSFORMS, frames[message.sequence]) if message.sequence in frames else None
+            pose = self._parse_at(schemas.ROBOT_POSE, place)
+            frame = self._parse_at(schemas.TRANSFORMS, frames[message.sequence]) if message.sequence in frames else None
             if frame is None or not _holds_pose(frame, pose):
                 wrong.append(message.sequence)
         if wrong:
@@ -273,9 +275,9 @@ class EpisodeChecks:
 
     def _step(self, seq: int) -> _Step:
         pose, action, goal = (
-            self._parsed(channel, seq) for channel in (schemas.ROBOT_POSE, schemas.ACTION, schemas.GOAL)
+            self._parse_at(channel, seq) for channel in (schemas.ROBOT_POSE, schemas.ACTION, schemas.GOAL)
         )
-        taken = self._parsed(schemas.IMAGE, seq // self._image_every) if seq % self._image_every == 0 else None
+        taken = self._parse_at(schemas.IMAGE, seq // self._image_every) if seq % self._image_every == 0 else None
         return _Step(
             pose_xyzyaw(pose.pose),
             action.v_mps,

@@ -7,7 +7,7 @@ import numpy.typing as npt
 from mcap.opcode import Opcode
 
 from readygo.common.dataset.chunk import parse
-from readygo.common.dataset.index import mapped
+from readygo.common.dataset.index import map_file
 from readygo.common.dataset.poses import pose_xyzyaw
 from readygo.common.dataset.records import chunk_span, is_intact, iter_messages, iter_records
 from readygo.common.dataset.schemas import HUMANS
@@ -21,7 +21,7 @@ def humans_of_shard(shard: Path) -> list[list[npt.NDArray[np.float64]]]:
         DatasetError: If the shard is damaged.
     """
     episodes: list[list[npt.NDArray[np.float64]]] = []
-    with mapped(shard) as view:
+    with map_file(shard) as view:
         for record in iter_records(view):
             if record.opcode != Opcode.CHUNK:
                 continue

@@ -33,7 +33,7 @@ from readygo.common.dataset.schemas import Ending
 from readygo.common.errors import DatasetError, ReadygoError
 from readygo.common.files import open_regular
 from readygo.common.messages.episode import EpisodeKey, Split
-from readygo.common.messages.plan import Driver, Outcome
+from readygo.common.messages.plan import DriverKind, Outcome
 from readygo.common.messages.samples import FurtherCamera
 
 INDEX_FORMAT = "readygo-index/1"
@@ -110,7 +110,7 @@ class ShardIndex:
     def ending(self, row: int) -> Ending:
         """How the episode in a row of `episodes` ended, and who drove."""
         outcome, driver, policy = (value.decode() for value in self.endings[row])
-        return Ending(Outcome(outcome), Driver(driver), policy)
+        return Ending(Outcome(outcome), DriverKind(driver), policy)
 
     def equals(self, other: "ShardIndex") -> bool:
         """True if both describe the same shard in the same way."""
@@ -145,7 +145,7 @@ class IndexRows:
             DatasetError: If its outputs are not those of the episodes before.
         """
         key = chunk.episode
-        outputs = {name: _shifted(places, "offset", body_offset) for name, places in chunk.outputs.items()}
+        outputs = {name: _shift_offsets(places, "offset", body_offset) for name, places in chunk.outputs.items()}
         first = self._outputs[0] if self._outputs else outputs
         if outputs.keys() != first.keys():
             raise DatasetError(f"episode {key.episode_id} has the outputs {list(outputs)}, others have {list(first)}")
@@ -171,7 +171,7 @@ class IndexRows:
                 chunk.sha256.encode(),
             )
         )
-        self._samples.append(_shifted(chunk.samples, "image_offset", body_offset))
+        self._samples.append(_shift_offsets(chunk.samples, "image_offset", body_offset))
         self._sample_count += chunk.sample_count
 
     def index(self, provenance: Provenance, *, size_bytes: int, tail: bytes | memoryview) -> ShardIndex:
@@ -193,7 +193,7 @@ class IndexRows:
         )
 
 
-def _shifted(rows: npt.NDArray[np.void], field_name: str, offset: int) -> npt.NDArray[np.void]:
+def _shift_offsets(rows: npt.NDArray[np.void], field_name: str, offset: int) -> npt.NDArray[np.void]:
     """A copy of `rows` with `offset` added to one of their fields."""
     shifted = rows.copy()
     shifted[field_name] += np.uint64(offset)
@@ -211,7 +211,7 @@ def load_index(shard: Path) -> ShardIndex:
     Raises:
         DatasetError: If the shard is truncated or damaged.
     """
-    with mapped(shard) as view:
+    with map_file(shard) as view:
         index = read_index(index_path(shard))
         if index is not None and (index.size_bytes, index.tail_sha256) == (len(view), _tail_sha256(view, shard)):
             return index
@@ -335,7 +335,7 @@ def _is_sound(index: ShardIndex) -> bool:
     words = {
         "split": (episodes, {split.value for split in Split}),
         "outcome": (endings, {outcome.value for outcome in Outcome}),
-        "driver": (endings, {driver.value for driver in Driver}),
+        "driver": (endings, {driver.value for driver in DriverKind}),
     }
     texts = [
         rows[name]
@@ -381,7 +381,7 @@ def _ending_row(ending: Ending) -> tuple[bytes, ...]:
 
 
 @contextmanager
-def mapped(path: Path) -> Iterator[memoryview]:
+def map_file(path: Path) -> Iterator[memoryview]:
     """A file's bytes, memory-mapped.
 
     Raises:

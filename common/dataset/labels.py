@@ -41,8 +41,8 @@ def messages(labels: Sequence[HumanLabels], stamp: Any, frame_id: str, *, floor_
         frame_id: Name of the world's frame.
         floor_m: Height at which viewers show the ground points.
     """
-    joints = _packed([label.joints_m for label in labels], JOINT_DTYPE)
-    ground = _packed([label.footprint_xy_m for label in labels], GROUND_DTYPE)
+    joints = _pack_points([label.joints_m for label in labels], JOINT_DTYPE)
+    ground = _pack_points([label.footprint_xy_m for label in labels], GROUND_DTYPE)
     return [
         _cloud(joints, stamp, frame_id, 0.0),
         SceneUpdate(entities=[_entity(k, label.box, stamp, frame_id) for k, label in enumerate(labels)]),
@@ -56,7 +56,7 @@ def joints_of(message: Any) -> npt.NDArray[np.float32]:
     Raises:
         DatasetError: If it is packed in another way, or a human does not have 24 joints.
     """
-    points = _unpacked(message, JOINT_DTYPE)
+    points = _unpack_points(message, JOINT_DTYPE)
     count = len(points) // JOINT_COUNT
     if not np.array_equal(points["human"], np.repeat(np.arange(count), JOINT_COUNT)):
         raise DatasetError("a message on /humans/joints has not 24 joints for everybody")
@@ -85,13 +85,13 @@ def footprints_of(message: Any) -> tuple[npt.NDArray[np.float32], ...]:
     Raises:
         DatasetError: If it is packed in another way.
     """
-    points = _unpacked(message, GROUND_DTYPE)
+    points = _unpack_points(message, GROUND_DTYPE)
     count = int(points["human"].max()) + 1 if len(points) else 0
     xy_m = np.stack([points["x"], points["y"]], axis=-1)
     return tuple(xy_m[points["human"] == k] for k in range(count))
 
 
-def _packed(points_m: Sequence[npt.NDArray[np.float32]], dtype: np.dtype[np.void]) -> npt.NDArray[np.void]:
+def _pack_points(points_m: Sequence[npt.NDArray[np.float32]], dtype: np.dtype[np.void]) -> npt.NDArray[np.void]:
     packed = np.zeros(sum(map(len, points_m)), dtype=dtype)
     first = 0
     for human, points in enumerate(points_m):
@@ -123,7 +123,7 @@ def layout(dtype: np.dtype[np.void]) -> list[Any]:
     ]
 
 
-def _unpacked(message: Any, dtype: np.dtype[np.void]) -> npt.NDArray[np.void]:
+def _unpack_points(message: Any, dtype: np.dtype[np.void]) -> npt.NDArray[np.void]:
     same = message.point_stride == dtype.itemsize and list(message.fields) == layout(dtype)
     if not same or len(message.data) % dtype.itemsize:
         raise DatasetError(f"a point cloud is not packed as {dtype}")

@@ -25,7 +25,7 @@ from google.protobuf.duration_pb2 import Duration
 
 from readygo.common.camera.config import CameraConfig
 from readygo.common.dataset import labels, schemas
-from readygo.common.dataset.columns import Mask, Part, constant, doubles, field, field_head, joined, nothing
+from readygo.common.dataset.columns import Mask, Part, constant, doubles, field, field_head, join_columns, nothing
 from readygo.common.dataset.packed import Messages, Timed
 from readygo.common.dataset.poses import pose_of
 from readygo.common.frames import quat_from_matrix
@@ -65,7 +65,7 @@ def camera_frame(camera: CameraConfig, name: str = "") -> bytes:
     T_robot_camera = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
     w, x, y, z = quat_from_matrix(T_robot_camera[:3, :3]).tolist()
     x_m, y_m, z_m = T_robot_camera[:3, 3].tolist()
-    return schemas.serialized(
+    return schemas.serialize(
         FrameTransform(
             parent_frame_id=schemas.ROBOT_FRAME,
             child_frame_id=schemas.camera_frame(name),
@@ -127,8 +127,8 @@ def bodies(xyzyaw: Poses, there: Mask) -> Messages:
     for number in range(there.shape[1]):
         x_m, y_m, z_m, _ = xyzyaw[:, number].T
         position = field(1, doubles(1, x_m, y_m, z_m + 0.5 * BODY_HEIGHT_M))
-        cylinder = joined(field(1, joined(position, constant(_UPRIGHT, count))), constant(_BODY, count))
-        entity = joined(constant(_body_entity(number), count), field(10, cylinder))
+        cylinder = join_columns(field(1, join_columns(position, constant(_UPRIGHT, count))), constant(_BODY, count))
+        entity = join_columns(constant(_body_entity(number), count), field(10, cylinder))
         groups.append([entity.where(there[:, number])])
     return Messages(channel=schemas.BODIES, timed=Timed.IN_ENTITIES, groups=groups or [[nothing(count)]])
 
@@ -137,9 +137,9 @@ def path_cloud(poses_xyzyaw: Poses, goal_xy_m: Sequence[float], stamp: Any) -> A
     """The message on /episode/path: the way of `markers` as points, start and goal as posts."""
     end_m = np.array([*goal_xy_m, poses_xyzyaw[-1, 2]])
     parts = [
-        coloured(poses_xyzyaw[:, :3], PATH_RGB),
-        coloured(_post(poses_xyzyaw[0, :3]), START_RGB),
-        coloured(_post(end_m), GOAL_RGB),
+        coloured_points(poses_xyzyaw[:, :3], PATH_RGB),
+        coloured_points(_post(poses_xyzyaw[0, :3]), START_RGB),
+        coloured_points(_post(end_m), GOAL_RGB),
     ]
     return cloud(np.concatenate(parts), stamp)
 
@@ -150,10 +150,10 @@ def robot_outline(robot: RobotConfig, stamp: Any) -> Any:
     angles = np.arange(count) * (math.tau / count)
     ring = np.stack([robot.radius_m * np.cos(angles), robot.radius_m * np.sin(angles), np.zeros(count)], axis=1)
     points = np.concatenate([ring, ring + np.array([0.0, 0.0, robot.height_m])])
-    return cloud(coloured(points, ROBOT_RGB), stamp, frame_id=schemas.ROBOT_FRAME)
+    return cloud(coloured_points(points, ROBOT_RGB), stamp, frame_id=schemas.ROBOT_FRAME)
 
 
-def coloured(points_m: npt.ArrayLike, rgb: Rgb) -> npt.NDArray[np.void]:
+def coloured_points(points_m: npt.ArrayLike, rgb: Rgb) -> npt.NDArray[np.void]:
     """Points [m], shape (N, 3), of one colour, rows of `POINT_DTYPE`."""
     points_m = np.asarray(points_m)
     rows = np.zeros(len(points_m), dtype=POINT_DTYPE)
@@ -199,15 +199,15 @@ def _color(rgb: Rgb, alpha: float = 1.0) -> Any:
 
 @functools.lru_cache(maxsize=256)
 def _body_entity(number: int) -> bytes:
-    return schemas.serialized(_entity(str(number), None, lifetime=Duration(nanos=labels.LIFETIME_NS)))
+    return schemas.serialize(_entity(str(number), None, lifetime=Duration(nanos=labels.LIFETIME_NS)))
 
 
 _NO_POSE = pose_of(0.0, 0.0, 0.0, 0.0)
-_ROBOT_IN_WORLD = schemas.serialized(
+_ROBOT_IN_WORLD = schemas.serialize(
     FrameTransform(parent_frame_id=schemas.WORLD_FRAME, child_frame_id=schemas.ROBOT_FRAME)
 )
-_UPRIGHT = schemas.serialized(Pose(orientation=_NO_POSE.orientation))
-_BODY = schemas.serialized(
+_UPRIGHT = schemas.serialize(Pose(orientation=_NO_POSE.orientation))
+_BODY = schemas.serialize(
     CylinderPrimitive(
         size=Vector3(x=2.0 * BODY_RADIUS_M, y=2.0 * BODY_RADIUS_M, z=BODY_HEIGHT_M),
         bottom_scale=1.0,

@@ -130,7 +130,7 @@ def messages(
         found.append(_commands(samples, header))
     after = [output for output in outputs if output.channel.number > _AFTER_OUTPUTS]
     if header.drawn and samples[0].seq == 0:
-        after.append(_drawn(samples, header))
+        after.append(_drawn_messages(samples, header))
     return found + sorted(after, key=lambda messages: messages.channel.number)
 
 
@@ -170,7 +170,7 @@ def pose(xyzyaw: Doubles) -> tuple[Column, Column]:
 def _poses(number: int, xyzyaw: Doubles) -> Column:
     """A field with a foxglove.Pose."""
     position, orientation = pose(xyzyaw)
-    return columns.field(number, columns.joined(columns.field(1, position), columns.field(2, orientation)))
+    return columns.field(number, columns.join_columns(columns.field(1, position), columns.field(2, orientation)))
 
 
 def _dense(samples: Sequence[Sample], numbers: npt.NDArray[np.void]) -> list[Messages]:
@@ -178,7 +178,7 @@ def _dense(samples: Sequence[Sample], numbers: npt.NDArray[np.void]) -> list[Mes
     humans, there = people([sample.humans_xyzyaw for sample in samples])
     bodies = _poses(3, humans.reshape(-1, 4)).where(there.ravel()) if humans.size else None
     in_world = columns.constant(_IN_WORLD, len(samples))
-    truth = columns.joined(
+    truth = columns.join_columns(
         columns.doubles(1, numbers["human_distance_m"], numbers["time_to_collision_s"]),
         columns.flags(3, numbers["human_visible"] != 0),
         columns.doubles(4, numbers["expert_cost"]),
@@ -189,7 +189,7 @@ def _dense(samples: Sequence[Sample], numbers: npt.NDArray[np.void]) -> list[Mes
         (
             schemas.HUMANS,
             Timed.FIRST,
-            [in_world, columns.folded(bodies, len(samples))] if bodies else [in_world],
+            [in_world, columns.fold_rows(bodies, len(samples))] if bodies else [in_world],
         ),
         (schemas.ACTION, Timed.NOWHERE, [columns.doubles(1, *numbers["action"].T)]),
         (schemas.GOAL, Timed.NOWHERE, [columns.doubles(1, *numbers["goal_xy_m"].T)]),
@@ -230,7 +230,7 @@ def _image(
 @functools.lru_cache(maxsize=32)
 def _image_end(image_format: str, camera: str) -> bytes:
     frame = schemas.camera_frame(camera)
-    return schemas.serialized(CompressedImage(frame_id=frame, format=image_format))
+    return schemas.serialize(CompressedImage(frame_id=frame, format=image_format))
 
 
 def _labels(samples: Sequence[Sample]) -> list[Messages]:
@@ -240,12 +240,12 @@ def _labels(samples: Sequence[Sample]) -> list[Messages]:
     joints, boxes, footprints = zip(*found, strict=True)
     most = max(len(update.entities) for update in boxes)
     entities: list[Part] = [
-        Pieces([schemas.serialized(u.entities[k]) if k < len(u.entities) else b"" for u in boxes]) for k in range(most)
+        Pieces([schemas.serialize(u.entities[k]) if k < len(u.entities) else b"" for u in boxes]) for k in range(most)
     ]
     groups: tuple[tuple[Timed, list[Part]], ...] = (
-        (Timed.FIRST, [Pieces(list(map(schemas.serialized, joints)))]),
+        (Timed.FIRST, [Pieces(list(map(schemas.serialize, joints)))]),
         (Timed.IN_ENTITIES, entities or [columns.nothing(len(samples))]),
-        (Timed.FIRST, [Pieces(list(map(schemas.serialized, footprints)))]),
+        (Timed.FIRST, [Pieces(list(map(schemas.serialize, footprints)))]),
     )
     channels = schemas.LABEL_CHANNELS.values()
     return [
@@ -262,7 +262,7 @@ def _commands(samples: Sequence[Sample], header: EpisodeHeader) -> Messages:
 
 def _command(sample: Sample, header: EpisodeHeader) -> bytes:
     v_mps, w_radps = zip(*sample.expert_commands, strict=True)
-    return schemas.serialized(
+    return schemas.serialize(
         ExpertCommands(
             v_mps=v_mps,
             w_radps=w_radps,
@@ -275,9 +275,9 @@ def _command(sample: Sample, header: EpisodeHeader) -> bytes:
     )
 
 
-def _drawn(samples: Sequence[Sample], header: EpisodeHeader) -> Messages:
+def _drawn_messages(samples: Sequence[Sample], header: EpisodeHeader) -> Messages:
     there = [sample.seq == 0 for sample in samples]
-    drawn = schemas.serialized(DrawnRobot(**header.drawn))
+    drawn = schemas.serialize(DrawnRobot(**header.drawn))
     return _messages(schemas.DRAWN_CHANNELS[schemas.DRAWN], [drawn if first else b"" for first in there], there)
 
 
@@ -287,4 +287,4 @@ def _messages(channel: schemas.Channel, rows: Sequence[bytes], there: Sequence[b
 
 
 _AFTER_OUTPUTS = next(iter(schemas.LABEL_CHANNELS.values())).number
-_IN_WORLD = schemas.serialized(PoseInFrame(frame_id=schemas.WORLD_FRAME))
+_IN_WORLD = schemas.serialize(PoseInFrame(frame_id=schemas.WORLD_FRAME))

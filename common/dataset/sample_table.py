@@ -32,12 +32,12 @@ class SampleTable:
         counts = np.array([int(indexes[shard].episodes[row]["sample_count"]) for shard, row in order])
         common = [name for name in indexes[0].outputs if all(name in index.outputs for index in indexes)]
 
-        def joined(arrays: Sequence[npt.NDArray[np.void]]) -> npt.NDArray[np.void]:
+        def join_rows(arrays: Sequence[npt.NDArray[np.void]]) -> npt.NDArray[np.void]:
             return np.concatenate([arrays[shard][_span(indexes[shard], row)] for shard, row in order])
 
         return cls(
-            rows=joined([index.samples for index in indexes]),
-            payloads={name: joined([index.outputs[name] for index in indexes]) for name in common},
+            rows=join_rows([index.samples for index in indexes]),
+            payloads={name: join_rows([index.outputs[name] for index in indexes]) for name in common},
             shard=np.repeat(np.array([shard for shard, _ in order], dtype=np.int32), counts),
             episode=np.repeat(np.arange(len(counts), dtype=np.int32), counts),
             first=np.repeat(np.cumsum(counts) - counts, counts),

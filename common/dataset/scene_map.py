@@ -9,7 +9,7 @@ from foxglove_schemas_protobuf.Grid_pb2 import Grid
 from foxglove_schemas_protobuf.Vector2_pb2 import Vector2
 
 from readygo.common.dataset import labels, schemas
-from readygo.common.dataset.markers import Rgb, cloud, coloured
+from readygo.common.dataset.markers import Rgb, cloud, coloured_points
 from readygo.common.dataset.poses import pose_of
 
 if TYPE_CHECKING:
@@ -44,18 +44,18 @@ def map_messages(occupancy: "OccupancyMap", floor: "FloorMap") -> MapMessages:
     size = max(
         1, math.ceil(CELL_MIN_M / resolution_m - 1e-6), math.ceil(math.sqrt(occupancy.occupied.size / CELLS_MAX))
     )
-    free = ~_pooled(occupancy.occupied, size)
-    blocked = _grown(free) & ~free
+    free = ~_pool_cells(occupancy.occupied, size)
+    blocked = _dilate(free) & ~free
     cell_m = size * resolution_m
     origin_m = np.array([occupancy.frame.origin_x_m, occupancy.frame.origin_y_m])
     points = [
-        coloured(_on_floor(np.argwhere(cells), origin_m, cell_m, floor), rgb)
+        coloured_points(_on_floor(np.argwhere(cells), origin_m, cell_m, floor), rgb)
         for cells, rgb in ((free, FREE_RGB), (blocked, BLOCKED_RGB))
     ]
     return MapMessages(_grid(free, blocked, origin_m, cell_m, points[0]), cloud(np.concatenate(points), None))
 
 
-def _pooled(occupied: npt.NDArray[np.bool_], size: int) -> npt.NDArray[np.bool_]:
+def _pool_cells(occupied: npt.NDArray[np.bool_], size: int) -> npt.NDArray[np.bool_]:
     """True for the squares of `size` cells that hold an occupied one; what is outside is occupied."""
     height, width = (-(-length // size) for length in occupied.shape)
     padded = np.ones((height * size, width * size), dtype=np.bool_)
@@ -63,7 +63,7 @@ def _pooled(occupied: npt.NDArray[np.bool_], size: int) -> npt.NDArray[np.bool_]
     return np.asarray(padded.reshape(height, size, width, size).any(axis=(1, 3)))
 
 
-def _grown(cells: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def _dilate(cells: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """`cells` and their eight neighbours."""
     padded = np.pad(cells, 1)
     rows, columns = cells.shape

@@ -27,7 +27,7 @@ from readygo.common.errors import DatasetError
 from readygo.common.images.images import OUTPUTS
 from readygo.common.images.names import GOAL_IMAGE, RGB, camera_of, cameras_of, image_name
 from readygo.common.messages.episode import EpisodeKey, Split
-from readygo.common.messages.plan import Driver, Outcome
+from readygo.common.messages.plan import DriverKind, Outcome
 from readygo.common.messages.proto.driving_pb2 import ExpertCommands
 from readygo.common.messages.proto.readygo_pb2 import Action, EpisodeCommit, EpisodeStart, Goal, StepTruth
 from readygo.common.messages.proto.robot_pb2 import DrawnRobot
@@ -218,7 +218,7 @@ class Ending(NamedTuple):
     """How an episode ended, and who drove it."""
 
     outcome: Outcome = Outcome.SUCCESS
-    driver: Driver = Driver.EXPERT
+    driver: DriverKind = DriverKind.EXPERT
     policy: str = ""
     """SHA-256 of the offered policy that drove; empty if it was none."""
 
@@ -290,7 +290,7 @@ def descriptor_set(message: Any) -> bytes:
 def start_message(header: EpisodeHeader) -> bytes:
     """The EpisodeStart of an episode."""
     x_m, y_m, yaw_rad = header.start_xyyaw
-    return serialized(
+    return serialize(
         EpisodeStart(
             episode_id=header.episode.episode_id,
             seed=header.episode.seed,
@@ -320,7 +320,7 @@ def calibration_message(
         frame: The camera's frame.
     """
     k = list(camera.K_px)
-    return serialized(
+    return serialize(
         CameraCalibration(
             timestamp=None if stamp_ns is None else timestamp(stamp_ns),
             frame_id=frame,
@@ -349,7 +349,7 @@ def stamps_ns(message: Any) -> list[int]:
 
 def commit_message(episode: EpisodeKey, attempt: int, sample_count: int, sha256: str) -> bytes:
     """The EpisodeCommit that ends an episode."""
-    return serialized(
+    return serialize(
         EpisodeCommit(
             episode_id=episode.episode_id,
             index=episode.index,
@@ -379,7 +379,7 @@ def ending_of(commands: Any) -> Ending:
         DatasetError: If outcome or driver is unknown.
     """
     try:
-        return Ending(Outcome(commands.outcome), Driver(commands.driver), commands.policy)
+        return Ending(Outcome(commands.outcome), DriverKind(commands.driver), commands.policy)
     except ValueError as error:
         raise DatasetError(f"the end of an episode cannot be read: {error}") from error
 
@@ -394,7 +394,7 @@ def timestamp(stamp_ns: int) -> Any:
     return Timestamp(seconds=stamp_ns // NS_PER_S, nanos=stamp_ns % NS_PER_S)
 
 
-def serialized(message: Any) -> bytes:
+def serialize(message: Any) -> bytes:
     """The bytes of a message, the same for the same content."""
     payload: bytes = message.SerializeToString(deterministic=True)
     return payload

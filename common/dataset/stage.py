@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from readygo.common.dataset import columns, markers, packed, schemas
-from readygo.common.dataset.canonical import HALF_PX, moved, record_head, with_pixels_moved
+from readygo.common.dataset.canonical import HALF_PX, record_head, shift_times, with_pixels_moved
 from readygo.common.dataset.chunk import EpisodeChunk, messages_of, parse, read_chunk
 from readygo.common.dataset.columns import Part, Pieces
 from readygo.common.dataset.packed import Messages
@@ -26,7 +26,7 @@ PAUSE_NS = schemas.NS_PER_S
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Stage:
+class Scenery:
     """What viewers show around the samples of a run."""
 
     robot: RobotConfig | None = None
@@ -34,11 +34,11 @@ class Stage:
     maps: "SceneMaps | None" = None
     """Maps of the scene, read with the first episode; None leaves the map out."""
 
-    def of(self, drawn: Mapping[str, float]) -> "Stage":
+    def of(self, drawn: Mapping[str, float]) -> "Scenery":
         """The stage of an episode, whose robot is one of the robot's ranges; see `EpisodeHeader.drawn`."""
         return replace(self, robot=self.robot.with_values(drawn)) if self.robot and drawn else self
 
-    def staged(self, chunk: EpisodeChunk, start_ns: int, *, with_map: bool) -> EpisodeChunk:
+    def stage_episode(self, chunk: EpisodeChunk, start_ns: int, *, with_map: bool) -> EpisodeChunk:
         """An episode as a shard holds it.
 
         Args:
@@ -55,7 +55,7 @@ class Stage:
         parts: list[bytes | memoryview] = []
         for message in messages:
             time_ns = message.log_time_ns + shift_ns
-            number, payload = message.channel, moved(view, message, shift_ns)
+            number, payload = message.channel, shift_times(view, message, shift_ns)
             followers = [(other, next(rows)) for other, rows in beside.get(number, ())]
             if number == schemas.CALIBRATION.number:
                 number, payload = schemas.ROS_CALIBRATION.number, with_pixels_moved(payload, -HALF_PX)
@@ -87,7 +87,7 @@ class Stage:
             for content in self._map:
                 content.timestamp.CopyFrom(stamp)
             found += zip((schemas.MAP, schemas.MAP_POINTS), self._map, strict=True)
-        return [(channel, schemas.serialized(content)) for channel, content in found]
+        return [(channel, schemas.serialize(content)) for channel, content in found]
 
     def frames(self, position: Part, orientation: Part) -> Messages:
         """The messages that go with a robot's poses; see `markers.frames`."""
@@ -106,18 +106,18 @@ class Stage:
     ) -> dict[int, list[tuple[int, Iterator[bytes]]]]:
         """What follows each message of a channel, by its number: other channels' numbers and their messages."""
 
-        def parsed(channel: Channel) -> list[Any]:
+        def parse_messages(channel: Channel) -> list[Any]:
             return [parse(channel, view[m.body : m.end]) for m in messages if m.channel == channel.number]
 
         times_ns = [m.log_time_ns + shift_ns for m in messages if m.channel == schemas.ROBOT_POSE.number]
         stamps = columns.stamps(np.array(times_ns, dtype=np.uint64))
-        poses = [message.pose for message in parsed(schemas.ROBOT_POSE)]
+        poses = [message.pose for message in parse_messages(schemas.ROBOT_POSE)]
         position, orientation = (
-            Pieces([schemas.serialized(getattr(pose, name)) for pose in poses]) for name in ("position", "orientation")
+            Pieces([schemas.serialize(getattr(pose, name)) for pose in poses]) for name in ("position", "orientation")
         )
         shown = {schemas.ROBOT_POSE: self.frames(position, orientation)}
         if "boxes" not in chunk.outputs:
-            humans = [[pose_xyzyaw(pose) for pose in message.poses] for message in parsed(schemas.HUMANS)]
+            humans = [[pose_xyzyaw(pose) for pose in message.poses] for message in parse_messages(schemas.HUMANS)]
             shown[schemas.HUMANS] = markers.bodies(*packed.people(humans))
         return {
             channel.number: [(each.channel.number, iter(columns.rows_of(each.at(stamps))))]

@@ -12,12 +12,12 @@ from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
 from readygo.common.dataset.aside import set_aside_lines
-from readygo.common.dataset.episode_checks import EpisodeChecks, Limits
+from readygo.common.dataset.episode_checks import ActionLimits, EpisodeChecks
 from readygo.common.dataset.index import (
     DATA_END_SIZE,
     build_index,
     index_path,
-    mapped,
+    map_file,
     read_index,
     read_provenance,
     tail_offset,
@@ -110,7 +110,7 @@ class _FolderCheck:
         found_before = len(self._defects)
         size = shard.stat().st_size
         try:
-            with mapped(shard) as view:
+            with map_file(shard) as view:
                 self._records(shard, view)
                 if len(self._defects) == found_before:
                     self._summary(shard, view)
@@ -141,13 +141,13 @@ class _FolderCheck:
         self._defects.append(Defect(shard=shard.name, kind=kind, text=text))
 
     def _records(self, shard: Path, view: memoryview) -> None:
-        limits: Limits | None = None
+        limits: ActionLimits | None = None
         outputs: list[str] = []
         for record in iter_records(view):
             if record.opcode == Opcode.METADATA:
                 provenance = read_provenance(view, record)
                 if provenance is not None:
-                    limits = Limits(provenance.robot)
+                    limits = ActionLimits(provenance.robot)
                     self._metadata(shard, limits)
             if record.opcode == Opcode.CHANNEL:
                 number, _, size = _CHANNEL.unpack_from(view, record.body)
@@ -159,12 +159,12 @@ class _FolderCheck:
             span = chunk_span(view, record)
             if not is_intact(view, span):
                 self._add(shard, "crc", f"the chunk at byte {record.offset} does not match its CRC-32")
-            self._chunk(shard, view, span, limits or Limits(None), tuple(outputs))
+            self._chunk(shard, view, span, limits or ActionLimits(None), tuple(outputs))
             self._progress(self._done_bytes + record.end, self._size_bytes)
         if limits is None:
             self._add(shard, "metadata", "there is no readygo metadata in it")
 
-    def _metadata(self, shard: Path, limits: Limits) -> None:
+    def _metadata(self, shard: Path, limits: ActionLimits) -> None:
         if self._robot is None:
             self._robot = (shard.name, limits.robot)
             if limits.robot is None:
@@ -172,7 +172,9 @@ class _FolderCheck:
         elif self._robot[1] != limits.robot:
             self._add(shard, "metadata", f"its robot is not that of {self._robot[0]}")
 
-    def _chunk(self, shard: Path, view: memoryview, span: ChunkSpan, limits: Limits, outputs: tuple[str, ...]) -> None:
+    def _chunk(
+        self, shard: Path, view: memoryview, span: ChunkSpan, limits: ActionLimits, outputs: tuple[str, ...]
+    ) -> None:
         checks = EpisodeChecks(view, span, limits, outputs)
         for kind, text in checks.run():
             self._add(shard, kind, text)

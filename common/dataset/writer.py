@@ -39,7 +39,7 @@ from readygo.common.dataset.chunk import EpisodeChunk, canonical
 from readygo.common.dataset.index import IndexRows, index_path, write_index
 from readygo.common.dataset.provenance import RECORD_NAME, Provenance, provenance_to_strings
 from readygo.common.dataset.records import CHUNK_FIELDS, MAGIC, RECORD_HEADER, joined_crc32
-from readygo.common.dataset.stage import PAUSE_NS, Stage
+from readygo.common.dataset.stage import PAUSE_NS, Scenery
 from readygo.common.errors import DatasetError
 
 PART_SUFFIX = ".part"
@@ -78,7 +78,7 @@ class ShardWriter:
         provenance: Provenance,
         *,
         outputs: Iterable[str] = (),
-        stage: Stage | None = None,
+        stage: Scenery | None = None,
         start_ns: int = 0,
         fsync: bool = True,
         part_suffix: str = PART_SUFFIX,
@@ -162,7 +162,7 @@ class ShardWriter:
                 f"{list(self.outputs)}; begin a new shard."
             )
         if self._stage is not None and not placed:
-            chunk = self._stage.staged(canonical(chunk), self.next_start_ns, with_map=not self._chunk_indexes)
+            chunk = self._stage.stage_episode(canonical(chunk), self.next_start_ns, with_map=not self._chunk_indexes)
         crc32 = zlib.crc32(chunk.data)
         head, indexes, index = _chunk_record(chunk, crc32, self._offset)
         self._write(head, chunk.data, indexes)
@@ -255,7 +255,7 @@ class ShardWriter:
         offsets_start = summary_start + builder.count
         for offset in offsets:
             offset.write(builder)
-        summary = _built(builder)
+        summary = _finish_buffer(builder)
         footer = _record_bytes(Footer(summary_start, offsets_start, 0))
         # The footer's own CRC field is its last four bytes and not covered.
         crc32 = zlib.crc32(footer[:-4], zlib.crc32(summary))
@@ -354,9 +354,9 @@ def _message_index(number: int, records: npt.NDArray[np.uint64]) -> bytes:
 def _record_bytes(record: Any) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
-    return _built(builder)
+    return _finish_buffer(builder)
 
 
-def _built(builder: Any) -> bytes:
+def _finish_buffer(builder: Any) -> bytes:
     data: bytes = builder.end()
     return data

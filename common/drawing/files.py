@@ -14,12 +14,12 @@ JPEG_QUALITY = 90
 
 def png_bytes(rgb: Picture) -> bytes:
     """A picture (H, W, 3) as PNG."""
-    return _encoded(rgb, ".png", [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    return _encode_image(rgb, ".png", [cv2.IMWRITE_PNG_COMPRESSION, 9])
 
 
 def jpeg_bytes(rgb: Picture) -> bytes:
     """A picture (H, W, 3) as JPEG."""
-    return _encoded(rgb, ".jpg", [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return _encode_image(rgb, ".jpg", [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
 
 
 def write_png(path: Path, rgb: Picture) -> None:
@@ -31,7 +31,7 @@ def write_png(path: Path, rgb: Picture) -> None:
     write_whole(path, png_bytes(rgb))
 
 
-def _encoded(rgb: Picture, ending: str, options: list[int]) -> bytes:
+def _encode_image(rgb: Picture, ending: str, options: list[int]) -> bytes:
     done, data = cv2.imencode(ending, np.ascontiguousarray(rgb[:, :, ::-1]), options)
     assert done
     return bytes(data.tobytes())

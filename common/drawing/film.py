@@ -13,7 +13,7 @@ import numpy as np
 
 from readygo.common.drawing.files import Picture
 from readygo.common.errors import ReadygoError
-from readygo.common.files import unfinished
+from readygo.common.files import write_then_rename
 from readygo.common.robot.kinematics import RATE_HZ
 
 CODECS = {".webm": ("VP80",), ".mp4": ("avc1", "vp09")}
@@ -40,7 +40,7 @@ def write_film(path: Path, frames: Iterable[Picture], *, fps: int = RATE_HZ) -> 
         raise ReadygoError(f"{path} must end in {' or '.join(CODECS)} to be a film.")
     pictures = iter(frames)
     first = next(pictures)
-    with unfinished(path) as part:
+    with write_then_rename(path) as part:
         writer, count = _writer(part, codecs, (first.shape[1], first.shape[0]), fps), 0
         # What it cannot write raises nothing and is logged for every picture: it is seen below.
         level = cv2.utils.logging.setLogLevel(_LOG_ERRORS)

@@ -110,7 +110,7 @@ def sample_grid(view: TopView, values: npt.NDArray[Any], frame: GridFrame) -> np
     return sampled
 
 
-def resized(view: TopView, height_px: int) -> TopView:
+def resize_view(view: TopView, height_px: int) -> TopView:
     """The view with another number of rows."""
     rows, columns = view.rgb.shape[:2]
     scale = height_px / rows
@@ -124,7 +124,7 @@ def resized(view: TopView, height_px: int) -> TopView:
     return TopView(rgb=np.asarray(cv2.resize(view.rgb, shape, interpolation=method), dtype=np.uint8), frame=frame)
 
 
-def faded(view: TopView, share: float = 0.35) -> TopView:
+def fade_view(view: TopView, share: float = 0.35) -> TopView:
     """The view mixed with white, so that paths on it stand out."""
     rgb = np.rint(view.rgb * (1 - share) + 255 * share).astype(np.uint8)
     return TopView(rgb=rgb, frame=view.frame)

@@ -43,7 +43,7 @@ def sheet(
     return np.concatenate([*parts, _legend_strip(width, legend)])
 
 
-def stacked(panels: Sequence[Picture]) -> Picture:
+def stack_panels(panels: Sequence[Picture]) -> Picture:
     """Pictures of one width, one below the other."""
     gap = np.full((GAP_PX, panels[0].shape[1], 3), WHITE, np.uint8)
     return np.concatenate([part for panel in panels for part in (panel, gap)][:-1])

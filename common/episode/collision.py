@@ -10,13 +10,13 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import OccupancyMap
 
 Float64Array = npt.NDArray[np.float64]
 
 
-@compiled
+@kernel_with_cache
 def disc_meets_cells(
     occupied: npt.NDArray[np.bool_],
     origin_x_m: float,

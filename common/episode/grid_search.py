@@ -9,7 +9,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import GridFrame, OccupancyMap, clearance_m
 
 FREE = 4
@@ -137,19 +137,19 @@ def _length_until(points_m: npt.NDArray[np.float64], goal_xy_m: tuple[float, flo
     return length
 
 
-@compiled
+@kernel_with_cache
 def _octile(di: int, dj: int) -> int:
     di, dj = abs(di), abs(dj)
     return 4 * (5 * max(di, dj) + 2 * min(di, dj))
 
 
-@compiled
+@kernel_with_cache
 def _forget(distance: Int32Array, reached: Int32Array) -> None:
     for cell in reached:
         distance[cell] = UNREACHED
 
 
-@compiled
+@kernel_with_cache
 def _flood(
     factor: UInt8Array,
     distance: Int32Array,
@@ -223,7 +223,7 @@ def _flood(
     return limit < UNREACHED, reached_count
 
 
-@compiled
+@kernel_with_cache
 def _descend(distance: Int32Array, factor: UInt8Array, i: int, j: int, cells: npt.NDArray[np.int64]) -> int:
     """Follow the distances down to 0; returns the number of cells."""
     height, width = distance.shape
@@ -247,7 +247,7 @@ def _descend(distance: Int32Array, factor: UInt8Array, i: int, j: int, cells: np
     return count
 
 
-@compiled
+@kernel_with_cache
 def line_is_free(factor: UInt8Array, i0: float, j0: float, i1: float, j1: float, factor_max: int) -> bool:
     """True if cells of factor 1..factor_max cover a segment between two points in cell units (checked every 0.4)."""
     steps = math.ceil(max(abs(i1 - i0), abs(j1 - j0)) / 0.4) + 1
@@ -259,7 +259,7 @@ def line_is_free(factor: UInt8Array, i0: float, j0: float, i1: float, j1: float,
     return True
 
 
-@compiled
+@kernel_with_cache
 def _pull_taut(cells: npt.NDArray[np.int64], factor: UInt8Array, kept: npt.NDArray[np.int64]) -> int:
     """Indices of the cells that remain corners; returns their number."""
     count, anchor = 1, 0

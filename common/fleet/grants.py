@@ -80,9 +80,9 @@ class Grants:
         Raises:
             BusError: If the coordinator does not answer.
         """
-        return self.ask(report.index, report.attempt) is not VerdictStatus.STALE and self._done(report)
+        return self.ask(report.index, report.attempt) is not VerdictStatus.STALE and self._report_done(report)
 
-    def _done(self, report: DoneRequest) -> bool:
+    def _report_done(self, report: DoneRequest) -> bool:
         verdict = self._bus.request(topics.DONE, report, timeout_s=self._timeout_s)
         return verdict.status is not VerdictStatus.STALE
 
@@ -115,6 +115,6 @@ class Grants:
 
     def _send(self, report: DoneRequest | LostRequest) -> bool:
         if isinstance(report, DoneRequest):
-            return self._done(report)
+            return self._report_done(report)
         self._bus.request(topics.LOST, report, timeout_s=self._timeout_s)
         return True

@@ -166,14 +166,14 @@ def _inputs(bus: Bus, stage: Stage, claim: ClaimReply) -> Inputs:
 
 def _renewing(bus: Bus, stage: Stage, worker: str, work: Work) -> Work:
     def renewing(claim: ClaimReply, inputs: Inputs) -> StageResult | None:
-        with _renewed(bus, stage, worker, claim):
+        with _keep_renewing(bus, stage, worker, claim):
             return work(claim, inputs)
 
     return renewing
 
 
 @contextlib.contextmanager
-def _renewed(bus: Bus, stage: Stage, worker: str, claim: ClaimReply) -> Iterator[None]:
+def _keep_renewing(bus: Bus, stage: Stage, worker: str, claim: ClaimReply) -> Iterator[None]:
     """Renew a lease every third of its time for as long as the block runs."""
     assert claim.episode is not None
     request = RenewRequest(worker=worker, index=claim.episode.index, attempt=claim.attempt, lease=claim.lease)

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
 
 
-@compiled(error_model="numpy")
+@kernel_with_cache(error_model="numpy")
 def turn_between(first: Singles, last: Singles, share: float, out: Singles) -> None:
     """Interpolate rotations along the shorter way (slerp).
 
@@ -43,7 +43,7 @@ def turn_between(first: Singles, last: Singles, share: float, out: Singles) -> N
             out[j, k] = scale * r[k + 1]
 
 
-@compiled(error_model="numpy")
+@kernel_with_cache(error_model="numpy")
 def _quaternion(rotation: Singles, q: Floats) -> None:
     """Write the unit quaternion, w first, of an axis-angle vector."""
     x, y, z = float(rotation[0]), float(rotation[1]), float(rotation[2])

@@ -9,7 +9,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 
 Array = npt.NDArray[np.float32]
 
@@ -19,25 +19,25 @@ SCALE_MIN_M = 1e-20
 """Smallest scale whose logarithm is stored."""
 
 
-@compiled
+@kernel_with_cache
 def _exp(x: npt.NDArray[np.float32], out: npt.NDArray[np.float32]) -> None:
     for i in range(x.size):
         out[i] = math.exp(x[i])
 
 
-@compiled
+@kernel_with_cache
 def _log(x: npt.NDArray[np.float32], minimum: float, out: npt.NDArray[np.float32]) -> None:
     for i in range(x.size):
         out[i] = math.log(max(float(x[i]), minimum))
 
 
-@compiled
+@kernel_with_cache
 def _sigmoid(x: npt.NDArray[np.float32], out: npt.NDArray[np.float32]) -> None:
     for i in range(x.size):
         out[i] = 1.0 / (1.0 + math.exp(-x[i]))
 
 
-@compiled
+@kernel_with_cache
 def _logit(p: npt.NDArray[np.float32], limit: float, out: npt.NDArray[np.float32]) -> None:
     for i in range(p.size):
         if p[i] <= 0.0:

@@ -2,13 +2,13 @@
 
 import math
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 
 Covariance = tuple[float, float, float, float, float, float]
 """The entries xx, xy, xz, yy, yz, zz."""
 
 
-@compiled(inline="always")
+@kernel_with_cache(inline="always")
 def rotation_of(
     w: float, x: float, y: float, z: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
@@ -28,7 +28,7 @@ def rotation_of(
     )
 
 
-@compiled(inline="always")
+@kernel_with_cache(inline="always")
 def covariance_of(w: float, x: float, y: float, z: float, s0: float, s1: float, s2: float) -> Covariance:
     """Covariance entries of a Gaussian with quaternion (w, x, y, z) and standard deviations s0, s1, s2 [m]."""
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation_of(w, x, y, z)

@@ -52,7 +52,7 @@ def excessive(cloud: GaussianCloud) -> Masks:
     }
 
 
-def unwanted(cloud: GaussianCloud) -> Masks:
+def unwanted_masks(cloud: GaussianCloud) -> Masks:
     """Gaussians that can be drawn but spoil a scene, in any unit of length; as `unusable`, but each has one kind.
 
     "huge": larger than a fifth of the scene. "floaters": groups of a few that touch nothing else, or lie far outside,
@@ -63,7 +63,7 @@ def unwanted(cloud: GaussianCloud) -> Masks:
 
 
 def told_apart(cloud: GaussianCloud) -> Masks:
-    """The kinds of `unwanted`, and "background": what looks like them, but is sky and far surroundings."""
+    """The kinds of `unwanted_masks`, and "background": what looks like them, but is sky and far surroundings."""
     low, high = np.quantile(cloud.means_m.astype(np.float64), [0.01, 0.99], axis=0)
     width = max(float((high - low).max()), 1e-9)
     reach = cloud.scales_m.max(axis=1)
@@ -76,7 +76,7 @@ def told_apart(cloud: GaussianCloud) -> Masks:
     return {HUGE: huge & ~shell, FLOATERS: floaters & ~shell, HAZE: haze & ~shell, BACKGROUND: shell}
 
 
-def counted(masks: Masks) -> str:
+def count_kinds(masks: Masks) -> str:
     """The kinds that occur, with their numbers, in words."""
     return ", ".join(f"{kind}: {int(mask.sum()):,}" for kind, mask in masks.items() if mask.any()) or "none"
 

@@ -62,7 +62,7 @@ def floating(cloud: GaussianCloud, low: Floats, high: Floats) -> Mask:
         cell = times * max(width / CLOUD_CELLS_ACROSS, usual)
         if cloudy.any() or WINDOW * cell > WINDOW_SHARE_MAX * width:
             break
-        cloudy = _clouded(cloud, low, high, cell, area_max)
+        cloudy = _cloud_mask(cloud, low, high, cell, area_max)
     return cloudy | _apart(cloud, low, high, max(width / CELLS_ACROSS, CELL_SIZES * usual), sparse=not cloudy.any())
 
 
@@ -114,7 +114,7 @@ def _apart(cloud: GaussianCloud, low: Floats, high: Floats, cell: float, *, spar
     return floats
 
 
-def _clouded(cloud: GaussianCloud, low: Floats, high: Floats, cell: float, area_max: float) -> Mask:
+def _cloud_mask(cloud: GaussianCloud, low: Floats, high: Floats, cell: float, area_max: float) -> Mask:
     """Gaussians of clouds: of cells that hold something, but no surface, and fill a place."""
     from scipy import ndimage
 

@@ -9,7 +9,7 @@ Source: Ramamoorthi & Hanrahan, An efficient representation for irradiance envir
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
@@ -21,7 +21,7 @@ _COSINE_LOBE = (1.0, 2.0 / 3.0, 0.25)
 """Share of radiance of order l that is left in irradiance / pi: A_l / pi of the paper's equation 8."""
 
 
-@compiled
+@kernel_with_cache
 def add_radiance(radiance: Floats, direction: Floats, solid_angle: Floats, sh: Floats) -> None:
     """Project radiance to spherical harmonics and add it to `sh`, shape (9, 3).
 
@@ -59,7 +59,7 @@ def irradiance_matrix(sh: Floats) -> Floats:
     return M
 
 
-@compiled
+@kernel_with_cache
 def _fill_matrix(sh: Floats, M: Floats) -> None:
     a0, a1, a2 = _COSINE_LOBE
     for c in range(3):
@@ -79,8 +79,8 @@ def irradiance(M: Floats, normals: Floats) -> Floats:
     return values
 
 
-@compiled
-def turned(M: Floats, R: Floats, out: Singles) -> None:
+@kernel_with_cache
+def rotate_forms(M: Floats, R: Floats, out: Singles) -> None:
     """Write the ten terms 1, x, y, z, xx, yy, zz, xy, xz, yz of quadratic forms in a frame turned by `R`.
 
     Args:

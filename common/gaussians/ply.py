@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.errors import SceneError
-from readygo.common.files import unfinished
+from readygo.common.files import write_then_rename
 from readygo.common.gaussians.activations import (
     logits_from_opacities,
     logs_from_scales,
@@ -104,7 +104,7 @@ def save_ply(cloud: GaussianCloud, path: str | Path) -> None:
     )
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(cloud)}"]
     header += [*(f"property float {name}" for name in names), "end_header"]
-    with unfinished(path, raises=SceneError) as part, part.open("wb") as file:
+    with write_then_rename(path, raises=SceneError) as part, part.open("wb") as file:
         file.write(("\n".join(header) + "\n").encode())
         # Unlike tofile it says so when the disk is full.
         file.write(np.ascontiguousarray(rows, dtype="<f4").data)

@@ -84,13 +84,13 @@ def _read_header(file: BinaryIO, path: Path) -> list[PlyElement]:
         words = file.readline(_LINE_BYTES_LIMIT).decode("ascii", "replace").split()
         match words:
             case ["end_header"]:
-                return [*elements[:-1], *_closed(elements[-1:], fields, path)]
+                return [*elements[:-1], *_close_element(elements[-1:], fields, path)]
             case ["format", "binary_little_endian", "1.0"] | ["comment" | "obj_info", *_]:
                 pass
             case ["format", *rest]:
                 raise SceneError(f"{path} has PLY format {' '.join(rest)!r}; export it as binary_little_endian 1.0.")
             case ["element", name, count] if count.isdigit():
-                elements = [*elements[:-1], *_closed(elements[-1:], fields, path)]
+                elements = [*elements[:-1], *_close_element(elements[-1:], fields, path)]
                 elements.append(PlyElement(name, int(count), np.dtype([])))
                 fields = []
             case ["property", "list", *_]:
@@ -102,7 +102,7 @@ def _read_header(file: BinaryIO, path: Path) -> list[PlyElement]:
     raise SceneError(f"{path} has no 'end_header' in its first {_HEADER_LINE_LIMIT} lines; export it again.")
 
 
-def _closed(last: list[PlyElement], fields: list[tuple[str, str]], path: Path) -> list[PlyElement]:
+def _close_element(last: list[PlyElement], fields: list[tuple[str, str]], path: Path) -> list[PlyElement]:
     """The last element of a header with its row layout filled in."""
     names = [name for name, _ in fields]
     if not names and any(element.count for element in last):

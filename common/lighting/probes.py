@@ -17,9 +17,9 @@ import numpy.typing as npt
 
 from readygo.common.array_files import load_npz
 from readygo.common.errors import ReadygoError, SceneError
-from readygo.common.files import unfinished
+from readygo.common.files import write_then_rename
 from readygo.common.gaussians.irradiance import HARMONICS, add_radiance, irradiance_matrix
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import FloorMap, GridFrame, OccupancyMap, clearance_m
 from readygo.common.maps.fill import fill_smoothly
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
@@ -79,7 +79,7 @@ class LightProbes:
         return irradiance_matrix(sh)
 
 
-@compiled
+@kernel_with_cache
 def _mix(grid: Floats, origin_x: float, origin_y: float, resolution: float, x: float, y: float, sh: Floats) -> None:
     """Write the coefficients at a point, shape (9, 3)."""
     height, width = grid.shape[:2]
@@ -110,7 +110,7 @@ def load_or_make_probes(path: Path, make: Callable[[], LightProbes]) -> LightPro
     made = make()
     frame = (made.frame.origin_x_m, made.frame.origin_y_m, made.frame.resolution_m)
     try:
-        with unfinished(path) as part:
+        with write_then_rename(path) as part:
             np.savez(part, format=np.array(FORMAT), frame=np.array(frame), sh=made.sh)
     except ReadygoError:
         # A bundle on a read-only disk: every process makes its own.

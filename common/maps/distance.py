@@ -3,14 +3,14 @@
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps.grid import OccupancyMap
 
 _FAR = np.int32(1 << 15)
 """Longer column distances [half cells] count as this; its square still fits 32 bits."""
 
 
-@compiled
+@kernel_with_cache
 def _column_distance(occupied: npt.NDArray[np.bool_], far: int, out: npt.NDArray[np.int32]) -> None:
     """Distance to the nearest occupied edge in the same column [half cells]; beyond the grid is occupied."""
     rows, columns = occupied.shape
@@ -25,7 +25,7 @@ def _column_distance(occupied: npt.NDArray[np.bool_], far: int, out: npt.NDArray
             out[i, j] = min(out[i, j], gap)
 
 
-@compiled
+@kernel_with_cache
 def _clearance(vertical: npt.NDArray[np.int32], half_cell_m: float, out: npt.NDArray[np.float32]) -> None:
     rows, columns = vertical.shape
     for i in range(rows):

@@ -42,10 +42,10 @@ def _pull_push(values: Floats, weights: Floats) -> Floats:
     counts = w[::2, ::2] + w[1::2, ::2] + w[::2, 1::2] + w[1::2, 1::2]
     some = counts > 0
     coarse = _pull_push(np.where(some, sums / np.where(some, counts, 1.0), 0.0), some.astype(np.float64))
-    return np.where(weights > 0, values, _doubled(coarse)[:height, :width])
+    return np.where(weights > 0, values, _double_grid(coarse)[:height, :width])
 
 
-def _doubled(values: Floats) -> Floats:
+def _double_grid(values: Floats) -> Floats:
     """A grid of twice the size, linear between cell centres."""
     for axis in (0, 1):
         lower = np.concatenate([values.take([0], axis), values.take(range(values.shape[axis] - 1), axis)], axis)

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from readygo.common.errors import NoGroundError
 from readygo.common.gaussians import GaussianCloud
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps.fill import box_mean, fill_smoothly
 from readygo.common.maps.floor_layers import COLUMN_M, SLOPE_MAX, CoarseFloor, find_coarse_floor
 from readygo.common.maps.grid import FloorMap, GridFrame
@@ -83,19 +83,19 @@ def estimate_floor(cloud: GaussianCloud, cell_m: float) -> FloorEstimate:
     known = covered_m2 >= COVERAGE_MIN * cell_m * cell_m
     if not known.any():
         raise NoGroundError("The scene has no floor: its level surfaces are too faint; check the scale.")
-    height = _smoothed(prior + offset, known)
+    height = _smooth_heights(prior + offset, known)
     floor = FloorMap(frame=frame, height_m=height.astype(np.float32))
     seen = np.where(known, prior + offset, height)
     gentle = _gentle(seen, cell_m)
     return FloorEstimate(
         floor=floor,
-        supported=_closed(known, cell_m),
+        supported=_close_gaps(known, cell_m),
         relief_m=np.maximum(height, gentle),
         step_m=box_mean(np.where(known, seen - gentle, 0.0)),
     )
 
 
-def walked(estimate: FloorEstimate, cameras_m: npt.NDArray[np.float64]) -> FloorEstimate:
+def complete_floor(estimate: FloorEstimate, cameras_m: npt.NDArray[np.float64]) -> FloorEstimate:
     """An estimate whose floor is complete where the person who filmed walked: cameras seldom see what is below them.
 
     Args:
@@ -151,7 +151,7 @@ def _prior(coarse: CoarseFloor, frame: GridFrame, shape: tuple[int, int]) -> npt
     return surface.at_many(xy.reshape(-1, 2)).reshape(shape)
 
 
-@compiled
+@kernel_with_cache
 def _histogram(
     xyz: npt.NDArray[np.float32],
     area: npt.NDArray[np.float32],
@@ -170,7 +170,7 @@ def _histogram(
             masses[i, j, b] += area[n]
 
 
-@compiled
+@kernel_with_cache
 def _visible_offset(
     masses: npt.NDArray[np.float32], cell_m2: float
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
@@ -204,7 +204,7 @@ def _visible_offset(
     return offset, covered
 
 
-def _smoothed(height_m: npt.NDArray[np.float64], known: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
+def _smooth_heights(height_m: npt.NDArray[np.float64], known: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
     from scipy import ndimage
 
     filled = fill_smoothly(height_m, known)
@@ -223,7 +223,7 @@ def _gentle(height_m: npt.NDArray[np.float64], cell_m: float) -> npt.NDArray[np.
     return gentle
 
 
-def _closed(known: npt.NDArray[np.bool_], cell_m: float) -> npt.NDArray[np.bool_]:
+def _close_gaps(known: npt.NDArray[np.bool_], cell_m: float) -> npt.NDArray[np.bool_]:
     """Morphological closing by a disc."""
     from scipy import ndimage
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps.grid import GridFrame
 from readygo.common.maps.surface import SurfaceSamples
 
@@ -68,7 +68,7 @@ def _columns_of(starts: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     return np.repeat(np.arange(len(starts) - 1), np.diff(starts))
 
 
-@compiled
+@kernel_with_cache
 def _extract_layers(
     column: npt.NDArray[np.int64], z: npt.NDArray[np.float64], area: npt.NDArray[np.float64], column_count: int
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
@@ -132,7 +132,7 @@ def _choose_surface(
     return _grow(starts, layer_z, group, int(seed), height, width)
 
 
-@compiled
+@kernel_with_cache
 def _join_layers(
     starts: npt.NDArray[np.int64], layer_z: npt.NDArray[np.float64], height: int, width: int
 ) -> npt.NDArray[np.int64]:
@@ -162,7 +162,7 @@ def _join_layers(
     return parent
 
 
-@compiled
+@kernel_with_cache
 def _grow(
     starts: npt.NDArray[np.int64],
     layer_z: npt.NDArray[np.float64],

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.messages.checks import check_array
 
 
@@ -103,7 +103,7 @@ class FloorMap:
         return heights
 
 
-@compiled
+@kernel_with_cache
 def bilinear(
     height_m: npt.NDArray[np.float32], origin_x_m: float, origin_y_m: float, resolution_m: float, x_m: float, y_m: float
 ) -> float:

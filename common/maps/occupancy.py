@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.maps.coarse_ground import ground_detail
-from readygo.common.maps.floor import FloorEstimate, estimate_floor, walked
+from readygo.common.maps.floor import FloorEstimate, complete_floor, estimate_floor
 from readygo.common.maps.grid import FloorMap, GridFrame, OccupancyMap
 from readygo.common.maps.voxels import opacity_sums
 
@@ -101,7 +101,7 @@ def plan_scene(cloud: GaussianCloud, config: MapConfig, cameras_m: npt.NDArray[n
     """
     estimate = estimate_floor(cloud, FLOOR_CELLS * config.resolution_m)
     if cameras_m is not None:
-        estimate = walked(estimate, cameras_m)
+        estimate = complete_floor(estimate, cameras_m)
     frame = replace(estimate.floor.frame, resolution_m=config.resolution_m)
     shape = tuple(FLOOR_CELLS * n for n in estimate.supported.shape)
     above = _above_floor(cloud, estimate.floor)

@@ -49,7 +49,7 @@ def load_ros_map(path: str | Path) -> OccupancyMap:
     header = _read_header(path)
     occupancy, transparent = _read_picture(path.parent / header.image, header.negate)
     free = (occupancy < header.free_thresh) & ~transparent
-    return _placed(np.ascontiguousarray(~free[::-1]), header, path)
+    return _place_map(np.ascontiguousarray(~free[::-1]), header, path)
 
 
 def load_unknown_cells(path: str | Path) -> npt.NDArray[np.bool_]:
@@ -62,10 +62,10 @@ def load_unknown_cells(path: str | Path) -> npt.NDArray[np.bool_]:
     header = _read_header(path)
     occupancy, transparent = _read_picture(path.parent / header.image, header.negate)
     between = (occupancy >= header.free_thresh) & (occupancy <= header.occupied_thresh)
-    return _placed(np.ascontiguousarray((between | transparent)[::-1]), header, path).occupied
+    return _place_map(np.ascontiguousarray((between | transparent)[::-1]), header, path).occupied
 
 
-def _placed(occupied: npt.NDArray[np.bool_], header: RosMapHeader, path: Path) -> OccupancyMap:
+def _place_map(occupied: npt.NDArray[np.bool_], header: RosMapHeader, path: Path) -> OccupancyMap:
     x, y, yaw = header.origin
     turns = round(yaw / (math.pi / 2))
     if abs(yaw - turns * math.pi / 2) > _QUARTER_TURN_TOLERANCE_RAD:
@@ -101,7 +101,7 @@ def save_ros_map(
     if unknown is not None:
         pixels[unknown] = UNKNOWN_PX
     picture = path.with_suffix(f".{picture_format}")
-    write_whole(picture, _encoded(np.ascontiguousarray(pixels[::-1]), picture.suffix), raises=SceneError)
+    write_whole(picture, _encode_pixels(np.ascontiguousarray(pixels[::-1]), picture.suffix), raises=SceneError)
     frame = occupancy.frame
     lines = [
         f"image: {picture.name}",
@@ -115,7 +115,7 @@ def save_ros_map(
     write_whole(path, "\n".join(lines) + "\n", raises=SceneError)
 
 
-def _encoded(pixels: npt.NDArray[np.uint8], suffix: str) -> bytes:
+def _encode_pixels(pixels: npt.NDArray[np.uint8], suffix: str) -> bytes:
     import cv2
 
     ok, encoded = cv2.imencode(suffix, pixels)

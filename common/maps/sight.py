@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.gaussians import GaussianCloud
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps.grid import FloorMap, GridFrame, OccupancyMap
 from readygo.common.maps.occupancy import OPACITY_MIN, VOXELS_PER_BAND, MapConfig
 from readygo.common.maps.voxels import opacity_sums
@@ -95,7 +95,7 @@ def sight_of_cloud(
     return SightMap(frame=frame, opaque=opaque, layer_m=per_bit * cell_m)
 
 
-@compiled
+@kernel_with_cache
 def is_clear(
     opaque: UInt32Array,
     place: tuple[float, float, float, float],
@@ -124,7 +124,7 @@ def is_clear(
     return True
 
 
-@compiled
+@kernel_with_cache
 def _sees_human(
     opaque: UInt32Array,
     place: tuple[float, float, float, float],

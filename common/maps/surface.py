@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.covariance import rotation_of
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 
 OPACITY_MIN = 0.1
 """Fainter Gaussians are haze, not floor."""
@@ -29,7 +29,7 @@ class SurfaceSamples:
     """Horizontal area inside 1 sigma times opacity that the sample stands for [m2], shape (N,)."""
 
 
-@compiled
+@kernel_with_cache
 def _sample(
     means: npt.NDArray[np.float32],
     quats: npt.NDArray[np.float32],

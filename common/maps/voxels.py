@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.covariance import covariance_of
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps.grid import GridFrame
 
 SCALE_MIN_M = 1e-4
@@ -26,7 +26,7 @@ Cut = tuple[float, float, float, float, float, float, float, float]
 """What cuts of an ellipsoid by planes a = constant have in common; see `_cut`."""
 
 
-@compiled(inline="always")
+@kernel_with_cache(inline="always")
 def _cut(s_ab: float, s_ac: float, s_aa: float, s_bb: float, s_bc: float, s_cc: float) -> Cut:
     """Cuts by planes a = constant: ellipses in (b, c) whose shape does not depend on where they are.
 
@@ -42,7 +42,7 @@ def _cut(s_ab: float, s_ac: float, s_aa: float, s_bb: float, s_bc: float, s_cc: 
     return 1.0 / s_aa, to_b, to_c, v_bb, v_bc / v_bb if v_bb > 0.0 else 0.0, per_cc, slope, rest
 
 
-@compiled(inline="always")
+@kernel_with_cache(inline="always")
 def _face_reach(at: float, cut: Cut, low: float, high: float) -> float:
     """Largest b on the cut of the ellipsoid by the plane a = at, with c in [low, high]; _EMPTY if there is none."""
     per_aa, to_b, to_c, half_b, lean, per_cc, slope, rest = cut
@@ -60,7 +60,7 @@ def _face_reach(at: float, cut: Cut, low: float, high: float) -> float:
     return to_b * at + slope * off + math.sqrt(left) * rest
 
 
-@compiled(inline="always")
+@kernel_with_cache(inline="always")
 def _slab_reach(
     tip: tuple[float, float, float], by_y: Cut, by_z: Cut, y0: float, y1: float, z0: float, z1: float
 ) -> float:
@@ -76,7 +76,7 @@ def _slab_reach(
     return best
 
 
-@compiled
+@kernel_with_cache
 def _accumulate(
     means: npt.NDArray[np.float32],
     quats: npt.NDArray[np.float32],

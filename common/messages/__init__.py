@@ -42,7 +42,7 @@ from readygo.common.messages.evaluation import (
 )
 from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest, PolicyFile
 from readygo.common.messages.motion import EpisodeMotions, HumanMotion, Motion
-from readygo.common.messages.plan import Driver, Outcome, RobotTrajectory
+from readygo.common.messages.plan import DriverKind, Outcome, RobotTrajectory
 from readygo.common.messages.reconstruction import (
     ReconstructionClaim,
     ReconstructionJob,
@@ -89,7 +89,7 @@ __all__ = [
     "ControlRequest",
     "DoneRequest",
     "Drive",
-    "Driver",
+    "DriverKind",
     "DrivesReply",
     "DrivesRequest",
     "EpisodeHeader",

@@ -164,10 +164,10 @@ def _fields(cls: type) -> tuple[tuple[str, Any], ...] | None:
     """Names of a message's fields, and the value with which a field is left out; None of any other class."""
     if not dataclasses.is_dataclass(cls):
         return None
-    return tuple((field.name, _omitted(field)) for field in dataclasses.fields(cls))
+    return tuple((field.name, _field_default(field)) for field in dataclasses.fields(cls))
 
 
-def _omitted(field: dataclasses.Field[Any]) -> Any:
+def _field_default(field: dataclasses.Field[Any]) -> Any:
     if field.metadata != OMITTED_WHEN_DEFAULT:
         return _NEVER_OMITTED
     return field.default if field.default_factory is dataclasses.MISSING else field.default_factory()

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from readygo.common.messages.checks import check_array, check_printable, check_sha256
 from readygo.common.messages.codec import OMITTED_WHEN_DEFAULT
 from readygo.common.messages.episode import EpisodeKey
-from readygo.common.messages.plan import Driver, Outcome
+from readygo.common.messages.plan import DriverKind, Outcome
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -39,7 +39,7 @@ class LiveState:
     """Simulated time since the episode began [ns]."""
     sample: int
     sample_count: int
-    driver: Driver
+    driver: DriverKind
     goal_xy_m: tuple[float, float]
     """Goal in the world: x, y [m]."""
     robot_xyzyaw: tuple[float, float, float, float]
@@ -133,7 +133,7 @@ class LiveCommit:
     episode: EpisodeKey
     attempt: int
     outcome: Outcome
-    driver: Driver
+    driver: DriverKind
     policy: str
     """SHA-256 of the offered policy that drove, as in `EpisodeHeader.policy`; empty if it was none."""
     sample_count: int

@@ -20,7 +20,7 @@ class Outcome(enum.Enum):
     TIMEOUT = "timeout"
 
 
-class Driver(enum.Enum):
+class DriverKind(enum.Enum):
     """Driver of the robot in a recorded episode."""
 
     EXPERT = "expert"

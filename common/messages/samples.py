@@ -11,7 +11,7 @@ import numpy.typing as npt
 from readygo.common.messages.checks import check_array, check_sha256
 from readygo.common.messages.codec import OMITTED_WHEN_DEFAULT
 from readygo.common.messages.episode import EpisodeKey
-from readygo.common.messages.plan import Driver, Outcome
+from readygo.common.messages.plan import DriverKind, Outcome
 
 DISTORTION_MODELS: Mapping[str, int] = {"": 0, "plumb_bob": 5, "rational_polynomial": 8, "kannala_brandt": 4}
 """Models of a lens and the number of their coefficients, by the names that ROS and Foxglove use.
@@ -147,7 +147,7 @@ class EpisodeHeader:
     """True if every sample has the labels of its humans."""
     outcome: Outcome = field(default=Outcome.SUCCESS, metadata=OMITTED_WHEN_DEFAULT)
     """How the episode ended."""
-    driver: Driver = field(default=Driver.EXPERT, metadata=OMITTED_WHEN_DEFAULT)
+    driver: DriverKind = field(default=DriverKind.EXPERT, metadata=OMITTED_WHEN_DEFAULT)
     """Driver of the robot: the expert or a policy."""
     policy: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
     """SHA-256 of the offered policy that drove, see `OfferReply.sha256`; empty if it was none: the expert

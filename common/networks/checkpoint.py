@@ -34,7 +34,7 @@ HARMLESS = (
 HOME = "github.com/robodhruv/visualnav-transformer"
 
 
-class Record:
+class UnloadedObject:
     """Stands in for an object whose class is not loaded."""
 
     fields: Mapping[str, Any] = {}
@@ -94,7 +94,7 @@ def _read(path: Path) -> Any:
             f"{path} names {strange[0]}, which no such weights have use for; it is not loaded, because a pickle can "
             "run programs."
         )
-    records: list[Any] = [(type("Record", (Record,), {}), name) for name in names]
+    records: list[Any] = [(type("Record", (UnloadedObject,), {}), name) for name in names]
     try:
         with torch.serialization.safe_globals(records):
             return torch.load(str(path), map_location="cpu", weights_only=True)
@@ -110,12 +110,12 @@ def _state(content: Any, path: Path) -> dict[str, torch.Tensor]:
                 return _state(content[key], path)
         if content and all(isinstance(value, torch.Tensor) for value in content.values()):
             return dict(content)
-    if isinstance(content, Record) and "_modules" in content.fields:
+    if isinstance(content, UnloadedObject) and "_modules" in content.fields:
         return dict(_tensors(content, ""))
     raise PolicyError(f"{path} holds neither a module nor a state dictionary, but {type(content).__name__}.")
 
 
-def _tensors(module: Record, where: str) -> list[tuple[str, torch.Tensor]]:
+def _tensors(module: UnloadedObject, where: str) -> list[tuple[str, torch.Tensor]]:
     fields = module.fields
     found = [
         (f"{where}{name}", value.detach())
@@ -124,7 +124,7 @@ def _tensors(module: Record, where: str) -> list[tuple[str, torch.Tensor]]:
         if isinstance(value, torch.Tensor)
     ]
     for name, child in dict(fields.get("_modules", {})).items():
-        if isinstance(child, Record):
+        if isinstance(child, UnloadedObject):
             found += _tensors(child, f"{where}{name}.")
     return found
 

@@ -31,7 +31,7 @@ def small_image(image: npt.NDArray[np.uint8], width_px: int, height_px: int) -> 
     return torch.nn.functional.interpolate(pixels, size, mode="bicubic", antialias=True).clamp(0, 1)[0]
 
 
-def normalised(images: torch.Tensor) -> torch.Tensor:
+def normalise_images(images: torch.Tensor) -> torch.Tensor:
     """Images of values 0..1, shape (..., 3, H, W), as the networks take them."""
     return (images - _channels(MEAN)) / _channels(STD)
 

@@ -57,7 +57,7 @@ class Gnm(nn.Module):
         seen = self.compress_observation(self.obs_mobilenet(stacked).mean(dim=(2, 3)))
         wanted = self.goal_mobilenet(torch.cat([stacked, goal], dim=1)).mean(dim=(2, 3))
         features = self.linear_layers(torch.cat([seen, self.compress_goal(wanted)], dim=1))
-        return self.dist_predictor(features)[:, 0], _summed(self.action_predictor(features))
+        return self.dist_predictor(features)[:, 0], _sum_steps(self.action_predictor(features))
 
     def waypoints(self, images: torch.Tensor, goal: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
         """Waypoints ahead: x forward, y left, in units of 0.25 s at full speed, and heading, shape (B, 5, 4)."""
@@ -101,7 +101,7 @@ class Vint(nn.Module):
     def predict(self, images: torch.Tensor, goal: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Distances to the goal, in looks (B,), and waypoints (B, 5, 4), as `Gnm.predict`."""
         features = self.decoder(_tokens(self, images, goal))
-        return self.dist_predictor(features)[:, 0], _summed(self.action_predictor(features))
+        return self.dist_predictor(features)[:, 0], _sum_steps(self.action_predictor(features))
 
     def waypoints(self, images: torch.Tensor, goal: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
         """Waypoints ahead: x forward, y left, in units of 0.25 s at full speed, and heading, shape (B, 5, 4)."""
@@ -196,7 +196,7 @@ def _tokens(encoder: Vint | VisionEncoder, images: torch.Tensor, goal: torch.Ten
     return torch.cat([encoded.reshape(*images.shape[:2], -1), wanted[:, None]], dim=1)
 
 
-def _summed(actions: torch.Tensor) -> torch.Tensor:
+def _sum_steps(actions: torch.Tensor) -> torch.Tensor:
     """Steps to places, headings to unit length."""
     actions = actions.reshape(-1, WAYPOINTS, 4)
     return torch.cat([actions[..., :2].cumsum(dim=1), functional.normalize(actions[..., 2:], dim=-1)], dim=-1)

@@ -123,7 +123,7 @@ class Ddpm:
         self.betas = torch.tensor([min(1 - after / before, 0.999) for before, after in itertools.pairwise(level)])
         self.kept = torch.cumprod(1 - self.betas, dim=0)
 
-    def noised(self, clean: torch.Tensor, noise: torch.Tensor, step: torch.Tensor) -> torch.Tensor:
+    def add_noise(self, clean: torch.Tensor, noise: torch.Tensor, step: torch.Tensor) -> torch.Tensor:
         """Clean samples (B, ...) with so much of `noise` in them as there is at steps (B,)."""
         kept = self.kept[step].reshape(-1, *[1] * (clean.dim() - 1))
         return kept.sqrt() * clean + (1 - kept).sqrt() * noise

@@ -84,16 +84,16 @@ class ReferenceRasterizer:
         wanted = checked_outputs(views, outputs, self._avatars)
         images = empty_images(len(views), self._camera.height_px, self._camera.width_px, wanted)
         for number, view in enumerate(views):
-            drawn = self._drawn(view, None if wanted - {"rgb"} else view.shadows)
+            drawn = self._draw_view(view, None if wanted - {"rgb"} else view.shadows)
             for name, array in images.arrays().items():
                 if name != "rgb":
                     array[number] = getattr(drawn, name)
             if view.shadows is not None and wanted - {"rgb"}:
-                drawn = self._drawn(view, view.shadows)
+                drawn = self._draw_view(view, view.shadows)
             images.rgb[number] = (np.clip(drawn.rgb, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
         return images
 
-    def _drawn(self, view: View, shadows: GaussianCloud | None) -> ReferenceImages:
+    def _draw_view(self, view: View, shadows: GaussianCloud | None) -> ReferenceImages:
         humans = [posed_and_lit(self._avatars[one.avatar], one) for one in view.humans]
         extra = [] if shadows is None else [shadows]
         clouds = [*self._clouds, *humans, *extra]

@@ -45,7 +45,7 @@ def command_grid(robot: RobotConfig | None = None) -> npt.NDArray[np.float64]:
     return np.stack([speeds.ravel(), turns.ravel()], axis=1)
 
 
-def mirrored(robot: RobotConfig | None = None) -> npt.NDArray[np.int64]:
+def mirror_indices(robot: RobotConfig | None = None) -> npt.NDArray[np.int64]:
     """Number of the command of a robot's grid that is each one's mirror image, left for right, shape (C,)."""
     count = len(command_grid(robot))
     return np.arange(count).reshape(-1, len(TURN_SHARES))[:, ::-1].ravel()

@@ -17,7 +17,7 @@ from readygo.common.documents import write_toml
 from readygo.common.errors import NoGroundError, SceneError
 from readygo.common.files import unfinished_folder
 from readygo.common.gaussians import GaussianCloud, R_from_up, save_ply, transform_cloud
-from readygo.common.gaussians.defects import HUGE, excessive, refusal, unusable, unwanted, without
+from readygo.common.gaussians.defects import HUGE, excessive, refusal, unusable, unwanted_masks, without
 from readygo.common.gaussians.files import GaussianSource, read_source, with_unit_rotations
 from readygo.common.maps import (
     MapConfig,
@@ -30,7 +30,7 @@ from readygo.common.maps import (
 )
 from readygo.common.maps.ros_map import load_unknown_cells
 from readygo.common.robot import RobotConfig
-from readygo.common.scenes.edit import Box, cropped, mirrored
+from readygo.common.scenes.edit import Box, crop_cloud, mirror_cloud
 from readygo.common.scenes.filmed import FILMED_MIN, filmed_share
 from readygo.common.scenes.findings import findings
 from readygo.common.scenes.manifest import FORMAT, MANIFEST, combined_hash, file_of, grid_digest
@@ -146,12 +146,12 @@ def import_scene(
     cloud, sky_cloud = files[0][0], files[1][0] if sky is not None else None
     dropped = sum(dropped for _, dropped in files)
     if mirror:
-        cloud, sky_cloud = mirrored(cloud), None if sky_cloud is None else mirrored(sky_cloud)
+        cloud, sky_cloud = mirror_cloud(cloud), None if sky_cloud is None else mirror_cloud(sky_cloud)
     if drop_bad:
-        cloud, huge = without(cloud, {HUGE: unwanted(cloud)[HUGE]})
+        cloud, huge = without(cloud, {HUGE: unwanted_masks(cloud)[HUGE]})
         dropped += huge.get(HUGE, 0)
     if crop is not None:
-        cloud = cropped(cloud, crop)
+        cloud = crop_cloud(cloud, crop)
     provenance = SceneSource(
         file=held.file.relative_to(source.parent).as_posix() if source.is_dir() else held.file.name,
         kind=held.kind,
@@ -172,7 +172,7 @@ def import_scene(
         source=provenance,
         robot=robot,
         map_config=config,
-        views=None if held.views is None or mirror else held.views.moved(R, translate_m, scale),
+        views=None if held.views is None or mirror else held.views.transform(R, translate_m, scale),
     )
 
 
@@ -283,7 +283,7 @@ def fill_bundle(
     (folder / "maps").mkdir()
     unfilmed = np.zeros_like(plan.unknown)
     if views is not None and len(views):
-        share = _filmed(cloud, plan, views, map_config)
+        share = _filmed_share_map(cloud, plan, views, map_config)
         np.save(folder / FILMED_FILE, share)
         if map_config.close_unfilmed:
             plan, unfilmed = _without_unfilmed(plan, share, robot)
@@ -316,7 +316,9 @@ def _places(views: CapturedViews | None) -> npt.NDArray[np.float64] | None:
     return None if views is None else views.T_world_camera[:, :3, 3]
 
 
-def _filmed(cloud: GaussianCloud, plan: ScenePlan, views: CapturedViews, config: MapConfig) -> npt.NDArray[np.float32]:
+def _filmed_share_map(
+    cloud: GaussianCloud, plan: ScenePlan, views: CapturedViews, config: MapConfig
+) -> npt.NDArray[np.float32]:
     shape = (plan.robot.occupied.shape[0], plan.robot.occupied.shape[1])
     sight = sight_of_cloud(cloud, plan.floor, plan.robot.frame, shape, config)
     return filmed_share(views, sight, plan.floor, ~plan.robot.occupied)

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from readygo.common.errors import NoGroundError, SceneError
 from readygo.common.gaussians import GaussianCloud, R_from_up, sh_basis, transform_cloud
-from readygo.common.gaussians.defects import FLOATERS, HAZE, HUGE, counted, unwanted, without
+from readygo.common.gaussians.defects import FLOATERS, HAZE, HUGE, count_kinds, unwanted_masks, without
 from readygo.common.scenes.survey import ROOM_HEIGHT_M, Survey, UpCandidate, survey
 
 KINDS = (HUGE, FLOATERS, HAZE)
@@ -47,7 +47,7 @@ def crop_box(xy: tuple[float, float, float, float] | None, z: tuple[float, float
     return Box(low=(x0, y0, z0), high=(x1, y1, z1))
 
 
-def cropped(cloud: GaussianCloud, box: Box) -> GaussianCloud:
+def crop_cloud(cloud: GaussianCloud, box: Box) -> GaussianCloud:
     """The Gaussians whose centres lie in a box.
 
     Raises:
@@ -61,7 +61,7 @@ def cropped(cloud: GaussianCloud, box: Box) -> GaussianCloud:
     return cloud.select(kept)
 
 
-def cleaned(cloud: GaussianCloud, kinds: tuple[str, ...]) -> tuple[GaussianCloud, str]:
+def clean_cloud(cloud: GaussianCloud, kinds: tuple[str, ...]) -> tuple[GaussianCloud, str]:
     """The cloud without some kinds of unwanted Gaussians, and how many there were of each.
 
     Raises:
@@ -70,11 +70,11 @@ def cleaned(cloud: GaussianCloud, kinds: tuple[str, ...]) -> tuple[GaussianCloud
     unknown = sorted(set(kinds) - set(KINDS))
     if unknown or not kinds:
         raise SceneError(f"Unknown kind of Gaussians {', '.join(unknown)!r}; known: {', '.join(KINDS)}.")
-    masks = {kind: mask for kind, mask in unwanted(cloud).items() if kind in kinds}
+    masks = {kind: mask for kind, mask in unwanted_masks(cloud).items() if kind in kinds}
     kept, _ = without(cloud, masks)
     if len(kept) == 0:
-        raise SceneError(f"Nothing would be left of the scene without {counted(masks)}.")
-    return kept, counted(masks)
+        raise SceneError(f"Nothing would be left of the scene without {count_kinds(masks)}.")
+    return kept, count_kinds(masks)
 
 
 def levelling(cloud: GaussianCloud, up: str) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], str]:
@@ -119,7 +119,7 @@ def room_scale(cloud: GaussianCloud, room_height_m: float = ROOM_HEIGHT_M) -> fl
     return room_height_m / ceiling
 
 
-def mirrored(cloud: GaussianCloud) -> GaussianCloud:
+def mirror_cloud(cloud: GaussianCloud) -> GaussianCloud:
     """The mirror image of a cloud: x becomes -x, in places, orientations and view-dependent colour."""
     flip = np.array([-1.0, 1.0, 1.0])
     directions = np.array([[0.36, 0.48, 0.8]])

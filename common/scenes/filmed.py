@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.camera.captured import CapturedViews
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import FloorMap, SightMap
 from readygo.common.maps.sight import is_clear
 
@@ -77,7 +77,7 @@ def _cameras(views: CapturedViews, floor: FloorMap) -> tuple[Floats, Floats, Flo
     return eyes, np.ascontiguousarray(np.swapaxes(T[:, :3, :3], 1, 2)), images.astype(np.float64)
 
 
-@compiled
+@kernel_with_cache
 def _look(
     opaque: npt.NDArray[np.uint32],
     place: tuple[float, float, float, float],
@@ -116,7 +116,7 @@ def _look(
                 bits[i, j] |= side
 
 
-@compiled
+@kernel_with_cache
 def _rate(
     things: Cells,
     thing_bits: Bits,
@@ -139,7 +139,7 @@ def _rate(
             share[i : i + _STRIDE, j : j + _STRIDE] = filmed / RAYS
 
 
-@compiled
+@kernel_with_cache
 def _is_filmed(
     things: Cells,
     thing_bits: Bits,

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.episode.config import EpisodeConfig
 from readygo.common.gaussians import GaussianCloud
-from readygo.common.gaussians.defects import FLOATERS, HAZE, HUGE, counted, unwanted
+from readygo.common.gaussians.defects import FLOATERS, HAZE, HUGE, count_kinds, unwanted_masks
 from readygo.common.maps import ScenePlan
 from readygo.common.maps.coarse_ground import BLURRED_M
 from readygo.common.scenes.survey import ROOM_HEIGHT_M, ROOM_HEIGHTS_M, Survey, UpCandidate, survey
@@ -101,10 +101,12 @@ def _storeys(found: Survey) -> list[str]:
 
 
 def _gaussians(cloud: GaussianCloud) -> list[str]:
-    masks = {kind: mask for kind, mask in unwanted(cloud).items() if float(mask.mean()) > SHARES_WORTH_NAMING[kind]}
+    masks = {
+        kind: mask for kind, mask in unwanted_masks(cloud).items() if float(mask.mean()) > SHARES_WORTH_NAMING[kind]
+    }
     if not masks:
         return []
-    return [f"it holds unwanted Gaussians ({counted(masks)}); `readygo scene clean` shows and removes them."]
+    return [f"it holds unwanted Gaussians ({count_kinds(masks)}); `readygo scene clean` shows and removes them."]
 
 
 def _ground(plan: ScenePlan) -> list[str]:

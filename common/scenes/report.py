@@ -36,11 +36,11 @@ def scene_report(
         "gaussians": len(cloud),
         "sky_gaussians": 0 if sky is None else len(sky),
         "sh_degree": cloud.sh_degree,
-        "extent_low_m": _rounded(low),
-        "extent_high_m": _rounded(high),
-        "opacity_median": _rounded(float(np.median(cloud.opacities))),
-        "opacity_below_0p1_share": _rounded(float((cloud.opacities < 0.1).mean())),
-        "scale_median_m": _rounded(float(np.median(cloud.scales_m.max(axis=1))), 4),
+        "extent_low_m": _round_value(low),
+        "extent_high_m": _round_value(high),
+        "opacity_median": _round_value(float(np.median(cloud.opacities))),
+        "opacity_below_0p1_share": _round_value(float((cloud.opacities < 0.1).mean())),
+        "scale_median_m": _round_value(float(np.median(cloud.scales_m.max(axis=1))), 4),
         "map_cells": list(robot_map.occupied.shape),
         "map_resolution_m": robot_map.frame.resolution_m,
         "robot": _free_area(robot_map, planning_radius_m),
@@ -54,10 +54,10 @@ def _free_area(occupancy: OccupancyMap, radius_m: float) -> dict[str, Any]:
     labels, sizes = free_components(clearance_m(occupancy) > radius_m)
     return {
         "radius_m": radius_m,
-        "free_m2": _rounded(float((~occupancy.occupied).sum()) * cell_m2, 2),
-        "reachable_m2": _rounded(float(sizes[1]) * cell_m2 if len(sizes) > 1 else 0.0, 2),
-        "standing_m2": _rounded(float(sizes[1:].sum()) * cell_m2, 2),
-        "farthest_m": _rounded(farthest_m(labels, occupancy.frame.resolution_m), 2),
+        "free_m2": _round_value(float((~occupancy.occupied).sum()) * cell_m2, 2),
+        "reachable_m2": _round_value(float(sizes[1]) * cell_m2 if len(sizes) > 1 else 0.0, 2),
+        "standing_m2": _round_value(float(sizes[1:].sum()) * cell_m2, 2),
+        "farthest_m": _round_value(farthest_m(labels, occupancy.frame.resolution_m), 2),
         "separate_areas": len(sizes) - 1,
         "separate_areas_over_1_m2": int((sizes[1:] * cell_m2 > 1.0).sum()),
     }
@@ -77,12 +77,12 @@ def _floor_figures(floor: FloorMap, free: npt.NDArray[np.bool_], occupancy: Occu
     residual = z - z.mean() - plane[:, 0] * slope_x - plane[:, 1] * slope_y
     low, high = np.quantile(z, [0.01, 0.99])
     return {
-        "low_m": _rounded(float(low)),
-        "high_m": _rounded(float(high)),
-        "tilt_deg": _rounded(math.degrees(math.atan(math.hypot(slope_x, slope_y)))),
-        "roughness_m": _rounded(float(np.sqrt(np.mean(residual * residual)))),
+        "low_m": _round_value(float(low)),
+        "high_m": _round_value(float(high)),
+        "tilt_deg": _round_value(math.degrees(math.atan(math.hypot(slope_x, slope_y)))),
+        "roughness_m": _round_value(float(np.sqrt(np.mean(residual * residual)))),
     }
 
 
-def _rounded(value: Any, digits: int = 3) -> Any:
+def _round_value(value: Any, digits: int = 3) -> Any:
     return [round(float(v), digits) for v in value] if isinstance(value, np.ndarray) else round(value, digits)

@@ -194,12 +194,12 @@ def _flat(cloud: GaussianCloud) -> _Flat:
 def _directions(flat: _Flat) -> list[Floats]:
     """The normals that most surface has, and the axes, each with its opposite."""
     axes = [np.eye(3)[axis] for axis in range(3)]
-    seeds = [_refined(flat, seed) for seed in axes]
+    seeds = [_refine_normal(flat, seed) for seed in axes]
     rest = np.ones(len(flat.normals), np.bool_)
     for _ in range(3):
         if not rest.any():
             break
-        seeds.append(_refined(flat, flat.normals[rest][np.argmax(_votes(flat, flat.normals[rest]))]))
+        seeds.append(_refine_normal(flat, flat.normals[rest][np.argmax(_votes(flat, flat.normals[rest]))]))
         rest &= np.abs(flat.normals @ seeds[-1]) < LYING_COS
     kept: list[Floats] = []
     for seed in seeds + axes:
@@ -216,7 +216,7 @@ def _votes(flat: _Flat, directions: Floats) -> Floats:
     return votes
 
 
-def _refined(flat: _Flat, up: Floats) -> Floats:
+def _refine_normal(flat: _Flat, up: Floats) -> Floats:
     """The mean normal around a direction."""
     for _ in range(5):
         cos = flat.normals @ up

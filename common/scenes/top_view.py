@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from readygo.common.gaussians import GaussianCloud, sh_basis
 from readygo.common.gaussians.covariance import covariance_of
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps.grid import FloorMap, GridFrame
 from readygo.common.scenes.scene import Scene
 
@@ -79,7 +79,7 @@ def draw_top_view(
     return TopView(rgb=np.ascontiguousarray(rgb), frame=frame)
 
 
-@compiled
+@kernel_with_cache
 def _paint(
     means: npt.NDArray[np.float32],
     quats: npt.NDArray[np.float32],

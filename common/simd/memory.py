@@ -168,7 +168,7 @@ def prefetch(typing_context: Any, array: Any, index: Any) -> Any:
     return types.void(array, index), emit
 
 
-def shuffled(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
+def shuffle_lanes(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
     """The LLVM value of these lanes of two vectors in a row."""
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_i32, LANES), lanes))
 
@@ -178,7 +178,7 @@ def per_quarter(*lanes: int) -> list[int]:
     return [lane + 4 * quarter for quarter in range(4) for lane in lanes]
 
 
-def _joined(builder: Any, parts: list[Any], lanes: int) -> Any:
+def _join_vectors(builder: Any, parts: list[Any], lanes: int) -> Any:
     """One vector of vectors of `lanes` lanes each, two to the power of something of them."""
     while len(parts) > 1:
         pairs = zip(parts[::2], parts[1::2], strict=True)
@@ -199,8 +199,8 @@ def _columns_of_quarters(builder: Any, rows: list[Any]) -> list[Any]:
     a, b, c, d = rows
     out = []
     for pick in (low, high):
-        ab, cd = shuffled(builder, a, b, pick), shuffled(builder, c, d, pick)
-        out += [shuffled(builder, ab, cd, low_pair), shuffled(builder, ab, cd, high_pair)]
+        ab, cd = shuffle_lanes(builder, a, b, pick), shuffle_lanes(builder, c, d, pick)
+        out += [shuffle_lanes(builder, ab, cd, low_pair), shuffle_lanes(builder, ab, cd, high_pair)]
     return out
 
 
@@ -235,7 +235,7 @@ def transpose(
                 quarters = [builder.load(row(0, number + k, first, _quarter)) for k in range(0, LANES, 4)]
                 for quarter in quarters:
                     quarter.align = 4
-                rows.append(_joined(builder, quarters, 4))
+                rows.append(_join_vectors(builder, quarters, 4))
             for number, column in enumerate(_columns_of_quarters(builder, rows)):
                 builder.store(column, row(3, first + number, 0, f32_vector)).align = 4
         return context.get_dummy_value()

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 
 Array = npt.NDArray[np.float64]
 
@@ -276,7 +276,7 @@ def mix(first: npt.ArrayLike, second: npt.ArrayLike, share: Array) -> Array:
     return np.asarray(first) * (1 - share[:, None]) + np.asarray(second) * share[:, None]
 
 
-@compiled
+@kernel_with_cache
 def _dart_throw(points: Array, radius: Array) -> npt.NDArray[np.bool_]:
     cell = radius.max()
     low = np.array([points[:, 0].min(), points[:, 1].min(), points[:, 2].min()])
@@ -312,7 +312,7 @@ def _dart_throw(points: Array, radius: Array) -> npt.NDArray[np.bool_]:
     return kept
 
 
-@compiled
+@kernel_with_cache
 def _lattice(i: int, j: int, k: int, seed: int) -> float:
     h = np.uint32(i * 374761393 + j * 668265263 + k * 2147483647 + seed * 974634777)
     h = np.uint32((h ^ (h >> np.uint32(13))) * np.uint32(1274126177))
@@ -320,7 +320,7 @@ def _lattice(i: int, j: int, k: int, seed: int) -> float:
     return (h ^ (h >> np.uint32(15))) / 2147483648.0 - 1.0
 
 
-@compiled
+@kernel_with_cache
 def noise(points: Array, seed: int) -> Array:
     """Smooth value noise in -1..1 with features of size 1, shape (N,)."""
     out = np.empty(len(points))
@@ -359,7 +359,7 @@ def _seen(points: Array, ray: Array, cell_m: float, bias_m: float) -> npt.NDArra
     return _depth_test(cells, points @ ray, bias_m)
 
 
-@compiled
+@kernel_with_cache
 def _depth_test(cells: npt.NDArray[np.int64], height: Array, bias_m: float) -> npt.NDArray[np.bool_]:
     top = np.full((cells[:, 0].max() + 2, cells[:, 1].max() + 2), -1e9)
     for n in range(len(height)):

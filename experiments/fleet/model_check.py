@@ -26,10 +26,6 @@ from experiments.fleet.model import Times, predict
 from readygo.apps.fleet.fleet import Fleet
 from readygo.apps.fleet.run import CHECK_S, record
 from readygo.apps.fleet.token import new_token
-from readygo.apps.run.config import load_run_config, resolved_sections
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.scene_argument import open_scene
-from readygo.apps.run.spec import make_spec
 from readygo.benchmarks.fleet.chaos import SETTINGS
 from readygo.benchmarks.fleet.rates import synthetic_spec, time_coordinator
 from readygo.benchmarks.rasterizer.render import machine
@@ -38,6 +34,10 @@ from readygo.common.bus.identity import ALL, COORDINATOR, RECORDER
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.fleet import Inputs, StageResult, Worker, append_episode, pull
 from readygo.common.messages import ClaimReply, Split, StatusReply, topics
+from readygo.runs.config import load_run_config, resolved_sections
+from readygo.runs.folder import RunFolder
+from readygo.runs.scene_argument import open_scene
+from readygo.runs.spec import make_spec
 
 PROCESSES = 4
 """Processes that run the synthetic workers, an equal share each."""

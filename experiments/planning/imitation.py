@@ -27,11 +27,11 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.benchmarks.planning.maps import default_data_folder, find_map
-from readygo.benchmarks.planning.runs import Course, Job
+from readygo.benchmarks.planning.runs import Course, PlanningJob
 from readygo.common.camera import CameraConfig
 from readygo.common.camera.view import view_of
 from readygo.common.frames import goal_in_robot_frame
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import (
     AnimateRequest,
@@ -87,7 +87,7 @@ class Samples:
     """Which run it is of, shape (N,)."""
 
 
-@compiled
+@kernel_with_cache
 def _free_m(
     occupied: npt.NDArray[np.bool_], origin_x: float, origin_y: float, cell: float, x: float, y: float, bearing: float
 ) -> float:
@@ -310,7 +310,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object per expert instead of a table")
     arguments = parser.parse_args()
     source = find_map(arguments.map, default_data_folder())
-    course = Course(Job(source=source, modes=tuple(arguments.modes), tasks=("dynamic",), seed=arguments.seed))
+    course = Course(PlanningJob(source=source, modes=tuple(arguments.modes), tasks=("dynamic",), seed=arguments.seed))
     results = []
     for mode in arguments.modes:
         begin_s = time.process_time()

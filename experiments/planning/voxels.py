@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.run.scene_argument import open_scene
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.covariance import covariance_of
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import GridFrame, MapConfig, opacity_sums
 from readygo.common.maps.voxels import SCALE_MIN_M
+from readygo.runs.scene_argument import open_scene
 
 Sums = npt.NDArray[np.float32]
 BOX, ALIGNED, MEAN = 0, 1, 2
@@ -43,7 +43,7 @@ class Ground:
     shape: tuple[int, int, int]
 
 
-@compiled(inline="always")
+@kernel_with_cache(inline="always")
 def _least_on_rectangle(A: float, B: float, C: float, a0: float, a1: float, b0: float, b1: float) -> float:
     """Minimum of A a^2 + 2 B a b + C b^2 over a rectangle."""
     inside_a, inside_b = a0 <= 0.0 <= a1, b0 <= 0.0 <= b1
@@ -61,7 +61,7 @@ def _least_on_rectangle(A: float, B: float, C: float, a0: float, a1: float, b0: 
     return best
 
 
-@compiled(inline="always")
+@kernel_with_cache(inline="always")
 def _least_on_face(
     x: float, p_xx: float, p_xy: float, p_xz: float, p_yy: float, p_yz: float, p_zz: float, y: tuple, z: tuple
 ) -> float:
@@ -72,7 +72,7 @@ def _least_on_face(
     return base + _least_on_rectangle(p_yy, p_yz, p_zz, y[0] - cy, y[1] - cy, z[0] - cz, z[1] - cz)
 
 
-@compiled
+@kernel_with_cache
 def _least_in_box(P: tuple, x: tuple, y: tuple, z: tuple) -> float:
     """Minimum of v^T P v over a box; on one of the at most three faces that part it from the origin."""
     p_xx, p_xy, p_xz, p_yy, p_yz, p_zz = P
@@ -86,7 +86,7 @@ def _least_in_box(P: tuple, x: tuple, y: tuple, z: tuple) -> float:
     return 0.0 if best == np.inf else best
 
 
-@compiled
+@kernel_with_cache
 def _peer_sums(means, quats, scales, opacities, origin, h, rule, sums):
     """Opacity sums by one of the rules of PEERS."""
     nz, ny, nx = sums.shape

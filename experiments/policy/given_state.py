@@ -32,10 +32,6 @@ from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from experiments.planning.imitation import RAY_M, RAYS, Eyes
-from readygo.apps.run.config import RunConfig
-from readygo.apps.run.scene_argument import open_scene
-from readygo.apps.run.spec import make_spec
-from readygo.apps.run.world import World
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import Command, DriverFailure, Observer
 from readygo.common.episode.metrics import wilson_interval
@@ -53,8 +49,12 @@ from readygo.common.messages import (
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import COMMAND_COUNT
 from readygo.common.robot.kinematics import DT_S
+from readygo.runs.config import RunConfig
+from readygo.runs.scene_argument import open_scene
+from readygo.runs.spec import make_spec
+from readygo.runs.world import World
 from readygo.services.animator import handle_animate
-from readygo.services.driver import Drive, RiskMap, drive
+from readygo.services.driver import EpisodeDrive, RiskMap, drive
 from readygo.services.planner import Expert, handle_human_plan
 from readygo.services.trainer import best_recipe
 from readygo.services.trainer.config import NetworkConfig
@@ -167,7 +167,7 @@ class Learner:
     def __len__(self) -> int:
         return len(self._samples)
 
-    def add(self, told: Sequence[Array], driven: Drive) -> None:
+    def add(self, told: Sequence[Array], driven: EpisodeDrive) -> None:
         """Take up an episode."""
         for step in range(0, len(told), EVERY):
             wanted = np.array(driven.expert_commands[step][AHEAD_STEPS], np.float32) / self._limits
@@ -220,7 +220,7 @@ class LearnerDriver:
         return [self._learner.command(self._senses.told[-1])]
 
 
-def driven(course: Course, episode: Episode, learner: Learner | None) -> tuple[Drive, list[Array]]:
+def driven(course: Course, episode: Episode, learner: Learner | None) -> tuple[EpisodeDrive, list[Array]]:
     """An episode that the learner drives, or else the expert, and what was told at each of its steps."""
     simulation, expert = course.planner.simulation(*episode), course.planner.expert(*episode)
     senses = Senses(course.eyes, expert)

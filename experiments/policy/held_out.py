@@ -22,7 +22,7 @@ from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.episodes import SampleSource, read_episodes
 from readygo.services.trainer.learner import Learner
 from readygo.services.trainer.outcome import FINAL_SAMPLES
-from readygo.services.trainer.parts import Part, robot_of_source
+from readygo.services.trainer.parts import EpisodePart, robot_of_source
 from readygo.services.trainer.ranks import Ranks
 from readygo.services.trainer.samples import spread_samples
 from readygo.services.trainer.train import training_threads
@@ -36,7 +36,7 @@ def errors(source: SampleSource, policies: Sequence[Path], config: TrainConfig) 
         PolicyError: If a folder has no checkpoint.
     """
     robot = robot_of_source(source)
-    part, learner = Part(robot, config, 1.0), Learner(robot, config, Ranks())
+    part, learner = EpisodePart(robot, config, 1.0), Learner(robot, config, Ranks())
     for episode in read_episodes(source, with_humans=False):
         part.reservoir.add(episode)
     rows = spread_samples(part.table, FINAL_SAMPLES)

@@ -16,14 +16,14 @@ from typing import Any
 
 import torch
 
-from readygo.apps.run.config import RunConfig
-from readygo.apps.run.scene_argument import open_scene
-from readygo.apps.run.spec import make_spec
-from readygo.apps.run.world import World
 from readygo.common.messages import AnimateRequest, EpisodeKey, HumanPlanRequest, Split
 from readygo.common.policy import Policy, PolicySpec, load_policy
 from readygo.common.policy.driver import PolicyDriver
 from readygo.common.robot import RobotConfig
+from readygo.runs.config import RunConfig
+from readygo.runs.scene_argument import open_scene
+from readygo.runs.spec import make_spec
+from readygo.runs.world import World
 from readygo.services.animator import handle_animate
 from readygo.services.driver import RiskMap, drive
 from readygo.services.planner import handle_human_plan

@@ -24,12 +24,12 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from readygo.apps.run.training import make_config
 from readygo.benchmarks.rasterizer.render import machine
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.dataset import Dataset
 from readygo.common.errors import ConfigError, DatasetError, ReadygoError
 from readygo.common.robot.command_grid import COMMAND_COUNT, HUMAN, OBSTACLE, UNKNOWN_RISK
+from readygo.runs.training import make_config
 from readygo.services.trainer import TrainConfig
 from readygo.services.trainer.episodes import SampleSource
 from readygo.services.trainer.parts import build_parts, robot_of_source

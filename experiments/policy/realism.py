@@ -26,11 +26,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from readygo.apps.run.methods import CHECKPOINTS, NETWORKS
 from readygo.benchmarks.rasterizer.render import machine
 from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import ReadygoError, RunError
 from readygo.common.files import write_whole
+from readygo.runs.methods import CHECKPOINTS, NETWORKS
 from readygo.services.evaluator import EXPERT, POLICY, EpisodeRecord
 from readygo.services.evaluator.records import record_of_mapping
 from readygo.services.evaluator.results import RECORDS_FILE

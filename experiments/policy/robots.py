@@ -18,10 +18,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from readygo.apps.run.evaluation import evaluation_settings, evaluation_world, make_evaluator, make_request, tables
-from readygo.apps.run.methods import named_methods
-from readygo.apps.run.origin import avatars_of_policy, settings_of_policy
-from readygo.apps.run.policy import policy_sha256
 from readygo.benchmarks.rasterizer.render import machine
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import ReadygoError
@@ -30,6 +26,10 @@ from readygo.common.messages import Split
 from readygo.common.policy import load_policy
 from readygo.common.policy.driver import PolicyDriver
 from readygo.common.robot import RobotConfig, load_robot
+from readygo.runs.evaluation import evaluation_settings, evaluation_world, make_evaluator, make_request, tables
+from readygo.runs.methods import named_methods
+from readygo.runs.origin import avatars_of_policy, settings_of_policy
+from readygo.runs.policy import policy_sha256
 from readygo.services.evaluator import EXPERT, STRAIGHT_LINE, EpisodeRecord, MakeDriver, handle_evaluate
 from readygo.services.evaluator.results import open_results
 

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from readygo.services.animator.gait.walk import walk as walk
     from readygo.services.animator.handlers import Animator as Animator
     from readygo.services.animator.handlers import handle_animate as handle_animate
+    from readygo.services.animator.priormdm.checkpoint import files_digest as files_digest
+    from readygo.services.animator.priormdm.source import device_numeric_class as device_numeric_class
+    from readygo.services.animator.retime import RetimedWalk as RetimedWalk
     from readygo.services.animator.service import attach as attach
 else:
     _NAMES = {
@@ -30,6 +33,9 @@ else:
             "Animator",
             "handle_animate",
         ),
+        ".priormdm.checkpoint": ("files_digest",),
+        ".priormdm.source": ("device_numeric_class",),
+        ".retime": ("RetimedWalk",),
         ".service": ("attach",),
     }
     __all__ = [name for names in _NAMES.values() for name in names]

@@ -1,23 +1,40 @@
 """The coordinator: owns a run's ledger."""
 
-from readygo.services.coordinator.blobs import BlobStore
-from readygo.services.coordinator.config import CoordinatorConfig
-from readygo.services.coordinator.coordinator import Coordinator
-from readygo.services.coordinator.handlers import handle_status
-from readygo.services.coordinator.ledger import Ledger
-from readygo.services.coordinator.protocol import Holder, Written
-from readygo.services.coordinator.service import attach, tick
-from readygo.services.coordinator.upkeep import requeue_lost
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "BlobStore",
-    "Coordinator",
-    "CoordinatorConfig",
-    "Holder",
-    "Ledger",
-    "Written",
-    "attach",
-    "handle_status",
-    "requeue_lost",
-    "tick",
-]
+from readygo.common.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from readygo.services.coordinator.blobs import BlobStore as BlobStore
+    from readygo.services.coordinator.config import CoordinatorConfig as CoordinatorConfig
+    from readygo.services.coordinator.coordinator import Coordinator as Coordinator
+    from readygo.services.coordinator.handlers import handle_fleet as handle_fleet
+    from readygo.services.coordinator.handlers import handle_status as handle_status
+    from readygo.services.coordinator.ledger import Ledger as Ledger
+    from readygo.services.coordinator.protocol import Holder as Holder
+    from readygo.services.coordinator.protocol import Written as Written
+    from readygo.services.coordinator.service import attach as attach
+    from readygo.services.coordinator.service import tick as tick
+    from readygo.services.coordinator.upkeep import requeue_lost as requeue_lost
+else:
+    _NAMES = {
+        ".blobs": ("BlobStore",),
+        ".config": ("CoordinatorConfig",),
+        ".coordinator": ("Coordinator",),
+        ".handlers": (
+            "handle_fleet",
+            "handle_status",
+        ),
+        ".ledger": ("Ledger",),
+        ".protocol": (
+            "Holder",
+            "Written",
+        ),
+        ".service": (
+            "attach",
+            "tick",
+        ),
+        ".upkeep": ("requeue_lost",),
+    }
+    __all__ = [name for names in _NAMES.values() for name in names]
+    __getattr__ = lazy_names(__name__, _NAMES)

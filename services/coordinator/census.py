@@ -51,7 +51,7 @@ class Census:
         """Episodes that wait for a stage."""
         return self._database.count("SELECT count(*) FROM episode WHERE state = 'waiting' AND stage = ?", stage.name)
 
-    def begun(self) -> int:
+    def begun_count(self) -> int:
         """Episodes that wait or are held behind the first stage: those that were begun and are not done."""
         later = [stage.name for stage in self._stages[1:]]
         marks = ", ".join("?" * len(later))
@@ -65,7 +65,7 @@ class Census:
             "SELECT role, worker, stage, idx, attempt FROM episode WHERE state = 'leased' ORDER BY idx"
         )
 
-    def leased(self) -> dict[str, int]:
+    def leased_by_stage(self) -> dict[str, int]:
         """Episodes that a worker holds, by stage."""
         return dict(self._database.all("SELECT stage, count(*) FROM episode WHERE state = 'leased' GROUP BY stage"))
 
@@ -77,7 +77,7 @@ class Census:
             )
         )
 
-    def kept(self) -> dict[str, int]:
+    def continued_by_reason(self) -> dict[str, int]:
         """Number of episodes that a stage rejected and that continue or are durable nevertheless, by reason."""
         return dict(
             self._database.all(
@@ -86,11 +86,11 @@ class Census:
             )
         )
 
-    def rejected(self) -> dict[int, str]:
+    def rejection_reasons(self) -> dict[int, str]:
         """Reason of every rejected index, by index."""
         return dict(self._database.all("SELECT idx, reason FROM episode WHERE state = 'rejected' ORDER BY idx"))
 
-    def committed(self) -> tuple[int, int]:
+    def committed_counts(self) -> tuple[int, int]:
         """Durable episodes, and the samples in them."""
         row = self._database.one("SELECT episodes, samples FROM durable")
         assert row is not None
@@ -104,7 +104,7 @@ class Census:
         """The offered policy that drove, empty for none, of every durable episode by its index."""
         return dict(self._database.all("SELECT idx, driven_by FROM episode WHERE state = 'committed' ORDER BY idx"))
 
-    def granted(self, recorder: str) -> dict[int, int]:
+    def granted_attempts(self, recorder: str) -> dict[int, int]:
         """Attempts that were granted to a recorder and are not yet reported durable, by index."""
         return dict(
             self._database.all(

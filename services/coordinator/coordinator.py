@@ -79,7 +79,7 @@ class Coordinator:
         self.cancelled = False
         self.troubles: dict[str, str] = {}
         """Problems that a user must fix before the run continues, by the component that they block."""
-        self.recorders = tuple(name for name in self.config.recorders if name not in ledger.retired())
+        self.recorders = tuple(name for name in self.config.recorders if name not in ledger.retired_recorders())
         """Names of the recorders that were not given up."""
         self.given: Counter[str] = Counter()
         """Leases that each recorder got since the process began."""
@@ -96,7 +96,7 @@ class Coordinator:
     @property
     def finished(self) -> bool:
         """True when all wanted episodes are durable."""
-        return self.ledger.census.committed()[0] >= self.wanted
+        return self.ledger.census.committed_counts()[0] >= self.wanted
 
     @property
     def over(self) -> bool:
@@ -125,7 +125,7 @@ class Coordinator:
 
     def note_recorder(self, name: str, *, alive: bool) -> None:
         """A recorder came, or is gone: what was granted to it waits for it, and so do its senders."""
-        granted = 0 if alive else len(self.ledger.census.granted(name))
+        granted = 0 if alive else len(self.ledger.census.granted_attempts(name))
         gone = (
             f"Recorder {name} is gone and holds {granted} episodes; `readygo worker recorder --name {name}` starts it."
         )

@@ -34,7 +34,7 @@ class Database:
         try:
             self._connection = open_database(path)
         except (sqlite3.Error, UnicodeDecodeError) as error:
-            raise self._worded(error) from error
+            raise self._error_for(error) from error
 
     def close(self) -> None:
         """Close the file."""
@@ -58,7 +58,7 @@ class Database:
                     self._connection.execute("BEGIN IMMEDIATE")
                     yield
             except sqlite3.Error as error:
-                raise self._worded(error) from error
+                raise self._error_for(error) from error
 
     def run(self, statement: str, *values: object) -> None:
         """Run a statement that gives nothing."""
@@ -68,7 +68,7 @@ class Database:
         """Run a statement with each of several rows of values; within `together`."""
         self._connection.executemany(statement, rows)
 
-    def held(self, statement: str, *values: object) -> bool:
+    def has_row(self, statement: str, *values: object) -> bool:
         """True if a statement gives a row."""
         return self.one(statement, *values) is not None
 
@@ -89,9 +89,9 @@ class Database:
             try:
                 return self._connection.execute(statement, values).fetchall()
             except (sqlite3.Error, UnicodeDecodeError) as error:
-                raise self._worded(error) from error
+                raise self._error_for(error) from error
 
-    def _worded(self, error: Exception) -> RunError:
+    def _error_for(self, error: Exception) -> RunError:
         # The lower byte of an extended code is the plain one.
         later = getattr(error, "sqlite_errorcode", 0) & 0xFF in _DISK_CODES
         return (DiskError if later else RunError)(

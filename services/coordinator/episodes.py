@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from readygo.services.coordinator.database import Database
-from readygo.services.coordinator.protocol import Episode, Holder, State
+from readygo.services.coordinator.protocol import EpisodeRow, Holder, StageState
 
 _COLUMNS = (
     "idx, stage, state, attempt, failures, deaths, worker, role, session, recorder, shard, samples, driven_by, reason"
@@ -18,37 +18,37 @@ class Episodes:
         """Read and write this table of a database."""
         self._database = database
 
-    def get(self, index: int) -> Episode | None:
+    def get(self, index: int) -> EpisodeRow | None:
         """The episode of an index, None if it is not open."""
         found = self._where("idx = ?", index)
         return found[0] if found else None
 
-    def first_waiting(self, stage: str) -> Episode | None:
+    def first_waiting(self, stage: str) -> EpisodeRow | None:
         """The waiting episode of smallest index at a stage."""
         found = self._where("state = 'waiting' AND stage = ? ORDER BY idx LIMIT 1", stage)
         return found[0] if found else None
 
-    def leased(self, *, before_s: float | None = None) -> list[Episode]:
+    def leased_episodes(self, *, before_s: float | None = None) -> list[EpisodeRow]:
         """All leases, or those whose time ends before `before_s`."""
         if before_s is None:
             return self._where("state = 'leased'")
         return self._where("state = 'leased' AND deadline_s < ?", before_s)
 
-    def held_by(self, holder: Holder) -> list[Episode]:
+    def held_by(self, holder: Holder) -> list[EpisodeRow]:
         """What a worker holds."""
         return self._where(
             "state = 'leased' AND worker = ? AND role = ? AND session = ?", holder.worker, holder.role, holder.session
         )
 
-    def of_recorder(self, recorder: str) -> list[Episode]:
+    def of_recorder(self, recorder: str) -> list[EpisodeRow]:
         """What was leased, granted or committed to a recorder."""
         return self._where("state IN ('leased', 'granted', 'committed') AND recorder = ?", recorder)
 
-    def in_shard(self, shard: str) -> list[Episode]:
+    def in_shard(self, shard: str) -> list[EpisodeRow]:
         """The durable episodes of a shard."""
         return self._where("state = 'committed' AND shard = ?", shard)
 
-    def store(self, episode: Episode) -> None:
+    def store(self, episode: EpisodeRow) -> None:
         """Write an episode back."""
         holder = episode.holder
         self._database.run(
@@ -85,7 +85,7 @@ class Episodes:
 
     def renew(self, index: int, attempt: int, deadline_s: float) -> bool:
         """Prolong a lease; False if the attempt does not hold it."""
-        return self._database.held(
+        return self._database.has_row(
             "UPDATE episode SET deadline_s = ? WHERE idx = ? AND attempt = ? AND state = 'leased' RETURNING idx",
             deadline_s,
             index,
@@ -100,20 +100,20 @@ class Episodes:
                 "INSERT OR IGNORE INTO episode (idx, stage, state, assigned) VALUES (?, ?, 'waiting', ?)", rows
             )
 
-    def _where(self, condition: str, *values: object) -> list[Episode]:
+    def _where(self, condition: str, *values: object) -> list[EpisodeRow]:
         return [
             _episode(row) for row in self._database.all(f"SELECT {_COLUMNS} FROM episode WHERE {condition}", *values)
         ]
 
 
-def _episode(row: tuple[Any, ...]) -> Episode:
+def _episode(row: tuple[Any, ...]) -> EpisodeRow:
     index, stage, state, attempt, failures, deaths, worker, role, session, recorder, shard, samples, driven, reason = (
         row
     )
-    return Episode(
+    return EpisodeRow(
         index=index,
         stage=stage,
-        state=State(state),
+        state=StageState(state),
         attempt=attempt,
         failures=failures,
         deaths=deaths,

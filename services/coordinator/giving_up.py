@@ -18,7 +18,7 @@ def set_aside(coordinator: Coordinator, index: int, reason: str) -> None:
     data = {stage: coordinator.blobs.get(sha256) or b"" for stage, sha256 in results.items()}
     where = coordinator.set_aside(index, reason, data)
     log.warning("episode %d is set aside: %s%s", index, reason, where)
-    aside, committed = coordinator.ledger.census.aside(), coordinator.ledger.census.committed()[0]
+    aside, committed = coordinator.ledger.census.aside(), coordinator.ledger.census.committed_counts()[0]
     if aside >= ASIDE_MAX and aside > committed:
         coordinator.failed = f"{aside} episodes were set aside, the last one is {index}: {reason}{where}"
         return
@@ -28,7 +28,7 @@ def set_aside(coordinator: Coordinator, index: int, reason: str) -> None:
 def after_rejection(coordinator: Coordinator) -> None:
     """Open the index that takes the place of a rejected one; a run that rejects nearly all ends with the reasons."""
     rejected = sum(coordinator.ledger.census.rejections().values())
-    accepted = coordinator.ledger.census.committed()[0] + coordinator.ledger.census.waiting_at(
+    accepted = coordinator.ledger.census.committed_counts()[0] + coordinator.ledger.census.waiting_at(
         coordinator.spec.stages[-1]
     )
     if rejected >= REJECTIONS_MAX and rejected > 20 * accepted:

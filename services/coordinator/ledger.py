@@ -17,7 +17,7 @@ from readygo.services.coordinator.database import Database
 from readygo.services.coordinator.episodes import Episodes
 from readygo.services.coordinator.notes import Notes
 from readygo.services.coordinator.policies import Policies
-from readygo.services.coordinator.protocol import NO_HOLDER, Episode, Holder, Protocol, State, Written
+from readygo.services.coordinator.protocol import NO_HOLDER, EpisodeRow, Holder, Protocol, StageState, Written
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,7 +186,7 @@ class Ledger:
             self.notes.put(_RETIRED + recorder)
         return count
 
-    def retired(self) -> set[str]:
+    def retired_recorders(self) -> set[str]:
         """The recorders that were given up."""
         return self.notes.keys(_RETIRED)
 
@@ -210,10 +210,10 @@ class Ledger:
         """
         return self._commit(index, lambda episode: self._protocol.commit(episode, written))
 
-    def expected(self, index: int, attempt: int) -> VerdictStatus:
+    def append_verdict(self, index: int, attempt: int) -> VerdictStatus:
         """OK if samples of this attempt may come, DONE if the episode is durable, else STALE."""
         episode = self._episodes.get(index)
-        return self._protocol.expected(episode, attempt) if episode else VerdictStatus.STALE
+        return self._protocol.append_verdict(episode, attempt) if episode else VerdictStatus.STALE
 
     def holder(self, index: int, attempt: int) -> Holder:
         """The worker that holds an episode under this attempt; `NO_HOLDER` if none does."""
@@ -249,7 +249,7 @@ class Ledger:
     @property
     def unfinished(self) -> bool:
         """True if the ledger knows of no episode, or a rebuild from the shards was interrupted."""
-        return not self._database.held("SELECT 1 FROM episode LIMIT 1") or _REBUILDING in self.notes
+        return not self._database.has_row("SELECT 1 FROM episode LIMIT 1") or _REBUILDING in self.notes
 
     def fill_gaps(self, last: int, wanted: int) -> None:
         """Open the indices up to `last` that the ledger does not know, and end its rebuild.
@@ -258,7 +258,7 @@ class Ledger:
         """
         with self._database.together():
             self._episodes.open(range(last + 1), self._protocol.first)
-            if self.census.committed()[0] >= wanted:
+            if self.census.committed_counts()[0] >= wanted:
                 # A run has no more open indices than episodes: all others were rejected.
                 self._database.run(
                     "UPDATE episode SET state = 'rejected', reason = ? WHERE state = 'waiting'", _FORGOTTEN
@@ -273,12 +273,12 @@ class Ledger:
     def miss(self, indices: Sequence[int]) -> None:
         """Restart episodes that were durable and whose shards are lost."""
         episodes = [episode for index in indices if (episode := self._episodes.get(index))]
-        durable = [episode for episode in episodes if episode.state is State.COMMITTED]
+        durable = [episode for episode in episodes if episode.state is StageState.COMMITTED]
         self._change_each(durable, self._protocol.forget)
 
     def requeue_expired(self, now_s: float) -> int:
         """End the leases whose time is over; returns how many."""
-        return self._change_each(self._episodes.leased(before_s=now_s), self._protocol.expire)
+        return self._change_each(self._episodes.leased_episodes(before_s=now_s), self._protocol.expire)
 
     def requeue_holder(self, holder: Holder) -> list[tuple[int, int]]:
         """End the leases of a worker's life that ended.
@@ -296,7 +296,7 @@ class Ledger:
 
     def requeue_all(self) -> None:
         """End every lease: a new fleet starts on an old ledger."""
-        self._change_each(self._episodes.leased(), self._protocol.expire)
+        self._change_each(self._episodes.leased_episodes(), self._protocol.expire)
 
     def assign(self, policies: Mapping[int, str]) -> None:
         """Open exactly these indices, each for the policy that shall drive it; empty is for none of the offered ones.
@@ -305,7 +305,7 @@ class Ledger:
         """
         self._episodes.open(policies, self._protocol.first, assigned=policies)
 
-    def _commit(self, index: int, rule: Callable[[Episode], Episode | None]) -> list[str] | None:
+    def _commit(self, index: int, rule: Callable[[EpisodeRow], EpisodeRow | None]) -> list[str] | None:
         with self._database.together():
             if self._change(index, rule) is None:
                 return None
@@ -316,7 +316,7 @@ class Ledger:
             self._database.run("DELETE FROM result WHERE idx = ?", index)
         return hashes
 
-    def _with_results(self, episode: Episode | None) -> Episode | None:
+    def _with_results(self, episode: EpisodeRow | None) -> EpisodeRow | None:
         """An episode that waits for its last stage again: at the first one if its results were dropped meanwhile."""
         if episode is None or self._results(episode.index):
             return episode
@@ -325,7 +325,7 @@ class Ledger:
     def _results(self, index: int) -> dict[str, str]:
         return dict(self._database.all("SELECT stage, sha256 FROM result WHERE idx = ?", index))
 
-    def _change(self, index: int, rule: Callable[[Episode], Episode | None]) -> Episode | None:
+    def _change(self, index: int, rule: Callable[[EpisodeRow], EpisodeRow | None]) -> EpisodeRow | None:
         """Apply a rule to an episode; the changed one, None where the rule refuses or the index is not open."""
         with self._database.together():
             episode = self._episodes.get(index)
@@ -334,7 +334,7 @@ class Ledger:
                 self._episodes.store(changed)
         return changed
 
-    def _change_each(self, episodes: Sequence[Episode], rule: Callable[[Episode], Episode | None]) -> int:
+    def _change_each(self, episodes: Sequence[EpisodeRow], rule: Callable[[EpisodeRow], EpisodeRow | None]) -> int:
         """Apply a rule to episodes; returns how many it changed."""
         with self._database.together():
             changed = [after for before in episodes if (after := rule(before))]

@@ -13,7 +13,7 @@ class Notes:
         self._database = database
 
     def __contains__(self, key: str) -> bool:
-        return self._database.held("SELECT 1 FROM run WHERE key = ?", key)
+        return self._database.has_row("SELECT 1 FROM run WHERE key = ?", key)
 
     def get(self, key: str) -> str:
         """What is noted under a key, empty if nothing is."""

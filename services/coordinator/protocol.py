@@ -22,7 +22,7 @@ ASIDE = "set aside: "
 """Prefix of the reason of an episode that was given up, unlike those that a stage rejected."""
 
 
-class State(enum.Enum):
+class StageState(enum.Enum):
     """State of an episode at its present stage."""
 
     WAITING = "waiting"
@@ -52,12 +52,12 @@ NO_HOLDER = Holder()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Episode:
+class EpisodeRow:
     """A row of the ledger, as far as the protocol changes it."""
 
     index: int
     stage: str
-    state: State = State.WAITING
+    state: StageState = StageState.WAITING
     attempt: int = 0
     """Number of leases so far; the present lease, grant or commit carries it."""
     failures: int = 0
@@ -103,81 +103,83 @@ class Protocol:
         """Stage that records."""
         return self._names[-1]
 
-    def lease(self, episode: Episode, holder: Holder, recorder: str = "") -> Episode | None:
+    def lease(self, episode: EpisodeRow, holder: Holder, recorder: str = "") -> EpisodeRow | None:
         """Give a waiting episode to a worker, under the next attempt number."""
-        if episode.state is not State.WAITING:
+        if episode.state is not StageState.WAITING:
             return None
         attempt = episode.attempt + 1
-        return _replace(episode, state=State.LEASED, attempt=attempt, holder=holder, recorder=recorder)
+        return _replace(episode, state=StageState.LEASED, attempt=attempt, holder=holder, recorder=recorder)
 
-    def holds(self, episode: Episode, attempt: int, stage: str = "") -> bool:
+    def holds(self, episode: EpisodeRow, attempt: int, stage: str = "") -> bool:
         """True if a worker holds the episode under this attempt, at this stage where one is named."""
-        return episode.state is State.LEASED and episode.attempt == attempt and stage in ("", episode.stage)
+        return episode.state is StageState.LEASED and episode.attempt == attempt and stage in ("", episode.stage)
 
-    def advance(self, episode: Episode, stage: str, attempt: int, reason: str = "") -> Episode | None:
+    def advance(self, episode: EpisodeRow, stage: str, attempt: int, reason: str = "") -> EpisodeRow | None:
         """Pass an episode on to the next stage; `reason` notes what this one objects to."""
         if not self.holds(episode, attempt, stage) or stage == self.last:
             return None
         following = self._names[self._names.index(stage) + 1]
         reason = reason or episode.reason
-        return _replace(_released(episode), stage=following, deaths=0, reason=reason)
+        return _replace(_release(episode), stage=following, deaths=0, reason=reason)
 
-    def reject(self, episode: Episode, stage: str, attempt: int, reason: str) -> Episode | None:
+    def reject(self, episode: EpisodeRow, stage: str, attempt: int, reason: str) -> EpisodeRow | None:
         """Leave an index out for good."""
         if not self.holds(episode, attempt, stage):
             return None
-        return _replace(_released(episode), state=State.REJECTED, reason=reason)
+        return _replace(_release(episode), state=StageState.REJECTED, reason=reason)
 
-    def fail(self, episode: Episode, stage: str, attempt: int) -> Episode | None:
+    def fail(self, episode: EpisodeRow, stage: str, attempt: int) -> EpisodeRow | None:
         """Begin at the first stage again after a worker's error: results of earlier stages may be the cause."""
         if not self.holds(episode, attempt, stage):
             return None
-        return _replace(_released(episode), stage=self.first, failures=episode.failures + 1)
+        return _replace(_release(episode), stage=self.first, failures=episode.failures + 1)
 
-    def expire(self, episode: Episode) -> Episode | None:
+    def expire(self, episode: EpisodeRow) -> EpisodeRow | None:
         """End a lease whose time is over."""
-        return _released(episode) if episode.state is State.LEASED else None
+        return _release(episode) if episode.state is StageState.LEASED else None
 
-    def lose_holder(self, episode: Episode, holder: Holder) -> Episode | None:
+    def lose_holder(self, episode: EpisodeRow, holder: Holder) -> EpisodeRow | None:
         """End a lease because exactly this life of its worker ended."""
-        if episode.state is not State.LEASED or episode.holder != holder or not holder.session:
+        if episode.state is not StageState.LEASED or episode.holder != holder or not holder.session:
             return None
-        return _replace(_released(episode), deaths=episode.deaths + 1)
+        return _replace(_release(episode), deaths=episode.deaths + 1)
 
-    def restart(self, episode: Episode) -> Episode | None:
+    def restart(self, episode: EpisodeRow) -> EpisodeRow | None:
         """Begin at the first stage again: a result of an earlier stage is lost."""
-        if episode.state not in (State.WAITING, State.LEASED):
+        if episode.state not in (StageState.WAITING, StageState.LEASED):
             return None
-        return _replace(_released(episode), stage=self.first)
+        return _replace(_release(episode), stage=self.first)
 
-    def set_aside(self, episode: Episode, reason: str) -> Episode | None:
+    def set_aside(self, episode: EpisodeRow, reason: str) -> EpisodeRow | None:
         """Give up an episode that fails again and again."""
         return (
-            _replace(episode, state=State.REJECTED, reason=ASIDE + reason) if episode.state is State.WAITING else None
+            _replace(episode, state=StageState.REJECTED, reason=ASIDE + reason)
+            if episode.state is StageState.WAITING
+            else None
         )
 
-    def expected(self, episode: Episode, attempt: int) -> VerdictStatus:
+    def append_verdict(self, episode: EpisodeRow, attempt: int) -> VerdictStatus:
         """OK if samples of this attempt may come to its recorder, DONE if the episode is durable."""
-        if episode.state is State.COMMITTED:
+        if episode.state is StageState.COMMITTED:
             return VerdictStatus.DONE
-        held = episode.state in (State.LEASED, State.GRANTED) and episode.stage == self.last
+        held = episode.state in (StageState.LEASED, StageState.GRANTED) and episode.stage == self.last
         return VerdictStatus.OK if held and episode.attempt == attempt else VerdictStatus.STALE
 
-    def grant(self, episode: Episode, recorder: str, attempt: int) -> tuple[Episode | None, VerdictStatus]:
+    def grant(self, episode: EpisodeRow, recorder: str, attempt: int) -> tuple[EpisodeRow | None, VerdictStatus]:
         """Let the recorder that an attempt was leased to make it durable; asking again changes nothing.
 
         Returns:
             The changed episode, None where nothing changes; OK, STALE, or DONE for an episode that is durable.
         """
-        verdict = self.expected(episode, attempt)
+        verdict = self.append_verdict(episode, attempt)
         if verdict is not VerdictStatus.OK:
             return None, verdict
         if episode.recorder != recorder:
             return None, VerdictStatus.STALE
-        granted = episode.state is State.GRANTED
-        return (None if granted else _replace(_released(episode), state=State.GRANTED)), VerdictStatus.OK
+        granted = episode.state is StageState.GRANTED
+        return (None if granted else _replace(_release(episode), state=StageState.GRANTED)), VerdictStatus.OK
 
-    def commit(self, episode: Episode, written: Written) -> Episode | None:
+    def commit(self, episode: EpisodeRow, written: Written) -> EpisodeRow | None:
         """Note an episode as durable that was granted to this recorder under this attempt.
 
         The recorder that has committed it may report it again: the shard has another name once it was saved from a
@@ -185,73 +187,77 @@ class Protocol:
         """
         if episode.recorder != written.recorder or written.samples < 1:
             return None
-        if episode.state is State.GRANTED and episode.attempt == written.attempt:
-            return _committed(episode, written)
-        if episode.state is State.COMMITTED and episode.samples == written.samples:
+        if episode.state is StageState.GRANTED and episode.attempt == written.attempt:
+            return _commit(episode, written)
+        if episode.state is StageState.COMMITTED and episode.samples == written.samples:
             return _replace(episode, shard=written.shard)
         return None
 
-    def completes(self, episode: Episode, stage: str, attempt: int) -> bool:
+    def completes(self, episode: EpisodeRow, stage: str, attempt: int) -> bool:
         """True if a worker may report on this attempt: it holds the episode, or held it until a recorder took over."""
-        taken_over = episode.state in (State.GRANTED, State.COMMITTED) and stage == episode.stage == self.last
+        taken_over = episode.state in (StageState.GRANTED, StageState.COMMITTED) and stage == episode.stage == self.last
         return self.holds(episode, attempt, stage) or (taken_over and episode.attempt == attempt)
 
-    def take_back(self, episode: Episode, recorder: str, attempt: int) -> Episode | None:
+    def take_back(self, episode: EpisodeRow, recorder: str, attempt: int) -> EpisodeRow | None:
         """Undo a grant whose episode did not become durable."""
-        if (episode.state, episode.recorder, episode.attempt) != (State.GRANTED, recorder, attempt):
+        if (episode.state, episode.recorder, episode.attempt) != (StageState.GRANTED, recorder, attempt):
             return None
-        return _released(episode)
+        return _release(episode)
 
-    def take_from(self, episode: Episode, recorder: str) -> Episode | None:
+    def take_from(self, episode: EpisodeRow, recorder: str) -> EpisodeRow | None:
         """Have another recorder take an episode that is on its way to this one and not durable."""
-        under_way = episode.state in (State.LEASED, State.GRANTED) and episode.stage == self.last
-        return _released(episode) if under_way and episode.recorder == recorder else None
+        under_way = episode.state in (StageState.LEASED, StageState.GRANTED) and episode.stage == self.last
+        return _release(episode) if under_way and episode.recorder == recorder else None
 
-    def retire(self, episode: Episode, recorder: str) -> Episode | None:
+    def retire(self, episode: EpisodeRow, recorder: str) -> EpisodeRow | None:
         """Make again what a recorder has, or was to get, that is given up."""
-        if episode.recorder != recorder or episode.state not in (State.LEASED, State.GRANTED, State.COMMITTED):
+        if episode.recorder != recorder or episode.state not in (
+            StageState.LEASED,
+            StageState.GRANTED,
+            StageState.COMMITTED,
+        ):
             return None
         return self.forget(episode)
 
-    def forget(self, episode: Episode) -> Episode:
+    def forget(self, episode: EpisodeRow) -> EpisodeRow:
         """Begin at the first stage again, durable or not: its shard is lost."""
-        return _replace(_released(episode), stage=self.first, shard="", samples=0, driven_by="")
+        return _replace(_release(episode), stage=self.first, shard="", samples=0, driven_by="")
 
-    def doubt(self, episode: Episode) -> Episode | None:
+    def doubt(self, episode: EpisodeRow) -> EpisodeRow | None:
         """Have the recorder of a durable episode say again whether it has it."""
-        return _replace(episode, state=State.GRANTED) if episode.state is State.COMMITTED else None
+        return _replace(episode, state=StageState.GRANTED) if episode.state is StageState.COMMITTED else None
 
-    def entrust(self, episode: Episode, recorder: str) -> Episode | None:
+    def entrust(self, episode: EpisodeRow, recorder: str) -> EpisodeRow | None:
         """Have a recorder say whether an episode is durable that an open shard of it seems to hold.
 
         For a process that can look into the shard, not for messages.
         """
-        if episode.state in (State.GRANTED, State.COMMITTED, State.REJECTED):
+        if episode.state in (StageState.GRANTED, StageState.COMMITTED, StageState.REJECTED):
             return None
-        return _replace(_released(episode), state=State.GRANTED, stage=self.last, recorder=recorder)
+        return _replace(_release(episode), state=StageState.GRANTED, stage=self.last, recorder=recorder)
 
-    def adopt(self, episode: Episode, written: Written) -> Episode | None:
+    def adopt(self, episode: EpisodeRow, written: Written) -> EpisodeRow | None:
         """Note an episode as durable that a finished shard holds.
 
         For a process that can look into the shard, not for messages.
         """
-        if episode.state is State.COMMITTED and episode.recorder != written.recorder:
+        if episode.state is StageState.COMMITTED and episode.recorder != written.recorder:
             return None
-        return _committed(_replace(episode, recorder=written.recorder, stage=self.last), written)
+        return _commit(_replace(episode, recorder=written.recorder, stage=self.last), written)
 
 
-def _committed(episode: Episode, written: Written) -> Episode:
+def _commit(episode: EpisodeRow, written: Written) -> EpisodeRow:
     return _replace(
-        _released(episode),
-        state=State.COMMITTED,
+        _release(episode),
+        state=StageState.COMMITTED,
         shard=written.shard,
         samples=written.samples,
         driven_by=written.policy,
     )
 
 
-def _released(episode: Episode) -> Episode:
-    return _replace(episode, state=State.WAITING, holder=NO_HOLDER)
+def _release(episode: EpisodeRow) -> EpisodeRow:
+    return _replace(episode, state=StageState.WAITING, holder=NO_HOLDER)
 
 
 _replace = dataclasses.replace

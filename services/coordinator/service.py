@@ -36,13 +36,13 @@ def attach(bus: Bus, coordinator: Coordinator) -> None:
     bus.serve(topics.SPEC, partial(handlers.handle_spec, coordinator))
     for stage in coordinator.spec.stages:
         by = (stage.role, ALL)
-        bus.serve(topics.claim(stage.name), partial(_claimed, coordinator, stage), by=by)
-        bus.serve(topics.renew(stage.name), partial(_renewed, coordinator), by=by)
-        bus.serve(topics.complete(stage.name), partial(_completed, bus, coordinator, stage), by=by)
+        bus.serve(topics.claim(stage.name), partial(_serve_claim, coordinator, stage), by=by)
+        bus.serve(topics.renew(stage.name), partial(_serve_renew, coordinator), by=by)
+        bus.serve(topics.complete(stage.name), partial(_serve_complete, bus, coordinator, stage), by=by)
     recorder = (RECORDER,)
     bus.serve(topics.EXPECT, partial(handlers.handle_expect, coordinator), by=recorder)
     bus.serve(topics.GRANT, partial(handlers.handle_grant, coordinator), by=recorder)
-    bus.serve(topics.DONE, partial(_done, bus, coordinator), by=recorder)
+    bus.serve(topics.DONE, partial(_serve_done, bus, coordinator), by=recorder)
     bus.serve(topics.LOST, _waking(bus, partial(handlers.handle_lost, coordinator)), by=recorder)
     bus.serve(topics.TROUBLE, partial(handlers.handle_trouble, coordinator), by=recorder)
     bus.serve(topics.PENDING, partial(handlers.handle_pending, coordinator), by=recorder)
@@ -53,7 +53,7 @@ def attach(bus: Bus, coordinator: Coordinator) -> None:
     bus.serve(topics.STATUS, partial(handlers.handle_status, coordinator))
     bus.serve(topics.FLEET, partial(handlers.handle_fleet, coordinator))
 
-    def changed(member: Member, alive: bool) -> None:
+    def on_member_change(member: Member, alive: bool) -> None:
         there = coordinator.roster.note_presence(member.role, member.name, member.session, alive=alive)
         holder = Holder(worker=member.name, role=member.role, session=member.session)
         if member.role == RECORDER:
@@ -62,10 +62,10 @@ def attach(bus: Bus, coordinator: Coordinator) -> None:
         elif not alive and requeue_lost(coordinator, holder=holder):
             bus.publish(topics.WAKE, Wake())
 
-    bus.watch(changed)
+    bus.watch(on_member_change)
 
 
-def _claimed(coordinator: Coordinator, stage: Stage, request: ClaimRequest) -> ClaimReply:
+def _serve_claim(coordinator: Coordinator, stage: Stage, request: ClaimRequest) -> ClaimReply:
     reply = handlers.handle_claim(coordinator, stage, request)
     coordinator.roster.note_heard(request.role, request.worker)
     if reply.episode is not None:
@@ -73,14 +73,14 @@ def _claimed(coordinator: Coordinator, stage: Stage, request: ClaimRequest) -> C
     return reply
 
 
-def _renewed(coordinator: Coordinator, request: RenewRequest) -> Verdict:
+def _serve_renew(coordinator: Coordinator, request: RenewRequest) -> Verdict:
     verdict = handlers.handle_renew(coordinator, request)
     if verdict.status is VerdictStatus.OK:
         coordinator.roster.note_renewed(request.index, request.attempt)
     return verdict
 
 
-def _completed(bus: Bus, coordinator: Coordinator, stage: Stage, request: CompleteRequest) -> Verdict:
+def _serve_complete(bus: Bus, coordinator: Coordinator, stage: Stage, request: CompleteRequest) -> Verdict:
     verdict = handlers.handle_complete(coordinator, stage, request)
     if verdict.status is VerdictStatus.OK:
         coordinator.roster.note_done(stage.name, request.index, request.attempt, failed=bool(request.failed))
@@ -93,7 +93,7 @@ def _completed(bus: Bus, coordinator: Coordinator, stage: Stage, request: Comple
     return verdict
 
 
-def _done(bus: Bus, coordinator: Coordinator, request: DoneRequest) -> Verdict:
+def _serve_done(bus: Bus, coordinator: Coordinator, request: DoneRequest) -> Verdict:
     verdict = handlers.handle_done(coordinator, request)
     # One episode less is under way: the next one may be planned.
     _wake(bus, coordinator, coordinator.spec.stages[0])
@@ -125,7 +125,7 @@ def tick(bus: Bus, coordinator: Coordinator) -> None:
         bus.publish(topics.WAKE, Wake())
     now_s = coordinator.clock()
     of_note = (
-        coordinator.ledger.census.committed()[0],
+        coordinator.ledger.census.committed_counts()[0],
         coordinator.over,
         coordinator.paused,
         tuple(coordinator.troubles),

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from readygo.services.driver.disturbance import disturbs as disturbs
     from readygo.services.driver.handlers import AHEAD_S as AHEAD_S
     from readygo.services.driver.handlers import Advice as Advice
-    from readygo.services.driver.handlers import Drive as Drive
-    from readygo.services.driver.handlers import Expert as Expert
+    from readygo.services.driver.handlers import EpisodeDrive as EpisodeDrive
+    from readygo.services.driver.handlers import LabellingExpert as LabellingExpert
     from readygo.services.driver.handlers import Weigher as Weigher
     from readygo.services.driver.handlers import drive as drive
     from readygo.services.driver.handlers import driver_of as driver_of
@@ -26,8 +26,8 @@ else:
         ".handlers": (
             "AHEAD_S",
             "Advice",
-            "Drive",
-            "Expert",
+            "EpisodeDrive",
+            "LabellingExpert",
             "Weigher",
             "drive",
             "driver_of",

@@ -11,7 +11,7 @@ from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import Driver, DriverFailure, Observer, run_episode
 from readygo.common.episode.streams import Purpose, episode_rng
 from readygo.common.errors import PolicyError
-from readygo.common.messages import Driver as DriverName
+from readygo.common.messages import DriverKind as DriverName
 from readygo.common.messages import EpisodeKey, RobotTrajectory
 from readygo.common.robot import limit_command
 from readygo.services.driver.disturbance import Disturbance
@@ -46,7 +46,7 @@ class Advice(Protocol):
         ...
 
 
-class Expert(Protocol):
+class LabellingExpert(Protocol):
     """Knows what to do at every state of one episode."""
 
     @property
@@ -72,7 +72,7 @@ class Weigher(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Drive:
+class EpisodeDrive:
     """One episode, driven."""
 
     trajectory: RobotTrajectory
@@ -90,14 +90,14 @@ def driver_of(episode: EpisodeKey, mix: float) -> DriverName:
 
 def drive(
     simulation: EpisodeSimulation,
-    expert: Expert,
+    expert: LabellingExpert,
     weigher: Weigher,
     driver: Driver[Any] | None = None,
     disturbance: Disturbance | None = None,
     *,
     camera: Observer | None = None,
     image_every: int = 1,
-) -> Drive:
+) -> EpisodeDrive:
     """Drive an episode to its end; at every `image_every`-th step the expert labels what the camera sees.
 
     Between two images the expert only watches, unless it drives.
@@ -125,7 +125,7 @@ def drive(
 class ExpertLabels(Observer):
     """What the expert would do at the states of an episode, and what every other command would lead to."""
 
-    def __init__(self, expert: Expert, weigher: Weigher, image_every: int, *, drives: bool) -> None:
+    def __init__(self, expert: LabellingExpert, weigher: Weigher, image_every: int, *, drives: bool) -> None:
         """Prepare an episode.
 
         Args:
@@ -155,7 +155,7 @@ class ExpertLabels(Observer):
         if labelled:
             self._labels[-1], self._risks[-1] = self.commands[-1], self._weigher.risks(simulation)
 
-    def drive(self, simulation: EpisodeSimulation) -> Drive:
+    def drive(self, simulation: EpisodeSimulation) -> EpisodeDrive:
         """The episode, once it has ended."""
         trajectory = simulation.trajectory(
             human_visible=self._visible,
@@ -163,7 +163,7 @@ class ExpertLabels(Observer):
             expert_cost=self._costs,
             replan_times_s=self._expert.replan_times_s,
         )
-        return Drive(trajectory=trajectory, expert_commands=tuple(self._labels), risks=tuple(self._risks))
+        return EpisodeDrive(trajectory=trajectory, expert_commands=tuple(self._labels), risks=tuple(self._risks))
 
     def _note(self, visible: bool, replanned: bool, cost: float) -> None:
         self._visible.append(visible)

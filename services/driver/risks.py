@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.collision import disc_meets_cells
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import OccupancyMap
 from readygo.common.maps.distance import clearance_m
 from readygo.common.robot.command_grid import HUMAN, OBSTACLE, command_grid
@@ -70,7 +70,7 @@ class RiskMap:
         return out.tobytes()
 
 
-@compiled
+@kernel_with_cache
 def _roll_out(
     grid: Float64Array,
     start: tuple[float, float, float, float, float],
@@ -104,7 +104,7 @@ def _roll_out(
         out[number] = risk
 
 
-@compiled
+@kernel_with_cache
 def _near_obstacle(
     occupied: npt.NDArray[np.bool_],
     clearance: npt.NDArray[np.float32],
@@ -121,7 +121,7 @@ def _near_obstacle(
     return disc_meets_cells(occupied, origin_x, origin_y, resolution, x, y, radius)
 
 
-@compiled
+@kernel_with_cache
 def _near_human(humans: Float64Array, x: float, y: float, distance: float) -> bool:
     for m in range(len(humans)):
         dx, dy = humans[m, 0] - x, humans[m, 1] - y

@@ -42,11 +42,11 @@ def category_of(simulation: EpisodeSimulation, contact: Contact | None, failure:
         near = [(x - simulation.x_m) ** 2 + (y - simulation.y_m) ** 2 for x, y in simulation.human_xy_m.tolist()]
         return Category.MAKING_WAY if min(near, default=1e9) < NEAR_HUMAN_M**2 else Category.THING
     if simulation.outcome is Outcome.TIMEOUT:
-        return Category.STUCK if _stuck(simulation) else Category.LATE
+        return Category.STUCK if _is_stuck(simulation) else Category.LATE
     return None
 
 
-def _stuck(simulation: EpisodeSimulation) -> bool:
+def _is_stuck(simulation: EpisodeSimulation) -> bool:
     first = max(simulation.step - simulation.clock.steps(STUCK_S), 0)
     places = simulation.path_xyyaw(first, simulation.step)[:, :2]
     return bool((abs(places - places[-1]).max(axis=0) < STUCK_M).all())

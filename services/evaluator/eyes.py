@@ -49,11 +49,11 @@ class Eyes:
         return self._clock.sees(simulation.step, self._latency_steps)
 
     def look(self, simulations: Sequence[EpisodeSimulation]) -> npt.NDArray[np.uint8]:
-        """What policies see, from `measured`, as `PolicySpec.images` names it, shape (B, H, W, C)."""
-        images = self.measured(simulations)
+        """What policies see, from `measure`, as `PolicySpec.images` names it, shape (B, H, W, C)."""
+        images = self.measure(simulations)
         return side_by_side({name: in_bytes(image, name, self._robot) for name, image in images.items()}, self._sees)
 
-    def measured(self, simulations: Sequence[EpisodeSimulation]) -> dict[str, npt.NDArray[Any]]:
+    def measure(self, simulations: Sequence[EpisodeSimulation]) -> dict[str, npt.NDArray[Any]]:
         """What each robot sees now: the images of the cameras' latency ago, the first ones until there are some so old.
 
         Args:

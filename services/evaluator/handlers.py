@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from readygo.common.bus import Bus
-from readygo.common.camera.view import View, in_view, view_of
+from readygo.common.camera.view import FieldOfView, in_view, view_of
 from readygo.common.episode import EpisodeConfig
 from readygo.common.episode.conduct import Sees
 from readygo.common.episode.loop import Driver, run_episodes
@@ -272,7 +272,7 @@ def _sees(evaluator: Evaluator, robot: RobotConfig) -> Sees:
     eyes = [(camera, view_of(camera)) for camera in robot.all_cameras.values()]
     find_sight = evaluator.find_sight or (lambda: sight_of_occupancy(evaluator.robot_map))
 
-    def shows(eye: tuple[float, float, float], view: View, human_m: tuple[float, float]) -> bool:
+    def shows(eye: tuple[float, float, float], view: FieldOfView, human_m: tuple[float, float]) -> bool:
         # An arm at the border of the image is not enough: the middle of the body counts.
         inside = in_view(eye, *human_m, view, VIEW_RANGE_M, 0.0)
         return inside and find_sight().sees(eye[0], eye[1], view.height_m, human_m)

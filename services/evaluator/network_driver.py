@@ -66,7 +66,7 @@ class NetworkDriver:
 
         image = self._eyes.goal_image(simulation)
         seed = int(episode_rng(simulation.scenario.episode, Purpose.DRIVER).integers(2**31))
-        return NetworkState(goal=self._prepared(image), generator=torch.Generator().manual_seed(seed))
+        return NetworkState(goal=self._prepare_image(image), generator=torch.Generator().manual_seed(seed))
 
     def act(self, running: Sequence[tuple[EpisodeSimulation, NetworkState]]) -> list[Command | DriverFailure]:
         """See `Driver.act`."""
@@ -80,7 +80,7 @@ class NetworkDriver:
     def _decide(self, state: NetworkState, image: npt.NDArray[np.uint8], robot: RobotConfig) -> None:
         import torch
 
-        frame, count = self._prepared(image), self._network.frames
+        frame, count = self._prepare_image(image), self._network.frames
         state.frames = [*(state.frames or [frame] * (count - 1)), frame][-count:]
         with torch.inference_mode():
             places = self._network.waypoints(torch.stack(state.frames)[None], state.goal[None], state.generator)
@@ -88,11 +88,11 @@ class NetworkDriver:
         unit_m = robot.v_max_mps / LOOK_HZ
         state.command = steer((waypoint[0] * unit_m, waypoint[1] * unit_m, *waypoint[2:]), robot)
 
-    def _prepared(self, image: npt.NDArray[np.uint8]) -> Any:
+    def _prepare_image(self, image: npt.NDArray[np.uint8]) -> Any:
         """An image as the networks know them, shape (3, h, w)."""
-        from readygo.common.networks.images import normalised, small_image
+        from readygo.common.networks.images import normalise_images, small_image
 
-        return normalised(small_image(image, self._network.width_px, self._network.height_px))
+        return normalise_images(small_image(image, self._network.width_px, self._network.height_px))
 
 
 def steer(waypoint: Sequence[float], robot: RobotConfig) -> tuple[float, float]:

@@ -58,7 +58,7 @@ class EpisodeRecord:
             "path_length_m": round(self.result.path_length_m, 6),
             "shortest_m": _finite(self.result.shortest_m),
             "human_distance_min_m": _finite(self.human_distance_min_m),
-            **({"conduct": _rounded(self.result.conduct)} if self.result.conduct else {}),
+            **({"conduct": _round_conduct(self.result.conduct)} if self.result.conduct else {}),
             **({"category": self.category.name.lower()} if self.category else {}),
             **({"reason": self.reason} if self.reason else {}),
         }
@@ -179,7 +179,7 @@ def summary_table(summaries: dict[tuple[Task, str], TaskSummary]) -> Table:
     return table
 
 
-def _rounded(conduct: Conduct) -> dict[str, Any]:
+def _round_conduct(conduct: Conduct) -> dict[str, Any]:
     mapping: dict[str, Any] = dataclasses.asdict(conduct)
     contact = mapping.pop("contact")
     return {

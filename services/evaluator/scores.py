@@ -36,7 +36,7 @@ class Measure:
     value: Value
 
 
-def _ended(outcome: Outcome) -> Value:
+def _share_ending(outcome: Outcome) -> Value:
     return lambda result, _: float(result.outcome is outcome)
 
 
@@ -73,16 +73,26 @@ def _contact(name: str) -> Value:
 
 
 MEASURES = (
-    Measure(name="success", title="SR", unit="%", better="high", value=_ended(Outcome.SUCCESS)),
+    Measure(name="success", title="SR", unit="%", better="high", value=_share_ending(Outcome.SUCCESS)),
     Measure(name="art_s", title="ART", unit="s", better="low", value=_reaching_s),
     Measure(name="spl", title="SPL", unit="", better="high", value=lambda result, _: spl_of(result)),
     Measure(
-        name="static_collision", title="Hit a thing", unit="%", better="low", value=_ended(Outcome.STATIC_COLLISION)
+        name="static_collision",
+        title="Hit a thing",
+        unit="%",
+        better="low",
+        value=_share_ending(Outcome.STATIC_COLLISION),
     ),
-    Measure(name="human_collision", title="Hit a human", unit="%", better="low", value=_ended(Outcome.HUMAN_COLLISION)),
+    Measure(
+        name="human_collision",
+        title="Hit a human",
+        unit="%",
+        better="low",
+        value=_share_ending(Outcome.HUMAN_COLLISION),
+    ),
     Measure(name="at_fault", title="Robot's fault", unit="%", better="low", value=_fault(True)),
     Measure(name="not_at_fault", title="Not its fault", unit="%", better="low", value=_fault(False)),
-    Measure(name="timeout", title="Too late", unit="%", better="low", value=_ended(Outcome.TIMEOUT)),
+    Measure(name="timeout", title="Too late", unit="%", better="low", value=_share_ending(Outcome.TIMEOUT)),
     Measure(name="intrusion", title="Personal space", unit="% of time", better="low", value=_intrusion),
     Measure(name="near_misses", title="Near misses", unit="", better="low", value=_conduct("near_misses")),
     Measure(name="jerk_mps3", title="Jerk", unit="m/s3", better="low", value=_conduct("jerk_mps3")),
@@ -144,11 +154,11 @@ def scores_of(records: Sequence[EpisodeRecord], *, time_limit_s: float) -> dict[
             for measure in MEASURES
             if (score := _score(measure, [record.result for record in of_group], time_limit_s)) is not None
         }
-        for group, of_group in grouped(records).items()
+        for group, of_group in group_records(records).items()
     }
 
 
-def grouped(records: Sequence[EpisodeRecord]) -> dict[Group, list[EpisodeRecord]]:
+def group_records(records: Sequence[EpisodeRecord]) -> dict[Group, list[EpisodeRecord]]:
     """Records by task and method, in the order in which these first appear."""
     groups: dict[Group, list[EpisodeRecord]] = {}
     for record in records:
@@ -158,7 +168,7 @@ def grouped(records: Sequence[EpisodeRecord]) -> dict[Group, list[EpisodeRecord]
 
 def compare_all(records: Sequence[EpisodeRecord], reference: str, *, time_limit_s: float) -> list[Comparison]:
     """Every method beside a reference, task by task, on the episodes that both drove."""
-    groups = grouped(records)
+    groups = group_records(records)
     return [
         _compare(of_group, groups[task, reference], time_limit_s)
         for (task, method), of_group in groups.items()
@@ -170,7 +180,7 @@ def failure_counts(records: Sequence[EpisodeRecord]) -> dict[Group, Counter[Cate
     """How often each group fails in which way."""
     return {
         group: Counter(record.category for record in of_group if record.category is not None)
-        for group, of_group in grouped(records).items()
+        for group, of_group in group_records(records).items()
     }
 
 

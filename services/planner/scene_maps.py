@@ -5,7 +5,7 @@ from typing import Protocol
 from readygo.common.maps import FloorMap, OccupancyMap, SightMap
 
 
-class SceneMaps(Protocol):
+class PlanningMaps(Protocol):
     """The maps of a scene that planning needs."""
 
     @property

@@ -1,1 +1,92 @@
 """From a video or photos to posed, undistorted, metric images."""
+
+from typing import TYPE_CHECKING
+
+from readygo.common.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from readygo.services.reconstructor.config import ReconstructorConfig as ReconstructorConfig
+    from readygo.services.reconstructor.desk import Desk as Desk
+    from readygo.services.reconstructor.frames.config import FramesConfig as FramesConfig
+    from readygo.services.reconstructor.frames.video import write_jpeg as write_jpeg
+    from readygo.services.reconstructor.handlers import find_poses as find_poses
+    from readygo.services.reconstructor.job import PICTURE_FILE as PICTURE_FILE
+    from readygo.services.reconstructor.job import POSE_STAGES as POSE_STAGES
+    from readygo.services.reconstructor.job import POSED as POSED
+    from readygo.services.reconstructor.marker_sheet import PrintedSheet as PrintedSheet
+    from readygo.services.reconstructor.marker_sheet import draw_marker_sheet as draw_marker_sheet
+    from readygo.services.reconstructor.marker_sheet import marker_pdf as marker_pdf
+    from readygo.services.reconstructor.metric.config import MetricConfig as MetricConfig
+    from readygo.services.reconstructor.metric.markers import DEFAULT_DICTIONARY as DEFAULT_DICTIONARY
+    from readygo.services.reconstructor.poses.config import PosesConfig as PosesConfig
+    from readygo.services.reconstructor.reconstruct import GAUSSIANS as GAUSSIANS
+    from readygo.services.reconstructor.reconstruct import STAGES as STAGES
+    from readygo.services.reconstructor.reconstruct import Job as Job
+    from readygo.services.reconstructor.reconstruct import check_installed as check_installed
+    from readygo.services.reconstructor.reconstruct import reconstruct_scene as reconstruct_scene
+    from readygo.services.reconstructor.service import ASK_S as ASK_S
+    from readygo.services.reconstructor.service import attach as attach
+    from readygo.services.reconstructor.service import pull_jobs as pull_jobs
+    from readygo.services.reconstructor.similarity import Similarity as Similarity
+    from readygo.services.reconstructor.similarity import umeyama as umeyama
+    from readygo.services.reconstructor.stages import Say as Say
+    from readygo.services.reconstructor.stages import StageProgress as StageProgress
+    from readygo.services.reconstructor.training.config import GaussiansConfig as GaussiansConfig
+    from readygo.services.reconstructor.training.config import Preset as Preset
+    from readygo.services.reconstructor.training.config import preset as preset
+    from readygo.services.reconstructor.training.config import weak_texture as weak_texture
+    from readygo.services.reconstructor.training.train import TrainingProgress as TrainingProgress
+    from readygo.services.reconstructor.training.train import train_gaussians as train_gaussians
+else:
+    _NAMES = {
+        ".config": ("ReconstructorConfig",),
+        ".desk": ("Desk",),
+        ".frames.config": ("FramesConfig",),
+        ".frames.video": ("write_jpeg",),
+        ".handlers": ("find_poses",),
+        ".job": (
+            "PICTURE_FILE",
+            "POSED",
+            "POSE_STAGES",
+        ),
+        ".marker_sheet": (
+            "PrintedSheet",
+            "draw_marker_sheet",
+            "marker_pdf",
+        ),
+        ".metric.config": ("MetricConfig",),
+        ".metric.markers": ("DEFAULT_DICTIONARY",),
+        ".poses.config": ("PosesConfig",),
+        ".reconstruct": (
+            "GAUSSIANS",
+            "Job",
+            "STAGES",
+            "check_installed",
+            "reconstruct_scene",
+        ),
+        ".service": (
+            "ASK_S",
+            "attach",
+            "pull_jobs",
+        ),
+        ".similarity": (
+            "Similarity",
+            "umeyama",
+        ),
+        ".stages": (
+            "Say",
+            "StageProgress",
+        ),
+        ".training.config": (
+            "GaussiansConfig",
+            "Preset",
+            "preset",
+            "weak_texture",
+        ),
+        ".training.train": (
+            "TrainingProgress",
+            "train_gaussians",
+        ),
+    }
+    __all__ = [name for names in _NAMES.values() for name in names]
+    __getattr__ = lazy_names(__name__, _NAMES)

@@ -52,7 +52,7 @@ class Desk:
         self._ended.set()
         return Verdict(status=VerdictStatus.OK)
 
-    def seen(self, worker: str, *, alive: bool) -> None:
+    def note_worker(self, worker: str, *, alive: bool) -> None:
         """Free the job for another worker when its worker is gone; finished stages stay."""
         if worker == self._worker and not alive:
             self._worker = ""
@@ -70,7 +70,7 @@ class Desk:
             raise RunError(self._report.failed)
         return dict(parse_json(self._report.report))
 
-    def dismissed(self, timeout_s: float) -> None:
+    def wait_dismissed(self, timeout_s: float) -> None:
         """Wait until a worker has heard that nothing more will come, or for so long."""
         self._dismissed.wait(timeout_s)
 

@@ -53,7 +53,7 @@ from readygo.services.reconstructor.poses.apart import apart
 from readygo.services.reconstructor.poses.covariance import pose_errors
 from readygo.services.reconstructor.poses.pairs import image_pairs
 from readygo.services.reconstructor.poses.tags import focal_of_tags, tag_features
-from readygo.services.reconstructor.poses.verdict import Verdict
+from readygo.services.reconstructor.poses.verdict import PoseVerdict
 from readygo.services.reconstructor.stages import Say, Stages, code_digest
 
 _FEATURES_MIN = 600
@@ -115,7 +115,9 @@ def find_poses_in(stages: Stages, given: Source, config: ReconstructorConfig) ->
             MATCHES, {"seed": config.poses.seed}, partial(make_matches, out, frames, sightings, given.kind, config)
         )
     made = stages.run(MAP, {**poses, "tags": bool(sightings)}, partial(make_map, out, given, frames, sightings, config))
-    place = partial(make_posed, out, out / MAP / made["model"], Verdict(**made["verdict"]), sightings, lengths, config)
+    place = partial(
+        make_posed, out, out / MAP / made["model"], PoseVerdict(**made["verdict"]), sightings, lengths, config
+    )
     report = stages.run(POSED, metric, place)
     return {"source": str(given.path), "kind": given.kind, "frames": frames, **report, "seconds": stages.seconds}
 
@@ -222,7 +224,7 @@ def _focal_of_tags(frames: Mapping[str, Any], sightings: list[MarkerSighting]) -
 def make_posed(
     out: Path,
     model: Path,
-    verdict: Verdict,
+    verdict: PoseVerdict,
     sightings: list[MarkerSighting],
     lengths: list[KnownLength],
     config: ReconstructorConfig,
@@ -234,7 +236,7 @@ def make_posed(
     images = colmap.read_map(model)
     placed = _with_drift(place_map(images, sightings, lengths, config.metric), model, images, sightings, lengths)
     apart(colmap.write_undistorted, model, place, folder, placed.world_from_map, config.poses)
-    metric = images.moved(placed.world_from_map)
+    metric = images.transform(placed.world_from_map)
     corners_m = [placed.world_from_map.apply(marker.corners) for marker in placed.markers]
     write_png(
         folder / PICTURE_FILE, draw_map(metric, {m.marker: c for m, c in zip(placed.markers, corners_m, strict=True)})

@@ -22,13 +22,13 @@ from readygo.services.reconstructor.poses.verdict import (
     ADVICE,
     DOUBTFUL_POINTS,
     REGISTERED_MIN,
-    Verdict,
+    PoseVerdict,
     disagreement,
     judge,
     refusal,
 )
 
-_NOTHING = Verdict(
+_NOTHING = PoseVerdict(
     images=0,
     registered=0,
     components=(),
@@ -70,7 +70,7 @@ def make_map(
         if not models:
             nothing = replace(_NOTHING, images=asked)
             raise SceneError(str(refusal(nothing)))
-        models = _joined(models, database, out / FRAMES, sightings, config)
+        models = _join_models(models, database, out / FRAMES, sightings, config)
         model, sizes, name = models[0], colmap.piece_sizes(models), str(models[0].relative_to(folder))
     images = colmap.read_map(model)
     verdict = judge(images, asked=asked, components=sizes, sequential=in_order(source.kind, asked, config))
@@ -114,7 +114,7 @@ def _contradiction(
     return None
 
 
-def _joined(
+def _join_models(
     models: list[Path], database: Path, images: Path, sightings: list[MarkerSighting], config: ReconstructorConfig
 ) -> list[Path]:
     """The models with that first which markers make of all pieces and of images without a pose, if there is more.

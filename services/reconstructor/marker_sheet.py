@@ -34,7 +34,7 @@ def marker_cells(dictionary: str, marker: int) -> npt.NDArray[np.bool_]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sheet:
+class PrintedSheet:
     """A printed page: white, with black rectangles."""
 
     width_m: float
@@ -45,7 +45,7 @@ class Sheet:
     """The marker's corners on the page: upper left, upper right, lower right, lower left, shape (4, 2) [m]."""
 
 
-def marker_sheet(dictionary: str, marker: int, size_m: float, page: str) -> Sheet:
+def draw_marker_sheet(dictionary: str, marker: int, size_m: float, page: str) -> PrintedSheet:
     """Black parts of a page with a marker.
 
     Args:
@@ -73,16 +73,16 @@ def marker_sheet(dictionary: str, marker: int, size_m: float, page: str) -> Shee
     black += _ruler((width_m - _RULER_M) / 2.0, 0.020)
     right_m, top_m = left_m + size_m, bottom_m + size_m
     corners_m = np.array([(left_m, top_m), (right_m, top_m), (right_m, bottom_m), (left_m, bottom_m)])
-    return Sheet(width_m=width_m, height_m=height_m, black_m=np.array(black), corners_m=corners_m)
+    return PrintedSheet(width_m=width_m, height_m=height_m, black_m=np.array(black), corners_m=corners_m)
 
 
 def marker_pdf(dictionary: str, marker: int, size_m: float, page: str) -> bytes:
-    """The page of `marker_sheet` as PDF, cut out by rectangles, so that it is as large as it says.
+    """The page of `draw_marker_sheet` as PDF, cut out by rectangles, so that it is as large as it says.
 
     Raises:
         ConfigError: See there.
     """
-    sheet = marker_sheet(dictionary, marker, size_m, page)
+    sheet = draw_marker_sheet(dictionary, marker, size_m, page)
     lines = ["0 g", *(f"{' '.join(_pt(value) for value in rectangle)} re f" for rectangle in sheet.black_m.tolist())]
     words = (
         f"readygo marker {marker} of {dictionary}: black square {1000 * size_m:g} mm wide. Print at 100 %, measure it."

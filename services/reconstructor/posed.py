@@ -53,7 +53,7 @@ class PosedImages:
             seen=seen[seen[:, 0] >= 0],
         )
 
-    def moved(self, b_from_a: Similarity) -> "PosedImages":
+    def transform(self, b_from_a: Similarity) -> "PosedImages":
         """The same map in another frame, possibly of another scale."""
         T, points = b_from_a.moved_poses(self.T_world_camera), b_from_a.apply(self.points)
         return replace(self, T_world_camera=T, points=points)

@@ -12,7 +12,7 @@ from readygo.common.config import section_to_mapping
 from readygo.common.errors import ConfigError, NoGroundError, SceneError
 from readygo.common.extras import install_command
 from readygo.common.files import unfinished_folder
-from readygo.common.gaussians.defects import BACKGROUND, counted, told_apart, without
+from readygo.common.gaussians.defects import BACKGROUND, count_kinds, told_apart, without
 from readygo.common.gaussians.files import read_gaussians
 from readygo.common.rasterizer.gpu.availability import require_kernels
 from readygo.common.scenes import Scene, SceneSource, load_scene, save_scene
@@ -44,7 +44,7 @@ class Job:
     license: str = ""
 
 
-def reconstruct(job: Job, config: ReconstructorConfig, say: Say) -> dict[str, Any]:
+def reconstruct_scene(job: Job, config: ReconstructorConfig, say: Say) -> dict[str, Any]:
     """Make a scene bundle.
 
     Args:
@@ -74,7 +74,7 @@ def reconstruct(job: Job, config: ReconstructorConfig, say: Say) -> dict[str, An
         stages.seconds[GAUSSIANS] = round(sum(trained["seconds"].values()), 2)
         made = {**report, "training": trained}
         found = stages.run(SCENE, {"license": job.license, "name": job.out.name}, partial(make_scene, job, made))
-        scene = _published(job.work / SCENE / _BUNDLE, job.out)
+        scene = _publish(job.work / SCENE / _BUNDLE, job.out)
     return {**made, **found, "scene": str(job.out), "content_hash": scene.content_hash,
             "seconds": stages.seconds}  # fmt: skip
 
@@ -130,7 +130,7 @@ def make_scene(job: Job, report: dict[str, Any], folder: Path) -> dict[str, Any]
         sha256=file_of(file.parent, file.name).sha256,
         scale=1.0,
         scale_origin=report["scale"]["source"],
-        edits=(f"removed {counted(removed)}",),
+        edits=(f"removed {count_kinds(removed)}",),
     )
     views = colmap.pinhole_views(job.work / POSED / "sparse" / "0")
     try:
@@ -150,7 +150,7 @@ def make_scene(job: Job, report: dict[str, Any], folder: Path) -> dict[str, Any]
             "(--gaussians.steps, "
             "--preset standard), and film the floor as well."
         ) from error
-    return {"removed": counted(removed), "sky": len(sky)}
+    return {"removed": count_kinds(removed), "sky": len(sky)}
 
 
 def _kept_in_scene(job: Job, report: dict[str, Any]) -> dict[str, Any]:
@@ -160,7 +160,7 @@ def _kept_in_scene(job: Job, report: dict[str, Any]) -> dict[str, Any]:
     return {**kept, "source": job.source.name, "training": training}
 
 
-def _published(bundle: Path, out: Path) -> Scene:
+def _publish(bundle: Path, out: Path) -> Scene:
     """Copy a finished bundle to where it is wanted.
 
     Raises:

@@ -15,7 +15,7 @@ from readygo.common.messages import (
 )
 from readygo.common.messages.reconstruction import RECONSTRUCTOR
 from readygo.services.reconstructor.desk import Desk, config_of
-from readygo.services.reconstructor.reconstruct import STAGES, Job, reconstruct
+from readygo.services.reconstructor.reconstruct import STAGES, Job, reconstruct_scene
 from readygo.services.reconstructor.stages import StageProgress
 
 ASK_S = 1.0
@@ -26,7 +26,9 @@ def attach(bus: Bus, desk: Desk) -> None:
     """Give out a desk's job, and again when the worker that has it is gone."""
     bus.serve(topics.RECONSTRUCTION_CLAIM, desk.claim)
     bus.serve(topics.RECONSTRUCTION_REPORT, desk.report)
-    bus.watch(lambda member, alive: desk.seen(member.name, alive=alive) if member.role == RECONSTRUCTOR else None)
+    bus.watch(
+        lambda member, alive: desk.note_worker(member.name, alive=alive) if member.role == RECONSTRUCTOR else None
+    )
 
 
 def pull_jobs(bus: Bus, name: str, stop: threading.Event) -> None:
@@ -57,7 +59,7 @@ def _do(bus: Bus, name: str, job: ReconstructionJob, stop: threading.Event) -> R
     speaker = _Speaker(bus, job.attempt, stop)
     what = Job(source=Path(job.source), out=Path(job.out), work=Path(job.work), license=job.license)
     try:
-        report = reconstruct(what, config_of(job), speaker.say)
+        report = reconstruct_scene(what, config_of(job), speaker.say)
     except _StoppedError:
         return None
     except PeerError:

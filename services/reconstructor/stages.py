@@ -119,20 +119,20 @@ class Stages:
         text = self._key + name + code + json.dumps(settings, sort_keys=True)
         self._key = hashlib.sha256(text.encode()).hexdigest()
         path = self.folder / name
-        done = self._done(path)
+        done = self._finished_facts(path)
         if done is None:
             self._say(StageProgress(stage=name))
             self._check_room()
-            done = self._kept(path, make) if keep else self._whole(path, make)
+            done = self._keep_folder(path, make) if keep else self._whole(path, make)
         self.seconds[name] = float(done["seconds"])
         return dict(done["found"])
 
     def _whole(self, path: Path, make: Make) -> dict[str, Any]:
         """Make a folder that vanishes if it is not finished."""
-        with unfinished_folder(path, good=lambda: self._done(path) is not None) as folder:
-            return self._made(folder, make)
+        with unfinished_folder(path, good=lambda: self._finished_facts(path) is not None) as folder:
+            return self._make_folder(folder, make)
 
-    def _kept(self, path: Path, make: Make) -> dict[str, Any]:
+    def _keep_folder(self, path: Path, make: Make) -> dict[str, Any]:
         """Make a folder that stays as it is if it is not finished; one that was begun otherwise goes."""
         begun = path / BEGUN_FILE
         if path.is_dir() and (not begun.is_file() or begun.read_text() != self._key):
@@ -140,11 +140,11 @@ class Stages:
         path.mkdir(parents=True, exist_ok=True)
         write_whole(begun, self._key)
         (path / STAGE_FILE).unlink(missing_ok=True)
-        return self._made(path, make)
+        return self._make_folder(path, make)
 
-    def _made(self, folder: Path, make: Make) -> dict[str, Any]:
+    def _make_folder(self, folder: Path, make: Make) -> dict[str, Any]:
         begin_s = time.monotonic()
-        with worded(self.folder):
+        with word_errors(self.folder):
             found = json.loads(json.dumps(make(folder)))
         done = {"key": self._key, "seconds": round(time.monotonic() - begin_s, 2), "found": found}
         write_whole(folder / STAGE_FILE, (json.dumps(done, indent=2) + "\n").encode())
@@ -158,7 +158,7 @@ class Stages:
                 f"Make room and {_AGAIN}"
             )
 
-    def _done(self, path: Path) -> dict[str, Any] | None:
+    def _finished_facts(self, path: Path) -> dict[str, Any] | None:
         """What a finished stage found; None if it is not there, or was made from something else."""
         try:
             done = read_json(path / STAGE_FILE)
@@ -168,7 +168,7 @@ class Stages:
 
 
 @contextmanager
-def worded(folder: Path) -> Iterator[None]:
+def word_errors(folder: Path) -> Iterator[None]:
     """Say what ran out in a job's folder while a stage was made: C++ libraries name it in other words, or not at all.
 
     Raises:

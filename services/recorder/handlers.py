@@ -12,7 +12,7 @@ from readygo.common.bus import Bus
 from readygo.common.dataset import EpisodeChunk, Provenance, encode_episode
 from readygo.common.dataset.encode import outputs_of
 from readygo.common.dataset.provenance import provenance_to_strings
-from readygo.common.dataset.stage import Stage
+from readygo.common.dataset.stage import Scenery
 from readygo.common.errors import BusError, DiskError, RunError
 from readygo.common.fleet.grants import Grants
 from readygo.common.messages import (
@@ -69,7 +69,7 @@ class Recorder:
         bus: Bus,
         provenance: Provenance,
         config: RecorderConfig | None = None,
-        stage: Stage | None = None,
+        stage: Scenery | None = None,
     ) -> None:
         """Take over the folder: finished shards are read, open ones are saved as soon as the coordinator answers.
 
@@ -106,7 +106,7 @@ class Recorder:
         self._closed = False
         self._lock = threading.RLock()
         try:
-            self._shards = Shards(self._folder, name, provenance, config, stage or Stage())
+            self._shards = Shards(self._folder, name, provenance, config, stage or Scenery())
         except BaseException:
             self._name_lock.release()
             raise
@@ -127,7 +127,7 @@ class Recorder:
             if episode.index in self._shards.durable:
                 self._check_run(episode)
                 return self._tell_again(self._shards.durable[episode.index], request.attempt)
-            if (unexpected := self._unexpected(request)) is not None:
+            if (unexpected := self._refuse_unexpected(request)) is not None:
                 return unexpected
             self._check_run(episode)
             reply = self._buffers.add(request)
@@ -160,9 +160,9 @@ class Recorder:
         if verdict is VerdictStatus.OK:
             self._grants.report(self._done_report(durable, attempt))
             self._grants.flush()
-        return self._finished(durable.episode.index, AppendStatus.DUP)
+        return self._finish(durable.episode.index, AppendStatus.DUP)
 
-    def _unexpected(self, request: AppendRequest) -> AppendReply | None:
+    def _refuse_unexpected(self, request: AppendRequest) -> AppendReply | None:
         """The answer to an attempt that is new here unless the coordinator has leased it; None if samples may come."""
         episode = request.header.episode
         buffer = self._buffers.get(episode.index)
@@ -239,7 +239,7 @@ class Recorder:
         """Ask for the grant of a complete episode, and write it."""
         buffer = self._buffers.get(index)
         if index in self._shards.durable or buffer is None:
-            return self._finished(index, AppendStatus.DUP)
+            return self._finish(index, AppendStatus.DUP)
         place = self._shards.place(outputs_of(buffer.header, buffer.samples[0]))
         chunk = encode_episode(buffer.header, buffer.attempt, buffer.samples, place)
         try:
@@ -249,14 +249,14 @@ class Recorder:
             self._reconciled = False
             return AppendReply(status=AppendStatus.RETRY, detail=str(error))
         if verdict is not VerdictStatus.OK:
-            return self._finished(index, AppendStatus.DUP if verdict is VerdictStatus.DONE else AppendStatus.STALE)
+            return self._finish(index, AppendStatus.DUP if verdict is VerdictStatus.DONE else AppendStatus.STALE)
         try:
             self._write(chunk)
         except DiskError as error:
             self._disk_refuses(error)
             return AppendReply(status=AppendStatus.RETRY, detail=str(error))
         self._publish(buffer)
-        return self._finished(index, AppendStatus.COMMITTED)
+        return self._finish(index, AppendStatus.COMMITTED)
 
     def _disk_refuses(self, error: DiskError) -> None:
         """Wait for the disk: grants are kept, and their episodes written when it takes them."""
@@ -274,12 +274,12 @@ class Recorder:
         message = CommittedEpisode(header=buffer.header, attempt=buffer.attempt, samples=tuple(buffer.samples))
         try:
             self._bus.publish(topics.COMMITTED, message)
-            self._bus.tell(topics.COMMIT, lambda: self._shown(buffer))
+            self._bus.tell(topics.COMMIT, lambda: self._live_commit(buffer))
         except Exception:
             # Recording must not depend on who listens.
             _log.exception("%s was not published", buffer.header.episode.episode_id)
 
-    def _shown(self, buffer: EpisodeBuffer) -> LiveCommit:
+    def _live_commit(self, buffer: EpisodeBuffer) -> LiveCommit:
         header = buffer.header
         return LiveCommit(
             episode=header.episode,
@@ -291,7 +291,7 @@ class Recorder:
             shard=self._shards.durable[header.episode.index].shard,
         )
 
-    def _finished(self, index: int, status: AppendStatus) -> AppendReply:
+    def _finish(self, index: int, status: AppendStatus) -> AppendReply:
         self._buffers.drop(index)
         return AppendReply(status=status)
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from mcap.opcode import Opcode
 
 from readygo.common.dataset import EpisodeChunk, Provenance, ShardWriter, read_chunk, shard_name
-from readygo.common.dataset.index import index_path, load_index, mapped, read_provenance
+from readygo.common.dataset.index import index_path, load_index, map_file, read_provenance
 from readygo.common.dataset.records import MAGIC, chunk_span, is_intact, iter_records
-from readygo.common.dataset.stage import PAUSE_NS, Stage
+from readygo.common.dataset.stage import PAUSE_NS, Scenery
 from readygo.common.dataset.writer import PART_SUFFIX, sync_folder
 from readygo.common.errors import DatasetError
 from readygo.common.messages import EpisodeKey
@@ -82,7 +82,7 @@ def read_open_shard(path: Path) -> OpenShard:
     provenance: Provenance | None = None
     chunks: list[EpisodeChunk] = []
     try:
-        with mapped(path) as view:
+        with map_file(path) as view:
             if view[: len(MAGIC)] != MAGIC:
                 raise DatasetError("it does not begin as an MCAP file")
             for record in iter_records(view):
@@ -98,7 +98,7 @@ def read_open_shard(path: Path) -> OpenShard:
 
 
 def publish(
-    shard: OpenShard, chunks: Sequence[EpisodeChunk], target: Path, *, stage: Stage, start_ns: int, fsync: bool
+    shard: OpenShard, chunks: Sequence[EpisodeChunk], target: Path, *, stage: Scenery, start_ns: int, fsync: bool
 ) -> int:
     """Write episodes of an open shard as the finished shard `target`, then remove the open one.
 
@@ -116,14 +116,14 @@ def publish(
     Raises:
         OSError: If the disk refused; the open shard is still there then.
     """
-    next_ns = _written(shard, chunks, target, stage=stage, start_ns=start_ns, fsync=fsync)
+    next_ns = _write_chunks(shard, chunks, target, stage=stage, start_ns=start_ns, fsync=fsync)
     shard.path.unlink()
     if fsync:
         sync_folder(target.parent)
     return next_ns
 
 
-def drop_episodes(path: Path, rows: Collection[int], stage: Stage) -> bool:
+def drop_episodes(path: Path, rows: Collection[int], stage: Scenery) -> bool:
     """Leave episodes of a finished shard out: another one takes its place, whole, and begins when it began.
 
     Args:
@@ -140,7 +140,7 @@ def drop_episodes(path: Path, rows: Collection[int], stage: Stage) -> bool:
     shard = read_open_shard(path)
     kept = [chunk for row, chunk in enumerate(shard.chunks) if row not in rows]
     if kept:
-        _written(shard, kept, path, stage=stage, start_ns=shard.chunks[0].start_time_ns, fsync=True)
+        _write_chunks(shard, kept, path, stage=stage, start_ns=shard.chunks[0].start_time_ns, fsync=True)
     else:
         path.unlink()
         index_path(path).unlink(missing_ok=True)
@@ -148,8 +148,8 @@ def drop_episodes(path: Path, rows: Collection[int], stage: Stage) -> bool:
     return bool(kept)
 
 
-def _written(
-    shard: OpenShard, chunks: Sequence[EpisodeChunk], target: Path, *, stage: Stage, start_ns: int, fsync: bool
+def _write_chunks(
+    shard: OpenShard, chunks: Sequence[EpisodeChunk], target: Path, *, stage: Scenery, start_ns: int, fsync: bool
 ) -> int:
     """Write episodes of a shard as the finished shard `target`; when the next one begins [ns]."""
     outputs = chunks[0].outputs if chunks else ()
@@ -182,7 +182,7 @@ def next_start_ns(folder: Path, recorder: str) -> int:
     shards = sorted(folder.glob(shard_pattern(recorder)))
     if not shards:
         return 0
-    with mapped(shards[-1]) as view:
+    with map_file(shards[-1]) as view:
         records = iter_records(view)
         ends_ns = [chunk_span(view, record).end_time_ns for record in records if record.opcode == Opcode.CHUNK]
     return max(ends_ns) + PAUSE_NS

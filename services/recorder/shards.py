@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from readygo.common.dataset import EpisodeChunk, Place, Provenance, ShardWriter, shard_name
-from readygo.common.dataset.stage import Stage
+from readygo.common.dataset import EpisodeChunk, Provenance, ShardPlace, ShardWriter, shard_name
+from readygo.common.dataset.stage import Scenery
 from readygo.common.errors import RunError
 from readygo.services.recorder.config import RecorderConfig
 from readygo.services.recorder.disk import disk_error
@@ -23,7 +23,7 @@ from readygo.services.recorder.salvage import (
 class Shards:
     """What is durable of a recorder's name in a folder; for one thread at a time."""
 
-    def __init__(self, folder: Path, name: str, provenance: Provenance, config: RecorderConfig, stage: Stage) -> None:
+    def __init__(self, folder: Path, name: str, provenance: Provenance, config: RecorderConfig, stage: Scenery) -> None:
         """Read what is there.
 
         Args:
@@ -47,10 +47,10 @@ class Shards:
         self._left_open: list[OpenShard] = open_shards(folder, name)
         self._next_start_ns = next_start_ns(folder, name)
 
-    def place(self, outputs: tuple[str, ...]) -> Place:
+    def place(self, outputs: tuple[str, ...]) -> ShardPlace:
         """Place of the next episode, which has these outputs."""
         with_map = self._writer is None or self._must_end(outputs)
-        return Place(stage=self._stage, start_ns=self._next_start_ns, with_map=with_map)
+        return ShardPlace(stage=self._stage, start_ns=self._next_start_ns, with_map=with_map)
 
     def write(self, chunk: EpisodeChunk) -> Durable:
         """Make an episode durable that was encoded for its `place`.

@@ -34,13 +34,36 @@ if TYPE_CHECKING:
     from readygo.services.renderer.service import attach as attach
 else:
     _NAMES = {
-        ".camera": ("Shot", "calibrations", "path_poses"),
-        ".config": ("SENSOR_RECIPES", "RendererConfig", "SensorName"),
+        ".camera": (
+            "Shot",
+            "calibrations",
+            "path_poses",
+        ),
+        ".config": (
+            "RendererConfig",
+            "SENSOR_RECIPES",
+            "SensorName",
+        ),
         ".handlers": ("handle_render",),
-        ".light": ("LIGHT_ONE", "byte_of_light", "light_of_byte"),
+        ".light": (
+            "LIGHT_ONE",
+            "byte_of_light",
+            "light_of_byte",
+        ),
         ".live": ("LiveCamera",),
-        ".looks": ("Look", "goal_picture", "goal_view", "look_around", "unclear"),
-        ".renderer": ("Renderer", "pack_folder", "static_clouds", "view_image"),
+        ".looks": (
+            "Look",
+            "goal_picture",
+            "goal_view",
+            "look_around",
+            "unclear",
+        ),
+        ".renderer": (
+            "Renderer",
+            "pack_folder",
+            "static_clouds",
+            "view_image",
+        ),
         ".samples": (
             "NO_PICTURE",
             "described_samples",

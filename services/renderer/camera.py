@@ -239,7 +239,7 @@ def calibrations(robot: RobotConfig, sensor: SensorConfig, episode: EpisodeKey) 
     """
     own = robot_of_episode(robot, episode)
     drawn = {
-        name: sensor.drawn(camera, sensor_rng(sensor_key(episode, name)))
+        name: sensor.draw_camera(camera, sensor_rng(sensor_key(episode, name)))
         for name, camera in {"": own.camera, **own.cameras}.items()
     }
     return tuple(

@@ -81,7 +81,7 @@ class RendererConfig:
         if self.backend == "gsplat" and self.depth == "median" and DEPTH in self.outputs:
             raise ValueError('the backend gsplat makes no median depth: set depth = "mean", or use triton.')
 
-    def rasterized(self, kinds: Iterable[str]) -> tuple[str, ...]:
+    def rasterizer_outputs(self, kinds: Iterable[str]) -> tuple[str, ...]:
         """What the rasterizer makes for kinds of images: of `readygo.common.images.images.OUTPUTS`, each once."""
         depth = MEDIAN_DEPTH if self.depth == "median" else DEPTH
         return tuple(dict.fromkeys(depth if kind == DEPTH else kind for kind in kinds))

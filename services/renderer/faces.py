@@ -18,7 +18,7 @@ import numpy.typing as npt
 from readygo.common.camera.lens import Lens
 from readygo.common.errors import ConfigError
 from readygo.common.images.images import Images
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 
 Floats = npt.NDArray[np.float64]
 
@@ -294,7 +294,7 @@ def _samples(centres: Floats, taps: npt.NDArray[np.int64]) -> tuple[Floats, npt.
     return np.repeat(centres, taps * taps, axis=0) + offset, first
 
 
-@compiled(error_model="numpy")
+@kernel_with_cache(error_model="numpy")
 def _merged(
     uv: Floats, first: npt.NDArray[np.int64], height: int, width: int
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32], npt.NDArray[np.int32]]:

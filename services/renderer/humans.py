@@ -18,7 +18,7 @@ from readygo.common.avatars.kinematics import fill_globals
 from readygo.common.frames.turning import turn_between
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.spherical_harmonics import SH_C0
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import FloorMap, OccupancyMap
 from readygo.common.maps.grid import bilinear
 from readygo.common.messages import HumanMotion
@@ -139,7 +139,7 @@ def shadow_cloud(feet: Floats, floor: FloorMap, p_WC: Floats) -> GaussianCloud |
     )
 
 
-@compiled
+@kernel_with_cache
 def _fill_feet(root: Floats, pose: Floats, joints_tpose: Singles, joints_canonical: Singles, feet: Floats) -> None:
     """Write heel and tip of both feet, shape (2, 2, 3)."""
     positions, rotations = np.empty((24, 3)), np.empty((24, 3, 3))
@@ -155,7 +155,7 @@ def _fill_feet(root: Floats, pose: Floats, joints_tpose: Singles, joints_canonic
         feet[foot, 1, 2] = positions[ball, 2] - float(joints_canonical[ball, 1])
 
 
-@compiled
+@kernel_with_cache
 def _fill_grounds(
     feet: Floats, floor_m: Singles, origin_x_m: float, origin_y_m: float, resolution_m: float, stands: Floats
 ) -> None:
@@ -164,7 +164,7 @@ def _fill_grounds(
         stands[human, 0] = bilinear(floor_m, origin_x_m, origin_y_m, resolution_m, x, y)
 
 
-@compiled
+@kernel_with_cache
 def _fill_leads(
     points: Floats,
     occupied: npt.NDArray[np.bool_],
@@ -194,7 +194,7 @@ def _fill_leads(
             stands[human, 1] = min(stands[human, 1], min(free_m, wanted_m) * along)
 
 
-@compiled
+@kernel_with_cache
 def _fill_shadows(
     feet: Floats,
     floor_m: Singles,
@@ -237,7 +237,7 @@ def _fill_shadows(
     return count
 
 
-@compiled
+@kernel_with_cache
 def _free_way(feet: Floats, x: float, y: float, towards_x: float, towards_y: float) -> float:
     """How far a Gaussian at (x, y) [m] can be pulled towards the camera before a foot is in the way [m]."""
     length = math.sqrt(towards_x * towards_x + towards_y * towards_y)
@@ -250,7 +250,7 @@ def _free_way(feet: Floats, x: float, y: float, towards_x: float, towards_y: flo
     return PULL_M
 
 
-@compiled
+@kernel_with_cache
 def _is_inside(foot: Floats, x: float, y: float) -> bool:
     """Whether a point on the ground is below a foot."""
     wx, wy = foot[1, 0] - foot[0, 0], foot[1, 1] - foot[0, 1]

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from readygo.common.camera import CameraConfig
 from readygo.common.images.images import Images
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.services.renderer.camera import TIME_ONE, EpisodeCamera, Shot, SubFrame, exposure_gain, sensor_rng
 from readygo.services.renderer.faces import WEIGHT_ONE, Remap, look_up
 
@@ -131,7 +131,7 @@ def _with_rows(images: Images, others: Images, rows: npt.NDArray[np.bool_]) -> I
     return Images(**values)
 
 
-@compiled(error_model="numpy")
+@kernel_with_cache(error_model="numpy")
 def _add_image(source: npt.NDArray[np.uint8], light: Integers, row_weight: Integers, out: Integers) -> None:
     height, width, _ = out.shape
     for i in range(height):
@@ -143,7 +143,7 @@ def _add_image(source: npt.NDArray[np.uint8], light: Integers, row_weight: Integ
                     out[i, j, c] += scale * light[source[p, c]]
 
 
-@compiled(error_model="numpy")
+@kernel_with_cache(error_model="numpy")
 def _add_remapped(
     source: npt.NDArray[np.uint8],
     start: Integers,
@@ -169,7 +169,7 @@ def _add_remapped(
                 out[i, j, 2] += row_weight[i] * blue
 
 
-@compiled(error_model="numpy")
+@kernel_with_cache(error_model="numpy")
 def _develop(
     total: Integers,
     gain: Floats,

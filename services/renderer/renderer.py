@@ -102,7 +102,7 @@ class Renderer:
         if unknown := [camera for camera in cameras if camera not in self.rasterizers]:
             raise RunError(f"The robot has no camera {unknown[0]!r}; it has {', '.join(self.robot.all_cameras)}.")
         for camera in cameras:
-            taken.append(self.draw(camera, shots, self.config.rasterized(kinds_of(camera, names))))
+            taken.append(self.draw(camera, shots, self.config.rasterizer_outputs(kinds_of(camera, names))))
         for images in zip(*taken, strict=True):
             yield {camera: self._with_depth(one) for camera, one in zip(cameras, images, strict=True)}
 
@@ -139,7 +139,7 @@ class Renderer:
         if (name, episode) not in self._cameras:
             robot = self.robot if isinstance(episode, str) else robot_of_episode(self.robot, episode)
             camera, key = camera_on(robot, name), sensor_key(episode, name)
-            config = self.config.sensor.drawn(camera, sensor_rng(key))
+            config = self.config.sensor.draw_camera(camera, sensor_rng(key))
             same_view = camera.horizontal_fov_deg == camera_on(self.robot, name).horizontal_fov_deg
             self._cameras[name, episode] = EpisodeCamera(
                 name=name,
@@ -267,7 +267,7 @@ def _scene_rasterizer(
         {name: mesh_like(avatar) for name, avatar in avatars.items()} if mesh else avatars,
         pinhole,
         cache=pack_folder(scene),
-        outputs=config.rasterized(config.outputs),
+        outputs=config.rasterizer_outputs(config.outputs),
         detail=config.detail,
     )
 

@@ -16,7 +16,7 @@ from readygo.common.images.files import encode_output
 from readygo.common.images.images import Images
 from readygo.common.images.names import GOAL_IMAGE, RGB, image_name
 from readygo.common.messages import (
-    Driver,
+    DriverKind,
     EpisodeHeader,
     EpisodeKey,
     EpisodeMotions,
@@ -45,7 +45,7 @@ NO_PICTURE = Picture(image=b"", outputs={})
 
 
 def episode_header(
-    renderer: Renderer, scenario: Scenario, trajectory: RobotTrajectory, driver: Driver = Driver.EXPERT
+    renderer: Renderer, scenario: Scenario, trajectory: RobotTrajectory, driver: DriverKind = DriverKind.EXPERT
 ) -> EpisodeHeader:
     """What is constant over an episode's samples."""
     first, *further = calibrations(renderer.robot, renderer.config.sensor, scenario.episode)

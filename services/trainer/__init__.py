@@ -1,15 +1,57 @@
 """The trainer: policies from episodes.
 
-torch is imported by `readygo.services.trainer.train` and `readygo.services.trainer.live`, not here.
+torch is imported with the names that need it, not here.
 """
 
-from readygo.services.trainer.config import (
-    RECIPES,
-    TrainConfig,
-    best_recipe,
-    fast_recipe,
-    paper_recipe,
-    with_overrides,
-)
+from typing import TYPE_CHECKING
 
-__all__ = ["RECIPES", "TrainConfig", "best_recipe", "fast_recipe", "paper_recipe", "with_overrides"]
+from readygo.common.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from readygo.services.trainer.config import RECIPES as RECIPES
+    from readygo.services.trainer.config import SamplingConfig as SamplingConfig
+    from readygo.services.trainer.config import TrainConfig as TrainConfig
+    from readygo.services.trainer.config import best_recipe as best_recipe
+    from readygo.services.trainer.config import fast_recipe as fast_recipe
+    from readygo.services.trainer.config import paper_recipe as paper_recipe
+    from readygo.services.trainer.config import with_overrides as with_overrides
+    from readygo.services.trainer.image_choice import chosen_images as chosen_images
+    from readygo.services.trainer.live import LiveTrainer as LiveTrainer
+    from readygo.services.trainer.networks.config import NetworkTrainConfig as NetworkTrainConfig
+    from readygo.services.trainer.networks.train import train_network as train_network
+    from readygo.services.trainer.ranks import join_ranks as join_ranks
+    from readygo.services.trainer.ranks import leave_ranks as leave_ranks
+    from readygo.services.trainer.run import Evaluate as Evaluate
+    from readygo.services.trainer.run import TrainProgress as TrainProgress
+    from readygo.services.trainer.train import train_policy as train_policy
+    from readygo.services.trainer.train import training_threads as training_threads
+else:
+    _NAMES = {
+        ".config": (
+            "RECIPES",
+            "SamplingConfig",
+            "TrainConfig",
+            "best_recipe",
+            "fast_recipe",
+            "paper_recipe",
+            "with_overrides",
+        ),
+        ".image_choice": ("chosen_images",),
+        ".live": ("LiveTrainer",),
+        ".networks.config": ("NetworkTrainConfig",),
+        ".networks.train": ("train_network",),
+        ".ranks": (
+            "join_ranks",
+            "leave_ranks",
+        ),
+        ".run": (
+            "Evaluate",
+            "TrainProgress",
+        ),
+        ".train": (
+            "train_policy",
+            "training_threads",
+        ),
+    }
+    __all__ = [name for names in _NAMES.values() for name in names]
+    __getattr__ = lazy_names(__name__, _NAMES)

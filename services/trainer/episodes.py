@@ -12,7 +12,7 @@ from readygo.common.camera import SensorConfig
 from readygo.common.errors import DatasetError
 from readygo.common.images.names import GOAL_IMAGE
 from readygo.common.messages import CommittedEpisode, EpisodeKey, Sample
-from readygo.common.messages.plan import Driver, Outcome
+from readygo.common.messages.plan import DriverKind, Outcome
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import UNKNOWN_RISK
 
@@ -20,7 +20,7 @@ Array = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, slots=True)
-class Episode:
+class TrainingEpisode:
     """One recorded episode of T samples."""
 
     name: str
@@ -42,7 +42,7 @@ class Episode:
     humans: Array | None = None
     """The nearest visible human: 1 if there is one, else 0; bearing to the left [rad], distance [m]; shape (T, 3).
     None if the data do not say."""
-    driver: Driver = Driver.EXPERT
+    driver: DriverKind = DriverKind.EXPERT
     outcome: Outcome = Outcome.SUCCESS
     static: bool = True
     """True if there were no humans."""
@@ -98,7 +98,7 @@ class EpisodeRange(Protocol):
         ...
 
     @property
-    def driver(self) -> Driver:
+    def driver(self) -> DriverKind:
         """Driver of the episode."""
         ...
 
@@ -204,7 +204,9 @@ class SampleSource(Protocol):
         ...
 
 
-def read_episodes(source: SampleSource, *, with_humans: bool = False, outputs: Sequence[str] = ()) -> Iterator[Episode]:
+def read_episodes(
+    source: SampleSource, *, with_humans: bool = False, outputs: Sequence[str] = ()
+) -> Iterator[TrainingEpisode]:
     """The episodes of recorded shards, in their order.
 
     Args:
@@ -229,7 +231,7 @@ def read_episodes(source: SampleSource, *, with_humans: bool = False, outputs: S
             places = [poses[:, :2] for poses in source.humans_xyzyaw[part]]
             humans = nearest_humans(xyyaw[part], places, visible[part])
         images = tuple(source.image(row) for row in rows)
-        yield Episode(
+        yield TrainingEpisode(
             name=entry.sha256,
             images=images,
             actions=source.actions[part],
@@ -252,7 +254,7 @@ def read_episodes(source: SampleSource, *, with_humans: bool = False, outputs: S
         )
 
 
-def committed_episode(message: CommittedEpisode, outputs: Sequence[str] = ()) -> Episode:
+def committed_episode(message: CommittedEpisode, outputs: Sequence[str] = ()) -> TrainingEpisode:
     """An episode as the recorder announces it, with further images of some names.
 
     Raises:
@@ -260,7 +262,7 @@ def committed_episode(message: CommittedEpisode, outputs: Sequence[str] = ()) ->
     """
     header, samples = message.header, message.samples
     xyyaw = np.array([(s.robot_xyzyaw[0], s.robot_xyzyaw[1], s.robot_xyzyaw[3]) for s in samples], np.float64)
-    return Episode(
+    return TrainingEpisode(
         name=header.episode.episode_id,
         images=tuple(sample.image for sample in samples),
         actions=np.array([(s.action_v_mps, s.action_w_radps) for s in samples], np.float32),
@@ -291,7 +293,7 @@ def _output(sample: Sample, name: str) -> bytes:
 def nearest_humans(
     xyyaw: npt.NDArray[np.float64], places_xy_m: Sequence[npt.NDArray[np.floating]], visible: npt.NDArray[np.bool_]
 ) -> Array:
-    """`Episode.humans`: the nearest human ahead of the robot, at the samples at which one is visible.
+    """`TrainingEpisode.humans`: the nearest human ahead of the robot, at the samples at which one is visible.
 
     Args:
         xyyaw: Robot's poses, shape (T, 3).

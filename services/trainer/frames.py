@@ -12,7 +12,7 @@ from readygo.common.images.names import GOAL_IMAGE, RGB, kind_of
 from readygo.common.policy.sight import as_measured, channels_of, in_bytes, side_by_side
 from readygo.common.robot import RobotConfig
 from readygo.services.trainer.reservoir import Reservoir
-from readygo.services.trainer.samples import Indices, SampleTable
+from readygo.services.trainer.samples import Indices, TrainingSamples
 
 Image = npt.NDArray[np.uint8]
 _AT_GOAL = -1
@@ -43,7 +43,7 @@ class FrameCache:
         self._room = limit_bytes // int(np.prod(self.shape))
         self._version = reservoir.version
 
-    def get(self, table: SampleTable, indices: Indices) -> Image:
+    def get(self, table: TrainingSamples, indices: Indices) -> Image:
         """Frames of the samples `indices`, the images that were asked for side by side, shape (F, H, W, C).
 
         Index -1 - e is the image of the goal of the table's episode e.
@@ -89,7 +89,7 @@ class FrameCache:
         if kind == RGB:
             return pool(drawn, self._pooling)
         measured_m = as_measured(drawn, image, self._robot, name, step)
-        return thinned(in_bytes(measured_m, image, self._robot), self._pooling)
+        return thin_pixels(in_bytes(measured_m, image, self._robot), self._pooling)
 
     def _forget_dropped(self) -> None:
         if self._version == self._reservoir.version:
@@ -108,7 +108,7 @@ def pooling_of(camera: CameraConfig, pooled_height_px: int) -> int:
     return max(factor for factor in factors if height % factor == 0 and width % factor == 0)
 
 
-def thinned(depth: Image, factor: int) -> Image:
+def thin_pixels(depth: Image, factor: int) -> Image:
     """The pixel in the middle of every square of `factor` pixels: a mean of depths is where nothing is."""
     return depth[factor // 2 :: factor, factor // 2 :: factor]
 

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.frames import goals_in_robot_frames
-from readygo.services.trainer.samples import Indices, SampleTable
+from readygo.services.trainer.samples import Indices, TrainingSamples
 
 NEAR_M = 1.0
 """Goals are reached at this distance [m]."""
@@ -23,13 +23,13 @@ class Goals:
     """The sample whose frame shows what is seen there; -1 - e for the image of the goal of episode e, shape (B,)."""
 
 
-def own_goals(table: SampleTable, samples: Indices) -> Goals:
+def own_goals(table: TrainingSamples, samples: Indices) -> Goals:
     """The goals of the episodes."""
     return Goals(xy_m=table.goals_xy_m[samples], seen_from=-1 - table.episode[samples])
 
 
 def hindsight_goals(
-    table: SampleTable, samples: Indices, share: float, rng: np.random.Generator, *, seen: bool = False
+    table: TrainingSamples, samples: Indices, share: float, rng: np.random.Generator, *, seen: bool = False
 ) -> Goals:
     """Goals of samples, some of them replaced by a place that the robot reached later in the same episode.
 

@@ -40,7 +40,7 @@ class Learner:
             weight_decay=config.optimizer.weight_decay,
             fused=True,
         )
-        self._network = ranks.wrapped(self.model)
+        self._network = ranks.wrap(self.model)
         if device.type == "cuda":
             self._network = torch.compile(self._network, dynamic=True)  # type: ignore[assignment]
         self._device, self._ema_decay = device, config.optimizer.ema_decay

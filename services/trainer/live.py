@@ -16,13 +16,13 @@ from readygo.common.errors import BusError, PeerError, PolicyError
 from readygo.common.files import write_whole
 from readygo.common.messages import CommittedEpisode, OfferReply, OfferRequest, PolicyFile
 from readygo.common.messages.live import LiveLoss
-from readygo.common.messages.plan import Driver, Outcome
+from readygo.common.messages.plan import DriverKind, Outcome
 from readygo.common.policy.artifact import POLICY_FILES
 from readygo.common.robot import RobotConfig
 from readygo.services.trainer.config import TrainConfig
-from readygo.services.trainer.episodes import Episode, committed_episode
+from readygo.services.trainer.episodes import TrainingEpisode, committed_episode
 from readygo.services.trainer.outcome import export_chosen, write_outcome
-from readygo.services.trainer.parts import HELD_OUT_SHARE, Part, outputs_of
+from readygo.services.trainer.parts import HELD_OUT_SHARE, EpisodePart, outputs_of
 from readygo.services.trainer.run import TrainRun
 from readygo.services.trainer.samples import name_rank
 
@@ -83,7 +83,7 @@ class LiveTrainer:
             PolicyError: If `out` belongs to a run with other settings.
         """
         self._config, self._offer, self._catch_up = config, offer, catch_up
-        self._parts = Part(robot, config, 1 - HELD_OUT_SHARE), Part(robot, config, HELD_OUT_SHARE)
+        self._parts = EpisodePart(robot, config, 1 - HELD_OUT_SHARE), EpisodePart(robot, config, HELD_OUT_SHARE)
         self._run = TrainRun(self._parts, robot, sensor, config, out, data={"source": "live"})
         self._show, self._shown = show, len(self._run.history)
         self._size_px = robot.camera.height_px, robot.camera.width_px
@@ -108,13 +108,13 @@ class LiveTrainer:
             PolicyError: If the loss is not finite, or the fleet cannot use the policies.
         """
         self._read()
-        while not (stop.is_set() or self._asked(STOP_FILE) or self._run.is_over):
+        while not (stop.is_set() or self._is_requested(STOP_FILE) or self._run.is_over):
             self._listen()
             if len(self._parts[0].reservoir.episodes) < FIRST_EPISODES:
                 self._tell("waiting")
                 stop.wait(WAIT_S)
                 continue
-            if self._asked(DECAY_FILE):
+            if self._is_requested(DECAY_FILE):
                 self._run.schedule.begin_decay(self._run.fraction)
             self._run.step()
             if self._run.elapsed_s - self._offered_s >= self._config.offer_every_s:
@@ -155,10 +155,10 @@ class LiveTrainer:
                 continue
             self._keep(dataclasses.replace(committed_episode(message, outputs_of(self._config)), name=name))
 
-    def _keep(self, episode: Episode) -> None:
+    def _keep(self, episode: TrainingEpisode) -> None:
         held_out = name_rank(episode.name) < self._config.validation_fraction
         self._parts[held_out].reservoir.add(episode)
-        if episode.driver is Driver.POLICY:
+        if episode.driver is DriverKind.POLICY:
             self._recent["static" if episode.static else "dynamic"].append(episode.outcome is Outcome.SUCCESS)
 
     def _give(self) -> None:
@@ -221,7 +221,7 @@ class LiveTrainer:
             self._show(loss)
         self._shown = len(history)
 
-    def _asked(self, file: str) -> bool:
+    def _is_requested(self, file: str) -> bool:
         return (self._run.out / file).exists()
 
 

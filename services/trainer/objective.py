@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from readygo.common.images.names import cameras_of
 from readygo.common.policy.traits import LIMITS_AT
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.command_grid import HUMAN, OBSTACLE, UNKNOWN_RISK, mirrored
+from readygo.common.robot.command_grid import HUMAN, OBSTACLE, UNKNOWN_RISK, mirror_indices
 from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.frames import FrameCache, pooling_of
 from readygo.services.trainer.goals import Goals, hindsight_goals, own_goals
@@ -20,8 +20,8 @@ from readygo.services.trainer.inputs import MotionInput
 from readygo.services.trainer.light import light_on, lit
 from readygo.services.trainer.model import Bins
 from readygo.services.trainer.motion import correct_for_turn, corrupt_previous, mirrored_motion, turn_motion, turn_world
-from readygo.services.trainer.samples import Array, Batch, Indices, SampleTable, Timing, make_batch
-from readygo.services.trainer.views import View, draw_views, plain_view
+from readygo.services.trainer.samples import Array, Batch, Indices, TrainingSamples, WindowTiming, make_batch
+from readygo.services.trainer.views import BatchViews, draw_views, plain_view
 from readygo.services.trainer.warps import RobotWarp, mirror_twins, show_frames
 
 PREVIOUS_DROPOUT = 0.5
@@ -48,13 +48,13 @@ class Shown:
     goals_xy_m: Tensor
     """Goals in the robot's frame [m], shape (B, 2)."""
     traits: Tensor
-    """Robot parameters, see `SampleTable.traits`, shape (B, TRAIT_COUNT)."""
+    """Robot parameters, see `TrainingSamples.traits`, shape (B, TRAIT_COUNT)."""
     targets: Tensor
     """(v / v_max, w / w_max), shape (B, 2)."""
     risks: Tensor
-    """Risks of commands, see `SampleTable.risks`, shape (B, C)."""
+    """Risks of commands, see `TrainingSamples.risks`, shape (B, C)."""
     humans: Tensor
-    """The nearest visible human, see `SampleTable.humans`, shape (B, 3)."""
+    """The nearest visible human, see `TrainingSamples.humans`, shape (B, 3)."""
 
     def to(self, device: torch.device) -> "Shown":
         """The batch on a device."""
@@ -64,19 +64,19 @@ class Shown:
 class Objective:
     """Turns samples into what the network is shown, and its answers into a loss."""
 
-    def __init__(self, robot: RobotConfig, config: TrainConfig, timing: Timing, dtype: torch.dtype) -> None:
+    def __init__(self, robot: RobotConfig, config: TrainConfig, timing: WindowTiming, dtype: torch.dtype) -> None:
         self._timing, self._dtype = timing, dtype
         self._sees, sampling = config.network.images, config.sampling
         # In a mirror other cameras would be on the robot's other side, or have another lens.
         mirrors = mirror_twins(robot, cameras_of(self._sees)) is not None
         self._config, self._mirrors = sampling, mirrors
-        self._mirrored_commands = mirrored(robot)
+        self._mirrored_commands = mirror_indices(robot)
         self._motion = MotionInput(config.network.motion)
         pooling = pooling_of(robot.camera, config.network.pooled_height_px)
         self._warp_of = lru_cache(WARPS_KEPT)(partial(RobotWarp, images=self._sees, pooling=pooling))
         self._sees_goal = config.network.goal != "point"
 
-    def training(self, table: SampleTable, frames: FrameCache, samples: Indices, rng: np.random.Generator) -> Shown:
+    def training(self, table: TrainingSamples, frames: FrameCache, samples: Indices, rng: np.random.Generator) -> Shown:
         """Samples with random changes."""
         batch = make_batch(samples, table.first, self._timing)
         firsts, groups = np.unique(table.first[batch.frames], return_inverse=True)
@@ -101,7 +101,7 @@ class Objective:
             still = replace(view, yaws_rad=np.zeros_like(view.yaws_rad))
             there = self._images(table, frames, places, rows[first_of(chosen)], still)
             images = torch.cat([images, there])
-        return self._shown(
+        return self._network_inputs(
             images,
             batch,
             traits,
@@ -112,7 +112,7 @@ class Objective:
             humans=np.where(mirrored, humans * np.array([1, -1, 1]), humans).astype(np.float32),
         )
 
-    def plain(self, table: SampleTable, frames: FrameCache, samples: Indices, *, withheld: bool = False) -> Shown:
+    def plain(self, table: TrainingSamples, frames: FrameCache, samples: Indices, *, withheld: bool = False) -> Shown:
         """Samples as they were recorded, the previous action withheld where asked for."""
         batch = make_batch(samples, table.first, self._timing)
         motion = table.motion[samples]
@@ -125,7 +125,7 @@ class Objective:
             places, batch = with_goal_frames(batch, goals)
             there = self._images(table, frames, places, np.zeros(len(places), np.int64), plain_view())
             images = torch.cat([images, there])
-        return self._shown(
+        return self._network_inputs(
             images,
             batch,
             table.traits[table.episode[samples]],
@@ -170,7 +170,9 @@ class Objective:
         noise = (PREVIOUS_NOISE * rng.normal(0.0, limits, (len(motion), 2))).astype(np.float32)
         return corrupt_previous(motion[:, -2:], noise, rng.random(len(motion)) < PREVIOUS_DROPOUT)
 
-    def _images(self, table: SampleTable, cache: FrameCache, places: Indices, groups: Indices, view: View) -> Tensor:
+    def _images(
+        self, table: TrainingSamples, cache: FrameCache, places: Indices, groups: Indices, view: BatchViews
+    ) -> Tensor:
         """Frames of some samples and images of goals, each episode's as its row of the view has it.
 
         Args:
@@ -194,7 +196,7 @@ class Objective:
             images = torch.from_numpy(lit(shown, groups, light))
         return images.permute(0, 3, 1, 2)
 
-    def _shown(
+    def _network_inputs(
         self, images: Tensor, batch: Batch, traits: npt.NDArray[np.float64], **numbers: npt.NDArray[Any]
     ) -> Shown:
         told = traits.astype(np.float32)
@@ -227,7 +229,7 @@ def risks_loss(logits: Tensor, risks: Tensor) -> Tensor:
 
     Args:
         logits: Of meeting an obstacle and of meeting a human, shape (B, 2 C).
-        risks: See `SampleTable.risks`, shape (B, C).
+        risks: See `TrainingSamples.risks`, shape (B, C).
     """
     known = risks[:, 0] != UNKNOWN_RISK
     if not known.any():
@@ -241,7 +243,7 @@ def humans_loss(answers: Tensor, humans: Tensor) -> Tensor:
 
     Args:
         answers: Logit of presence, bearing [rad], logarithm of the distance [m], shape (B, 3).
-        humans: See `SampleTable.humans`, shape (B, 3).
+        humans: See `TrainingSamples.humans`, shape (B, 3).
     """
     known = torch.isfinite(humans).all(dim=1)
     there = known & (torch.nan_to_num(humans[:, 0]) > 0.5)

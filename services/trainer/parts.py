@@ -8,16 +8,16 @@ from readygo.common.images.names import GOAL_IMAGE, RGB
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import command_grid
 from readygo.services.trainer.config import TrainConfig
-from readygo.services.trainer.episodes import Episode, SampleSource, read_episodes
+from readygo.services.trainer.episodes import SampleSource, TrainingEpisode, read_episodes
 from readygo.services.trainer.frames import FrameCache, pooling_of
 from readygo.services.trainer.reservoir import Reservoir
-from readygo.services.trainer.samples import SampleTable, Timing, episode_table, held_out_names, join_tables
+from readygo.services.trainer.samples import TrainingSamples, WindowTiming, episode_table, held_out_names, join_tables
 
 HELD_OUT_SHARE = 0.2
 """Share of the memory for episodes and for decoded frames that held-out episodes get."""
 
 
-class Part:
+class EpisodePart:
     """Episodes to train on, or to hold out."""
 
     def __init__(self, robot: RobotConfig, config: TrainConfig, share: float) -> None:
@@ -37,11 +37,11 @@ class Part:
             images=config.network.images,
         )
         self._robot, self._timing = robot, timing_of(robot, config)
-        self._tables: dict[str, SampleTable] = {}
-        self._joined: tuple[int, SampleTable] | None = None
+        self._tables: dict[str, TrainingSamples] = {}
+        self._joined: tuple[int, TrainingSamples] | None = None
 
     @property
-    def table(self) -> SampleTable:
+    def table(self) -> TrainingSamples:
         """The numbers of the episodes that there are now.
 
         Raises:
@@ -58,7 +58,7 @@ class Part:
         return self._joined[1]
 
 
-def timing_of(robot: RobotConfig, config: TrainConfig) -> Timing:
+def timing_of(robot: RobotConfig, config: TrainConfig) -> WindowTiming:
     """Which steps belong together.
 
     Raises:
@@ -69,7 +69,7 @@ def timing_of(robot: RobotConfig, config: TrainConfig) -> Timing:
         spacing_steps = clock.spacing_steps(config.sampling.frame_spacing_s)
     except ValueError as error:
         raise ConfigError(f"The robot's camera takes {robot.camera_hz} images a second: {error}") from error
-    return Timing(
+    return WindowTiming(
         clock=clock,
         command_count=len(command_grid(robot)),
         spacing_steps=spacing_steps,
@@ -90,7 +90,9 @@ def robot_of_source(source: SampleSource) -> RobotConfig:
     return source.robot
 
 
-def build_parts(source: SampleSource, validation: SampleSource | None, config: TrainConfig) -> tuple[Part, Part]:
+def build_parts(
+    source: SampleSource, validation: SampleSource | None, config: TrainConfig
+) -> tuple[EpisodePart, EpisodePart]:
     """What is trained on and what is held out: episodes of `validation`, or else some of `source`.
 
     Raises:
@@ -100,7 +102,7 @@ def build_parts(source: SampleSource, validation: SampleSource | None, config: T
     wanted: dict[str, Any] = {"with_humans": config.sampling.humans_weight > 0, "outputs": outputs_of(config)}
     if validation is not None and robot_of_source(validation) != robot:
         raise DatasetError("Training and validation data were recorded with different robots; use one robot.toml.")
-    training, held_out = Part(robot, config, 1 - HELD_OUT_SHARE), Part(robot, config, HELD_OUT_SHARE)
+    training, held_out = EpisodePart(robot, config, 1 - HELD_OUT_SHARE), EpisodePart(robot, config, HELD_OUT_SHARE)
     if validation is not None:
         if not source.episodes or not validation.episodes:
             raise DatasetError("Training and validation data need at least one episode each.")
@@ -119,6 +121,6 @@ def outputs_of(config: TrainConfig) -> tuple[str, ...]:
     return (*(name for name in config.network.images if name != RGB), *goal)
 
 
-def _fill(part: Part, episodes: Iterable[Episode]) -> None:
+def _fill(part: EpisodePart, episodes: Iterable[TrainingEpisode]) -> None:
     for episode in episodes:
         part.reservoir.add(episode)

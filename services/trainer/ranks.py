@@ -20,11 +20,11 @@ class Ranks:
         """True for the process that validates and writes."""
         return self.rank == 0
 
-    def wrapped(self, network: nn.Module) -> nn.Module:
+    def wrap(self, network: nn.Module) -> nn.Module:
         """The network with gradients that are averaged over all processes."""
         return network if self.count == 1 else nn.parallel.DistributedDataParallel(network)
 
-    def agreed(self, number: float) -> float:
+    def broadcast(self, number: float) -> float:
         """The first process's number."""
         if self.count == 1:
             return number

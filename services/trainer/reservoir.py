@@ -4,7 +4,7 @@ import hashlib
 import heapq
 from dataclasses import dataclass, field
 
-from readygo.services.trainer.episodes import Episode
+from readygo.services.trainer.episodes import TrainingEpisode
 
 
 @dataclass
@@ -24,7 +24,7 @@ class Reservoir:
     """
 
     def __init__(self, limit_bytes: int, seed: int = 0) -> None:
-        self.episodes: dict[str, Episode] = {}
+        self.episodes: dict[str, TrainingEpisode] = {}
         """Episodes by name, in the order in which they came."""
         self.size_bytes = 0
         self.version = 0
@@ -32,7 +32,7 @@ class Reservoir:
         self._limit_bytes, self._seed = limit_bytes, seed
         self._rounds: dict[str, Round] = {}
 
-    def add(self, episode: Episode) -> None:
+    def add(self, episode: TrainingEpisode) -> None:
         """Take an episode, and let others go if there is no room; one that is there already is left as it is."""
         if episode.name in self.episodes or not episode.sample_count:
             return
@@ -45,7 +45,7 @@ class Reservoir:
             dropped = self.episodes.pop(heapq.heappop(largest.lots)[1])
             self._count(dropped, -dropped.size_bytes)
 
-    def _count(self, episode: Episode, size_bytes: int) -> None:
+    def _count(self, episode: TrainingEpisode, size_bytes: int) -> None:
         self.size_bytes += size_bytes
         self._rounds[episode.policy].size_bytes += size_bytes
         self.version += 1

@@ -19,10 +19,10 @@ from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.export import export_policy
 from readygo.services.trainer.hardware import available_cores
 from readygo.services.trainer.learner import Learner
-from readygo.services.trainer.parts import Part
+from readygo.services.trainer.parts import EpisodePart
 from readygo.services.trainer.ranks import Ranks
 from readygo.services.trainer.samples import Indices, draw_samples, spread_samples
-from readygo.services.trainer.schedule import Schedule
+from readygo.services.trainer.schedule import RateSchedule
 from readygo.services.trainer.validation import predict, validation_loss
 
 VALIDATION_SAMPLES = 1000
@@ -62,7 +62,7 @@ class TrainRun:
 
     def __init__(
         self,
-        parts: tuple[Part, Part],
+        parts: tuple[EpisodePart, EpisodePart],
         robot: RobotConfig,
         sensor: SensorConfig,
         config: TrainConfig,
@@ -90,7 +90,7 @@ class TrainRun:
         self.spec = PolicySpec(robot=robot, sensor=sensor, frame_spacing_s=config.sampling.frame_spacing_s)
         self.ranks = Ranks()
         self.learner = Learner(robot, config, self.ranks)
-        self.schedule = Schedule(config.optimizer)
+        self.schedule = RateSchedule(config.optimizer)
         self.steps, self.samples_seen, self.elapsed_s = 0, 0, 0.0
         """`elapsed_s` is processor time of each thread [s]."""
         self.history: list[dict[str, float]] = []
@@ -101,7 +101,7 @@ class TrainRun:
         self._fraction, self._saved_s = 0.0, 0.0
         out.mkdir(parents=True, exist_ok=True)
         self._restore()
-        self._fraction = self._spent()
+        self._fraction = self._share_spent()
 
     @property
     def fraction(self) -> float:
@@ -133,7 +133,7 @@ class TrainRun:
             self.steps, self.samples_seen = self.steps + 1, self.samples_seen + len(samples) * self.ranks.count
         if self.samples_seen // self.config.validate_every > validations:
             self.validate()
-        self._fraction = self.ranks.agreed(self._spent())
+        self._fraction = self.ranks.broadcast(self._share_spent())
         if self.elapsed_s - self._saved_s >= SAVE_EVERY_S:
             self.save()
 
@@ -206,7 +206,7 @@ class TrainRun:
             validation_loss=self.history[-1]["validation_loss"] if self.history else math.nan,
         )
 
-    def _spent(self) -> float:
+    def _share_spent(self) -> float:
         if self.config.samples is not None:
             return self.samples_seen / self.config.samples
         return self.elapsed_s / (60 * self.config.minutes)
@@ -264,11 +264,11 @@ class TrainRun:
         self.schedule.decay_from = state["decay_from"]
         self.history, self._losses, self.best = state["history"], state["losses"], state["best"]
 
-    def _clock(self) -> "Clock":
-        return Clock(self)
+    def _clock(self) -> "ProcessorClock":
+        return ProcessorClock(self)
 
 
-class Clock:
+class ProcessorClock:
     """Counts the processor time of a block as a run's."""
 
     def __init__(self, run: TrainRun) -> None:

@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.errors import DatasetError
-from readygo.common.messages.plan import Driver
+from readygo.common.messages.plan import DriverKind
 from readygo.common.policy.motion import odometry, own_motion
 from readygo.common.policy.traits import LIMITS_AT, traits_of
 from readygo.common.policy.windows import FRAME_COUNT, window_rows
 from readygo.common.robot import Clock, RobotConfig
 from readygo.common.robot.command_grid import COMMAND_COUNT, UNKNOWN_RISK
-from readygo.services.trainer.episodes import Episode
+from readygo.services.trainer.episodes import TrainingEpisode
 
 Indices = npt.NDArray[np.int64]
 Array = npt.NDArray[np.float32]
@@ -26,7 +26,7 @@ SAME_COMMAND = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True)
-class Timing:
+class WindowTiming:
     """Which steps belong together."""
 
     spacing_steps: int
@@ -44,7 +44,7 @@ class Timing:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SampleTable:
+class TrainingSamples:
     """The numbers of some episodes, in flat arrays over all of their S samples."""
 
     names: tuple[str, ...]
@@ -75,9 +75,9 @@ class SampleTable:
     xyyaw: npt.NDArray[np.float64]
     """Robot's pose: x, y [m], yaw [rad], shape (S, 3)."""
     risks: npt.NDArray[np.uint8]
-    """Risk of each command, see `Episode.risks`; `UNKNOWN_RISK` where the data do not say, shape (S, C)."""
+    """Risk of each command, see `TrainingEpisode.risks`; `UNKNOWN_RISK` where the data do not say, shape (S, C)."""
     humans: Array
-    """The nearest visible human, see `Episode.humans`; NaN where the data do not say, shape (S, 3)."""
+    """The nearest visible human, see `TrainingEpisode.humans`; NaN where the data do not say, shape (S, 3)."""
 
     def __len__(self) -> int:
         return len(self.first)
@@ -119,7 +119,7 @@ class Batch:
     """Rows of `frames` that each sample sees, oldest first, shape (B, `frame_count`)."""
 
 
-def episode_table(episode: Episode, robot: RobotConfig, timing: Timing) -> SampleTable:
+def episode_table(episode: TrainingEpisode, robot: RobotConfig, timing: WindowTiming) -> TrainingSamples:
     """The table of one episode.
 
     Args:
@@ -136,7 +136,7 @@ def episode_table(episode: Episode, robot: RobotConfig, timing: Timing) -> Sampl
     targets = _targets(episode, timing.ahead_steps + clock.control_every - 1)
     seen = episode.pictured[rows].all(axis=1) & np.isfinite(targets).all(axis=1)
     previous = np.concatenate([np.zeros((1, 2), np.float32), episode.actions[:-1]])
-    return SampleTable(
+    return TrainingSamples(
         names=(episode.name,),
         robots=(robot.with_values(episode.drawn),),
         episode=zeros,
@@ -144,7 +144,7 @@ def episode_table(episode: Episode, robot: RobotConfig, timing: Timing) -> Sampl
         last=np.full(count, count - 1),
         driven_last=_driven_last(episode),
         pictured_at=np.maximum.accumulate(np.where(episode.pictured, steps, 0)),
-        by_policy=np.full(count, episode.driver is Driver.POLICY),
+        by_policy=np.full(count, episode.driver is DriverKind.POLICY),
         usable=seen & (steps % clock.control_every == 0),
         targets=targets,
         motion=own_motion(poses[rows[:, :-1]], poses, previous),
@@ -155,7 +155,7 @@ def episode_table(episode: Episode, robot: RobotConfig, timing: Timing) -> Sampl
     )
 
 
-def join_tables(tables: Sequence[SampleTable]) -> SampleTable:
+def join_tables(tables: Sequence[TrainingSamples]) -> TrainingSamples:
     """One table of several.
 
     Raises:
@@ -167,25 +167,25 @@ def join_tables(tables: Sequence[SampleTable]) -> SampleTable:
     begins = np.repeat(np.cumsum(counts) - counts, counts)
     columns = {
         item.name: np.concatenate([getattr(table, item.name) for table in tables])
-        for item in fields(SampleTable)
+        for item in fields(TrainingSamples)
         if item.name not in ("names", "robots")
     }
     for name in ("first", "last", "driven_last", "pictured_at"):
         columns[name] = columns[name] + begins
     columns["episode"] = np.repeat(np.arange(len(tables)), counts)
-    return SampleTable(
+    return TrainingSamples(
         names=tuple(name for table in tables for name in table.names),
         robots=tuple(robot for table in tables for robot in table.robots),
         **columns,
     )
 
 
-def _window_rows(samples: Indices, first: Indices, timing: Timing) -> Indices:
+def _window_rows(samples: Indices, first: Indices, timing: WindowTiming) -> Indices:
     newest, every = samples - timing.latency_steps, timing.clock.image_every
     return window_rows(newest, first, timing.spacing_steps, timing.frame_count, every)
 
 
-def _risks(episode: Episode, command_count: int) -> npt.NDArray[np.uint8]:
+def _risks(episode: TrainingEpisode, command_count: int) -> npt.NDArray[np.uint8]:
     if episode.risks is None:
         return np.full((episode.sample_count, command_count), UNKNOWN_RISK, np.uint8)
     if episode.risks.shape[1] != command_count:
@@ -196,16 +196,16 @@ def _risks(episode: Episode, command_count: int) -> npt.NDArray[np.uint8]:
     return episode.risks
 
 
-def _targets(episode: Episode, ahead_steps: int) -> Array:
+def _targets(episode: TrainingEpisode, ahead_steps: int) -> Array:
     """The expert's commands some steps ahead; where the expert was not asked, what was executed then."""
     if episode.expert is not None:
         return episode.expert[:, min(ahead_steps, episode.expert.shape[1] - 1)]
     return episode.actions[np.minimum(np.arange(episode.sample_count) + ahead_steps, episode.sample_count - 1)]
 
 
-def _driven_last(episode: Episode) -> Indices:
+def _driven_last(episode: TrainingEpisode) -> Indices:
     steps = np.arange(episode.sample_count)
-    if episode.driver is not Driver.EXPERT:
+    if episode.driver is not DriverKind.EXPERT:
         return steps
     if episode.expert is None:
         return np.full(len(steps), len(steps) - 1)
@@ -231,7 +231,7 @@ def name_rank(name: str) -> float:
     return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big") / 2**64
 
 
-def make_batch(samples: Indices, first: Indices, timing: Timing) -> Batch:
+def make_batch(samples: Indices, first: Indices, timing: WindowTiming) -> Batch:
     """The batch of some samples; before an episode's start its first frame is seen.
 
     Args:
@@ -245,7 +245,7 @@ def make_batch(samples: Indices, first: Indices, timing: Timing) -> Batch:
 
 
 def draw_samples(
-    table: SampleTable, *, batch_size: int, chain_length: int, spacing_steps: int, rng: np.random.Generator
+    table: TrainingSamples, *, batch_size: int, chain_length: int, spacing_steps: int, rng: np.random.Generator
 ) -> Indices:
     """Random samples for one batch, all usable ones alike likely but for those near the ends of episodes.
 
@@ -271,7 +271,7 @@ def draw_samples(
     return np.concatenate(chains)
 
 
-def spread_samples(table: SampleTable, limit: int) -> Indices:
+def spread_samples(table: TrainingSamples, limit: int) -> Indices:
     """At most `limit` usable samples, evenly spread, in order."""
     usable = table.usable_samples
     return usable[:: max(1, -(-len(usable) // limit))]

@@ -11,7 +11,7 @@ FINAL_RATE = 0.01
 
 
 @dataclass
-class Schedule:
+class RateSchedule:
     """The learning rate by the share of the budget that is spent."""
 
     config: OptimizerConfig

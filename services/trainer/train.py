@@ -16,7 +16,7 @@ from readygo.services.trainer.parts import build_parts, robot_of_source
 from readygo.services.trainer.run import Evaluate, TrainProgress, TrainRun
 
 
-def train(
+def train_policy(
     source: SampleSource,
     config: TrainConfig,
     out: Path,

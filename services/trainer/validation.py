@@ -8,8 +8,8 @@ import torch
 from readygo.services.trainer.inputs import MotionInput
 from readygo.services.trainer.model import PolicyNet
 from readygo.services.trainer.objective import Objective
-from readygo.services.trainer.parts import Part
-from readygo.services.trainer.samples import Array, Indices, SampleTable
+from readygo.services.trainer.parts import EpisodePart
+from readygo.services.trainer.samples import Array, Indices, TrainingSamples
 
 VALIDATION_BATCH = 128
 
@@ -24,7 +24,7 @@ class Predictions:
     """The policy's commands with the previous action withheld, where the policy takes it at all, shape (B, 2)."""
 
 
-def predict(model: PolicyNet, objective: Objective, part: Part, samples: Indices) -> Predictions:
+def predict(model: PolicyNet, objective: Objective, part: EpisodePart, samples: Indices) -> Predictions:
     """Predictions of `model` for `samples` of a part, in evaluation mode."""
     given = _answers(model, objective, part, samples, withheld=False)
     if model.inputs.motion is MotionInput.POSES:
@@ -32,7 +32,7 @@ def predict(model: PolicyNet, objective: Objective, part: Part, samples: Indices
     return Predictions(given=given, withheld=_answers(model, objective, part, samples, withheld=True))
 
 
-def _answers(model: PolicyNet, objective: Objective, part: Part, samples: Indices, *, withheld: bool) -> Array:
+def _answers(model: PolicyNet, objective: Objective, part: EpisodePart, samples: Indices, *, withheld: bool) -> Array:
     model.eval()
     device, table = model.limits.device, part.table
     answers = []
@@ -54,7 +54,7 @@ def validation_loss(predictions: Predictions, targets: Array, limits: Array) -> 
 
 
 def error_metrics(
-    predictions: Predictions, table: SampleTable, samples: Indices, mean_action: Array
+    predictions: Predictions, table: TrainingSamples, samples: Indices, mean_action: Array
 ) -> dict[str, float | int]:
     """Root mean square errors on held-out samples, beside two trivial predictors.
 

@@ -18,7 +18,7 @@ PHOTOMETRIC = 0.2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class View:
+class BatchViews:
     """How each of G episodes is shown in a batch: turned, then shifted, then mirrored, in another light."""
 
     yaws_rad: npt.NDArray[np.float64]
@@ -33,7 +33,7 @@ class View:
 
 def draw_views(
     turnable: npt.NDArray[np.bool_], config: SamplingConfig, rng: np.random.Generator, *, mirrors: bool = True
-) -> View:
+) -> BatchViews:
     """A random view of each episode.
 
     Args:
@@ -44,7 +44,7 @@ def draw_views(
     """
     count = len(turnable)
     yaws_rad = config.yaw_error_rad * np.clip(rng.normal(0.0, 1.0, count), -2.5, 2.5)
-    return View(
+    return BatchViews(
         yaws_rad=np.where(turnable, yaws_rad, 0.0),
         shifts_px=rng.integers(-config.shift_px, config.shift_px + 1, (count, 2)),
         mirrored=rng.random(count) < (MIRRORED if mirrors else 0.0),
@@ -52,10 +52,10 @@ def draw_views(
     )
 
 
-def plain_view() -> View:
+def plain_view() -> BatchViews:
     """What the camera saw, for a single episode or all of them."""
     zeros = np.zeros(1)
-    return View(
+    return BatchViews(
         yaws_rad=zeros,
         shifts_px=np.zeros((1, 2), np.int64),
         mirrored=np.zeros(1, np.bool_),

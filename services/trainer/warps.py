@@ -15,7 +15,7 @@ from readygo.common.images.names import cameras_of, kinds_of
 from readygo.common.policy.sight import camera_on, channels_of
 from readygo.common.robot import RobotConfig
 from readygo.services.trainer.samples import Indices
-from readygo.services.trainer.views import View
+from readygo.services.trainer.views import BatchViews
 
 COLOURS = 3
 """Channels that are colours; those behind them are depths."""
@@ -71,7 +71,7 @@ class RobotWarp:
             self._parts[camera] = slice(first, first + count)
             first += count
 
-    def show(self, frames: Sequence[Image], view: View, group: int, out: Sequence[Image]) -> None:
+    def show(self, frames: Sequence[Image], view: BatchViews, group: int, out: Sequence[Image]) -> None:
         """See `FrameWarp.show`; a mirrored camera shows what its twin on the other side did."""
         if len(self._parts) == 1:
             self._warps[""].show(frames, view, group, out)
@@ -106,7 +106,7 @@ class FrameWarp:
         xy = self._lens.rays(self._pooling * np.stack([columns.ravel(), rows.ravel()], axis=1))
         return np.concatenate([xy, np.ones((len(xy), 1))], axis=1)
 
-    def show(self, frames: Sequence[Image], view: View, group: int, out: Sequence[Image]) -> None:
+    def show(self, frames: Sequence[Image], view: BatchViews, group: int, out: Sequence[Image]) -> None:
         """Frames of one episode as a view has them, but for its light.
 
         Args:
@@ -126,7 +126,7 @@ class FrameWarp:
         else:
             maps = self._turned_maps(yaw_rad)
             for frame, shown in zip(frames, out, strict=True):
-                _move(_remapped(frame, maps), shift_px, mirrored, out=shown)
+                _move(_remap_pixels(frame, maps), shift_px, mirrored, out=shown)
 
     def _warp(self, frame: Image, shown: Image, H: npt.NDArray[np.float64]) -> None:
         for part, how in _parts(frame.shape[2]):
@@ -164,7 +164,7 @@ class FrameWarp:
         return columns, rows
 
 
-def show_frames(frames: Image, groups: Indices, view: View, warps: Mapping[int, RobotWarp]) -> Image:
+def show_frames(frames: Image, groups: Indices, view: BatchViews, warps: Mapping[int, RobotWarp]) -> Image:
     """Frames as a view has them, but for its light; the frames themselves where nothing changes.
 
     Args:
@@ -189,7 +189,7 @@ def _parts(channels: int) -> list[tuple[slice, int]]:
     return [(slice(0, COLOURS), cv2.INTER_LINEAR), (slice(COLOURS, channels), cv2.INTER_NEAREST)]
 
 
-def _remapped(frame: Image, maps: tuple[Array, Array]) -> Image:
+def _remap_pixels(frame: Image, maps: tuple[Array, Array]) -> Image:
     """A frame whose pixels come from elsewhere in it."""
     turned = [
         cv2.remap(np.ascontiguousarray(frame[..., part]), *maps, how, borderMode=cv2.BORDER_REPLICATE)

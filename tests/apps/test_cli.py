@@ -15,11 +15,11 @@ import pytest
 import tyro
 from tyro.conf import Positional
 
-from readygo.apps.cli import Command, function_of, options_of, parse, run_command
+from readygo.apps.cli import CliCommand, function_of, options_of, parse, run_command
 from readygo.apps.options import SHORT_MAX, describe_options, option_name
-from readygo.apps.sections import Keys
 from readygo.commands import COMMANDS
 from readygo.common.errors import RunError
+from readygo.runs.sections import Keys
 
 ROOT = Path(__file__).resolve().parents[2]
 READYGO = [sys.executable, "-m", "readygo"]
@@ -47,7 +47,7 @@ def fail(options: FailOptions) -> None:
     raise ERRORS[options.how]
 
 
-FAIL = {"fail": Command(f"{__name__}:fail", "fails")}
+FAIL = {"fail": CliCommand(f"{__name__}:fail", "fails")}
 
 
 def test_version_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
@@ -173,7 +173,7 @@ def test_sigterm_ends_a_command_as_ctrl_c_does(capsys: pytest.CaptureFixture[str
     before = signal.getsignal(signal.SIGTERM)
     try:
         with pytest.raises(SystemExit) as stopped:
-            run_command({"wait": Command(f"{__name__}:be_terminated", "waits")}, ["wait"])
+            run_command({"wait": CliCommand(f"{__name__}:be_terminated", "waits")}, ["wait"])
     finally:
         signal.signal(signal.SIGTERM, before)
     assert stopped.value.code == 143
@@ -330,7 +330,7 @@ def choose(options: ChooseOptions) -> tuple[str, str, str]:
 
 def test_option_may_be_called_by_a_word_of_the_language(capsys: pytest.CaptureFixture[str]) -> None:
     assert (option_name("from_"), option_name("to_there")) == ("--from", "--to-there")
-    commands = {"choose": Command(f"{__name__}:choose", "chooses")}
+    commands = {"choose": CliCommand(f"{__name__}:choose", "chooses")}
     assert parse(commands, ["choose", "here", "--from", "a", "--to-there", "b"])() == ("here", "a", "b")
     parse(commands, ["choose", "--help"])()
     assert "--from FROM" in capsys.readouterr().out

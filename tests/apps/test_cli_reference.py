@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.cli_reference import completion, described, reference
+from readygo.apps.cli_reference import completion, describe_command, reference
 from readygo.commands import COMMANDS
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "commands.md"
@@ -21,14 +21,14 @@ def test_every_argument_is_explained() -> None:
     silent = [
         f"{name} {parameter.flag}"
         for name, command in COMMANDS.items()
-        for parameter in described(command).options
+        for parameter in describe_command(command).options
         if not parameter.words
     ]
     assert silent == []
 
 
 def test_a_command_has_its_arguments_with_value_and_default() -> None:
-    rows = {parameter.flag: parameter for parameter in described(COMMANDS["play"]).options}
+    rows = {parameter.flag: parameter for parameter in describe_command(COMMANDS["play"]).options}
     assert list(rows) == ["DATA", "--out", "--episode", "--every", "--camera"]
     assert rows["--out"].value == "PATH"
     assert (rows["--episode"].value, rows["--episode"].default) == ("INT", "0")

@@ -5,7 +5,7 @@ import pytest
 from tyro.conf import Fixed, Positional, UseAppendAction
 
 from readygo.apps.options import SHORT_MAX, describe_options, help_text, section_groups
-from readygo.apps.sections import Keys, Sections
+from readygo.runs.sections import Keys, Sections
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,7 +5,7 @@ from typing import Literal
 import pytest
 from tyro.conf import Positional
 
-from readygo.apps.cli import Command, run_command
+from readygo.apps.cli import CliCommand, run_command
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +41,7 @@ def move(options: MoveOptions) -> None:
     """Move something."""
 
 
-MOVE = {"move": Command(f"{__name__}:move", "moves")}
+MOVE = {"move": CliCommand(f"{__name__}:move", "moves")}
 
 
 @pytest.mark.parametrize(

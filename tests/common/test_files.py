@@ -17,8 +17,8 @@ from readygo.common.files import (
     open_regular,
     open_zip,
     read_regular,
-    unfinished,
     unfinished_folder,
+    write_then_rename,
     write_whole,
 )
 
@@ -53,7 +53,7 @@ def test_folders_on_the_way_are_made_and_text_is_utf8(tmp_path: Path) -> None:
 def test_a_block_that_fails_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
     path = tmp_path / "map.yaml"
     write_whole(path, b"old")
-    with pytest.raises(ZeroDivisionError), unfinished(path) as part:  # noqa: PT012
+    with pytest.raises(ZeroDivisionError), write_then_rename(path) as part:  # noqa: PT012
         assert part.suffix == ".yaml"
         part.write_bytes(b"half")
         raise ZeroDivisionError

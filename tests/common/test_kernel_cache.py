@@ -8,7 +8,7 @@ import pytest
 
 from readygo.common import files, kernel_cache
 from readygo.common.kernel_cache import KernelCache
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 
 COMMON = Path(kernel_cache.__file__).resolve().parent
 CALLER = """
@@ -113,7 +113,7 @@ def test_only_files_used_last_are_kept(own_folder: Path, monkeypatch: pytest.Mon
     for age, path in enumerate((used, old, other)):
         path.touch()
         os.utime(path, (1e9 - age, 1e9 - age))
-    compiled(square)(2.0)
+    kernel_with_cache(square)(2.0)
     left = set(own_folder.iterdir())
     assert {used, other} < left
     assert old not in left
@@ -121,12 +121,12 @@ def test_only_files_used_last_are_kept(own_folder: Path, monkeypatch: pytest.Mon
 
 
 def test_damaged_file_is_compiled_again(own_folder: Path) -> None:
-    compiled(square)(2.0)
+    kernel_with_cache(square)(2.0)
     (path,) = own_folder.iterdir()
     whole = path.read_bytes()
     for damaged in (b"", whole[: len(whole) // 2], b"no pickle"):
         path.write_bytes(damaged)
-        assert compiled(square)(3.0) == 9.0
+        assert kernel_with_cache(square)(3.0) == 9.0
     assert len(path.read_bytes()) > len(whole) // 2
 
 
@@ -137,7 +137,7 @@ def test_types_processors_and_entries_for_python_have_files_of_their_own() -> No
 
     from numba import float32, float64
 
-    cache = KernelCache(compiled(square))
+    cache = KernelCache(kernel_with_cache(square))
     paths = {
         cache._path((kind,), Codegen(cpu), entry=entry)
         for kind in (float32, float64)

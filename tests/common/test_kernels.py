@@ -7,7 +7,7 @@ import pytest
 
 from readygo.common import kernel_cache, kernels
 from readygo.common.kernel_cache import KernelCache
-from readygo.common.kernels import KernelDispatcher, compiled, inlined
+from readygo.common.kernels import KernelDispatcher, inline_kernel, kernel_with_cache
 
 
 class Segment(NamedTuple):
@@ -15,7 +15,7 @@ class Segment(NamedTuple):
     end: float
 
 
-@inlined
+@inline_kernel
 def length(segment: Segment) -> float:
     return segment.end - segment.begin
 
@@ -31,11 +31,11 @@ def entries(function: KernelDispatcher) -> list[bool]:
 
 
 def test_entry_for_python_is_made_when_python_calls() -> None:
-    @compiled
+    @kernel_with_cache
     def half(segment: Segment) -> float:
         return 0.5 * (segment.end - segment.begin)
 
-    @compiled
+    @kernel_with_cache
     def longer(first: Segment, second: Segment) -> float:
         return max(half(first), half(second))
 
@@ -47,11 +47,11 @@ def test_entry_for_python_is_made_when_python_calls() -> None:
 
 
 def test_function_with_an_entry_serves_kernels_too() -> None:
-    @compiled
+    @kernel_with_cache
     def doubled(x: float) -> float:
         return 2.0 * x
 
-    @compiled
+    @kernel_with_cache
     def doubled_twice(x: float) -> float:
         return doubled(doubled(x))
 
@@ -70,7 +70,7 @@ def test_kernels_of_numba_may_call_ours() -> None:
 
 
 def test_recursive_kernel_is_compiled() -> None:
-    @compiled
+    @kernel_with_cache
     def factorial(n: int) -> int:
         return 1 if n < 2 else n * factorial(n - 1)
 
@@ -83,15 +83,15 @@ def test_functions_of_others_keep_numbas_cache() -> None:
         return x
 
     assert type(theirs._cache) is not KernelCache
-    assert type(compiled(theirs.py_func)._cache) is KernelCache
+    assert type(kernel_with_cache(theirs.py_func)._cache) is KernelCache
 
 
 def test_flags_are_those_of_njit() -> None:
-    @compiled(error_model="numpy")
+    @kernel_with_cache(error_model="numpy")
     def quotient(x: float, y: float) -> float:
         return x / y
 
-    @compiled
+    @kernel_with_cache
     def checked_quotient(x: float, y: float) -> float:
         return x / y
 
@@ -106,5 +106,5 @@ def test_kernels_are_plain_functions_where_numba_is_switched_off(monkeypatch: py
     def total(values: np.ndarray) -> float:
         return float(values.sum())
 
-    assert compiled(total) is total
-    assert inlined(total) is total
+    assert kernel_with_cache(total) is total
+    assert inline_kernel(total) is total

@@ -19,7 +19,7 @@ def test_name_is_loaded_from_its_module_when_it_is_first_used(monkeypatch: pytes
 
 def test_settings_of_a_run_and_its_coordinator_load_no_algorithm() -> None:
     code = (
-        "import sys, readygo.apps.fleet.worker, readygo.apps.run.config; "
+        "import sys, readygo.apps.fleet.worker, readygo.runs.config; "
         "print([name for name in ('numba', 'scipy', 'torch', 'cv2', 'onnxruntime') if name in sys.modules])"
     )
     assert subprocess.check_output([sys.executable, "-c", code], text=True).strip() == "[]"

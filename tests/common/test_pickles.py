@@ -9,7 +9,7 @@ import pytest
 from scipy import sparse
 
 from readygo.common.errors import AvatarError
-from readygo.common.pickles import Record, array_of, load_pickle
+from readygo.common.pickles import PickledObject, array_of, load_pickle
 
 
 def _load(path: Path) -> Any:
@@ -54,7 +54,7 @@ def test_sparse_matrices_become_the_arrays_they_stand_for(tmp_path: Path, layout
 
 
 def test_selected_elements_of_an_array_are_read() -> None:
-    source, chosen = Record(), Record()
+    source, chosen = PickledObject(), PickledObject()
     source.__setstate__({"x": np.array([[1.0, 2.0], [3.0, 4.0]])})
     chosen.name = "chumpy.reordering.Select"
     chosen.__setstate__({"a": source, "idxs": np.array([3, 0]), "preferred_shape": (1, 2)})
@@ -151,7 +151,7 @@ def test_programs_that_make_nothing_of_use_make_no_array(tmp_path: Path, data: b
 
 
 def test_records_that_hold_themselves_or_claim_huge_matrices_are_no_arrays() -> None:
-    loop, matrix = Record(), Record()
+    loop, matrix = PickledObject(), PickledObject()
     loop.__setstate__({"x": loop})
     assert array_of(loop) is None
     loop.name = "chumpy.reordering.Select"

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from readygo.apps.fleet.fleet import Member
+from readygo.apps.fleet.fleet import FleetMember
 from readygo.apps.fleet.run import run_in_process
 from readygo.apps.observe.collectors import of_launcher, of_recorder
 from readygo.apps.observe.metrics import Metrics
@@ -57,7 +57,7 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Shown:
 
     run_in_process(folder, look, (DRAW, FILM), Observing(metrics="127.0.0.1:0"))
     recorder = Recorder(data / "other", "rec0", InProcessBus(), PROVENANCE)
-    for gauges in (of_recorder(recorder), of_launcher([Member(role="all", name="all0", log=data)])):
+    for gauges in (of_recorder(recorder), of_launcher([FleetMember(role="all", name="all0", log=data)])):
         metrics = Metrics()
         metrics.look_up(gauges)
         pages.append(client.generate_latest(metrics.registry).decode())

@@ -6,15 +6,15 @@ from pathlib import Path
 import pytest
 
 from readygo.apps.fleet.run import record
-from readygo.apps.run.config import RunConfig, load_run_config
-from readygo.apps.run.scene_argument import open_scene
-from readygo.apps.run.spec import make_spec
 from readygo.common.camera.lens import make_lens
 from readygo.common.dataset import Dataset, validate
 from readygo.common.episode import EpisodeConfig
 from readygo.common.messages import Split
 from readygo.common.policy import PolicySpec, check_policy_camera, check_policy_limits
 from readygo.common.robot import load_robot
+from readygo.runs.config import RunConfig, load_run_config
+from readygo.runs.scene_argument import open_scene
+from readygo.runs.spec import make_spec
 from readygo.services.planner.humans.scenario_file import load_scenarios
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

@@ -9,7 +9,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from readygo.apps.drive import ros_codec
 from readygo.apps.drive.calibration import camera_from_file, info_of
-from readygo.apps.drive.messages import Codec, Command, Encoded, Goal, Odometry, Picture
+from readygo.apps.drive.messages import Codec, Encoded, GoalMessage, ImageMessage, OdometryMessage, VelocityMessage
 from readygo.apps.drive.plain_codec import PlainCodec
 from readygo.apps.drive.ros_codec import RosCodec
 from readygo.apps.robot_logs.convert import LogTopics, convert
@@ -36,10 +36,10 @@ def _depth() -> Encoded:
 def _said(codec: Codec, kinds: tuple[str, ...]) -> list[Seed]:
     depth = _DEPTH_M if isinstance(codec, PlainCodec) else _depth()
     values: list[tuple[str, Any]] = [
-        (ODOMETRY_TYPE, Odometry(stamp_ns=TIME_NS, x_m=1.0, y_m=2.0, yaw_rad=0.5, v_mps=0.4, w_radps=0.1)),
-        (ros_codec.TWIST_TYPE, Command(v_mps=0.5, w_radps=0.1)),
-        (ros_codec.STAMPED_TWIST_TYPE, Command(v_mps=0.5, w_radps=0.1)),
-        (ros_codec.GOAL_TYPE, Goal(x_m=3.0, y_m=1.5)),
+        (ODOMETRY_TYPE, OdometryMessage(stamp_ns=TIME_NS, x_m=1.0, y_m=2.0, yaw_rad=0.5, v_mps=0.4, w_radps=0.1)),
+        (ros_codec.TWIST_TYPE, VelocityMessage(v_mps=0.5, w_radps=0.1)),
+        (ros_codec.STAMPED_TWIST_TYPE, VelocityMessage(v_mps=0.5, w_radps=0.1)),
+        (ros_codec.GOAL_TYPE, GoalMessage(x_m=3.0, y_m=1.5)),
         (ros_codec.OUTCOME_TYPE, "success"),
         (INFO_TYPE, info_of(CAMERA)),
         (ros_codec.IMAGE_TYPE, _BGR),
@@ -53,7 +53,7 @@ def _said(codec: Codec, kinds: tuple[str, ...]) -> list[Seed]:
 def _heard(codec: Codec) -> Any:
     def read(data: bytes, kind: str, folder: Path) -> None:
         value = codec.read(kind, data)
-        if isinstance(value, Picture):
+        if isinstance(value, ImageMessage):
             value.decode()
 
     return read
@@ -81,7 +81,7 @@ def _log(path: Path, *, packed: bool) -> Path:
         pictures = writer.add_connection("/camera/image_raw", ros_codec.COMPRESSED_TYPE, typestore=store)
         for k in range(31):
             time_ns = TIME_NS + k * 100_000_000
-            odometry = Odometry(stamp_ns=time_ns, x_m=0.05 * k, y_m=0.0, yaw_rad=0.0, v_mps=0.5, w_radps=0.0)
+            odometry = OdometryMessage(stamp_ns=time_ns, x_m=0.05 * k, y_m=0.0, yaw_rad=0.0, v_mps=0.5, w_radps=0.0)
             writer.write(places, time_ns, codec.write(ODOMETRY_TYPE, odometry, time_ns))
             if k % 3 == 0:
                 writer.write(pictures, time_ns, codec.write(ros_codec.COMPRESSED_TYPE, _BGR, time_ns))

@@ -14,11 +14,8 @@ from readygo.apps.learn.curve import load_curve
 from readygo.apps.learn.plan import read_state
 from readygo.apps.learn.training import read_history, read_training
 from readygo.apps.monitor.gate import judge, parse_head
-from readygo.apps.run.config import load_run_config
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.training import make_config
 from readygo.common.dataset import Dataset
-from readygo.common.dataset.index import build_index, index_path, load_index, mapped, read_index
+from readygo.common.dataset.index import build_index, index_path, load_index, map_file, read_index
 from readygo.common.dataset.places import own_folders
 from readygo.common.dataset.provenance import provenance_from_strings, provenance_to_strings
 from readygo.common.dataset.records import Opcode, chunk_span, is_intact, iter_messages, iter_records
@@ -27,6 +24,9 @@ from readygo.common.errors import MessageError
 from readygo.common.messages import EpisodeKey, Outcome, decode, encode, topics
 from readygo.common.messages.live import LivePlan
 from readygo.common.robot import load_robot
+from readygo.runs.config import load_run_config
+from readygo.runs.folder import RunFolder
+from readygo.runs.training import make_config
 from readygo.services.coordinator.ledger import Ledger
 from readygo.services.evaluator.results import SETTINGS_FILE, open_results
 from readygo.services.planner.humans.scenario_file import load_scenarios
@@ -83,7 +83,7 @@ def _read_shards(folder: Path) -> None:
 
 def _read_one_shard(folder: Path) -> None:
     """The shard's own index, as a recorder or a reader makes it that finds none."""
-    with mapped(folder / SHARD) as view:
+    with map_file(folder / SHARD) as view:
         build_index(view, folder / SHARD)
 
 
@@ -145,7 +145,7 @@ def _read_ledger(folder: Path) -> None:
     try:
         ledger.check()
         ledger.wanted_min()
-        ledger.retired()
+        ledger.retired_recorders()
         ledger.policies.all()
         ledger.open_episodes(5)
     finally:
@@ -234,7 +234,7 @@ def _judge(data: bytes, about: Any, folder: Path) -> None:
     for token in ("", "abc"):
         answer = judge(request, token, "readygo-monitor-80") if request else None
         if answer is not None:
-            answer.encoded()
+            answer.to_bytes()
 
 
 TARGETS = [

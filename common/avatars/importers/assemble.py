@@ -35,7 +35,7 @@ class CanonicalHuman:
     """Joints in the T-pose, shape (24, 3); None: bones turned by `R_tpose_canonical`."""
 
 
-def assembled(
+def assemble_avatar(
     human: CanonicalHuman, *, name: str, license_text: str, height_m: float | None = None
 ) -> tuple[Avatar, float]:
     """The avatar, and the factor from the human's unit of length to metres.

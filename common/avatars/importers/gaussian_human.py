@@ -39,13 +39,13 @@ def gaussian_human(ply: Path, weights: Path) -> CanonicalHuman:
     if "joints_canonical" not in arrays and "joints" in arrays:
         arrays["joints_canonical"] = arrays["joints"]
     _require(weights, arrays, "lbs_weight", "joints_canonical")
-    joints = _shaped(weights, arrays, "joints_canonical", (24, 3))
+    joints = _check_shape(weights, arrays, "joints_canonical", (24, 3))
     R = rotations_to_tpose(joints)
     if "R_canonical_to_tpose" in arrays:
-        R = _shaped(weights, arrays, "R_canonical_to_tpose", (24, 3, 3))
+        R = _check_shape(weights, arrays, "R_canonical_to_tpose", (24, 3, 3))
         if not np.allclose(R @ R.transpose(0, 2, 1), np.eye(3), atol=1e-3):
             raise AvatarError(f"{weights}: R_canonical_to_tpose must hold rotation matrices.")
-    joints_tpose = _shaped(weights, arrays, "joints_tpose", (24, 3)) if "joints_tpose" in arrays else None
+    joints_tpose = _check_shape(weights, arrays, "joints_tpose", (24, 3)) if "joints_tpose" in arrays else None
     return CanonicalHuman(
         cloud=cloud,
         weights=_dense_weights(weights, arrays, len(cloud)),
@@ -67,7 +67,7 @@ def _dense_weights(path: Path, arrays: dict[str, Array], count: int) -> Array:
         if weight.shape[1] != 24:
             raise AvatarError(f"{path}: without lbs_index, lbs_weight must have 24 columns, got {weight.shape[1]}.")
         return weight
-    index = _shaped(path, arrays, "lbs_index", weight.shape)
+    index = _check_shape(path, arrays, "lbs_index", weight.shape)
     if index.min() < 0 or index.max() > 23 or (index % 1 != 0).any():
         raise AvatarError(f"{path}: lbs_index must hold joints 0..23.")
     dense = np.zeros((count, 24))
@@ -83,7 +83,7 @@ def _require(path: Path, arrays: dict[str, Array], *keys: str) -> None:
         raise AvatarError(f"{path} lacks {', '.join(missing)}; it must bind each Gaussian to joints 0..23.")
 
 
-def _shaped(path: Path, arrays: dict[str, Array], key: str, shape: tuple[int, ...]) -> Array:
+def _check_shape(path: Path, arrays: dict[str, Array], key: str, shape: tuple[int, ...]) -> Array:
     array = arrays[key]
     if array.shape != shape:
         raise AvatarError(f"{path}: {key} must have shape {shape}, got {array.shape}.")

@@ -141,10 +141,10 @@ class GltfFile:
             AvatarError: If it is too large.
         """
         if number not in self._images:
-            self._images[number] = self._decoded(number)
+            self._images[number] = self._decode_image(number)
         return self._images[number]
 
-    def _decoded(self, number: int) -> npt.NDArray[np.uint8] | None:
+    def _decode_image(self, number: int) -> npt.NDArray[np.uint8] | None:
         import cv2
 
         try:

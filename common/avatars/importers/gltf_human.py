@@ -9,14 +9,14 @@ import numpy.typing as npt
 from readygo.common.avatars.importers.assemble import CanonicalHuman, scale_to_metres
 from readygo.common.avatars.importers.gltf_file import GltfFile
 from readygo.common.avatars.importers.gltf_paint import paint_part, read_materials
-from readygo.common.avatars.importers.gltf_scene import Bones, Figure, Part, read_figure
+from readygo.common.avatars.importers.gltf_scene import Bones, GltfFigure, GltfPart, read_figure
 from readygo.common.avatars.importers.joints import JOINT, rotations_to_tpose
 from readygo.common.avatars.importers.report import SkeletonReport
 from readygo.common.avatars.importers.skeleton import (
     Mapping24,
     axes_to_smpl,
     joint_of_bones,
-    recognised,
+    recognise_joints,
     skeleton_report,
     smpl_joints,
 )
@@ -77,14 +77,14 @@ def gltf_human(
     except ValueError as error:
         raise AvatarError(f"{path}: {error}") from error
     human = CanonicalHuman(
-        cloud=shaded(cloud), weights=weights, joints=joints, R_tpose_canonical=rotations_to_tpose(joints)
+        cloud=shade_cloud(cloud), weights=weights, joints=joints, R_tpose_canonical=rotations_to_tpose(joints)
     )
     if abs(scale - 1.0) > 1e-6:
         notes = (*notes, f"Lengths of the bind pose were multiplied by {scale:.6g}.")
     return human, skeleton_report(mapping, figure.bones, estimated), notes
 
 
-def shaded(cloud: GaussianCloud) -> GaussianCloud:
+def shade_cloud(cloud: GaussianCloud) -> GaussianCloud:
     """The cloud with soft daylight on it; the third axis of each Gaussian is its outward normal."""
     w, x, y, z = cloud.quats_wxyz.astype(np.float64).T
     normals = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1)
@@ -100,20 +100,20 @@ def shaded(cloud: GaussianCloud) -> GaussianCloud:
 
 
 def _upright(
-    figure: Figure, extensions: Mapping[str, object], height_m: float | None
-) -> tuple[Figure, Mapping24, float]:
+    figure: GltfFigure, extensions: Mapping[str, object], height_m: float | None
+) -> tuple[GltfFigure, Mapping24, float]:
     """The figure in metres, SMPL axes, soles at y = 0; its joints; the factor on lengths of the bind pose."""
     # Geometry needs to know where up is before joints are known: the longest side of a standing human is its height.
     points = np.concatenate([part.positions[part.triangles.reshape(-1)] for part in figure.parts])
     R_guess, sole = _standing_guess(points, figure.bones)
     heads, turned = figure.bones.heads @ R_guess.T, points @ R_guess.T
     height = float(np.ptp(turned[:, 1]))
-    mapping = recognised(figure.bones, extensions, heads - [0.0, sole, 0.0], height)
+    mapping = recognise_joints(figure.bones, extensions, heads - [0.0, sole, 0.0], height)
     R = axes_to_smpl(mapping.bone, figure.bones.heads)
     y = points @ R[1]
     scale = figure.scale * scale_to_metres(float(np.ptp(y)) * figure.scale, height_m)
     shift = np.array([0.0, -float(y.min()) * scale, 0.0])
-    return _moved(figure, R, scale, shift), mapping, scale
+    return _move_figure(figure, R, scale, shift), mapping, scale
 
 
 def _standing_guess(points: Array, bones: Bones) -> tuple[Array, float]:
@@ -140,10 +140,10 @@ def _standing_guess(points: Array, bones: Bones) -> tuple[Array, float]:
     return R, sole
 
 
-def _moved(figure: Figure, R: Array, scale: float, shift: Array) -> Figure:
+def _move_figure(figure: GltfFigure, R: Array, scale: float, shift: Array) -> GltfFigure:
     bones = figure.bones
     parts = tuple(
-        Part(
+        GltfPart(
             positions=scale * part.positions @ R.T + shift,
             normals=None if part.normals is None else part.normals @ R.T,
             uv=part.uv,
@@ -157,10 +157,10 @@ def _moved(figure: Figure, R: Array, scale: float, shift: Array) -> Figure:
     )
     heads = scale * bones.heads @ R.T + shift
     moved = Bones(names=bones.names, nodes=bones.nodes, parents=bones.parents, heads=heads)
-    return Figure(bones=moved, parts=parts, scale=1.0)
+    return GltfFigure(bones=moved, parts=parts, scale=1.0)
 
 
-def _toe(figure: Figure, mapping: Mapping24, side: str) -> Array:
+def _toe(figure: GltfFigure, mapping: Mapping24, side: str) -> Array:
     """Foremost point of the skin that a foot moves; ahead of the ankle by a usual length if it moves none."""
     joints = joint_of_bones(mapping, figure.bones)
     ankle = figure.bones.heads[mapping.bone[f"{side}_ankle"]]
@@ -177,7 +177,7 @@ def _toe(figure: Figure, mapping: Mapping24, side: str) -> Array:
     return best
 
 
-def _mesh(parts: Sequence[Part], bone_joints: Index) -> tuple[Mesh, Index]:
+def _mesh(parts: Sequence[GltfPart], bone_joints: Index) -> tuple[Mesh, Index]:
     """All parts as one mesh, and the first triangle of each part (and of the end)."""
     corners, normals, weights = [], [], []
     for part in parts:
@@ -202,7 +202,7 @@ def _mesh(parts: Sequence[Part], bone_joints: Index) -> tuple[Mesh, Index]:
     return mesh, np.cumsum([0, *(len(part.triangles) for part in parts)])
 
 
-def _normals(part: Part, corners: Array) -> Array:
+def _normals(part: GltfPart, corners: Array) -> Array:
     """Unit normals at the corners: the file's, where they are sound, else those of the triangles."""
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-30)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars.importers.gltf_file import GltfFile, Json
-from readygo.common.avatars.importers.gltf_scene import Part
+from readygo.common.avatars.importers.gltf_scene import GltfPart
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -28,7 +28,7 @@ class Material:
     alpha_cutoff: float
 
 
-def read_materials(file: GltfFile, parts: Sequence[Part]) -> tuple[dict[int | None, Material], tuple[str, ...]]:
+def read_materials(file: GltfFile, parts: Sequence[GltfPart]) -> tuple[dict[int | None, Material], tuple[str, ...]]:
     """Materials of all parts by their number, and notes on textures that cannot be read."""
     materials: dict[int | None, Material] = {}
     notes = []
@@ -42,7 +42,7 @@ def read_materials(file: GltfFile, parts: Sequence[Part]) -> tuple[dict[int | No
     return materials, tuple(notes)
 
 
-def paint_part(part: Part, material: Material, triangle: Index, bary: Array) -> Array:
+def paint_part(part: GltfPart, material: Material, triangle: Index, bary: Array) -> Array:
     """Colours of points on a part, sRGB and alpha in 0..1.
 
     Args:

@@ -34,7 +34,7 @@ class Bones:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Part:
+class GltfPart:
     """Triangles of one material; V vertices, F triangles."""
 
     positions: Array
@@ -72,16 +72,16 @@ class _Tree:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Figure:
+class GltfFigure:
     """A skinned figure in its bind pose, in the axes that it was modelled in."""
 
     bones: Bones
-    parts: tuple[Part, ...]
+    parts: tuple[GltfPart, ...]
     scale: float
     """Length in the scene, which glTF measures in metres, of a unit of the bind pose."""
 
 
-def read_figure(file: GltfFile) -> Figure:
+def read_figure(file: GltfFile) -> GltfFigure:
     """All skinned meshes of a file, in the bind pose of the first skin.
 
     Inverse bind matrices, not the nodes' present places, say where bones and skin fit together: files often rest in
@@ -119,7 +119,7 @@ def read_figure(file: GltfFile) -> Figure:
     lengths = (np.array([scale]), bones.heads, *(part.positions for part in parts))
     if not (scale > 0.0 and all(np.isfinite(values).all() for values in lengths)):
         raise AvatarError(f"{file.path} places bones or skin at no finite place; the file is damaged.")
-    return Figure(bones=bones, parts=tuple(parts), scale=scale)
+    return GltfFigure(bones=bones, parts=tuple(parts), scale=scale)
 
 
 def _skin(file: GltfFile, number: int) -> tuple[list[int], Array]:
@@ -173,7 +173,7 @@ def _bones(nodes: Sequence[Json], tree: _Tree, binds: dict[int, Array], nearest:
     )
 
 
-def _parts(file: GltfFile, mesh: int, joints: Index, space: Array) -> list[Part]:
+def _parts(file: GltfFile, mesh: int, joints: Index, space: Array) -> list[GltfPart]:
     parts = []
     for primitive in file.primitives(mesh):
         attributes = primitive["attributes"]
@@ -197,7 +197,7 @@ def _parts(file: GltfFile, mesh: int, joints: Index, space: Array) -> list[Part]
 
 def _rigid_parts(
     file: GltfFile, nearest: Sequence[int], world: Sequence[Array], binds: dict[int, Array], place: dict[int, int]
-) -> list[Part]:
+) -> list[GltfPart]:
     """Meshes that hang at a bone without being skinned, such as glasses."""
     parts = []
     for number, node in enumerate(file.items("nodes")):
@@ -216,7 +216,7 @@ def _rigid_parts(
     return parts
 
 
-def _part(file: GltfFile, primitive: Json, space: Array, index: Index, weight: Array) -> Part:
+def _part(file: GltfFile, primitive: Json, space: Array, index: Index, weight: Array) -> GltfPart:
     attributes = primitive["attributes"]
 
     def optional(name: str, *sizes: int) -> npt.NDArray[Any] | None:
@@ -237,7 +237,7 @@ def _part(file: GltfFile, primitive: Json, space: Array, index: Index, weight: A
     colours = optional("COLOR_0", 3, 4)
     if colours is not None and colours.shape[1] == 3:
         colours = np.concatenate([colours, np.ones((count, 1))], axis=1)
-    return Part(
+    return GltfPart(
         positions=positions @ space[:3, :3].T + space[:3, 3],
         normals=normals,
         uv=optional("TEXCOORD_0", 2),

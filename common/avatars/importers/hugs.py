@@ -79,7 +79,7 @@ def hugs_human(checkpoint: Mapping[str, Any], model: SmplModel) -> tuple[Canonic
     import torch
 
     with torch.no_grad():
-        baked = _decoded(checkpoint)
+        baked = _decode_checkpoint(checkpoint)
     opacities = baked["opacities"]
     kept = opacities >= _MIN_OPACITY
     if not kept.any():
@@ -121,13 +121,13 @@ def da_pose(joints_tpose: Array) -> tuple[Array, Array]:
     return G, P
 
 
-def _decoded(checkpoint: Mapping[str, Any]) -> dict[str, Array]:
+def _decode_checkpoint(checkpoint: Mapping[str, Any]) -> dict[str, Array]:
     xyz = _tensor(checkpoint, "xyz", (None, 3))
     features = _features(checkpoint["triplane"], xyz)
     width = features.shape[1]
     appearance = _Decoder(checkpoint, "appearance_dec", width)
     geometry = _Decoder(checkpoint, "geometry_dec", width)
-    hidden_a, hidden_g = appearance.hidden(features), geometry.hidden(features)
+    hidden_a, hidden_g = appearance.hidden_layers(features), geometry.hidden_layers(features)
     multiplier = _tensor(checkpoint, "scaling_multiplier", (len(xyz), 1))
     degree = int(checkpoint.get("active_sh_degree", 0))
     sh = appearance.linear("shs", hidden_a, 48).reshape(-1, 16, 3)[:, : (min(max(degree, 0), 3) + 1) ** 2]
@@ -143,8 +143,10 @@ def _decoded(checkpoint: Mapping[str, Any]) -> dict[str, Array]:
 
 def _skinning(checkpoint: Mapping[str, Any], features: Tensor) -> Tensor:
     decoder = _Decoder(checkpoint, "deformation_dec", features.shape[1])
-    h = decoder.hidden(features)
-    h = _gelu(h @ decoder.normed("skinning_linear", h.shape[1]).T + decoder.tensor("skinning_linear.bias", (None,)))
+    h = decoder.hidden_layers(features)
+    h = _gelu(
+        h @ decoder.layer_weight("skinning_linear", h.shape[1]).T + decoder.tensor("skinning_linear.bias", (None,))
+    )
     return (_gelu(decoder.linear("skinning", h, 24)) / _SKINNING_TEMPERATURE).softmax(dim=-1)
 
 
@@ -178,10 +180,10 @@ class _Decoder:
         weight = self.tensor(f"{key}.weight", (outputs, x.shape[1]))
         return x @ weight.T + self.tensor(f"{key}.bias", (weight.shape[0],))
 
-    def hidden(self, features: Tensor) -> Tensor:
+    def hidden_layers(self, features: Tensor) -> Tensor:
         return _gelu(self.linear("net.2", _gelu(self.linear("net.0", features, None)), None))
 
-    def normed(self, key: str, width: int) -> Tensor:
+    def layer_weight(self, key: str, width: int) -> Tensor:
         """The matrix of a layer with weight normalisation, g v / |v| by rows, or a plain one."""
         if f"{key}.weight" in self.state:
             return self.tensor(f"{key}.weight", (None, width))

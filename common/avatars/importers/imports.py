@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from readygo.common.array_files import load_npz
 from readygo.common.avatars.avatar import Avatar
-from readygo.common.avatars.importers.assemble import CanonicalHuman, assembled
+from readygo.common.avatars.importers.assemble import CanonicalHuman, assemble_avatar
 from readygo.common.avatars.importers.gaussian_human import gaussian_human
 from readygo.common.avatars.importers.gltf_human import GAUSSIAN_COUNT, gltf_human
 from readygo.common.avatars.importers.hugs import hugs_human, load_checkpoint
@@ -70,7 +70,7 @@ def import_human(path: Path, options: ImportOptions) -> tuple[Avatar, ImportRepo
     kind = kind_of(path)
     human, skeleton, notes = _read(kind, path, options)
     name = options.name or path.stem
-    avatar, scale = assembled(human, name=name, license_text=options.license, height_m=options.height_m)
+    avatar, scale = assemble_avatar(human, name=name, license_text=options.license, height_m=options.height_m)
     report = ImportReport(
         kind=kind.value,
         name=avatar.name,

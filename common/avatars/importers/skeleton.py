@@ -42,7 +42,7 @@ class Mapping24:
     source: str
 
 
-def recognised(bones: Bones, extensions: Mapping[str, object], up_heads: Array, height: float) -> Mapping24:
+def recognise_joints(bones: Bones, extensions: Mapping[str, object], up_heads: Array, height: float) -> Mapping24:
     """Find the bones of SMPL's joints: by a humanoid extension, else by names, else by geometry.
 
     Args:
@@ -112,7 +112,7 @@ def smpl_joints(bone: Mapping[str, int], heads: Array, toes: Mapping[str, Array]
     """
     place: dict[str, Array] = {joint: heads[number] for joint, number in bone.items()}
     for side in ("left", "right"):
-        place[f"{side}_ankle"] = _lifted(place[f"{side}_ankle"], place[f"{side}_knee"], place["pelvis"][1])
+        place[f"{side}_ankle"] = _lift_ankle(place[f"{side}_ankle"], place[f"{side}_knee"], place["pelvis"][1])
     shoulders = 0.5 * (place["left_shoulder"] + place["right_shoulder"])
     if "neck" not in place:
         place["neck"] = shoulders + 0.4 * (place["head"] - shoulders)
@@ -157,7 +157,7 @@ def skeleton_report(mapping: Mapping24, bones: Bones, estimated: tuple[str, ...]
     )
 
 
-def _lifted(ankle: Array, knee: Array, pelvis_y: float) -> Array:
+def _lift_ankle(ankle: Array, knee: Array, pelvis_y: float) -> Array:
     """An ankle's bone that lies on the ground, moved up the shin to where ankles are."""
     least = _ANKLE_PER_PELVIS * pelvis_y
     share = (least - ankle[1]) / (knee[1] - ankle[1]) if ankle[1] < least < knee[1] else 0.0

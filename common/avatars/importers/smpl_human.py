@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars.importers.assemble import CanonicalHuman
-from readygo.common.avatars.importers.gltf_human import shaded
+from readygo.common.avatars.importers.gltf_human import shade_cloud
 from readygo.common.avatars.importers.joints import JOINT
 from readygo.common.avatars.importers.smpl_model import SmplModel
 from readygo.common.avatars.importers.surface import Mesh, gaussians_of_mesh
@@ -66,7 +66,7 @@ def smpl_human(model: SmplModel, *, count: int) -> tuple[CanonicalHuman, tuple[s
     except ValueError as error:
         raise AvatarError(f"The SMPL model cannot be drawn: {error}") from error
     human = CanonicalHuman(
-        cloud=shaded(cloud),
+        cloud=shade_cloud(cloud),
         weights=skin,
         joints=model.joints_m,
         R_tpose_canonical=np.tile(np.eye(3), (24, 1, 1)),

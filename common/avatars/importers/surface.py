@@ -66,14 +66,14 @@ def gaussians_of_mesh(mesh: Mesh, paint: Painter, count: int) -> tuple[GaussianC
     points = np.einsum("mk,mki->mi", bary, mesh.corners_m[face])
     normals = np.einsum("mk,mki->mi", bary, mesh.normals[face])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    outer = np.flatnonzero((colours[:, 3] > 0.05) & ~_covered(points, normals, colours[:, 3]))
+    outer = np.flatnonzero((colours[:, 3] > 0.05) & ~_is_covered(points, normals, colours[:, 3]))
     if len(outer) == 0:
         raise ValueError("nothing of the surface can be seen: it is transparent.")
     face, bary, points, normals, colours = face[outer], bary[outer], points[outer], normals[outer], colours[outer]
     area = float((_areas(mesh.corners_m) * mesh.density).sum()) * len(outer) / (OVERSAMPLING * count)
     radii = np.sqrt(_SATURATION * area / count / mesh.density[face])
-    kept = _thinned(points, radii)
-    averaged = _averaged(points, normals, colours, kept)
+    kept = _thin_points(points, radii)
+    averaged = _mean_colours(points, normals, colours, kept)
     sigma = _sigma(points[kept], radii[kept])
     cloud = GaussianCloud(
         means_m=points[kept].astype(np.float32),
@@ -106,7 +106,7 @@ def _areas(corners: Array) -> Array:
     return area
 
 
-def _covered(points: Array, normals: Array, alpha: Array) -> npt.NDArray[np.bool_]:
+def _is_covered(points: Array, normals: Array, alpha: Array) -> npt.NDArray[np.bool_]:
     """Whether another opaque layer that faces the same way lies closely above each point."""
     opaque = np.flatnonzero(alpha > 0.5)
     covered = np.zeros(len(points), dtype=np.bool_)
@@ -122,7 +122,7 @@ def _covered(points: Array, normals: Array, alpha: Array) -> npt.NDArray[np.bool
     return covered
 
 
-def _thinned(points: Array, radii: Array) -> Index:
+def _thin_points(points: Array, radii: Array) -> Index:
     """Greedy choice, in order, of points that keep their distance from all chosen before them."""
     pairs = cKDTree(points).query_pairs(float(radii.max()), output_type="ndarray")
     first, second = pairs[:, 0], pairs[:, 1]
@@ -152,7 +152,7 @@ def _sigma(points: Array, radii: Array) -> Array:
     return sigma
 
 
-def _averaged(points: Array, normals: Array, colours: Array, kept: Index) -> Array:
+def _mean_colours(points: Array, normals: Array, colours: Array, kept: Index) -> Array:
     """Mean colour of the candidates nearest to each chosen point that face its way; its own where there is none."""
     _, nearest = cKDTree(points[kept]).query(points)
     agree = (normals * normals[kept][nearest]).sum(axis=1) > 0.3

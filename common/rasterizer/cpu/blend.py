@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import inlined, kernel
+from readygo.common.kernels import inline_kernel, kernel
 from readygo.common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
 from readygo.common.rasterizer.cpu.tiles import LARGE, is_alive, tile_blocks, unpack_box, update_quads
 from readygo.common.rasterizer.cpu.workspace import (
@@ -191,7 +191,7 @@ def fill_tiles(width: int, in_sorted: bool, ws: Workspace) -> None:
         nodes = _write_entry(ws, nodes, tile + columns + 1 if beyond else tiles + 2, record, beyond, 1 if beyond else 0)
 
 
-@inlined
+@inline_kernel
 def _write_entry(ws: Workspace, nodes: int, tile: int, record: int, blocks: int, exists: int) -> int:
     """Append an entry to a tile's list if it `exists` (0 or 1); the number of nodes in use after that."""
     p = peek(ws.tile_place, tile)
@@ -207,7 +207,7 @@ def _write_entry(ws: Workspace, nodes: int, tile: int, record: int, blocks: int,
     return nodes
 
 
-@inlined
+@inline_kernel
 def _fill_large(ws: Workspace, nodes: int, columns: int, record: int, box: int) -> int:
     """Append an entry to every tile that a large box meets; the number of nodes in use after that."""
     x0, x1, y0, y1 = unpack_box(box)
@@ -218,13 +218,13 @@ def _fill_large(ws: Workspace, nodes: int, columns: int, record: int, box: int) 
     return nodes
 
 
-@inlined
+@inline_kernel
 def log2_alpha(dx: Any, dy: Any, a: Any, b: Any, c: Any, log2_opacity: Any) -> Any:
     """Binary logarithm of alpha at an offset (dx, dy) from a mean [px]: a dx^2 + b dx dy + c dy^2 + log2_opacity."""
     return fma(dx, fma(dx, a, dy * b), fma(dy * c, dy, log2_opacity))
 
 
-@inlined
+@inline_kernel
 def _exp2(t: Any) -> Any:
     """2^t for t in -126..1, relative error below 8e-5: a polynomial of degree 3, best in the relative sense."""
     # t = n + f with the nearest integer n, which stands in the lowest bits of `shifted`; 2^t = p(f) 2^n, |f| <= 1/2.
@@ -237,7 +237,7 @@ def _exp2(t: Any) -> Any:
     return float_of_bits(bit_pattern(p) + (bit_pattern(shifted) << EXPONENT_BIT))
 
 
-@inlined
+@inline_kernel
 def _blend_block(
     ws: Workspace,
     depths: Depths | None,
@@ -362,7 +362,7 @@ def blend_tiles(width: int, ws: Workspace, depths: Depths | None, normals: Singl
     return looked_at
 
 
-@inlined
+@inline_kernel
 def _prefetch_records(ws: Workspace, node: int, size: int) -> None:
     """Ask the cache for the records of a node with `size` entries."""
     for i in range(node * NODE, node * NODE + size):

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import inlined, kernel
+from readygo.common.kernels import inline_kernel, kernel
 from readygo.common.rasterizer.constants import NEAR_M
 from readygo.common.rasterizer.cpu.view import (
     PinholeView,
@@ -36,7 +36,7 @@ class Cut(NamedTuple):
     """Nodes are drawn as if pixels were larger by this factor; 0 draws the leaves."""
 
 
-@inlined
+@inline_kernel
 def _is_fine(view: PinholeView, cut: Cut, i: int, nearest_m: float) -> bool:
     """True if node `i` is fine enough for a view in which its nearest mean has a depth of at least `nearest_m`."""
     return bool(cut.pixel_m[i] * max(view.fx, view.fy) <= cut.coarseness * max(nearest_m, NEAR_M))

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import inlined
+from readygo.common.kernels import inline_kernel
 from readygo.common.rasterizer.constants import FOV_MARGIN
 from readygo.common.rasterizer.cpu.view import PinholeView
 from readygo.common.rasterizer.cpu.workspace import TILE, TILE_BITS
@@ -38,7 +38,7 @@ class Optics(NamedTuple):
     """Tiles along an image row."""
 
 
-@inlined
+@inline_kernel
 def optics_of(view: PinholeView) -> Optics:
     """Constants of a view; tangents are clamped as `FOV_MARGIN` says."""
     # Half the image spans width / (2 fx) of the tangent: the bounds lie `FOV_MARGIN` of that beyond its borders.
@@ -58,13 +58,13 @@ def optics_of(view: PinholeView) -> Optics:
     )
 
 
-@inlined
-def clamped(optics: Optics, u: Any, v: Any) -> Any:
+@inline_kernel
+def clamp_tangents(optics: Optics, u: Any, v: Any) -> Any:
     """Tangents at which the projection is linearised."""
     return maximum(minimum(u, optics.u_high), optics.u_low), maximum(minimum(v, optics.v_high), optics.v_low)
 
 
-@inlined
+@inline_kernel
 def rotation_rows(R: Float64s) -> Any:
     """The nine numbers of a rotation, row by row, in every lane."""
     return (

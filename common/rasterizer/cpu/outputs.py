@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.images.images import Images
-from readygo.common.kernels import inlined, kernel
+from readygo.common.kernels import inline_kernel, kernel
 from readygo.common.rasterizer.cpu.workspace import (
     BLOCK,
     BLOCK_BITS,
@@ -46,7 +46,7 @@ class Sums(NamedTuple):
             self.normals.fill(0.0)
 
 
-@inlined
+@inline_kernel
 def normal_block(
     normal: npt.NDArray[np.int16] | None, block: int, x: Any, y: Any, z: Any, R: Any, ws: Workspace
 ) -> None:
@@ -118,7 +118,7 @@ def write_images(
         write_normal(width, sums.normals, images.normal)
 
 
-@inlined
+@inline_kernel
 def _place(width: int, u: int, v: int) -> int:
     """Index of a pixel in memory that holds one value per pixel: tile by tile, block by block, row by row."""
     tile = (v >> TILE_BITS) * ((width + TILE - 1) >> TILE_BITS) + (u >> TILE_BITS)
@@ -126,7 +126,7 @@ def _place(width: int, u: int, v: int) -> int:
     return tile * (TILE * TILE) + block * LANES + (v & (BLOCK - 1)) * BLOCK + (u & (BLOCK - 1))
 
 
-@inlined
+@inline_kernel
 def _transmittance(ws: Workspace, place: int) -> Any:
     """Transmittance of the pixel with an index of `_place`: block place / 16, pixel place mod 16 of it."""
     return ws.tile_state[(place >> 4) * BLOCK_STATE + STATE_TRANSMITTANCE + (place & 15)]

@@ -2,14 +2,14 @@
 
 from typing import Any
 
-from readygo.common.kernels import inlined
+from readygo.common.kernels import inline_kernel
 from readygo.common.simd.types import fma, fms, mask_bits
 
 ALMOST_ROTATION = 3e-4
 """Distance of a determinant from 1 that one more step of `nearest_rotation` brings below the precision of float32."""
 
 
-@inlined
+@inline_kernel
 def nearest_rotation(M: Any) -> Any:
     """Rotation nearest to a blend of rotations, row by row, nine values: Newton's iteration M <- (M + M^-T) / 2.
 

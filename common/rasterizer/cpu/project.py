@@ -22,9 +22,9 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.gaussians.spherical_harmonics import SH_C0, SH_C1, SH_C2, SH_C3, SH_C20, SH_C30, SH_C31, SH_C32
-from readygo.common.kernels import inlined, kernel
+from readygo.common.kernels import inline_kernel, kernel
 from readygo.common.rasterizer.constants import DILATION_PX2, LIGHT_MAX, LIGHT_MIN, LOG2_E, NEAR_M
-from readygo.common.rasterizer.cpu.optics import Optics, clamped, optics_of, rotation_rows
+from readygo.common.rasterizer.cpu.optics import Optics, clamp_tangents, optics_of, rotation_rows
 from readygo.common.rasterizer.cpu.outputs import normal_block
 from readygo.common.rasterizer.cpu.posing import nearest_rotation
 from readygo.common.rasterizer.cpu.slabs import NEAR_BITS, Slab, is_due
@@ -100,7 +100,7 @@ LEAD_MAX = 4
 """Place in `lead` of the largest lead [m]; before it: its growth along x, y and z, and its value at the camera [m]."""
 
 
-class Gaussians(NamedTuple):
+class FlatScene(NamedTuple):
     """Arrays of a `PackedScene`, flat."""
 
     centre_m: Float64s
@@ -114,7 +114,7 @@ class Gaussians(NamedTuple):
     """Packed shortest axes of the Gaussians, flat; None where no normals are wanted, and not compiled in."""
 
 
-class Skin(NamedTuple):
+class FlatSkin(NamedTuple):
     """Arrays of a `PackedAvatar` that pose it."""
 
     joint_start: Integers
@@ -131,7 +131,7 @@ class Lit(NamedTuple):
     """Terms of the light in the camera's frame, as `turned` gives them, flat; empty: the avatar's own colours."""
 
 
-@inlined
+@inline_kernel
 def pixels_within(low: Any, high: Any, last: Any) -> Any:
     """First and last of the pixels 0, 1, .. `last` within [low, high] (I16 each), and where there is one (M16)."""
     low, high = minimum(maximum(low, 0.0), last + 1.0), minimum(high, last)
@@ -142,7 +142,7 @@ def pixels_within(low: Any, high: Any, last: Any) -> Any:
     return first, final, (high >= 0.0) & (first <= final)
 
 
-@inlined
+@inline_kernel
 def _image_block(optics: Optics, geometry: Singles, g: int, x: Any, y: Any, z: Any, R: Any, ws: Workspace) -> int:
     """Project a block of 16 Gaussians: their record rows go to the scratch memory, their mask of visible lanes back.
 
@@ -161,7 +161,7 @@ def _image_block(optics: Optics, geometry: Singles, g: int, x: Any, y: Any, z: A
     inverse_z = 1.0 / z
     u, v = x * inverse_z, y * inverse_z
     mean_x, mean_y = fma(u, optics.fx, optics.cx), fma(v, optics.fy, optics.cy)
-    uc, vc = clamped(optics, u, v)
+    uc, vc = clamp_tangents(optics, u, v)
     # a = fx / z (R_0 - uc R_2) and b = fy / z (R_1 - vc R_2), R_k being the rows of R.
     du, dv = inverse_z * optics.fx, inverse_z * optics.fy
     a0, a1, a2 = du * fnma(uc, R[6], R[0]), du * fnma(uc, R[7], R[1]), du * fnma(uc, R[8], R[2])
@@ -212,7 +212,7 @@ def _image_block(optics: Optics, geometry: Singles, g: int, x: Any, y: Any, z: A
     return seen
 
 
-@inlined
+@inline_kernel
 def _lead_block(lead: Singles, x: Any, y: Any, z: Any, ws: Workspace) -> None:
     """Have a block's Gaussians sorted as if those near the ground were nearer; their depths stay as they are."""
     # The lead falls linearly with the height above the ground, a linear function of camera coordinates.
@@ -221,8 +221,8 @@ def _lead_block(lead: Singles, x: Any, y: Any, z: Any, ws: Workspace) -> None:
     store_i16(ws.scratch_bits, BITS_DEPTH, bit_pattern(maximum(z - nearer, NEAR_M)) - NEAR_BITS)
 
 
-@inlined
-def _colour_block(cloud: Gaussians, block: int, x: Any, y: Any, z: Any, R_CW: Float64s, ws: Workspace) -> None:
+@inline_kernel
+def _colour_block(cloud: FlatScene, block: int, x: Any, y: Any, z: Any, R_CW: Float64s, ws: Workspace) -> None:
     """Write the colours of a block to the scratch memory; (x, y, z) are camera coordinates of the means."""
     if cloud.sh_count == 1:
         for channel in range(3):
@@ -241,8 +241,8 @@ def _colour_block(cloud: Gaussians, block: int, x: Any, y: Any, z: Any, R_CW: Fl
         store_f16(ws.scratch, LANES * (RECORD_RED + channel), value)
 
 
-@inlined
-def _sh_channel(cloud: Gaussians, block: int, channel: int, x: Any, y: Any, z: Any, step: float) -> Any:
+@inline_kernel
+def _sh_channel(cloud: FlatScene, block: int, channel: int, x: Any, y: Any, z: Any, step: float) -> Any:
     """Colour of one channel along unit directions, not negative: max(sum of c_k Y_k(x, y, z) * step + 0.5, 0).
 
     Coefficient k of the block's Gaussians is row k. With c_m + i s_m = (x + i y)^m, every Y is a polynomial in z times
@@ -275,7 +275,7 @@ def _sh_channel(cloud: Gaussians, block: int, channel: int, x: Any, y: Any, z: A
     return maximum(fma(value, step, 0.5), 0.0)
 
 
-@inlined
+@inline_kernel
 def _light_block(lit: Lit, block: int, R: Any, ws: Workspace) -> None:
     """Light the colours of a block in the scratch memory.
 
@@ -303,7 +303,7 @@ def _light_block(lit: Lit, block: int, R: Any, ws: Workspace) -> None:
         store_f16(ws.scratch, row, load_f16(ws.scratch, row) * sqrt(light))
 
 
-@inlined
+@inline_kernel
 def _emit(seen: int, counts: tuple[int, int, int], slab: Slab, columns: int, ws: Workspace) -> tuple[int, int, int]:
     """Append the visible lanes of the scratch memory to the records, and their keys to this slab's or the later ones.
 
@@ -347,7 +347,7 @@ def _emit(seen: int, counts: tuple[int, int, int], slab: Slab, columns: int, ws:
 
 
 @kernel
-def project_scene(view: PinholeView, cloud: Gaussians, chunks: VisibleChunks, slab: Slab, ws: Workspace) -> None:
+def project_scene(view: PinholeView, cloud: FlatScene, chunks: VisibleChunks, slab: Slab, ws: Workspace) -> None:
     """Project the slab's chunks of a static cloud, and append the Gaussians that touch unfinished pixels."""
     optics = optics_of(view)
     counts = (ws.counts[RECORDS], ws.counts[KEYS], ws.counts[LATER])
@@ -388,8 +388,8 @@ def project_scene(view: PinholeView, cloud: Gaussians, chunks: VisibleChunks, sl
 @kernel
 def project_human(
     view: PinholeView,
-    cloud: Gaussians,
-    skin: Skin,
+    cloud: FlatScene,
+    skin: FlatSkin,
     lit: Lit,
     lead: Singles,
     A_CS: Singles,

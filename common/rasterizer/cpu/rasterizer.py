@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars import Avatar, joint_transforms
-from readygo.common.gaussians.irradiance import turned
+from readygo.common.gaussians.irradiance import rotate_forms
 from readygo.common.images.images import Images, empty_images
 from readygo.common.rasterizer.cpu import blend as cpu_blend
 from readygo.common.rasterizer.cpu.lod_cull import COARSENESS, Cut, cull_human_tree, cull_tree
 from readygo.common.rasterizer.cpu.outputs import Sums, instance_of_records, write_images
-from readygo.common.rasterizer.cpu.project import Gaussians, Lit, Skin, project_human, project_scene
+from readygo.common.rasterizer.cpu.project import FlatScene, FlatSkin, Lit, project_human, project_scene
 from readygo.common.rasterizer.cpu.slabs import FAR_BITS, Slab, slabs_of
 from readygo.common.rasterizer.cpu.view import PinholeView, VisibleChunks, cull_human, cull_scene, make_view
 from readygo.common.rasterizer.cpu.workspace import (
@@ -40,14 +40,14 @@ Shading = Callable[[], npt.NDArray[np.int16]]
 """Gives the normals of an avatar that light falls on, flat."""
 
 
-def _frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def _read_only_view(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """A read-only plain view: mapped and other packs then have one numba type, so that kernels compile once."""
     view = array.view(np.ndarray)
     view.flags.writeable = False
     return view
 
 
-_UNLIT = Lit(_frozen(np.empty(0, dtype=np.int16)), np.empty(0, dtype=np.float32))
+_UNLIT = Lit(_read_only_view(np.empty(0, dtype=np.int16)), np.empty(0, dtype=np.float32))
 
 
 class _Layer:
@@ -55,17 +55,17 @@ class _Layer:
 
     def __init__(self, scene: PackedScene, cut: Cut | None = None) -> None:
         self._cut = cut
-        self.gaussians = Gaussians(
-            _frozen(scene.centre_m),
-            _frozen(scene.geometry).reshape(-1),
-            _frozen(scene.colour).reshape(-1),
-            _frozen(scene.sh).reshape(-1),
+        self.gaussians = FlatScene(
+            _read_only_view(scene.centre_m),
+            _read_only_view(scene.geometry).reshape(-1),
+            _read_only_view(scene.colour).reshape(-1),
+            _read_only_view(scene.sh).reshape(-1),
             float(scene.sh_step[0]),
             scene.sh.shape[3] if len(scene.sh) else 1,
         )
-        self.normal = None if scene.normal is None else _frozen(scene.normal).reshape(-1)
+        self.normal = None if scene.normal is None else _read_only_view(scene.normal).reshape(-1)
         self.scene = scene
-        self._boxes = _frozen(scene.centre_m), _frozen(scene.half_m), _frozen(scene.reach_m)
+        self._boxes = _read_only_view(scene.centre_m), _read_only_view(scene.half_m), _read_only_view(scene.reach_m)
         self._chunks = VisibleChunks(
             np.empty(scene.chunk_count, dtype=np.int64),
             np.empty(scene.chunk_count, dtype=np.float64),
@@ -98,9 +98,13 @@ class _Human(_Layer):
     def __init__(self, avatar: Avatar, packed: PackedAvatar, cut: Cut | None, shading: Shading) -> None:
         super().__init__(packed.scene, cut)
         self.avatar, self.packed, self._shading = avatar, packed, shading
-        self.skin = Skin(_frozen(packed.joint_start), _frozen(packed.joint), _frozen(packed.weight).reshape(-1))
+        self.skin = FlatSkin(
+            _read_only_view(packed.joint_start),
+            _read_only_view(packed.joint),
+            _read_only_view(packed.weight).reshape(-1),
+        )
         arrays = (packed.box_start, packed.box_joint, packed.box_centre_m, packed.box_half_m)
-        self._joint_boxes = tuple(_frozen(array) for array in arrays)
+        self._joint_boxes = tuple(_read_only_view(array) for array in arrays)
         self._A_CS = np.empty((24, 3, 4), dtype=np.float32)
         self._light = np.empty((3, 10), dtype=np.float32)
 
@@ -112,7 +116,7 @@ class _Human(_Layer):
             self._A_CS[:, i] = R[i, 0] * A_WS[:, 0] + R[i, 1] * A_WS[:, 1] + R[i, 2] * A_WS[:, 2]
         self._lit = _UNLIT
         if human.light is not None:
-            turned(human.light, R, self._light)
+            rotate_forms(human.light, R, self._light)
             self._lit = Lit(self._shading(), self._light.reshape(-1))
         self._lead = lead_terms(human, R, view.p_WC)
 
@@ -271,11 +275,11 @@ def _wearable(
 
 
 def _shading(packed: PackedAvatar, joints_m: npt.NDArray[np.float32]) -> npt.NDArray[np.int16]:
-    return _frozen(packed_shading(packed, joints_m)).reshape(-1)
+    return _read_only_view(packed_shading(packed, joints_m)).reshape(-1)
 
 
 def _cut(tree: ChunkTree | AvatarTree, coarseness: float) -> Cut:
-    return Cut(_frozen(tree.skip), _frozen(tree.pixel_m), float(coarseness))
+    return Cut(_read_only_view(tree.skip), _read_only_view(tree.pixel_m), float(coarseness))
 
 
 def _with_cut(scene: PackedScene | ChunkTree, coarseness: float) -> tuple[PackedScene, Cut | None]:

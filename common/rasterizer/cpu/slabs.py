@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import inlined
+from readygo.common.kernels import inline_kernel
 from readygo.common.rasterizer.constants import NEAR_M
 from readygo.common.rasterizer.cpu.tiles import any_alive
 
@@ -48,7 +48,7 @@ def _depth_bits(depth_m: float) -> int:
     return FAR_BITS if depth_m == np.inf else int(np.float32(depth_m).view(np.int32)) - NEAR_BITS
 
 
-@inlined
+@inline_kernel
 def is_due(slab: Slab, depth_m: float, box: int, columns: int, tile_alive: npt.NDArray[np.int64]) -> bool:
     """True if a chunk belongs to the slab and some pixel that it may touch is not finished.
 

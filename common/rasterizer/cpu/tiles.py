@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import inlined
+from readygo.common.kernels import inline_kernel
 from readygo.common.rasterizer.cpu.workspace import Workspace
 from readygo.common.simd.memory import peek
 from readygo.common.simd.types import integer_minimum, integer_where
@@ -24,19 +24,19 @@ LARGE = -1
 """Tile of a box that meets more than 2x2 tiles."""
 
 
-@inlined
+@inline_kernel
 def pack_box(x0: int, x1: int, y0: int, y1: int) -> int:
     """Bounds in blocks of 4x4 px, both ends included, in one int64."""
     return x0 | (x1 << 16) | (y0 << 32) | (y1 << 48)
 
 
-@inlined
+@inline_kernel
 def unpack_box(box: int) -> tuple[int, int, int, int]:
     """x0, x1, y0, y1 of `pack_box`."""
     return box & 0xFFFF, (box >> 16) & 0xFFFF, (box >> 32) & 0xFFFF, (box >> 48) & 0xFFFF
 
 
-@inlined
+@inline_kernel
 def tiles_met(box: int) -> int:
     """Number of tiles that a packed box meets."""
     x0, x1, y0, y1 = unpack_box(box)
@@ -44,13 +44,13 @@ def tiles_met(box: int) -> int:
     return count
 
 
-@inlined
+@inline_kernel
 def _spread(rows: Any) -> Any:
     """Bits 0..3 moved to 0, 4, 8, 12."""
     return (rows & 1) | ((rows & 2) << 3) | ((rows & 4) << 6) | ((rows & 8) << 9)
 
 
-@inlined
+@inline_kernel
 def box_codes(x0: Any, x1: Any, y0: Any, y1: Any, columns: int) -> Any:
     """Codes of boxes whose bounds are given in blocks, both ends included (I16 each).
 
@@ -75,7 +75,7 @@ def box_codes(x0: Any, x1: Any, y0: Any, y1: Any, columns: int) -> Any:
     )
 
 
-@inlined
+@inline_kernel
 def tile_blocks(x0: int, x1: int, y0: int, y1: int, tile_x: int, tile_y: int) -> int:
     """Which of a tile's 16 blocks lie within bounds that meet the tile; bit 4 * row + column."""
     left, right = max(x0 - 4 * tile_x, 0), min(x1 - 4 * tile_x, 3)
@@ -86,7 +86,7 @@ def tile_blocks(x0: int, x1: int, y0: int, y1: int, tile_x: int, tile_y: int) ->
     return row * rows
 
 
-@inlined
+@inline_kernel
 def any_alive(tile_alive: Integers, columns: int, box: int) -> bool:
     """True if a block within a packed box is not finished."""
     x0, x1, y0, y1 = unpack_box(box)
@@ -97,7 +97,7 @@ def any_alive(tile_alive: Integers, columns: int, box: int) -> bool:
     return False
 
 
-@inlined
+@inline_kernel
 def is_alive(ws: Workspace, columns: int, tile: int, blocks: int) -> int:
     """1 if a block that the box covers is not finished, else 0."""
     if tile == LARGE:
@@ -105,7 +105,7 @@ def is_alive(ws: Workspace, columns: int, tile: int, blocks: int) -> int:
     return 1 if blocks & peek(ws.quad_alive, tile) else 0
 
 
-@inlined
+@inline_kernel
 def update_quads(ws: Workspace, columns: int) -> None:
     """Put together what is alive in each tile, right of it, below and right below, as in a box's blocks."""
     alive = ws.tile_alive

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import inlined, kernel
+from readygo.common.kernels import inline_kernel, kernel
 from readygo.common.rasterizer.constants import FOV_MARGIN, NEAR_M
 from readygo.common.rasterizer.cpu.tiles import pack_box
 
@@ -68,13 +68,13 @@ def make_view(T_world_camera: Floats, K_px: Floats, height_px: int, width_px: in
     )
 
 
-@inlined
+@inline_kernel
 def _axis_range(low: float, high: float, z_low: float, z_high: float) -> tuple[float, float]:
     """Range of the quotients of [low, high] and [z_low, z_high], z_low > 0."""
     return low / (z_high if low >= 0.0 else z_low), high / (z_low if high >= 0.0 else z_high)
 
 
-@inlined
+@inline_kernel
 def _blocks_of_range(
     low: float, high: float, z_low: float, z_high: float, reach: float, focal: float, centre: float, size: int
 ) -> tuple[int, int]:
@@ -104,7 +104,7 @@ def _blocks_of_range(
     return int(first) >> 2, int(last) >> 2
 
 
-@inlined
+@inline_kernel
 def add_if_visible(
     view: PinholeView, low: Floats, high: Floats, reach: float, i: int, n: int, out: VisibleChunks
 ) -> int:
@@ -122,7 +122,7 @@ def add_if_visible(
     return n + 1
 
 
-@inlined
+@inline_kernel
 def camera_box(view: PinholeView, centre_m: Floats, half_m: Singles, low: Floats, high: Floats) -> None:
     """Write the bounds of a box in the camera's frame."""
     R = view.R_CW
@@ -144,7 +144,7 @@ def cull_scene(view: PinholeView, centre_m: Floats, half_m: Singles, reach_m: Si
     return n
 
 
-@inlined
+@inline_kernel
 def posed_box(
     A_CS: Singles,
     first: int,
@@ -167,7 +167,7 @@ def posed_box(
             low[k], high[k] = min(low[k], float(middle - half)), max(high[k], float(middle + half))
 
 
-@inlined
+@inline_kernel
 def add_human_chunk(
     view: PinholeView, low: Floats, high: Floats, reach: float, lead: Singles, i: int, n: int, out: VisibleChunks
 ) -> int:

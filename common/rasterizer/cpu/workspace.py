@@ -124,12 +124,12 @@ class Depths(NamedTuple):
 def make_depths(height_px: int, width_px: int) -> Depths:
     """Memory for the depths of images of one size."""
     pixels = tile_count(height_px, width_px) * TILE * TILE
-    return Depths(_aligned(pixels, np.float32), _aligned(pixels, np.int32))
+    return Depths(_allocate_aligned(pixels, np.float32), _allocate_aligned(pixels, np.int32))
 
 
 def make_normals(height_px: int, width_px: int) -> Singles:
     """Memory for sums of normals, per tile 16 blocks of x, y, z of 4x4 px, shape (T * 768,)."""
-    return _aligned(tile_count(height_px, width_px) * TILE * TILE * 3, np.float32)
+    return _allocate_aligned(tile_count(height_px, width_px) * TILE * TILE * 3, np.float32)
 
 
 def make_workspace(height_px: int, width_px: int) -> Workspace:
@@ -137,22 +137,22 @@ def make_workspace(height_px: int, width_px: int) -> Workspace:
     tiles, slack = tile_count(height_px, width_px), -(-width_px // TILE) + 1
     ws = Workspace(
         counts=np.zeros(4, dtype=np.int64),
-        records=_aligned(0, np.float32),
-        boxes=_aligned(0, np.int64),
-        keys=_aligned(0, np.int64),
-        sorted_keys=_aligned(0, np.int64),
-        later=_aligned(0, np.int64),
-        tile_place=_aligned(tiles + 3, np.int64),
+        records=_allocate_aligned(0, np.float32),
+        boxes=_allocate_aligned(0, np.int64),
+        keys=_allocate_aligned(0, np.int64),
+        sorted_keys=_allocate_aligned(0, np.int64),
+        later=_allocate_aligned(0, np.int64),
+        tile_place=_allocate_aligned(tiles + 3, np.int64),
         tile_alive=np.zeros(tiles + slack, dtype=np.int64),
         quad_alive=np.zeros(tiles, dtype=np.int64),
-        tile_state=_aligned(tiles * TILE_STATE, np.float32),
-        node_next=_aligned(0, np.int64),
-        entry_record=_aligned(0, np.int32),
-        entry_blocks=_aligned(0, np.uint16),
-        digit_places=_aligned(3 * DIGITS, np.int32),
-        scratch=_aligned(256, np.float32),
-        scratch_bits=_aligned(64, np.int32),
-        scratch_records=_aligned(16 * RECORD, np.float32),
+        tile_state=_allocate_aligned(tiles * TILE_STATE, np.float32),
+        node_next=_allocate_aligned(0, np.int64),
+        entry_record=_allocate_aligned(0, np.int32),
+        entry_blocks=_allocate_aligned(0, np.uint16),
+        digit_places=_allocate_aligned(3 * DIGITS, np.int32),
+        scratch=_allocate_aligned(256, np.float32),
+        scratch_bits=_allocate_aligned(64, np.int32),
+        scratch_records=_allocate_aligned(16 * RECORD, np.float32),
     )
     return with_room(ws, records=1, entries=1)
 
@@ -168,19 +168,19 @@ def with_room(ws: Workspace, *, records: int = 0, entries: int = 0) -> Workspace
     if BOX * records > len(ws.boxes):
         room = records + records // 4
         ws = ws._replace(
-            records=_aligned(room * RECORD, np.float32),
-            boxes=_aligned(room * BOX, np.int64),
-            keys=_aligned(room, np.int64),
-            sorted_keys=_aligned(room, np.int64),
-            later=_aligned(room, np.int64),
+            records=_allocate_aligned(room * RECORD, np.float32),
+            boxes=_allocate_aligned(room * BOX, np.int64),
+            keys=_allocate_aligned(room, np.int64),
+            sorted_keys=_allocate_aligned(room, np.int64),
+            later=_allocate_aligned(room, np.int64),
         )
     nodes = entries // NODE + 2 * len(ws.quad_alive) + 1
     if entries and nodes > len(ws.node_next):
         room = nodes + nodes // 4
         ws = ws._replace(
-            node_next=_aligned(room, np.int64),
-            entry_record=_aligned(room * NODE, np.int32),
-            entry_blocks=_aligned(room * NODE, np.uint16),
+            node_next=_allocate_aligned(room, np.int64),
+            entry_record=_allocate_aligned(room * NODE, np.int32),
+            entry_blocks=_allocate_aligned(room * NODE, np.uint16),
         )
     return ws
 
@@ -190,7 +190,7 @@ def tile_count(height_px: int, width_px: int) -> int:
     return -(-height_px // TILE) * -(-width_px // TILE)
 
 
-def _aligned(count: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+def _allocate_aligned(count: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
     """Uninitialised array that begins on a cache line and has room for one more SIMD register behind its end."""
     size = count * np.dtype(dtype).itemsize
     raw = np.empty(size + 128, dtype=np.uint8)

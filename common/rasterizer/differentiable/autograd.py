@@ -118,7 +118,7 @@ def rasterize(
     Raises:
         ValueError: If a tensor has a wrong shape or type, or the pose is not finite.
     """
-    parameters = _checked(means_m, quats_wxyz, scales_m, opacities, sh, features)
+    parameters = _contiguous_parameters(means_m, quats_wxyz, scales_m, opacities, sh, features)
     pose = _checked_pose(T_world_camera)
     stored = 0 if sh is None else COEFFICIENTS.index(sh.shape[1])
     settings = _Settings(
@@ -142,7 +142,7 @@ def rasterize(
     )
 
 
-def _checked(*tensors: Tensor | None) -> tuple[Tensor | None, ...]:
+def _contiguous_parameters(*tensors: Tensor | None) -> tuple[Tensor | None, ...]:
     """The parameters, contiguous."""
     names = ("means_m", "quats_wxyz", "scales_m", "opacities", "sh", "features")
     count = 0 if tensors[0] is None else len(tensors[0])
@@ -228,7 +228,7 @@ class _Rasterize(torch.autograd.Function):
         whole, _, means_m, _, _, _, _, _, pose = ctx.saved_tensors
         frame: Frame = ctx.frame
         settings: _Settings = ctx.settings
-        padded = frame.padded()
+        padded = frame.zero_planes()
         images = torch.from_numpy(padded)[:, : settings.height_px, : settings.width_px]
         colour, drawn, depth, transmittance = slopes
         if colour is not None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from readygo.common.kernels import inlined
+from readygo.common.kernels import inline_kernel
 from readygo.common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
 from readygo.common.rasterizer.cpu.blend import EXPONENT_BIT, ROUNDING, fill_tiles, log2_alpha, sort_keys
 from readygo.common.rasterizer.cpu.tiles import update_quads
@@ -38,11 +38,11 @@ from readygo.common.rasterizer.differentiable.memory import (
     PLANES,
     RED,
     TRANSMITTANCE,
-    Kept,
+    ForwardMemory,
     Raster,
     Singles,
 )
-from readygo.common.rasterizer.differentiable.released import released
+from readygo.common.rasterizer.differentiable.released import kernel_without_gil
 from readygo.common.rasterizer.differentiable.simd_rows import load_block, load_first, store_block, store_first
 from readygo.common.simd.memory import forget, load_f16, mark, peek, prefetch, store_f16, touching
 from readygo.common.simd.types import (
@@ -60,7 +60,7 @@ from readygo.common.simd.types import (
 )
 
 
-@inlined
+@inline_kernel
 def _alive_blocks(width: int, height: int, left: int, top: int) -> int:
     """Bits of a tile's 4x4 blocks that hold pixels of the image."""
     blocks_x = min((width - left + BLOCK - 1) >> BLOCK_BITS, 4)
@@ -70,7 +70,7 @@ def _alive_blocks(width: int, height: int, left: int, top: int) -> int:
     return row * (0x1111 & ((1 << (4 * blocks_y)) - 1))
 
 
-@released
+@kernel_without_gil
 def begin_planes(width: int, height: int, ws: Workspace, raster: Raster) -> None:
     """Forget the last image: black, transparent, all blocks of pixels alive."""
     columns = (width + TILE - 1) >> TILE_BITS
@@ -83,8 +83,10 @@ def begin_planes(width: int, height: int, ws: Workspace, raster: Raster) -> None
     update_quads(ws, columns)
 
 
-@released
-def gather_features(features: Singles, count: int, first: int, kept: Kept, ws: Workspace, raster: Raster) -> None:
+@kernel_without_gil
+def gather_features(
+    features: Singles, count: int, first: int, kept: ForwardMemory, ws: Workspace, raster: Raster
+) -> None:
     """Copy the features of the records from `first` on, `count` numbers each, and fill rows up with zeros."""
     # Record 16 * group + lane is that of the group's Gaussian `lane`.
     stride, end = raster.feature_count, ws.counts[RECORDS] >> 4
@@ -99,7 +101,7 @@ def gather_features(features: Singles, count: int, first: int, kept: Kept, ws: W
                 store_first(raster.features, target + k, stride - k, load_first(features, row + k, count - k))
 
 
-@inlined
+@inline_kernel
 def exp2(t: Any) -> Any:
     """2^t for t in -126..1, relative error below 3e-6: a polynomial of degree 4.
 
@@ -115,7 +117,7 @@ def exp2(t: Any) -> Any:
     return float_of_bits(bit_pattern(p) + (bit_pattern(shifted) << EXPONENT_BIT))
 
 
-@inlined
+@inline_kernel
 def _write_alphas(ws: Workspace, entry: int, touched: int, x: Any, y: Any, alphas: Singles) -> None:
     """Write the alphas of those of a node's entries whose bit is set in a 4x4 block, one after the other.
 
@@ -135,7 +137,7 @@ def _write_alphas(ws: Workspace, entry: int, touched: int, x: Any, y: Any, alpha
         store_f16(alphas, k, where(t >= LOG2_ALPHA_MIN, minimum(exp2(t), ALPHA_MAX), 0.0))
 
 
-@inlined
+@inline_kernel
 def _weigh(raster: Raster, place: int, touched: int) -> Any:
     """Take the entries whose bit is set, and whose alphas are in `raster.weights`, off the transmittances of a block.
 
@@ -163,7 +165,7 @@ def _weigh(raster: Raster, place: int, touched: int) -> Any:
     return drawing, holds_somewhere(transmittance >= TRANSMITTANCE_MIN)
 
 
-@inlined
+@inline_kernel
 def _add_four(
     ws: Workspace, raster: Raster, place: int, values: Singles, first: int, stride: int, entry: int, drawing: int
 ) -> None:
@@ -196,7 +198,7 @@ def _add_four(
     store_f16(state, place + 3 * LANES, d)
 
 
-@inlined
+@inline_kernel
 def _copy_tile(raster: Raster, left: int, top: int, planes: int, store: bool) -> None:
     """Copy the state of a tile's blocks from the planes, or back to them."""
     size = raster.height * raster.stride
@@ -210,7 +212,7 @@ def _copy_tile(raster: Raster, left: int, top: int, planes: int, store: bool) ->
                 store_f16(raster.state, place, load_block(raster.planes, p, raster.stride))
 
 
-@released
+@kernel_without_gil
 def blend(width: int, ws: Workspace, raster: Raster) -> None:
     """Sort the slab's keys, spread them to lists of the tiles, and blend these into the planes, nearest first.
 
@@ -270,7 +272,7 @@ def blend(width: int, ws: Workspace, raster: Raster) -> None:
         _copy_tile(raster, left, top, planes, True)
 
 
-@inlined
+@inline_kernel
 def _prefetch_node(ws: Workspace, raster: Raster, node: int, last_place: int) -> None:
     """Ask for the records of a node of the tile whose list ends at `last_place`."""
     size = last_place & (NODE - 1) if node == last_place >> NODE_BITS else NODE

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from readygo.common.kernels import inlined
+from readygo.common.kernels import inline_kernel
 from readygo.common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
 from readygo.common.rasterizer.cpu.blend import log2_alpha
 from readygo.common.rasterizer.cpu.workspace import (
@@ -55,7 +55,7 @@ from readygo.common.rasterizer.differentiable.memory import (
     Singles,
 )
 from readygo.common.rasterizer.differentiable.partial_sums import add, add_product, no_sum, totals
-from readygo.common.rasterizer.differentiable.released import released
+from readygo.common.rasterizer.differentiable.released import kernel_without_gil
 from readygo.common.rasterizer.differentiable.simd_rows import (
     add_block_sums,
     load_block,
@@ -73,7 +73,7 @@ STATE_ROWS = PLANES + 4
 """Rows of a block without features."""
 
 
-@inlined
+@inline_kernel
 def _load_tile(raster: Raster, slopes: Singles, replay: Singles, left: int, top: int) -> None:
     """Set up the state of a tile's blocks."""
     size = raster.height * raster.stride
@@ -93,7 +93,7 @@ def _load_tile(raster: Raster, slopes: Singles, replay: Singles, left: int, top:
             store_f16(raster.state, place + SLOPES + LANES * plane, slope)
 
 
-@inlined
+@inline_kernel
 def _store_tile(raster: Raster, replay: Singles, left: int, top: int) -> None:
     """Keep transmittance and what is left behind for the next slab."""
     size = raster.height * raster.stride
@@ -104,7 +104,7 @@ def _store_tile(raster: Raster, replay: Singles, left: int, top: int) -> None:
         store_block(replay, size + pixel, raster.stride, load_f16(raster.state, place + BEHIND))
 
 
-@released
+@kernel_without_gil
 def begin_replay(ws: Workspace, raster: Raster, slopes: Singles, replay: Singles, out: Gradients) -> None:
     """Start with full transmittance, the whole image left behind, and no record replayed.
 
@@ -127,7 +127,7 @@ def begin_replay(ws: Workspace, raster: Raster, slopes: Singles, replay: Singles
         out.touched[group] = 0
 
 
-@inlined
+@inline_kernel
 def _touch(record: int, out: Gradients) -> None:
     """Set the gradient records of a record's group to 0 if it is the first of them that is replayed."""
     group = record >> 4
@@ -138,7 +138,7 @@ def _touch(record: int, out: Gradients) -> None:
             store_f16(out.records, k, f16(0.0))
 
 
-@inlined
+@inline_kernel
 def _replay_features(raster: Raster, place: int, record: int, weight: Any, gain: Any, out: Gradients) -> Any:
     """Add a record's features to what it gives the loss, and their derivatives to its gradient record."""
     state, features = raster.state, raster.features
@@ -153,13 +153,13 @@ def _replay_features(raster: Raster, place: int, record: int, weight: Any, gain:
     return gain
 
 
-@inlined
+@inline_kernel
 def _magnitude(x: Any) -> Any:
     """The absolute value."""
     return maximum(x, 0.0 - x)
 
 
-@inlined
+@inline_kernel
 def _replay_entry(ws: Workspace, raster: Raster, record: int, drawn: int, absolute: bool, out: Gradients) -> None:
     """Draw a record into the 4x4 blocks whose bit is set in `drawn` once more, and add its derivatives.
 
@@ -226,7 +226,7 @@ def _replay_entry(ws: Workspace, raster: Raster, record: int, drawn: int, absolu
     store_f16(out.records, p, load_f16(out.records, p) + sums)
 
 
-@released
+@kernel_without_gil
 def blend_gradients(
     width: int,
     ws: Workspace,
@@ -274,13 +274,13 @@ def blend_gradients(
         _store_tile(raster, replay, left, top)
 
 
-@inlined
+@inline_kernel
 def _prefetch_record(ws: Workspace, record: int, out: Gradients) -> None:
     prefetch(ws.records, record * RECORD)
     prefetch(out.records, record * out.record_size)
 
 
-@inlined
+@inline_kernel
 def _prefetch_node(ws: Workspace, raster: Raster, node: int, out: Gradients) -> None:
     waiting = touching(raster.entry_drawn, node * NODE, 0xFFFF)
     while waiting:

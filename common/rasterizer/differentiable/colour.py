@@ -12,7 +12,7 @@ Source: Kerbl et al., 3D Gaussian Splatting for Real-Time Radiance Field Renderi
 from typing import Any
 
 from readygo.common.gaussians.spherical_harmonics import SH_C0, SH_C1, SH_C2, SH_C3, SH_C20, SH_C30, SH_C31, SH_C32
-from readygo.common.kernels import inlined
+from readygo.common.kernels import inline_kernel
 from readygo.common.rasterizer.cpu.workspace import RECORD_RED, Workspace
 from readygo.common.rasterizer.differentiable.memory import (
     COEFFICIENTS_MAX,
@@ -21,21 +21,21 @@ from readygo.common.rasterizer.differentiable.memory import (
     GROUP,
     NUMBER,
     Cloud,
+    ForwardMemory,
     Gradients,
-    Kept,
 )
 from readygo.common.rasterizer.differentiable.simd_rows import load_first, store_first, stream_f16
 from readygo.common.simd.memory import load_f16, store_f16, store_i16, transpose
 from readygo.common.simd.types import LANES, f16, float_bits, fma, fms, i16, integer_where, lowest_bit, maximum, sqrt
 
 
-@inlined
-def _coefficient(kept: Kept, k: int, channel: int) -> Any:
+@inline_kernel
+def _coefficient(kept: ForwardMemory, k: int, channel: int) -> Any:
     return load_f16(kept.coefficients, (3 * k + channel) * LANES)
 
 
-@inlined
-def _load_coefficients(cloud: Cloud, group: int, drawn: int, kept: Kept) -> None:
+@inline_kernel
+def _load_coefficients(cloud: Cloud, group: int, drawn: int, kept: ForwardMemory) -> None:
     """Coefficients of the Gaussians of a group that are drawn, one row of 16 lanes each."""
     count = 3 * cloud.sh_count
     while drawn:
@@ -50,8 +50,8 @@ def _load_coefficients(cloud: Cloud, group: int, drawn: int, kept: Kept) -> None
         transpose(kept.rows, j, COEFFICIENTS_MAX, kept.coefficients, LANES * j, LANES)
 
 
-@inlined
-def colour_group(cloud: Cloud, group: int, drawn: int, keep: bool, kept: Kept, ws: Workspace) -> None:
+@inline_kernel
+def colour_group(cloud: Cloud, group: int, drawn: int, keep: bool, kept: ForwardMemory, ws: Workspace) -> None:
     """Write the colours of a group to the scratch memory, and their derivatives to the group if asked."""
     if cloud.sh_count == 0:
         for channel in range(3):
@@ -77,8 +77,8 @@ def colour_group(cloud: Cloud, group: int, drawn: int, keep: bool, kept: Kept, w
                 _write_derivative(kept, channel, cloud.sh_count, x, y, z, inverse, target)
 
 
-@inlined
-def _value(kept: Kept, channel: int, count: int, x: Any, y: Any, z: Any) -> Any:
+@inline_kernel
+def _value(kept: ForwardMemory, channel: int, count: int, x: Any, y: Any, z: Any) -> Any:
     """Colour of one channel along unit directions, not negative."""
     value = fma(_coefficient(kept, 0, channel), SH_C0, 0.5)
     if count >= 4:
@@ -106,8 +106,10 @@ def _value(kept: Kept, channel: int, count: int, x: Any, y: Any, z: Any) -> Any:
     return maximum(value, 0.0)
 
 
-@inlined
-def _write_derivative(kept: Kept, channel: int, count: int, x: Any, y: Any, z: Any, inverse: Any, place: int) -> None:
+@inline_kernel
+def _write_derivative(
+    kept: ForwardMemory, channel: int, count: int, x: Any, y: Any, z: Any, inverse: Any, place: int
+) -> None:
     """Derivatives of one channel by the offset from the camera, whose inverse length is `inverse`, to `place`.
 
     j is the gradient of the polynomial sum of c_k Y_k at the unit direction n = (x, y, z). As n = offset / |offset|,
@@ -141,17 +143,17 @@ def _write_derivative(kept: Kept, channel: int, count: int, x: Any, y: Any, z: A
     store_f16(kept.groups, place + 2 * LANES, (jz - along * z) * inverse)
 
 
-@inlined
-def _put(kept: Kept, k: int, basis: Any, g: Any) -> None:
+@inline_kernel
+def _put(kept: ForwardMemory, k: int, basis: Any, g: Any) -> None:
     """Derivatives by coefficient k of the three channels: Y_k times those by the colour."""
     store_f16(kept.coefficients, 3 * LANES * k, basis * g[0])
     store_f16(kept.coefficients, 3 * LANES * k + LANES, basis * g[1])
     store_f16(kept.coefficients, 3 * LANES * k + 2 * LANES, basis * g[2])
 
 
-@inlined
+@inline_kernel
 def write_coefficient_gradients(
-    cloud: Cloud, group: int, d: Any, g: Any, row: int, weighty: int, dense: bool, kept: Kept, out: Gradients
+    cloud: Cloud, group: int, d: Any, g: Any, row: int, weighty: int, dense: bool, kept: ForwardMemory, out: Gradients
 ) -> None:
     """Derivatives by the coefficients of some lanes of a group.
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from readygo.common.kernels import inlined
+from readygo.common.kernels import inline_kernel
 from readygo.common.rasterizer.constants import ALPHA_MIN, NEAR_M
 from readygo.common.rasterizer.cpu.optics import Optics, optics_of, rotation_rows
 from readygo.common.rasterizer.cpu.tiles import pack_box
@@ -18,7 +18,7 @@ from readygo.common.rasterizer.cpu.view import PAD_PX, PinholeView
 from readygo.common.rasterizer.cpu.workspace import BLOCK_BITS
 from readygo.common.rasterizer.differentiable.ewa import to_camera
 from readygo.common.rasterizer.differentiable.memory import CHUNK, Chunks, Cloud, Singles
-from readygo.common.rasterizer.differentiable.released import released
+from readygo.common.rasterizer.differentiable.released import kernel_without_gil
 from readygo.common.rasterizer.differentiable.simd_rows import columns_of_three, load_first
 from readygo.common.simd.memory import load_f16, poke, prefetch, store_f16
 from readygo.common.simd.types import LANES, f16, fma, lane_number, mask_bits, maximum, minimum, where
@@ -35,7 +35,7 @@ NEAREST, LEFT, RIGHT, TOP, BOTTOM = 0, 1, 2, 3, 4
 """Rows of the bounds."""
 
 
-@inlined
+@inline_kernel
 def from_camera(view: PinholeView, axis: int, p: Any) -> Any:
     """World coordinates along an axis relative to the camera."""
     # In two steps, so that the difference of large coordinates loses nothing.
@@ -43,7 +43,7 @@ def from_camera(view: PinholeView, axis: int, p: Any) -> Any:
     return (p - near) - (view.p_WC[axis] - near)
 
 
-@inlined
+@inline_kernel
 def offsets_from_camera(view: PinholeView, cloud: Cloud, first: int, left: int) -> Any:
     """World coordinates of the Gaussians first..first+15 relative to the camera; 0 from the `left`-th on."""
     p = columns_of_three(
@@ -54,7 +54,7 @@ def offsets_from_camera(view: PinholeView, cloud: Cloud, first: int, left: int) 
     return from_camera(view, 0, p[0]), from_camera(view, 1, p[1]), from_camera(view, 2, p[2])
 
 
-@inlined
+@inline_kernel
 def scales_at(cloud: Cloud, first: int, left: int) -> Any:
     """Scales of the Gaussians first..first+15."""
     return columns_of_three(
@@ -64,7 +64,7 @@ def scales_at(cloud: Cloud, first: int, left: int) -> Any:
     )
 
 
-@inlined
+@inline_kernel
 def footprint_reach(optics: Optics, s: Any) -> Any:
     """How far Gaussians reach in the image, times depth [px m].
 
@@ -75,7 +75,7 @@ def footprint_reach(optics: Optics, s: Any) -> Any:
     return reach * (optics.fx * math.sqrt(1.0 + u * u)), reach * (optics.fy * math.sqrt(1.0 + v * v))
 
 
-@inlined
+@inline_kernel
 def in_view(optics: Optics, p: Any, reach: Any, opacity: Any, left: int) -> Any:
     """Lanes whose footprints may meet the image; camera coordinates `p`."""
     x, y = p[0] * optics.fx, p[1] * optics.fy
@@ -91,20 +91,20 @@ def in_view(optics: Optics, p: Any, reach: Any, opacity: Any, left: int) -> Any:
     )
 
 
-@inlined
+@inline_kernel
 def _begin_bounds(bounds: Singles) -> None:
     for k in range(BOTTOM + 1):
         store_f16(bounds, LANES * k, f16(FAR))
 
 
-@inlined
+@inline_kernel
 def _widen(bounds: Singles, k: int, seen: Any, value: Any) -> None:
     """Lower the k-th bound to `value` in the lanes that are seen."""
     old = load_f16(bounds, LANES * k)
     store_f16(bounds, LANES * k, where(seen, minimum(value, old), old))
 
 
-@inlined
+@inline_kernel
 def _bound(bounds: Singles, k: int) -> float:
     """The smallest lane of the k-th bound."""
     low: float = bounds[LANES * k]
@@ -113,7 +113,7 @@ def _bound(bounds: Singles, k: int) -> float:
     return low
 
 
-@inlined
+@inline_kernel
 def _bound_block(view: PinholeView, optics: Optics, R: Any, cloud: Cloud, first: int, bounds: Singles) -> int:
     """Widen the bounds by a block of 16 Gaussians; the lanes that may touch the image."""
     left = len(cloud.opacities) - first
@@ -138,13 +138,13 @@ def _bound_block(view: PinholeView, optics: Optics, R: Any, cloud: Cloud, first:
     return bits
 
 
-@inlined
+@inline_kernel
 def _to_block(pixel: float, last: float) -> int:
     """Number of the 4-px block that holds a pixel coordinate, moved into the image."""
     return int(min(max(pixel, 0.0), last)) >> BLOCK_BITS
 
 
-@released
+@kernel_without_gil
 def bound_chunks(view: PinholeView, cloud: Cloud, bounds: Singles, out: Chunks) -> int:
     """Write the chunks that may touch the image, and return their number.
 

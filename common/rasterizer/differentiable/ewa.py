@@ -7,12 +7,12 @@ axes A = diag(fx / z, fy / z) E Q diag(scales), E = [[1, 0, -uc], [0, 1, -vc]] R
 
 from typing import Any
 
-from readygo.common.kernels import inlined
+from readygo.common.kernels import inline_kernel
 from readygo.common.rasterizer.constants import DILATION_PX2
 from readygo.common.simd.types import fma, fms, fnma
 
 
-@inlined
+@inline_kernel
 def to_camera(R: Any, d: Any) -> Any:
     """Camera coordinates of offsets from the camera."""
     return (
@@ -22,7 +22,7 @@ def to_camera(R: Any, d: Any) -> Any:
     )
 
 
-@inlined
+@inline_kernel
 def quaternion_matrix(w: Any, x: Any, y: Any, z: Any) -> Any:
     """Rotation matrices of quaternions that need not be of length 1, row by row."""
     # R = I + 2 / |q|^2 (w [v]x + v v^T - |v|^2 I), v = (x, y, z).
@@ -35,7 +35,7 @@ def quaternion_matrix(w: Any, x: Any, y: Any, z: Any) -> Any:
     )  # fmt: skip
 
 
-@inlined
+@inline_kernel
 def image_rows(R: Any, uc: Any, vc: Any) -> Any:
     """The two rows of J R_CW without the factors fx / z and fy / z."""
     return (
@@ -44,7 +44,7 @@ def image_rows(R: Any, uc: Any, vc: Any) -> Any:
     )  # fmt: skip
 
 
-@inlined
+@inline_kernel
 def image_axes(E: Any, Q: Any) -> Any:
     """The rows `image_rows` times the axes of the Gaussians, row by row, six values."""
     return (
@@ -57,7 +57,7 @@ def image_axes(E: Any, Q: Any) -> Any:
     )
 
 
-@inlined
+@inline_kernel
 def image_covariance(a: Any, b: Any) -> Any:
     """Covariance xx, xy, yy [px2] of Gaussians whose axes end at (a_k, b_k) in the image, and its determinant.
 

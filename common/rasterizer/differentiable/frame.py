@@ -33,11 +33,11 @@ from readygo.common.rasterizer.differentiable.memory import (
     PLANES,
     Chunks,
     Cloud,
+    ForwardMemory,
     Gradients,
-    Kept,
     Raster,
     Singles,
-    aligned,
+    allocate_aligned,
 )
 from readygo.common.rasterizer.differentiable.pool import ArrayPool
 from readygo.common.rasterizer.differentiable.project import list_drawn, project
@@ -118,7 +118,7 @@ class Frame:
             raise ValueError(f"images are limited to {MAX_SIDE_PX} px a side, got {height_px}x{width_px} px.")
         self.size_px = (height_px, width_px)
         self._ws = make_workspace(height_px, width_px)
-        self._kept = Kept(
+        self._kept = ForwardMemory(
             groups=np.empty(0, dtype=np.float32),
             lanes=np.empty(0, dtype=np.int32),
             waiting=np.zeros(CHUNK, dtype=np.int64),
@@ -126,7 +126,7 @@ class Frame:
             coefficients=np.zeros(48 * 16, dtype=np.float32),
         )
         self._chunk_room = _chunk_arrays(0)
-        self._bounds = aligned(5 * 16, np.float32)
+        self._bounds = allocate_aligned(5 * 16, np.float32)
         self._raster = Raster(
             planes=np.empty(0, dtype=np.float32),
             height=-(-height_px // TILE) * TILE,
@@ -135,8 +135,8 @@ class Frame:
             feature_count=0,
             tile_nodes=np.zeros(tile_count(height_px, width_px), dtype=np.int32),
             entry_drawn=np.empty(0, dtype=np.uint16),
-            weights=aligned(64 * 16, np.float32),
-            state=aligned(16 * STATE_ROWS * 16, np.float32),
+            weights=allocate_aligned(64 * 16, np.float32),
+            state=allocate_aligned(16 * STATE_ROWS * 16, np.float32),
             block_x=np.tile(np.arange(0, 16, 4, dtype=np.float32), 4),
             block_y=np.repeat(np.arange(0, 16, 4, dtype=np.float32), 4),
         )
@@ -187,7 +187,7 @@ class Frame:
         groups = -(-features // FEATURE_GROUP) * FEATURE_GROUP
         raster = self._raster
         if groups != raster.feature_count:
-            state = aligned(16 * (STATE_ROWS + groups) * 16, np.float32)
+            state = allocate_aligned(16 * (STATE_ROWS + groups) * 16, np.float32)
             raster = raster._replace(feature_count=groups, state=state)
         size = (PLANES + groups) * raster.height * raster.stride
         self._raster = raster._replace(planes=_MEMORY.pool.take("planes", size, np.float32))
@@ -198,10 +198,12 @@ class Frame:
         self._ws = with_room(self._ws, records=count)
         if count // 16 > len(self._kept.lanes):
             room = (count + count // 4) // 16
-            self._kept = self._kept._replace(groups=aligned(room * GROUP, np.float32), lanes=aligned(room, np.int32))
+            self._kept = self._kept._replace(
+                groups=allocate_aligned(room * GROUP, np.float32), lanes=allocate_aligned(room, np.int32)
+            )
         if count * self._raster.feature_count > len(self._raster.features):
             room = (count + count // 4) * self._raster.feature_count
-            self._raster = self._raster._replace(features=aligned(room, np.float32))
+            self._raster = self._raster._replace(features=allocate_aligned(room, np.float32))
 
     def _draw_slab(self, slab: Slab, keep: bool) -> None:
         view, features = self._view, self._features
@@ -224,7 +226,7 @@ class Frame:
 
         Args:
             planes: What `draw` gave.
-            slopes: Derivatives of the loss by the planes, in memory that `padded` gave.
+            slopes: Derivatives of the loss by the planes, in memory that `zero_planes` gave.
             absolute: Also sum up the pixels' absolute derivatives by the projected means.
             dense: Give SH coefficients' derivatives for all Gaussians.
         """
@@ -248,7 +250,7 @@ class Frame:
         rows = project_gradients(self._view, self._cloud, self._chunks, dense, self._kept, out)
         return self._results(out, rows, absolute_row if absolute else None, dense)
 
-    def padded(self) -> Singles:
+    def zero_planes(self) -> Singles:
         """Zeros in the layout of the planes, for `derive`."""
         raster = self._raster
         return zeros("slopes", (PLANES + raster.feature_count, raster.height, raster.stride))
@@ -312,9 +314,9 @@ class _SlabLists:
 
     def __init__(self, ws: Workspace, raster: Raster) -> None:
         self._tile_place = np.zeros_like(ws.tile_place)
-        self._node_next = aligned(0, np.int64)
-        self._entry_record = aligned(0, np.int32)
-        self._entry_blocks = aligned(0, np.uint16)
+        self._node_next = allocate_aligned(0, np.int64)
+        self._entry_record = allocate_aligned(0, np.int32)
+        self._entry_blocks = allocate_aligned(0, np.uint16)
         self._tile_nodes = np.zeros_like(raster.tile_nodes)
         self._entry_drawn = np.empty(0, dtype=np.uint16)
 
@@ -332,7 +334,7 @@ class _SlabLists:
         ws = with_room(ws, entries=entries)
         self._node_next, self._entry_record, self._entry_blocks = ws.node_next, ws.entry_record, ws.entry_blocks
         if len(self._entry_drawn) < len(ws.entry_blocks):
-            self._entry_drawn = aligned(len(ws.entry_blocks), np.uint16)
+            self._entry_drawn = allocate_aligned(len(ws.entry_blocks), np.uint16)
         return ws
 
     def on(self, raster: Raster) -> Raster:

@@ -82,7 +82,7 @@ class Chunks(NamedTuple):
     """Groups of each chunk; 0: nothing of it was projected, shape (C,)."""
 
 
-class Kept(NamedTuple):
+class ForwardMemory(NamedTuple):
     """What the projection hands to the backward pass: groups of up to 16 Gaussians of one chunk.
 
     Record `16 * group + lane` is that of the group's Gaussian `lane`.
@@ -160,7 +160,7 @@ class Gradients(NamedTuple):
     """Derivatives by R_CW, row by row, and by the camera centre, in 16 parts each, shape (12 * 16,)."""
 
 
-def aligned(count: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+def allocate_aligned(count: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
     """Uninitialised array that begins on a cache line."""
     size = count * np.dtype(dtype).itemsize
     raw = np.empty(size + 128, dtype=np.uint8)

@@ -51,7 +51,7 @@ class _Model(models.PrimitiveModel):
 register_model(PartialSumType)(_Model)
 
 
-def _shuffled(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
+def _shuffle(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_i32, len(lanes)), lanes))
 
 
@@ -59,7 +59,7 @@ def _registers(builder: Any, value: Any) -> list[Any]:
     """The F16 as registers."""
     size = register_lanes()
     undefined = ir.Constant(f32_vector, ir.Undefined)
-    return [_shuffled(builder, value, undefined, list(range(k, k + size))) for k in range(0, LANES, size)]
+    return [_shuffle(builder, value, undefined, list(range(k, k + size))) for k in range(0, LANES, size)]
 
 
 @_intrinsic
@@ -97,9 +97,9 @@ def add_product(typing_context: Any, total: Any, a: Any, b: Any) -> Any:
     return PartialSum(PartialSum, F16, F16), emit
 
 
-def _merged(builder: Any, a: Any, b: Any, near: list[int], far: list[int]) -> Any:
+def _merge_lanes(builder: Any, a: Any, b: Any, near: list[int], far: list[int]) -> Any:
     """Sum of two shuffles of a pair of vectors."""
-    return builder.fadd(_shuffled(builder, a, b, near), _shuffled(builder, a, b, far))
+    return builder.fadd(_shuffle(builder, a, b, near), _shuffle(builder, a, b, far))
 
 
 def _lanes_of(size: int, *picks: int) -> list[int]:
@@ -113,9 +113,9 @@ def _by_quarters(builder: Any, sums: list[Any]) -> Any:
     Halves (two sums) or quarters (four sums) of each are added, until each has 4 lanes, one after the other.
     """
     if len(sums) == 2:
-        return _merged(builder, sums[0], sums[1], _lanes_of(4, 0, 2), _lanes_of(4, 1, 3))
-    ab, cd = (_merged(builder, sums[k], sums[k + 1], _lanes_of(8, 0, 2), _lanes_of(8, 1, 3)) for k in (0, 2))
-    return _merged(builder, ab, cd, _lanes_of(4, 0, 2, 4, 6), _lanes_of(4, 1, 3, 5, 7))
+        return _merge_lanes(builder, sums[0], sums[1], _lanes_of(4, 0, 2), _lanes_of(4, 1, 3))
+    ab, cd = (_merge_lanes(builder, sums[k], sums[k + 1], _lanes_of(8, 0, 2), _lanes_of(8, 1, 3)) for k in (0, 2))
+    return _merge_lanes(builder, ab, cd, _lanes_of(4, 0, 2, 4, 6), _lanes_of(4, 1, 3, 5, 7))
 
 
 def within_quarters(builder: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
@@ -128,8 +128,8 @@ def within_quarters(builder: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
         return [lane if lane < LANES else lane - LANES + a.type.count for lane in all_lanes]
 
     # Per quarter: a0 + a2, b0 + b2, a1 + a3, b1 + b3, then the sums of a, b, c, d.
-    ab, cd = (_merged(builder, *pair, pick(0, 16, 1, 17), pick(2, 18, 3, 19)) for pair in ((a, b), (c, d)))
-    return _merged(builder, ab, cd, pick(0, 1, 16, 17), pick(2, 3, 18, 19))
+    ab, cd = (_merge_lanes(builder, *pair, pick(0, 16, 1, 17), pick(2, 18, 3, 19)) for pair in ((a, b), (c, d)))
+    return _merge_lanes(builder, ab, cd, pick(0, 1, 16, 17), pick(2, 3, 18, 19))
 
 
 def _totals(builder: Any, sums: list[Any]) -> Any:
@@ -143,7 +143,7 @@ def _totals(builder: Any, sums: list[Any]) -> Any:
         )
         for first in range(0, 4, quarters)
     ]
-    return rows[0] if len(rows) == 1 else _shuffled(builder, rows[0], rows[1], list(range(LANES)))
+    return rows[0] if len(rows) == 1 else _shuffle(builder, rows[0], rows[1], list(range(LANES)))
 
 
 @_intrinsic

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from readygo.common.kernels import inlined
+from readygo.common.kernels import inline_kernel
 from readygo.common.rasterizer.constants import ALPHA_MIN, LOG2_E
 from readygo.common.rasterizer.cpu.blend import EXPONENT_BIT, begin_slab
-from readygo.common.rasterizer.cpu.optics import Optics, clamped, optics_of, rotation_rows
+from readygo.common.rasterizer.cpu.optics import Optics, clamp_tangents, optics_of, rotation_rows
 from readygo.common.rasterizer.cpu.project import pixels_within
 from readygo.common.rasterizer.cpu.slabs import NEAR_BITS, Slab, is_due
 from readygo.common.rasterizer.cpu.tiles import LARGE, box_codes, is_alive, tiles_met
@@ -59,11 +59,11 @@ from readygo.common.rasterizer.differentiable.memory import (
     SCALES,
     Chunks,
     Cloud,
+    ForwardMemory,
     Integers,
-    Kept,
     Singles,
 )
-from readygo.common.rasterizer.differentiable.released import released
+from readygo.common.rasterizer.differentiable.released import kernel_without_gil
 from readygo.common.rasterizer.differentiable.simd_rows import copy_four, copy_three
 from readygo.common.simd.memory import (
     load_f16,
@@ -98,7 +98,7 @@ TWO_THIRDS_BITS = 0x3F2AAAAB
 """The bits of the float32 nearest to 2/3."""
 
 
-@inlined
+@inline_kernel
 def _log2(x: Any) -> Any:
     """Binary logarithm of positive normal numbers, absolute error below 2e-7: a series of artanh((m - 1) / (m + 1))."""
     # x = (m + 1) 2^exponent with m + 1 in 2/3..4/3; with s = m / (m + 2), ln(m + 1) = 2 (s + s^3 / 3 + s^5 / 5 + ..).
@@ -110,8 +110,8 @@ def _log2(x: Any) -> Any:
     return fma(s * p, LOG2_E, to_float(exponent))
 
 
-@inlined
-def _list_waiting(chunks: Chunks, i: int, kept: Kept) -> int:
+@inline_kernel
+def _list_waiting(chunks: Chunks, i: int, kept: ForwardMemory) -> int:
     """Write the numbers of the Gaussians of chunk `i` that may touch the image, and return how many they are."""
     count = 0
     for block in range(BLOCKS):
@@ -124,14 +124,14 @@ def _list_waiting(chunks: Chunks, i: int, kept: Kept) -> int:
     return count
 
 
-@inlined
-def _row(kept: Kept, group: int, row: int) -> Any:
+@inline_kernel
+def _row(kept: ForwardMemory, group: int, row: int) -> Any:
     """A row of a group, see `GROUP_ROWS`."""
     return load_f16(kept.groups, group * GROUP + LANES * row)
 
 
-@inlined
-def _gather_group(view: PinholeView, cloud: Cloud, begin: int, size: int, group: int, kept: Kept) -> None:
+@inline_kernel
+def _gather_group(view: PinholeView, cloud: Cloud, begin: int, size: int, group: int, kept: ForwardMemory) -> None:
     """Bring the parameters of `size` of the waiting Gaussians to a group, those from `begin` on."""
     for lane in range(size):
         number, row = peek(kept.waiting, begin + lane), LANES * lane
@@ -151,15 +151,15 @@ def _gather_group(view: PinholeView, cloud: Cloud, begin: int, size: int, group:
     kept.lanes[group] = size
 
 
-@inlined
-def _image_group(optics: Optics, R: Any, group: int, kept: Kept, ws: Workspace) -> int:
+@inline_kernel
+def _image_group(optics: Optics, R: Any, group: int, kept: ForwardMemory, ws: Workspace) -> int:
     """Project a group: its record rows go to the scratch memory, the lanes that cover a pixel centre back."""
     d = (_row(kept, group, OFFSET), _row(kept, group, OFFSET + 1), _row(kept, group, OFFSET + 2))
     x, y, z = to_camera(R, d)
     inverse_z = 1.0 / z
     u, v = x * inverse_z, y * inverse_z
     mean_x, mean_y = fma(u, optics.fx, optics.cx), fma(v, optics.fy, optics.cy)
-    uc, vc = clamped(optics, u, v)
+    uc, vc = clamp_tangents(optics, u, v)
     q0, q1 = _row(kept, group, QUATERNION), _row(kept, group, QUATERNION + 1)
     q2, q3 = _row(kept, group, QUATERNION + 2), _row(kept, group, QUATERNION + 3)
     Q = quaternion_matrix(q0, q1, q2, q3)
@@ -196,7 +196,7 @@ def _image_group(optics: Optics, R: Any, group: int, kept: Kept, ws: Workspace) 
     return seen
 
 
-@inlined
+@inline_kernel
 def _box(lane: int, ws: Workspace) -> Any:
     """First tile and blocks of a lane's box, see `tiles`."""
     bits = ws.scratch_bits
@@ -204,7 +204,7 @@ def _box(lane: int, ws: Workspace) -> Any:
     return np.int64(peek(bits, BITS_TILE + lane)), (low & 0xFFFFFFFF) | (high << 32)
 
 
-@inlined
+@inline_kernel
 def _unhidden(seen: int, columns: int, ws: Workspace) -> int:
     """Those of the seen lanes whose box meets pixels that are not finished."""
     alive, waiting = 0, seen
@@ -216,7 +216,7 @@ def _unhidden(seen: int, columns: int, ws: Workspace) -> int:
     return alive
 
 
-@inlined
+@inline_kernel
 def _emit(drawn: int, first: int, counts: tuple[int, int], slab: Slab, ws: Workspace) -> tuple[int, int]:
     """Write the records of a group, the first of which is `first`, and append keys to this slab's or the later ones.
 
@@ -253,8 +253,10 @@ def _emit(drawn: int, first: int, counts: tuple[int, int], slab: Slab, ws: Works
     return keys, later
 
 
-@released
-def project(view: PinholeView, cloud: Cloud, chunks: Chunks, slab: Slab, keep: bool, kept: Kept, ws: Workspace) -> None:
+@kernel_without_gil
+def project(
+    view: PinholeView, cloud: Cloud, chunks: Chunks, slab: Slab, keep: bool, kept: ForwardMemory, ws: Workspace
+) -> None:
     """Begin a slab: project its chunks, and append the Gaussians that touch unfinished pixels.
 
     Args:
@@ -291,14 +293,14 @@ def project(view: PinholeView, cloud: Cloud, chunks: Chunks, slab: Slab, keep: b
     ws.counts[KEYS], ws.counts[LATER] = counts
 
 
-@inlined
+@inline_kernel
 def _lanes(bits: int) -> Any:
     """M16 of the lowest 16 bits of an integer."""
     return has_bit(i16(1) << lane_number(), bits)
 
 
-@released
-def list_drawn(chunks: Chunks, kept: Kept, index: Integers, radius_px: Singles) -> int:
+@kernel_without_gil
+def list_drawn(chunks: Chunks, kept: ForwardMemory, index: Integers, radius_px: Singles) -> int:
     """Write numbers and radii of all Gaussians of the groups in the order of memory, and return their number."""
     n = 0
     for i in range(len(chunks.number)):

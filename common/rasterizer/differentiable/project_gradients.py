@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from readygo.common.kernels import inlined
-from readygo.common.rasterizer.cpu.optics import Optics, clamped, optics_of, rotation_rows
+from readygo.common.kernels import inline_kernel
+from readygo.common.rasterizer.cpu.optics import Optics, clamp_tangents, optics_of, rotation_rows
 from readygo.common.rasterizer.cpu.view import PinholeView
 from readygo.common.rasterizer.differentiable.colour import write_coefficient_gradients
 from readygo.common.rasterizer.differentiable.ewa import (
@@ -47,11 +47,11 @@ from readygo.common.rasterizer.differentiable.memory import (
     WEIGHT,
     Chunks,
     Cloud,
+    ForwardMemory,
     Gradients,
-    Kept,
     Singles,
 )
-from readygo.common.rasterizer.differentiable.released import released
+from readygo.common.rasterizer.differentiable.released import kernel_without_gil
 from readygo.common.rasterizer.differentiable.simd_rows import rows_of_four, rows_of_three, store_first
 from readygo.common.simd.memory import compress, load_f16, load_i16, prefetch, store_f16, transpose
 from readygo.common.simd.types import (
@@ -75,19 +75,19 @@ POSE_NUMBERS = 12
 """Rows of the derivatives by the pose: R_CW row by row, then the camera centre."""
 
 
-@inlined
-def _row(kept: Kept, group: int, row: int) -> Any:
+@inline_kernel
+def _row(kept: ForwardMemory, group: int, row: int) -> Any:
     """A row of a group, see `GROUP_ROWS`."""
     return load_f16(kept.groups, group * GROUP + LANES * row)
 
 
-@inlined
+@inline_kernel
 def _moment(out: Gradients, number: int) -> Any:
     """A moment of a group's gradient records."""
     return load_f16(out.sums, MOMENTS[number] * LANES)
 
 
-@inlined
+@inline_kernel
 def _quaternion_gradient(q: Any, G: Any) -> Any:
     """Derivatives by quaternions of any length of a loss whose derivatives by their rotations are G, row by row.
 
@@ -112,13 +112,13 @@ def _quaternion_gradient(q: Any, G: Any) -> Any:
     return (gw - along * w) * twice, (gx - along * x) * twice, (gy - along * y) * twice, (gz - along * z) * twice
 
 
-@inlined
+@inline_kernel
 def _add_pose(k: int, drawn: Any, value: Any, out: Gradients) -> None:
     """Add the drawn lanes of a value to those of number `k` of the pose."""
     store_f16(out.pose, k * LANES, load_f16(out.pose, k * LANES) + where(drawn, value, 0.0))
 
 
-@inlined
+@inline_kernel
 def _add_poses(drawn: Any, d: Any, g: Any, G: Any, w: Any, out: Gradients) -> None:
     """Add derivatives by R_CW, of which `G` holds what the covariances give, and by the camera centre.
 
@@ -138,7 +138,7 @@ def _add_poses(drawn: Any, d: Any, g: Any, G: Any, w: Any, out: Gradients) -> No
     _add_pose(11, drawn, 0.0 - w[2], out)
 
 
-@inlined
+@inline_kernel
 def _copy_features(group: int, row: int, weighty: int, out: Gradients) -> None:
     """Copy derivatives by features from the gradient records of the lanes `weighty` to rows from `row` on."""
     size = out.feature_size
@@ -151,23 +151,23 @@ def _copy_features(group: int, row: int, weighty: int, out: Gradients) -> None:
             store_first(out.features, target + k, size - k, load_f16(out.records, source + FEATURES + k))
 
 
-@inlined
-def _packed(lanes: Any, value: Any) -> Any:
+@inline_kernel
+def _pack_lanes(lanes: Any, value: Any) -> Any:
     """The lanes of a mask, moved to the front."""
     return float_of_bits(compress(lanes, bit_pattern(value)))
 
 
-@inlined
+@inline_kernel
 def _write_rows_of_three(rows: Singles, row: int, lanes: Any, a: Any, b: Any, c: Any) -> None:
     """Write the columns (a, b, c) of the lanes of a mask as rows of three, from `row` on."""
-    r0, r1, r2 = rows_of_three(_packed(lanes, a), _packed(lanes, b), _packed(lanes, c))
+    r0, r1, r2 = rows_of_three(_pack_lanes(lanes, a), _pack_lanes(lanes, b), _pack_lanes(lanes, c))
     store_f16(rows, 3 * row, r0)
     store_f16(rows, 3 * row + LANES, r1)
     store_f16(rows, 3 * row + 2 * LANES, r2)
 
 
-@inlined
-def _ask_for(group: int, kept: Kept, out: Gradients) -> None:
+@inline_kernel
+def _ask_for(group: int, kept: ForwardMemory, out: Gradients) -> None:
     """Ask the cache for a group and its gradient records."""
     for k in range(0, GROUP, LANES):
         prefetch(kept.groups, group * GROUP + k)
@@ -175,15 +175,15 @@ def _ask_for(group: int, kept: Kept, out: Gradients) -> None:
         prefetch(out.records, (LANES * group + lane) * out.record_size)
 
 
-@inlined
+@inline_kernel
 def _gradient_rows(group: int, out: Gradients) -> None:
     """Bring the first 16 numbers of a group's gradient records to one row each."""
     transpose(out.records, LANES * group * out.record_size, out.record_size, out.sums, 0, LANES)
 
 
-@inlined
+@inline_kernel
 def _shape_gradients(
-    optics: Optics, R: Any, group: int, first: int, row: int, lanes: Any, kept: Kept, out: Gradients
+    optics: Optics, R: Any, group: int, first: int, row: int, lanes: Any, kept: ForwardMemory, out: Gradients
 ) -> Any:
     """Derivatives by quaternions, scales and opacities, written; those by the offsets in camera axes, returned.
 
@@ -194,7 +194,7 @@ def _shape_gradients(
     x, y, z = to_camera(R, d)
     inverse_z = 1.0 / z
     u, v = x * inverse_z, y * inverse_z
-    uc, vc = clamped(optics, u, v)
+    uc, vc = clamp_tangents(optics, u, v)
     q = (
         _row(kept, group, QUATERNION),
         _row(kept, group, QUATERNION + 1),
@@ -216,7 +216,7 @@ def _shape_gradients(
     m0, m1, m2 = _moment(out, 0), _moment(out, 1), _moment(out, 2)
     m3, m4, m5 = _moment(out, 3), _moment(out, 4), _moment(out, 5)
     # dL / d opacity = m0 / opacity, dL / d mean_px = K (m1, m2).
-    store_f16(out.opacities, row, _packed(lanes, m0 / _row(kept, group, OPACITY)))
+    store_f16(out.opacities, row, _pack_lanes(lanes, m0 / _row(kept, group, OPACITY)))
     gx, gy = fma(kxx, m1, kxy * m2), fma(kxy, m1, kyy * m2)
     store_f16(out.means_px, first, where(lanes, gx, 0.0))
     store_f16(out.means_px, out.stride + first, where(lanes, gy, 0.0))
@@ -248,7 +248,9 @@ def _shape_gradients(
             fma(E[2], g0, E[5] * g3), fma(E[2], g1, E[5] * g4), fma(E[2], g2, E[5] * g5),
         ),
     )  # fmt: skip
-    h0, h1, h2, h3 = rows_of_four(_packed(lanes, w0), _packed(lanes, w1), _packed(lanes, w2), _packed(lanes, w3))
+    h0, h1, h2, h3 = rows_of_four(
+        _pack_lanes(lanes, w0), _pack_lanes(lanes, w1), _pack_lanes(lanes, w2), _pack_lanes(lanes, w3)
+    )
     store_f16(out.quats_wxyz, 4 * row, h0)
     store_f16(out.quats_wxyz, 4 * row + LANES, h1)
     store_f16(out.quats_wxyz, 4 * row + 2 * LANES, h2)
@@ -280,8 +282,10 @@ def _shape_gradients(
     return (g_u * inverse_z, g_v * inverse_z, g_z), (e0, e1, e2, e3, e4, e5, zero - t0, zero - t1, zero - t2)
 
 
-@inlined
-def _colour_gradients(cloud: Cloud, group: int, row: int, weighty: int, dense: bool, kept: Kept, out: Gradients) -> Any:
+@inline_kernel
+def _colour_gradients(
+    cloud: Cloud, group: int, row: int, weighty: int, dense: bool, kept: ForwardMemory, out: Gradients
+) -> Any:
     """Derivatives by the coefficients, written; those by the offsets in world axes, returned."""
     zero = f16(0.0)
     if cloud.sh_count == 0:
@@ -319,8 +323,8 @@ def _colour_gradients(cloud: Cloud, group: int, row: int, weighty: int, dense: b
     )
 
 
-@inlined
-def _write_numbers(group: int, row: int, weighty: int, kept: Kept, out: Gradients) -> None:
+@inline_kernel
+def _write_numbers(group: int, row: int, weighty: int, kept: ForwardMemory, out: Gradients) -> None:
     """Write the indices of the Gaussians with weight of a group, from `row` on."""
     while weighty:
         lane = lowest_bit(weighty)
@@ -329,7 +333,7 @@ def _write_numbers(group: int, row: int, weighty: int, kept: Kept, out: Gradient
         row += 1
 
 
-@inlined
+@inline_kernel
 def _group_gradients(
     optics: Optics,
     R: Any,
@@ -339,7 +343,7 @@ def _group_gradients(
     row: int,
     lanes: Any,
     dense: bool,
-    kept: Kept,
+    kept: ForwardMemory,
     out: Gradients,
 ) -> None:
     """Derivatives by all parameters of the lanes `lanes` of a group, whose gradient records are in `sums`."""
@@ -360,8 +364,10 @@ def _group_gradients(
         _copy_features(group, row, weighty, out)
 
 
-@released
-def project_gradients(view: PinholeView, cloud: Cloud, chunks: Chunks, dense: bool, kept: Kept, out: Gradients) -> int:
+@kernel_without_gil
+def project_gradients(
+    view: PinholeView, cloud: Cloud, chunks: Chunks, dense: bool, kept: ForwardMemory, out: Gradients
+) -> int:
     """Derivatives by all parameters of the Gaussians with weight, in the order of memory; the number of these.
 
     Args:
@@ -396,8 +402,8 @@ def project_gradients(view: PinholeView, cloud: Cloud, chunks: Chunks, dense: bo
     return row
 
 
-@released
-def gather_sums(chunks: Chunks, kept: Kept, out: Gradients, begin: int, rows: Singles) -> None:
+@kernel_without_gil
+def gather_sums(chunks: Chunks, kept: ForwardMemory, out: Gradients, begin: int, rows: Singles) -> None:
     """Copy numbers from `begin` on of the gradient records to `rows`, one row per Gaussian in the order of memory."""
     row = 0
     for i in range(len(chunks.number)):

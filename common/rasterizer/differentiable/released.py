@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 
 
-def released(function: Callable[..., Any]) -> Any:
+def kernel_without_gil(function: Callable[..., Any]) -> Any:
     """Compile a function as `readygo.common.kernels.kernel` does, without the interpreter's lock while it runs."""
-    return compiled(error_model="numpy", _nrt=False, nogil=True)(function)
+    return kernel_with_cache(error_model="numpy", _nrt=False, nogil=True)(function)

@@ -11,7 +11,7 @@ from numba.core import types
 from numba.extending import intrinsic
 
 from readygo.common.rasterizer.differentiable.partial_sums import within_quarters
-from readygo.common.simd.memory import pointer_to, shuffled
+from readygo.common.simd.memory import pointer_to, shuffle_lanes
 from readygo.common.simd.types import F16, LANES, as_i32, call_llvm, f32_vector, i32_vector
 
 _i32 = ir.IntType(32)
@@ -153,11 +153,11 @@ def _tuple_of(result: Any, arity: int, emit_values: Callable[[Any, Any], list[An
 def _pick(builder: Any, sources: list[Any], places: list[tuple[int, int]]) -> Any:
     """Lanes (source, lane) of up to three vectors."""
     first = [lane + 16 * source if source < 2 else 0 for source, lane in places]
-    value = shuffled(builder, sources[0], sources[1], first)
+    value = shuffle_lanes(builder, sources[0], sources[1], first)
     if all(source < 2 for source, _ in places):
         return value
     second = [16 + lane if source == 2 else place for place, (source, lane) in enumerate(places)]
-    return shuffled(builder, value, sources[2], second)
+    return shuffle_lanes(builder, value, sources[2], second)
 
 
 def _rows_to_columns_of_three(builder: Any, rows: list[Any]) -> list[Any]:
@@ -179,8 +179,8 @@ def _columns_to_rows_of_four(builder: Any, columns: list[Any]) -> list[Any]:
     a, b, c, d = columns
     out = []
     for lanes in (low, high):
-        even, odd = shuffled(builder, a, c, lanes), shuffled(builder, b, d, lanes)
-        out += [shuffled(builder, even, odd, low), shuffled(builder, even, odd, high)]
+        even, odd = shuffle_lanes(builder, a, c, lanes), shuffle_lanes(builder, b, d, lanes)
+        out += [shuffle_lanes(builder, even, odd, low), shuffle_lanes(builder, even, odd, high)]
     return out
 
 

@@ -15,7 +15,7 @@ OWN_COLOURS[:, 3, 3] = 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Batch:
+class ViewBatch:
     """B cameras with up to P humans each."""
 
     T_world_camera: Tensor
@@ -30,9 +30,9 @@ class Batch:
     """Light that falls on each human, as in `PosedHuman`; 1 from everywhere where they have their own colours, float64,
     shape (B, P, 3, 4, 4)."""
 
-    def part(self, first: int, end: int) -> "Batch":
+    def part(self, first: int, end: int) -> "ViewBatch":
         """Some of the cameras."""
-        return Batch(
+        return ViewBatch(
             T_world_camera=self.T_world_camera[first:end],
             avatar=self.avatar[first:end],
             root_m=self.root_m[first:end],
@@ -41,7 +41,7 @@ class Batch:
         )
 
 
-def make_batch(views: Sequence[View], numbers: Mapping[str, int], device: torch.device | str) -> Batch:
+def make_batch(views: Sequence[View], numbers: Mapping[str, int], device: torch.device | str) -> ViewBatch:
     """Copy views to a device.
 
     Args:
@@ -62,7 +62,7 @@ def make_batch(views: Sequence[View], numbers: Mapping[str, int], device: torch.
         root[camera, place] = np.array([human.root_m for human in everyone])
         pose[camera, place] = np.array([human.pose_axis_angle for human in everyone])
         light[camera, place] = [OWN_COLOURS if human.light is None else human.light for human in everyone]
-    return Batch(
+    return ViewBatch(
         T_world_camera=torch.from_numpy(T).to(device),
         avatar=torch.from_numpy(avatar).to(device),
         root_m=torch.from_numpy(root).to(device),

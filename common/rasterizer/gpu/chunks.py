@@ -123,16 +123,16 @@ def _chunks(cloud: GaussianCloud, *, centred: bool) -> ChunkedCloud:
     count, bands = len(cloud), cloud.sh.shape[1] - 1
     chunks = -(-count // CHUNK)
     valid = np.arange(chunks * CHUNK).reshape(chunks, CHUNK) < count
-    means = _padded(cloud.means_m.astype(np.float64))
+    means = _pad_chunks(cloud.means_m.astype(np.float64))
     centre, half = chunk_boxes(means, valid)
     log2_opacity, reach2 = opacity_terms(cloud.opacities)
     reach = np.sqrt(reach2) * cloud.scales_m.max(axis=1, initial=0.0)
     rows = np.concatenate(
         [
             means - centre[:, None] if centred else means,
-            _padded(covariances(cloud)),
-            _padded(log2_opacity[:, None]),
-            _padded(reach2[:, None]),
+            _pad_chunks(covariances(cloud)),
+            _pad_chunks(log2_opacity[:, None]),
+            _pad_chunks(reach2[:, None]),
         ],
         axis=2,
     )
@@ -140,7 +140,7 @@ def _chunks(cloud: GaussianCloud, *, centred: bool) -> ChunkedCloud:
     return ChunkedCloud(
         centre_m=centre,
         half_m=rounded_up(half),
-        reach_m=rounded_up(_padded(reach[:, None].astype(np.float64))[..., 0].max(axis=1)),
+        reach_m=rounded_up(_pad_chunks(reach[:, None].astype(np.float64))[..., 0].max(axis=1)),
         geometry=np.ascontiguousarray(rows.swapaxes(1, 2), dtype=np.float32),
         colour=_rows(rgb_of_sh(cloud.sh[:, 0].astype(np.float64))).astype(np.float32),
         sh=_rows(cloud.sh[:, 1:].reshape(count, 3 * bands)).reshape(chunks, bands, 3, CHUNK).astype(np.float16),
@@ -148,7 +148,7 @@ def _chunks(cloud: GaussianCloud, *, centred: bool) -> ChunkedCloud:
     )
 
 
-def _padded(values: npt.NDArray[np.floating]) -> Floats:
+def _pad_chunks(values: npt.NDArray[np.floating]) -> Floats:
     """Rows (N, n) in chunks (C, 256, n), filled up with zeros."""
     chunks = -(-len(values) // CHUNK)
     padded = np.zeros((chunks * CHUNK, values.shape[1]))
@@ -187,5 +187,5 @@ def _joint_boxes(
     box_joint = np.full((chunks, boxes), -1, dtype=np.int32)
     centre, half = np.zeros((chunks, boxes, 3)), np.zeros((chunks, boxes, 3))
     box_joint[chunk, place] = mover
-    centre[chunk, place], half[chunk, place] = chunk_boxes(_padded(means_m)[chunk], moved[chunk, :, mover])
+    centre[chunk, place], half[chunk, place] = chunk_boxes(_pad_chunks(means_m)[chunk], moved[chunk, :, mover])
     return box_joint, centre, half

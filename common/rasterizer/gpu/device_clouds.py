@@ -76,7 +76,7 @@ def upload(scenes: Sequence[GaussianCloud], avatars: Sequence[Avatar], device: t
     def on_device(array: npt.NDArray[np.generic]) -> Tensor:
         return torch.from_numpy(np.ascontiguousarray(array)).to(device)
 
-    def joined(arrays: Sequence[npt.NDArray[np.generic]], shape: tuple[int, ...], dtype: npt.DTypeLike) -> Tensor:
+    def upload_rows(arrays: Sequence[npt.NDArray[np.generic]], shape: tuple[int, ...], dtype: npt.DTypeLike) -> Tensor:
         return on_device(np.concatenate([np.zeros((0, *shape), dtype=dtype), *arrays]))
 
     return DeviceClouds(
@@ -84,22 +84,22 @@ def upload(scenes: Sequence[GaussianCloud], avatars: Sequence[Avatar], device: t
         human_chunks=int(counts.max(initial=0)),
         sh_count=bands + 1,
         box_count=boxes,
-        centres=joined([layer.centre_m for layer in layers], (3,), np.float64),
-        halves=joined([layer.half_m for layer in layers], (3,), np.float32),
-        reaches=joined([cloud.reach_m for cloud in clouds], (), np.float32),
-        geometry=joined([cloud.geometry for cloud in clouds], (GEOMETRY_ROWS, CHUNK), np.float32),
-        colours=joined([cloud.colour for cloud in clouds], (3, CHUNK), np.float32),
-        normals=joined([cloud.normal for cloud in clouds], (3, CHUNK), np.float32),
+        centres=upload_rows([layer.centre_m for layer in layers], (3,), np.float64),
+        halves=upload_rows([layer.half_m for layer in layers], (3,), np.float32),
+        reaches=upload_rows([cloud.reach_m for cloud in clouds], (), np.float32),
+        geometry=upload_rows([cloud.geometry for cloud in clouds], (GEOMETRY_ROWS, CHUNK), np.float32),
+        colours=upload_rows([cloud.colour for cloud in clouds], (3, CHUNK), np.float32),
+        normals=upload_rows([cloud.normal for cloud in clouds], (3, CHUNK), np.float32),
         sh=on_device(sh),
         sh_rows=on_device(sh_rows),
         first_chunks=on_device(np.cumsum(counts, dtype=np.int32) - counts),
         chunk_counts=on_device(counts),
-        joints=joined([human.joint for human in humans], (4, CHUNK), np.uint8),
-        weights=joined([human.weight for human in humans], (4, CHUNK), np.float32),
-        shading=joined([human.shading for human in humans], (3, CHUNK), np.float32),
-        box_joints=joined([_widened(p.box_joint, boxes, -1) for p in humans], (boxes,), np.int32),
-        box_centres=joined([_widened(p.box_centre_m, boxes, 0) for p in humans], (boxes, 3), np.float32),
-        box_halves=joined([_widened(p.box_half_m, boxes, 0) for p in humans], (boxes, 3), np.float32),
+        joints=upload_rows([human.joint for human in humans], (4, CHUNK), np.uint8),
+        weights=upload_rows([human.weight for human in humans], (4, CHUNK), np.float32),
+        shading=upload_rows([human.shading for human in humans], (3, CHUNK), np.float32),
+        box_joints=upload_rows([_widen_rows(p.box_joint, boxes, -1) for p in humans], (boxes,), np.int32),
+        box_centres=upload_rows([_widen_rows(p.box_centre_m, boxes, 0) for p in humans], (boxes, 3), np.float32),
+        box_halves=upload_rows([_widen_rows(p.box_half_m, boxes, 0) for p in humans], (boxes, 3), np.float32),
         skeletons=load_skeletons(avatars, device),
     )
 
@@ -111,13 +111,13 @@ def _sh(clouds: Sequence[ChunkedCloud], bands: int) -> tuple[npt.NDArray[np.floa
         if cloud.sh.shape[1] == 0:
             rows.append(np.full(cloud.chunk_count, -1, dtype=np.int32))
             continue
-        blocks.append(_widened(cloud.sh, bands, 0).astype(np.float16))
+        blocks.append(_widen_rows(cloud.sh, bands, 0).astype(np.float16))
         rows.append(np.arange(used, used + cloud.chunk_count, dtype=np.int32))
         used += cloud.chunk_count
     return np.concatenate(blocks), np.concatenate(rows)
 
 
-def _widened(array: npt.NDArray[np.generic], size: int, value: float) -> npt.NDArray[np.generic]:
+def _widen_rows(array: npt.NDArray[np.generic], size: int, value: float) -> npt.NDArray[np.generic]:
     """The array with axis 1 filled up to `size`."""
     missing = size - array.shape[1]
     return np.pad(array, [(0, 0), (0, missing), *[(0, 0)] * (array.ndim - 2)], constant_values=value)

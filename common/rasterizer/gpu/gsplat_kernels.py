@@ -28,7 +28,7 @@ from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.spherical_harmonics import SH_C0
 from readygo.common.rasterizer.constants import ALPHA_MAX, DILATION_PX2, NEAR_M
-from readygo.common.rasterizer.gpu.batch import Batch
+from readygo.common.rasterizer.gpu.batch import ViewBatch
 from readygo.common.rasterizer.gpu.chunks import morton_order
 from readygo.common.rasterizer.gpu.device_images import DeviceImages, mean_depth, unit_normals
 from readygo.common.rasterizer.gpu.light import gains
@@ -86,14 +86,14 @@ class GsplatKernels:
         # gsplat computes in float32: coordinates count from the middle of the first scene.
         middle = np.median(scenes[0].means_m, axis=0) if scenes and len(scenes[0]) else np.zeros(3)
         self._origin_m = torch.tensor(middle.astype(np.float64), device=device)
-        self._scene = _joined([self._loaded(scene, middle) for scene in scenes]) if scenes else None
+        self._scene = _join_gaussians([self._load_cloud(scene, middle) for scene in scenes]) if scenes else None
         self._skeletons = load_skeletons(avatars, device)
         self._wearers = [
-            (load_skin(avatar, device), self._loaded(avatar.cloud, None), self._own_normals(avatar))
+            (load_skin(avatar, device), self._load_cloud(avatar.cloud, None), self._own_normals(avatar))
             for avatar in avatars
         ]
 
-    def _loaded(self, cloud: GaussianCloud, middle: npt.NDArray[np.floating] | None) -> _Gaussians:
+    def _load_cloud(self, cloud: GaussianCloud, middle: npt.NDArray[np.floating] | None) -> _Gaussians:
         """A cloud on the device: relative to `middle` and in Morton order, or as it is."""
         means = cloud.means_m.astype(np.float64)
         if middle is not None:
@@ -119,7 +119,7 @@ class GsplatKernels:
         own = np.einsum("nik,ni->nk", R, avatar_normals(avatar))
         return torch.tensor(own, dtype=torch.float32, device=self._device)
 
-    def draw(self, batch: Batch, wanted: frozenset[str]) -> DeviceImages:
+    def draw(self, batch: ViewBatch, wanted: frozenset[str]) -> DeviceImages:
         """Draw all cameras of a batch.
 
         Args:
@@ -141,9 +141,9 @@ class GsplatKernels:
         names = [name for name in ("rgb", "alpha", "depth_m", "normal") if getattr(parts[0], name) is not None]
         return DeviceImages(**{name: torch.cat([getattr(part, name) for part in parts]) for name in names})
 
-    def _draw_alike(self, batch: Batch, wanted: frozenset[str]) -> DeviceImages:
+    def _draw_alike(self, batch: ViewBatch, wanted: frozenset[str]) -> DeviceImages:
         """Draw cameras that see the same humans in the same poses."""
-        gaussians = _joined([*([self._scene] if self._scene else []), *self._posed(batch)])
+        gaussians = _join_gaussians([*([self._scene] if self._scene else []), *self._pose_humans(batch)])
         T_camera_world = _inverse(batch.T_world_camera, self._origin_m)
         depth = "depth" in wanted
         colours, alpha = self._call(gaussians, gaussians.sh, T_camera_world, self._degree, depth)
@@ -181,7 +181,7 @@ class GsplatKernels:
         )
         return images, alpha[..., 0]
 
-    def _posed(self, batch: Batch) -> list[_Gaussians]:
+    def _pose_humans(self, batch: ViewBatch) -> list[_Gaussians]:
         """The humans of the first camera, in their light."""
         numbers = batch.avatar[0].long()
         if not len(numbers):
@@ -220,14 +220,14 @@ def gsplat_rasterization() -> Rasterization:
     return rasterization  # type: ignore[no-any-return]
 
 
-def _joined(parts: Sequence[_Gaussians]) -> _Gaussians:
+def _join_gaussians(parts: Sequence[_Gaussians]) -> _Gaussians:
     if len(parts) == 1:
         return parts[0]
     names = ("means", "quats", "scales", "opacities", "sh")
     return _Gaussians(**{name: torch.cat([getattr(part, name) for part in parts]) for name in names})
 
 
-def _alike(batch: Batch) -> list[tuple[int, int]]:
+def _alike(batch: ViewBatch) -> list[tuple[int, int]]:
     """Ranges of cameras that see the same humans in the same poses and light."""
     rows = torch.cat(
         [batch.avatar.double(), batch.root_m.flatten(1), batch.pose_axis_angle.flatten(1), batch.light.flatten(1)],

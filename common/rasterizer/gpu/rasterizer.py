@@ -13,7 +13,7 @@ from readygo.common.errors import ReadygoError
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.images.images import Images, empty_images
 from readygo.common.rasterizer.gpu.availability import require_kernels
-from readygo.common.rasterizer.gpu.batch import Batch, make_batch
+from readygo.common.rasterizer.gpu.batch import ViewBatch, make_batch
 from readygo.common.rasterizer.gpu.device_images import DeviceImages, host_images, rgb_bytes
 from readygo.common.rasterizer.gpu.triton.settings import TritonSettings
 from readygo.common.rasterizer.interface import View, checked_outputs
@@ -23,7 +23,7 @@ VIEWS_AT_ONCE = 64
 
 
 class _Kernels(Protocol):
-    def draw(self, batch: Batch, wanted: frozenset[str]) -> DeviceImages: ...
+    def draw(self, batch: ViewBatch, wanted: frozenset[str]) -> DeviceImages: ...
 
 
 class GpuRasterizer:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import inlined, kernel
+from readygo.common.kernels import inline_kernel, kernel
 from readygo.common.rasterizer.constants import ALPHA_MAX, DILATION_PX2
 from readygo.common.rasterizer.packed.scene import CHUNK
 
@@ -112,13 +112,13 @@ def make_clusters(joints: int) -> Clusters:
     )
 
 
-@inlined
+@inline_kernel
 def dilation_m2(pixel_m: float) -> float:
     """What the dilation adds to variances, for pixels of a size [m2]."""
     return DILATION_PX2 * pixel_m * pixel_m
 
 
-@inlined
+@inline_kernel
 def area_m2(c: Any, dilation: float) -> float:
     """Mean area of a dilated Gaussian over directions, up to a factor: root of the sum of its principal 2x2 minors."""
     xx, yy, zz = c[XX] + dilation, c[YY] + dilation, c[ZZ] + dilation
@@ -126,7 +126,7 @@ def area_m2(c: Any, dilation: float) -> float:
     return math.sqrt(max(minors, 0.0))
 
 
-@inlined
+@inline_kernel
 def gather(
     originals: Originals, label: Labels, first: int, end: int, count: int, pixel_m: float, out: Clusters
 ) -> None:
@@ -141,7 +141,7 @@ def gather(
         _finish(k, dilation, out)
 
 
-@inlined
+@inline_kernel
 def _add(originals: Originals, i: int, first: int, dilation: float, k: int, out: Clusters) -> None:
     """Add Gaussian `i` to the sums of cluster `k`; means count from the region's first Gaussian."""
     c, mean, origin = originals.covariance_m2[i], originals.mean_m[i], originals.mean_m[first]
@@ -166,7 +166,7 @@ def _add(originals: Originals, i: int, first: int, dilation: float, k: int, out:
         out.skin[k, joint] += w * originals.skin[i, joint]
 
 
-@inlined
+@inline_kernel
 def _finish(k: int, dilation: float, out: Clusters) -> None:
     """Make means of the sums of cluster `k`."""
     inverse = 1.0 / out.weight[k]
@@ -191,7 +191,7 @@ def _finish(k: int, dilation: float, out: Clusters) -> None:
     out.cover[k] = _cover(out.opacity[k], layers) if layers > 1.001 else sum_of_alphas
 
 
-@inlined
+@inline_kernel
 def _cover(opacity: float, layers: float) -> float:
     """Integral of a cluster's alpha, over its area and pi / 2.
 

@@ -20,7 +20,7 @@ of peak 1 with the covariance a. Integrals over the plane are over pi:
 import math
 from typing import Any, NamedTuple
 
-from readygo.common.kernels import inlined
+from readygo.common.kernels import inline_kernel
 from readygo.common.rasterizer.lod.clusters import (
     NEIGHBOURS,
     XX,
@@ -51,20 +51,20 @@ class MergeRule(NamedTuple):
     """Largest sum of the differences between two clusters' joint weights."""
 
 
-@inlined
+@inline_kernel
 def _planes(c: Any, d: float) -> tuple[Any, Any, Any]:
     """Covariances (xx, xy, yy) of a dilated Gaussian's projections along z, y and x."""
     return (c[XX] + d, c[XY], c[YY] + d), (c[XX] + d, c[XZ], c[ZZ] + d), (c[YY] + d, c[YZ], c[ZZ] + d)
 
 
-@inlined
+@inline_kernel
 def _root_det(a: Any) -> float:
     """Root of the determinant of a covariance (xx, xy, yy)."""
     root: float = math.sqrt(max(a[0] * a[2] - a[1] * a[1], 0.0))
     return root
 
 
-@inlined
+@inline_kernel
 def _overlap(a: Any, b: Any, x: float, y: float, power: float) -> float:
     """Integral over the plane, over pi, of (g_a g_b)^power of two Gaussians of peak 1 whose means lie (x, y) apart."""
     # 2 / power sqrt(det a det b / det(a + b)) exp(-power q / 2).
@@ -77,7 +77,7 @@ def _overlap(a: Any, b: Any, x: float, y: float, power: float) -> float:
     return overlap
 
 
-@inlined
+@inline_kernel
 def _contrast2(i: int, j: int, c: Clusters) -> float:
     """Squared difference of two clusters' colours, summed over channels."""
     total = 0.0
@@ -87,13 +87,13 @@ def _contrast2(i: int, j: int, c: Clusters) -> float:
     return total
 
 
-@inlined
+@inline_kernel
 def _offset(i: int, j: int, c: Clusters) -> tuple[float, float, float]:
     """The mean of cluster `i` as seen from that of cluster `j` [m]."""
     return c.mean_m[i, 0] - c.mean_m[j, 0], c.mean_m[i, 1] - c.mean_m[j, 1], c.mean_m[i, 2] - c.mean_m[j, 2]
 
 
-@inlined
+@inline_kernel
 def _order_cost(i: int, j: int, d: float, c: Clusters) -> float:
     """Squared error, over pi and up to the contrast, if two clusters blend in the wrong order; three projections."""
     # The merged one shows the mean of both colours: off by half of o_i o_j G_i G_j times the contrast.
@@ -105,7 +105,7 @@ def _order_cost(i: int, j: int, d: float, c: Clusters) -> float:
     return cost
 
 
-@inlined
+@inline_kernel
 def find_unrest(count: int, rule: MergeRule, c: Clusters) -> None:
     """What each cluster costs per metre that it moves: it passes a neighbour after their distance at the latest."""
     d = dilation_m2(rule.pixel_m)
@@ -119,7 +119,7 @@ def find_unrest(count: int, rule: MergeRule, c: Clusters) -> None:
             c.unrest[k] += _contrast2(k, other, c) * _order_cost(k, other, d, c) / distance_m
 
 
-@inlined
+@inline_kernel
 def merger_cost(i: int, j: int, rule: MergeRule, c: Clusters) -> float:
     """Cost of merging clusters `i` and `j`."""
     d = dilation_m2(rule.pixel_m)
@@ -151,7 +151,7 @@ def merger_cost(i: int, j: int, rule: MergeRule, c: Clusters) -> float:
     return cost
 
 
-@inlined
+@inline_kernel
 def _blend_cost(
     a: Any, b: Any, m: Any, x: float, y: float, fi: float, opacities: Any, contrast2: float, contrast: float
 ) -> float:

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import inlined, kernel
+from readygo.common.kernels import inline_kernel, kernel
 from readygo.common.rasterizer.lod.clusters import NEIGHBOURS, Clusters, Originals, gather
 from readygo.common.rasterizer.lod.cost import MergeRule, find_unrest, merger_cost
 
@@ -17,7 +17,7 @@ _NEW, _TAKEN = -1, -2
 """What `c.number` says while pairs are chosen: not in a pair, and the first one of a pair."""
 
 
-@inlined
+@inline_kernel
 def _find_neighbours(count: int, c: Clusters) -> None:
     """The nearest clusters of each."""
     for k in range(count):
@@ -36,7 +36,7 @@ def _find_neighbours(count: int, c: Clusters) -> None:
                 _insert(c, other, k, distance2)
 
 
-@inlined
+@inline_kernel
 def _insert(c: Clusters, k: int, other: int, distance2: float) -> None:
     """Put a neighbour into the list of cluster `k`, which is sorted by distance; the last one falls out."""
     place = NEIGHBOURS - 1
@@ -48,7 +48,7 @@ def _insert(c: Clusters, k: int, other: int, distance2: float) -> None:
     c.near[k, place] = other
 
 
-@inlined
+@inline_kernel
 def _same_skin(i: int, j: int, tolerance: float, c: Clusters) -> bool:
     """True if the joint weights of two clusters differ by at most the tolerance, summed over the joints."""
     total = 0.0
@@ -57,7 +57,7 @@ def _same_skin(i: int, j: int, tolerance: float, c: Clusters) -> bool:
     return total <= tolerance
 
 
-@inlined
+@inline_kernel
 def _find_partners(count: int, rule: MergeRule, wait: Integers, c: Clusters) -> None:
     """The cheapest merger with a neighbour of each cluster that does not wait."""
     for k in range(count):
@@ -79,7 +79,7 @@ def _find_partners(count: int, rule: MergeRule, wait: Integers, c: Clusters) -> 
                 c.cost[other], c.partner[other] = cost, k
 
 
-@inlined
+@inline_kernel
 def _all_wait(count: int, wait: Integers) -> bool:
     """True if no cluster of a region is to be looked at."""
     waiting = 0
@@ -88,7 +88,7 @@ def _all_wait(count: int, wait: Integers) -> bool:
     return waiting == count
 
 
-@inlined
+@inline_kernel
 def _set_waits(count: int, tolerance: float, wait: Integers, c: Clusters) -> None:
     """Clusters whose cheapest merger is far too expensive wait: from level to level a cost falls to a quarter at most.
 
@@ -104,7 +104,7 @@ def _set_waits(count: int, tolerance: float, wait: Integers, c: Clusters) -> Non
             cost *= 0.25
 
 
-@inlined
+@inline_kernel
 def _pair_up(count: int, tolerance: float, c: Clusters) -> int:
     """Merge pairs, cheapest first, each cluster once: new numbers in `c.number`, the new count back."""
     c.number[:count] = _NEW
@@ -132,7 +132,7 @@ def _pair_up(count: int, tolerance: float, c: Clusters) -> int:
     return fresh
 
 
-@inlined
+@inline_kernel
 def _renumber(count: int, wait: Integers, c: Clusters) -> None:
     """Move the waits to the new numbers; merged clusters do not wait."""
     fresh = 0

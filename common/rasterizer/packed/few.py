@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.spherical_harmonics import SH_C0
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.rasterizer.constants import ALPHA_MIN
 from readygo.common.rasterizer.packed.scene import (
     BLOCKS,
@@ -55,7 +55,7 @@ def pack_few(cloud: GaussianCloud) -> PackedScene:
     )
 
 
-@compiled
+@kernel_with_cache
 def _pack(
     means: Singles,
     quats: Singles,
@@ -96,7 +96,7 @@ def _pack(
         reach[chunk] = np.nextafter(np.float32(farthest), above)
 
 
-@compiled
+@kernel_with_cache
 def _fill_axes(q: Singles, scale: Singles, L: Floats) -> None:
     """Write the principal axes, as columns as long as the standard deviations."""
     w, x, y, z = np.float64(q[0]), np.float64(q[1]), np.float64(q[2]), np.float64(q[3])

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from readygo.common.array_files import map_npy
 from readygo.common.documents import read_json
 from readygo.common.errors import ReadygoError, SceneError
-from readygo.common.files import unfinished, unfinished_folder
+from readygo.common.files import unfinished_folder, write_then_rename
 from readygo.common.gaussians import GaussianCloud, rgb_of_sh
 from readygo.common.rasterizer.constants import ALPHA_MIN
 
@@ -145,13 +145,16 @@ def _pack_piece(cloud: GaussianCloud, step: float, centred: bool, scene: PackedS
     chunks = -(-count // CHUNK)
     here = slice(first, first + chunks)
     valid = np.arange(chunks * CHUNK).reshape(chunks, CHUNK) < count
-    means = _padded(cloud.means_m.astype(np.float64), chunks)
+    means = _pad_chunks(cloud.means_m.astype(np.float64), chunks)
     log2_opacity, reach2 = opacity_terms(cloud.opacities)
     largest_scale = cloud.scales_m.max(axis=1, initial=0.0).astype(np.float64)
-    reach = _padded((np.sqrt(reach2) * largest_scale)[:, None], chunks)[..., 0].max(axis=1)
+    reach = _pad_chunks((np.sqrt(reach2) * largest_scale)[:, None], chunks)[..., 0].max(axis=1)
     centre, half = chunk_boxes(means, valid)
     relative = means - centre[:, None] if centred else means
-    terms = [_padded(covariances(cloud), chunks), *(_padded(term[:, None], chunks) for term in (log2_opacity, reach2))]
+    terms = [
+        _pad_chunks(covariances(cloud), chunks),
+        *(_pad_chunks(term[:, None], chunks) for term in (log2_opacity, reach2)),
+    ]
     rows = np.concatenate([relative, *terms], axis=2)
     rows[~valid, REACH2] = -1.0
     scene.centre_m[here], scene.half_m[here], scene.reach_m[here] = centre, rounded_up(half), rounded_up(reach)
@@ -160,7 +163,7 @@ def _pack_piece(cloud: GaussianCloud, step: float, centred: bool, scene: PackedS
         scene.sh[here] = _sh_steps(cloud, chunks, step)
     else:
         rgb = np.maximum(rgb_of_sh(cloud.sh[:, 0].astype(np.float64)), 0.0)
-        scene.colour[here] = _blocks(_padded(rgb, chunks))
+        scene.colour[here] = _blocks(_pad_chunks(rgb, chunks))
 
 
 def chunk_boxes(means_m: Floats, valid: npt.NDArray[np.bool_]) -> tuple[Floats, Floats]:
@@ -251,7 +254,7 @@ def _normals(cloud: GaussianCloud, order: npt.NDArray[np.int64]) -> npt.NDArray[
     for start in range(0, len(order), PIECE):
         axes = shortest_axes(cloud.select(order[start : start + PIECE]))
         chunks = -(-len(axes) // CHUNK)
-        normal[start // CHUNK :][:chunks] = _blocks(_padded(np.rint(axes / NORMAL_STEP), chunks))
+        normal[start // CHUNK :][:chunks] = _blocks(_pad_chunks(np.rint(axes / NORMAL_STEP), chunks))
     return normal
 
 
@@ -262,7 +265,7 @@ def opacity_terms(opacities: Singles) -> tuple[Floats, Floats]:
     return log_opacity / math.log(2.0), np.maximum(2.0 * (log_opacity - math.log(ALPHA_MIN)), 0.0)
 
 
-def _padded(rows: Floats, chunks: int) -> Floats:
+def _pad_chunks(rows: Floats, chunks: int) -> Floats:
     """Rows in chunks, shape (C, 256, n), the last chunk filled up with zeros."""
     out = np.zeros((chunks * CHUNK, rows.shape[1]), dtype=np.float64)
     out[: len(rows)] = rows
@@ -288,7 +291,7 @@ def _sh_steps(cloud: GaussianCloud, chunks: int, step: float) -> npt.NDArray[np.
     coefficients = cloud.sh.shape[1]
     steps = np.clip(np.rint(cloud.sh.astype(np.float64) / step), -32767, 32767)
     rows = steps.transpose(0, 2, 1).reshape(len(cloud), 3 * coefficients)
-    return _blocks(_padded(rows, chunks)).reshape(chunks, BLOCKS, 3, coefficients, 16)
+    return _blocks(_pad_chunks(rows, chunks)).reshape(chunks, BLOCKS, 3, coefficients, 16)
 
 
 def save_packed(scene: PackedScene, folder: str | Path) -> None:
@@ -385,7 +388,7 @@ def _pack_into(folder: Path, cloud: GaussianCloud) -> PackedScene:
 def _add_normals(scene: PackedScene, folder: Path, cloud: GaussianCloud) -> PackedScene:
     """The pack of `cloud` in `folder` with normals, which are written there if that is possible."""
     normal = _normals(cloud, packing_order(cloud))
-    with contextlib.suppress(ReadygoError), unfinished(folder / _NORMAL_FILE) as part:
+    with contextlib.suppress(ReadygoError), write_then_rename(folder / _NORMAL_FILE) as part:
         np.save(part, normal)
     mapped = _load_normals(folder, scene.chunk_count)
     return dataclasses.replace(scene, normal=normal if mapped is None else mapped)

@@ -10,11 +10,11 @@ from readygo.common.scenes.embedded.textures import (
     Colour,
     fabric,
     folds,
-    mixed,
+    mix_colours,
     painting,
     plain,
     rug_pattern,
-    shaded,
+    shade_colour,
     wood,
 )
 
@@ -49,8 +49,8 @@ def curtain(build: Surfaces, begin_m: float, end_m: float, colour: Colour, *, to
     """A curtain along the wall with soft folds and its rod's end."""
     width = end_m - begin_m
     build.patch((begin_m, -0.10, 0.03), (width, 0, 0), (0, 0, top_m - 0.03), (0.03, 0.16), folds(colour, pitch_m=0.115))
-    build.patch((begin_m, -0.03, 0.03), (0, -0.07, 0), (0, 0, top_m - 0.03), (0.07, 0.2), _scaled(colour, 0.8))
-    build.patch((end_m, -0.10, 0.03), (0, 0.07, 0), (0, 0, top_m - 0.03), (0.07, 0.2), _scaled(colour, 0.8))
+    build.patch((begin_m, -0.03, 0.03), (0, -0.07, 0), (0, 0, top_m - 0.03), (0.07, 0.2), _scale_colour(colour, 0.8))
+    build.patch((end_m, -0.10, 0.03), (0, 0.07, 0), (0, 0, top_m - 0.03), (0.07, 0.2), _scale_colour(colour, 0.8))
     build.solid((begin_m, -0.09, 0.03), (end_m, -0.05, top_m))
 
 
@@ -133,7 +133,7 @@ def _shade(build: Surfaces, z_m: float, height_m: float, low_m: float, high_m: f
 
 def _shade_glow(u: Array, v: Array) -> Array:
     middle = 1 - np.abs(v - 0.12) * 1.3
-    return shaded((0.98, 0.85, 0.62), 0.80 + 0.22 * middle)
+    return shade_colour((0.98, 0.85, 0.62), 0.80 + 0.22 * middle)
 
 
 def rug(
@@ -155,7 +155,7 @@ def television(build: Surfaces, z_m: float) -> None:
 
 def _screen(u: Array, v: Array) -> Array:
     glare = np.clip(1 - np.abs(u - 0.5 * v - 0.45) * 2.2, 0, 1)
-    return mixed((0.07, 0.08, 0.10), (0.17, 0.19, 0.23), glare)
+    return mix_colours((0.07, 0.08, 0.10), (0.17, 0.19, 0.23), glare)
 
 
 def monitor_desk_set(build: Surfaces, z_m: float) -> None:
@@ -175,7 +175,7 @@ def vase(build: Surfaces, z_m: float, colour: Colour, *, flowers: Colour = (0.90
     build.blob((0, 0, z_m + 0.10), (0.065, 0.065, 0.10), 0.035, plain(colour))
     for k, direction in enumerate(fibonacci_sphere(26)[:17]):
         tip = np.array([0.12, 0.12, 0.11]) * direction + np.array([0, 0, z_m + 0.30])
-        tone = _scaled(flowers, 0.8 + 0.4 * (k % 3) / 2) if k % 3 else (0.30, 0.48, 0.22)
+        tone = _scale_colour(flowers, 0.8 + 0.4 * (k % 3) / 2) if k % 3 else (0.30, 0.48, 0.22)
         build.blob((float(tip[0]), float(tip[1]), float(tip[2])), (0.032, 0.032, 0.026), 0.03, tone)
     build.rod((0, 0, z_m + 0.18), (0, 0, z_m + 0.30), 0.02, (0.30, 0.48, 0.22))
 
@@ -225,9 +225,9 @@ def front_door(build: Surfaces) -> None:
     build.box((-0.45, -0.03, 0.0), (0.45, 0.0, 2.05), 0.10, wood(tone, along_u=False), faces=("front",), solid=False)
     for z0, z1 in ((0.18, 0.90), (1.05, 1.90)):
         for x0 in (-0.36, 0.05):
-            build.patch((x0, -0.034, z0), (0.31, 0, 0), (0, 0, z1 - z0), 0.08, _scaled(tone, 1.35), softness=0.5)
+            build.patch((x0, -0.034, z0), (0.31, 0, 0), (0, 0, z1 - z0), 0.08, _scale_colour(tone, 1.35), softness=0.5)
     build.rod((0.37, -0.07, 1.0), (0.26, -0.07, 1.0), 0.012, (0.80, 0.76, 0.62))
 
 
-def _scaled(colour: Colour, factor: float) -> Colour:
+def _scale_colour(colour: Colour, factor: float) -> Colour:
     return (min(1.0, colour[0] * factor), min(1.0, colour[1] * factor), min(1.0, colour[2] * factor))

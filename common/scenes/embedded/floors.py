@@ -53,17 +53,17 @@ def _plank(build: Surfaces, plank: tuple[float, float, float, float], colour: Co
     tone = 0.80 + 0.34 * float(lattice_noise(np.array([round(begin * 100)]), np.array([round(low * 100)]), seed)[0])
     grain = 1 + 0.22 * (value_noise(x / 0.3, y / 0.05, seed + 3) - 0.5)
     position = np.column_stack([x, y, np.zeros(len(x))])
-    build.add(position, _X, _UP, [cell * 0.62, width * 0.32, THICKNESS_M], _toned(colour, tone * grain))
+    build.add(position, _X, _UP, [cell * 0.62, width * 0.32, THICKNESS_M], _tint(colour, tone * grain))
     seams = max(1, round((end - begin) / 0.3))
     step = (end - begin) / seams
     sx = begin + (np.arange(seams) + 0.5) * step
     seam = np.column_stack([sx, np.full(seams, low), np.full(seams, 0.002)])
-    build.add(seam, _X, _UP, [step * 0.55, 0.004, 0.002], _toned(colour, np.full(seams, 0.42)))
+    build.add(seam, _X, _UP, [step * 0.55, 0.004, 0.002], _tint(colour, np.full(seams, 0.42)))
     joint = np.array([[begin, low + width / 2, 0.002]])
-    build.add(joint, np.array([0.0, 1.0, 0.0]), _UP, [width * 0.4, 0.004, 0.002], _toned(colour, np.array([0.42])))
+    build.add(joint, np.array([0.0, 1.0, 0.0]), _UP, [width * 0.4, 0.004, 0.002], _tint(colour, np.array([0.42])))
 
 
-def _toned(colour: Colour, tone: Array) -> Array:
+def _tint(colour: Colour, tone: Array) -> Array:
     # Darker boards are also a little redder.
     tint = np.stack([np.ones_like(tone), 0.97 + 0.03 * tone, 0.93 + 0.07 * tone], axis=-1)
     return np.clip(np.asarray(colour) * tint * tone[:, None], 0, 1)

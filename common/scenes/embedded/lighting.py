@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled
-from readygo.common.scenes.embedded.surfaces import SurfaceSamples, fibonacci_sphere
+from readygo.common.kernels import kernel_with_cache
+from readygo.common.scenes.embedded.surfaces import UnlitPoints, fibonacci_sphere
 from readygo.common.scenes.embedded.textures import Array
 
 VOXEL_M = 0.05
@@ -62,7 +62,7 @@ def voxelise(points_m: Array, low_m: Array, high_m: Array) -> ShadowGrid:
     return ShadowGrid(origin_m=low_m, solid=solid)
 
 
-def lit_colours(samples: SurfaceSamples, grid: ShadowGrid, lights: Lights) -> Array:
+def lit_colours(samples: UnlitPoints, grid: ShadowGrid, lights: Lights) -> Array:
     """Display colours of samples in the light of `lights`.
 
     Args:
@@ -100,7 +100,7 @@ def _display(radiance: Array) -> Array:
     return np.sqrt(np.clip(bright * 1.25, 0.0, 1.0))
 
 
-def _sun(solid: npt.NDArray[np.uint8], start: Array, samples: SurfaceSamples, lights: Lights, direct: Array) -> None:
+def _sun(solid: npt.NDArray[np.uint8], start: Array, samples: UnlitPoints, lights: Lights, direct: Array) -> None:
     cosine = np.maximum((samples.normal * lights.sun_direction).sum(axis=1), 0.0)
     cosine = np.where(samples.facing > 0, cosine, 0.5)
     bitangent = np.cross(samples.normal, samples.tangent)
@@ -112,7 +112,7 @@ def _sun(solid: npt.NDArray[np.uint8], start: Array, samples: SurfaceSamples, li
     direct += (seen / len(offsets) * cosine)[:, None] * lights.sun_power
 
 
-def _surface_radiance(samples: SurfaceSamples, grid: ShadowGrid, radiance: Array) -> Array:
+def _surface_radiance(samples: UnlitPoints, grid: ShadowGrid, radiance: Array) -> Array:
     """Mean radiance of coarse cells per face direction, shape (X, Y, Z, 6, 3); cells without samples take the mean."""
     shape = tuple(-(-n // _CELL_VOXELS) for n in grid.solid.shape)
     axis = np.argmax(np.abs(samples.normal), axis=1)
@@ -127,7 +127,7 @@ def _surface_radiance(samples: SurfaceSamples, grid: ShadowGrid, radiance: Array
     return mean.reshape(*shape, 6, 3)
 
 
-@compiled
+@kernel_with_cache
 def _walk(solid: Any, x: Any, y: Any, z: Any, dx: Any, dy: Any, dz: Any, reach: Any) -> Any:
     """First solid voxel along a ray: (distance, i, j, k, face), or distance -1 when nothing is hit within `reach`.
 
@@ -163,14 +163,14 @@ def _walk(solid: Any, x: Any, y: Any, z: Any, dx: Any, dy: Any, dz: Any, reach: 
     return -1.0, i, j, k, face
 
 
-@compiled
-def _blocked(solid: Any, x: float, y: float, z: float) -> Any:
+@kernel_with_cache
+def _is_blocked(solid: Any, x: float, y: float, z: float) -> Any:
     nx, ny, nz = solid.shape
     i, j, k = int(np.floor(x)), int(np.floor(y)), int(np.floor(z))
     return i < 0 or j < 0 or k < 0 or i >= nx or j >= ny or k >= nz or solid[i, j, k] != 0
 
 
-@compiled
+@kernel_with_cache
 def _direct(solid: Any, start: Any, normal: Any, facing: Any, light: Any, direction: Any, power: Any, out: Any) -> None:
     """Add the light that arrives straight from windows and lamps (positions in voxels)."""
     for n in range(len(start)):
@@ -195,20 +195,20 @@ def _direct(solid: Any, start: Any, normal: Any, facing: Any, light: Any, direct
                     out[n, c] += weight * power[m, c]
 
 
-@compiled
+@kernel_with_cache
 def _escapes(solid: Any, start: Any, direction: Any, wanted: Any) -> Any:
     """1 for starts whose ray leaves the grid, shape (N,)."""
     free = np.zeros(len(start))
     for n in range(len(start)):
         x, y, z = start[n, 0], start[n, 1], start[n, 2]
         # A footprint that reaches into a solid there is in the dark, not behind it in the open.
-        lit = wanted[n] and not _blocked(solid, x, y, z)
+        lit = wanted[n] and not _is_blocked(solid, x, y, z)
         if lit and _walk(solid, x, y, z, direction[0], direction[1], direction[2], 1e6)[0] < 0.0:
             free[n] = 1.0
     return free
 
 
-@compiled
+@kernel_with_cache
 def _gather(solid: Any, start: Any, normal: Any, facing: Any, rays: Any, radiance: Any, out: Any, share: Any) -> None:
     """Cosine-weighted mean of the radiance seen from each start, and the share of near rays that are free."""
     for n in range(len(start)):

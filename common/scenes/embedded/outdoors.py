@@ -3,7 +3,7 @@
 import numpy as np
 
 from readygo.common.scenes.embedded.surfaces import Surfaces, fibonacci_sphere
-from readygo.common.scenes.embedded.textures import Array, lattice_noise, mixed, shaded, value_noise
+from readygo.common.scenes.embedded.textures import Array, lattice_noise, mix_colours, shade_colour, value_noise
 
 _SKY_RADIUS_M = 90.0
 _GROUND_Z_M = -0.35
@@ -33,10 +33,10 @@ def _sky(build: Surfaces) -> None:
     direction = fibonacci_sphere(2600)
     direction = direction[direction[:, 2] > -0.06]
     height = direction[:, 2]
-    colour = mixed((0.93, 0.95, 0.97), (0.50, 0.70, 0.93), np.sqrt(np.clip(height, 0, 1)) * 1.15)
+    colour = mix_colours((0.93, 0.95, 0.97), (0.50, 0.70, 0.93), np.sqrt(np.clip(height, 0, 1)) * 1.15)
     cloud = value_noise(direction[:, 0] * 5, direction[:, 1] * 5 + height * 9, 81)
     cloud = cloud + 0.5 * value_noise(direction[:, 0] * 13, direction[:, 1] * 13 + height * 25, 82)
-    colour = mixed(colour, (1.0, 1.0, 1.0), (cloud - 0.72) * 3.0 * np.clip(height * 8, 0, 1))
+    colour = mix_colours(colour, (1.0, 1.0, 1.0), (cloud - 0.72) * 3.0 * np.clip(height * 8, 0, 1))
     tangent = np.column_stack([-direction[:, 1], direction[:, 0], np.zeros(len(direction))]) + 1e-9
     spacing = _SKY_RADIUS_M * 0.07
     sigma = [spacing * 0.72, spacing * 0.72, 0.3]
@@ -56,7 +56,9 @@ def _hills(build: Surfaces) -> None:
             sigma = np.column_stack([np.full(count, step * 0.7), ridge * 0.30 + 0.4, np.full(count, 0.2)])
             tangent = np.column_stack([-ring[:, 1], ring[:, 0], np.zeros(count)])
             normal = -np.column_stack([ring, np.zeros(count)])
-            build.add(np.column_stack([ring * radius, z]), tangent, normal, sigma, shaded(colour, tone), glows=True)
+            build.add(
+                np.column_stack([ring * radius, z]), tangent, normal, sigma, shade_colour(colour, tone), glows=True
+            )
 
 
 def _lawn(build: Surfaces) -> None:
@@ -66,7 +68,7 @@ def _lawn(build: Surfaces) -> None:
         n = np.arange(count, dtype=np.float64) + 0.5 * (k % 2)
         ring = np.round(np.column_stack([np.cos(2 * np.pi * n / count), np.sin(2 * np.pi * n / count)]), 9)
         tone = 0.85 + 0.25 * lattice_noise(n * 2, n * 0 + k, 95)
-        colour = mixed(shaded((0.46, 0.62, 0.30), tone), (0.62, 0.72, 0.58), np.full(count, radius / 60.0))
+        colour = mix_colours(shade_colour((0.46, 0.62, 0.30), tone), (0.62, 0.72, 0.58), np.full(count, radius / 60.0))
         tangent = np.column_stack([-ring[:, 1], ring[:, 0], np.zeros(count)])
         sigma = [radius * 0.112 * 0.7, radius * 0.15 * 0.7, 0.02]
         position = np.column_stack([ring * radius, np.full(count, _GROUND_Z_M)])
@@ -93,7 +95,7 @@ def _tree(build: Surfaces, height_m: float, *, seed: int) -> None:
     tangent = direction + np.array([0.3, 0.7, 0.2])
     normal = np.cross(tangent, direction + np.array([0.5, 0.1, -0.4]))
     sigma = [height_m * 0.055, height_m * 0.04, height_m * 0.02]
-    build.add(crown, tangent, normal, sigma, np.clip(shaded(base, light), 0, 1), glows=True)
+    build.add(crown, tangent, normal, sigma, np.clip(shade_colour(base, light), 0, 1), glows=True)
 
 
 def _shrub(build: Surfaces) -> None:
@@ -104,4 +106,4 @@ def _shrub(build: Surfaces) -> None:
     tangent = direction + np.array([0.3, 0.7, 0.2])
     normal = np.cross(tangent, np.array([0.5, 0.1, -0.4]))
     position = direction * np.array([0.65, 0.65, 0.55]) + np.array([0, 0, 0.35])
-    build.add(position, tangent, normal, [0.17, 0.13, 0.06], shaded((0.36, 0.50, 0.26), light), glows=True)
+    build.add(position, tangent, normal, [0.17, 0.13, 0.06], shade_colour((0.36, 0.50, 0.26), light), glows=True)

@@ -10,7 +10,7 @@ from readygo.common.scenes.embedded.lighting import Lights, lit_colours, voxelis
 from readygo.common.scenes.embedded.outdoors import build_outdoors
 from readygo.common.scenes.embedded.plan import CEILING_M, EAST_M, NORTH_M, OPENINGS, SOUTH_M, WALLS, WEST_M
 from readygo.common.scenes.embedded.shell import build_shell
-from readygo.common.scenes.embedded.surfaces import OPACITY, Surfaces, SurfaceSamples
+from readygo.common.scenes.embedded.surfaces import OPACITY, Surfaces, UnlitPoints
 from readygo.common.scenes.embedded.textures import Array, value_noise
 from readygo.common.scenes.embedded.variation import Variation
 
@@ -55,22 +55,22 @@ def floor_height_m(x_m: Array, y_m: Array) -> Array:
     return 0.0010 * x_m - 0.0006 * y_m + 0.006 * (value_noise(x_m / 1.7, y_m / 1.7, 3) - 0.5)
 
 
-def _cloud(samples: SurfaceSamples, colour: Array, *, settle: bool) -> GaussianCloud:
+def _cloud(samples: UnlitPoints, colour: Array, *, settle: bool) -> GaussianCloud:
     position = samples.position_m.copy()
     if settle:
         # The whole house follows its floor, so that furniture neither floats nor sinks.
         position[:, 2] += floor_height_m(position[:, 0], position[:, 1])
     count = len(position)
     return GaussianCloud(
-        means_m=_rounded(position),
-        quats_wxyz=_rounded(samples.quats_wxyz()),
-        scales_m=_rounded(np.maximum(samples.sigma_m, 0.001)),
+        means_m=_round_values(position),
+        quats_wxyz=_round_values(samples.quats_wxyz()),
+        scales_m=_round_values(np.maximum(samples.sigma_m, 0.001)),
         opacities=np.full(count, OPACITY, dtype=np.float32),
-        sh=_rounded(sh_of_rgb(colour))[:, None, :],
+        sh=_round_values(sh_of_rgb(colour))[:, None, :],
     )
 
 
-def _rounded(values: Array) -> npt.NDArray[np.float32]:
+def _round_values(values: Array) -> npt.NDArray[np.float32]:
     # The last bits of cos, sin and matrix products differ between machines. Five decimals do not, once a small shift
     # has moved round numbers off the ties.
     return np.round(values + 1.3e-7, 5).astype(np.float32)

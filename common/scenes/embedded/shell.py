@@ -85,7 +85,7 @@ def _wall_face(build: Surfaces, room: Room, side: str) -> None:
             continue
         if top - bottom < 0.02:
             continue
-        texture = _shifted(paint, begin, bottom)
+        texture = _shift_texture(paint, begin, bottom)
         cell = (0.06, 0.2) if (room.name, side) == ("bedroom", "west") else _WALL_CELL_M
         wall.patch(
             (begin, 0, bottom), (end - begin, 0, 0), (0, 0, top - bottom), cell, texture, jitter=0.3, softness=0.74
@@ -109,7 +109,7 @@ def _paint(room: Room, side: str) -> Texture:
     return plain(room.paint, variation=0.05, seed=seed)
 
 
-def _shifted(texture: Texture, begin: float, bottom: float) -> Texture:
+def _shift_texture(texture: Texture, begin: float, bottom: float) -> Texture:
     # Neighbouring pieces of one wall share one pattern.
     return lambda u, v: texture(u + begin, v + bottom)
 

@@ -24,7 +24,7 @@ SOFTNESS = 0.6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SurfaceSamples:
+class UnlitPoints:
     """Points of surfaces, not yet lit."""
 
     position_m: Array
@@ -51,7 +51,7 @@ class SurfaceSamples:
 
 @dataclass(eq=False)
 class _Store:
-    parts: list[SurfaceSamples] = field(default_factory=list)
+    parts: list[UnlitPoints] = field(default_factory=list)
     solid_points: list[Array] = field(default_factory=list)
     clearings: list[tuple[int, Array, Array, Array, Array]] = field(default_factory=list)
     """Number of parts that a clearing touches, its R and t, its low and high corner."""
@@ -94,16 +94,16 @@ class Surfaces:
         placed._tint = next(self._tints) if self._tints is not None else self._tint
         return placed
 
-    def samples(self) -> SurfaceSamples:
+    def samples(self) -> UnlitPoints:
         """All samples collected so far, in the order they were added."""
-        parts, names = self._store.parts, SurfaceSamples.__dataclass_fields__
+        parts, names = self._store.parts, UnlitPoints.__dataclass_fields__
         whole = {n: np.concatenate([getattr(part, n) for part in parts]) for n in names}
         begins = np.concatenate([[0], np.cumsum([len(part.position_m) for part in parts])])
         keep = np.ones(begins[-1], dtype=bool)
         for count, R, t, low, high in self._store.clearings:
             local = (whole["position_m"][: begins[count]] - t) @ R
             keep[: begins[count]] &= ~((local >= low) & (local <= high)).all(axis=1)
-        return SurfaceSamples(**{n: values[keep] for n, values in whole.items()})
+        return UnlitPoints(**{n: values[keep] for n, values in whole.items()})
 
     def solid_points_m(self) -> Array:
         """Points that fill the solids densely enough for voxels of 5 cm, shape (M, 3)."""
@@ -126,7 +126,7 @@ class Surfaces:
         if self._tint is not None and not glows:
             rgb = np.clip(rgb @ self._tint.T, 0.0, 1.0)
         self._store.parts.append(
-            SurfaceSamples(
+            UnlitPoints(
                 position_m=position_m @ self._R.T + self._t,
                 tangent=_unit(np.broadcast_to(tangent, (count, 3))) @ self._R.T,
                 normal=_unit(np.broadcast_to(normal, (count, 3))) @ self._R.T,
@@ -223,7 +223,7 @@ class Surfaces:
                 grid.tangent,
             )
             if radius_m:
-                position, normal = _rounded(position, np.asarray(low), np.asarray(high), radius_m)
+                position, normal = _round_corner(position, np.asarray(low), np.asarray(high), radius_m)
                 tangent = _orthogonal(np.broadcast_to(_unit(tangent), position.shape), normal)
             sigma = [grid.cell_m[0] * softness, grid.cell_m[1] * softness, THICKNESS_M]
             self.add(position, tangent, normal, sigma, _paint(texture, grid.u_m, grid.v_m))
@@ -388,7 +388,7 @@ def _face(low: Vector, high: Vector, face: str) -> tuple[Array, Array, Array]:
     }[face]
 
 
-def _rounded(position: Array, low: Array, high: Array, radius_m: float) -> tuple[Array, Array]:
+def _round_corner(position: Array, low: Array, high: Array, radius_m: float) -> tuple[Array, Array]:
     reach = np.minimum(radius_m, (high - low) / 2 * 0.98)
     inner = np.clip(position, low + reach, high - reach)
     direction = (position - inner) / reach

@@ -39,12 +39,12 @@ def value_noise(u: Array, v: Array, seed: int) -> Array:
     return low * (1 - b) + high * b
 
 
-def shaded(colour: Colour, factor: Array) -> Array:
+def shade_colour(colour: Colour, factor: Array) -> Array:
     """One colour times a factor per point, clipped to 0..1, shape (N, 3)."""
     return np.clip(np.asarray(colour) * factor[:, None], 0.0, 1.0)
 
 
-def mixed(a: Array | Colour, b: Array | Colour, share: Array) -> Array:
+def mix_colours(a: Array | Colour, b: Array | Colour, share: Array) -> Array:
     """`a` where `share` is 0, `b` where it is 1, shape (N, 3)."""
     t = np.clip(share, 0.0, 1.0)[:, None]
     return np.asarray(a) * (1 - t) + np.asarray(b) * t
@@ -55,7 +55,7 @@ def plain(colour: Colour, *, variation: float = 0.03, patch_m: float = 0.5, seed
 
     def texture(u: Array, v: Array) -> Array:
         noise = value_noise(u / patch_m, v / patch_m, seed) + 0.5 * value_noise(u / 0.09, v / 0.09, seed + 1) - 0.75
-        return shaded(colour, 1 + variation * 1.5 * noise)
+        return shade_colour(colour, 1 + variation * 1.5 * noise)
 
     return texture
 
@@ -66,7 +66,7 @@ def fabric(colour: Colour, *, seed: int = 1, variation: float = 0.10) -> Texture
     def texture(u: Array, v: Array) -> Array:
         fine = lattice_noise(np.floor(u / 0.03), np.floor(v / 0.03), seed) - 0.5
         broad = value_noise(u / 0.22, v / 0.22, seed + 3) - 0.5
-        return shaded(colour, 1 + variation * (fine + broad))
+        return shade_colour(colour, 1 + variation * (fine + broad))
 
     return texture
 
@@ -78,7 +78,7 @@ def wood(colour: Colour, *, seed: int = 1, along_u: bool = True, contrast: float
         along, across = (u, v) if along_u else (v, u)
         grain = value_noise(along / 0.7, across / 0.035, seed) - 0.5
         broad = value_noise(along / 1.5, across / 0.2, seed + 7) - 0.5
-        return shaded(colour, 1 + contrast * (0.6 * grain + 0.5 * broad))
+        return shade_colour(colour, 1 + contrast * (0.6 * grain + 0.5 * broad))
 
     return texture
 
@@ -88,7 +88,7 @@ def stripes(first: Colour, second: Colour, width_m: float, *, along_u: bool = Fa
 
     def texture(u: Array, v: Array) -> Array:
         band = np.floor((v if along_u else u) / width_m) % 2
-        colour = mixed(first, second, band)
+        colour = mix_colours(first, second, band)
         grain = 1 + 0.05 * (lattice_noise(np.floor(u / 0.04), np.floor(v / 0.04), seed) - 0.5)
         return colour * grain[:, None]
 
@@ -103,7 +103,7 @@ def tiles(colour: Colour, grout: Colour, width_m: float, height_m: float, *, see
         shifted = u / width_m + 0.5 * (row % 2)
         tone = 1 + 0.16 * (lattice_noise(np.floor(shifted), row, seed) - 0.5)
         joint = np.minimum(1 - np.abs(2 * (shifted % 1) - 1), 1 - np.abs(2 * ((v / height_m) % 1) - 1)) < 0.12
-        return np.where(joint[:, None], np.asarray(grout), shaded(colour, tone))
+        return np.where(joint[:, None], np.asarray(grout), shade_colour(colour, tone))
 
     return texture
 
@@ -115,7 +115,7 @@ def folds(colour: Colour, *, pitch_m: float = 0.12, seed: int = 1) -> Texture:
         wobble = 0.35 * (value_noise(u / 0.3, v / 0.8, seed) - 0.5)
         phase = (u / pitch_m + wobble) % 1
         ridge = 1 - np.abs(2 * phase - 1)
-        return shaded(colour, 0.72 + 0.36 * ridge)
+        return shade_colour(colour, 0.72 + 0.36 * ridge)
 
     return texture
 
@@ -134,11 +134,11 @@ def rug_pattern(width_m: float, depth_m: float, palette: tuple[Colour, Colour, C
     def texture(u: Array, v: Array) -> Array:
         a, b = (u - width_m / 2) / 0.46, (v - depth_m / 2) / 0.46
         ring = (np.abs(a - np.floor(a + 0.5)) + np.abs(b - np.floor(b + 0.5))) * 2
-        colour = mixed(field, figure, (ring < 0.55).astype(float))
-        colour = mixed(colour, border, ((ring > 0.22) & (ring < 0.36)).astype(float))
+        colour = mix_colours(field, figure, (ring < 0.55).astype(float))
+        colour = mix_colours(colour, border, ((ring > 0.22) & (ring < 0.36)).astype(float))
         edge = np.minimum(np.minimum(u, width_m - u), np.minimum(v, depth_m - v))
-        colour = mixed(colour, border, (edge < 0.20).astype(float))
-        colour = mixed(colour, figure, ((edge > 0.08) & (edge < 0.13)).astype(float))
+        colour = mix_colours(colour, border, (edge < 0.20).astype(float))
+        colour = mix_colours(colour, figure, ((edge > 0.08) & (edge < 0.13)).astype(float))
         grain = 1 + 0.14 * (lattice_noise(np.floor(u / 0.04), np.floor(v / 0.04), seed) - 0.5)
         return np.clip(colour * grain[:, None], 0, 1)
 
@@ -158,12 +158,12 @@ def painting(motif: int, width_m: float, height_m: float, *, seed: int = 1) -> T
 
 
 def _hills(x: Array, y: Array, seed: int) -> Array:
-    colour = mixed((0.98, 0.83, 0.55), (0.36, 0.56, 0.80), (y - 0.45) * 1.8)
+    colour = mix_colours((0.98, 0.83, 0.55), (0.36, 0.56, 0.80), (y - 0.45) * 1.8)
     for k, tone in enumerate([(0.50, 0.55, 0.66), (0.36, 0.49, 0.42), (0.25, 0.36, 0.20), (0.55, 0.50, 0.18)]):
         ridge = 0.60 - 0.15 * k + 0.24 * (value_noise(x * (2.2 + k), x * 0, seed + k) - 0.5)
-        colour = mixed(colour, tone, (y < ridge).astype(float))
+        colour = mix_colours(colour, tone, (y < ridge).astype(float))
     sun = (x - 0.7) ** 2 + ((y - 0.76) * 0.8) ** 2
-    return mixed(colour, (1.0, 0.95, 0.80), (sun < 0.006).astype(float))
+    return mix_colours(colour, (1.0, 0.95, 0.80), (sun < 0.006).astype(float))
 
 
 def _fields(x: Array, y: Array, seed: int) -> Array:
@@ -173,30 +173,30 @@ def _fields(x: Array, y: Array, seed: int) -> Array:
         cx, cy = 0.25 + 0.5 * (k % 2), 0.28 + 0.44 * (k // 2)
         blot = value_noise(x * 3.1 + 7 * k, y * 3.1, seed + k) - 0.5
         reach = (x - cx) ** 2 + (y - cy) ** 2 + 0.12 * blot
-        colour = mixed(colour, tone, (reach < 0.055).astype(float))
+        colour = mix_colours(colour, tone, (reach < 0.055).astype(float))
     return colour
 
 
 def _sea(x: Array, y: Array, seed: int) -> Array:
-    sky = mixed((0.88, 0.90, 0.90), (0.35, 0.60, 0.82), (y - 0.5) * 2.2)
+    sky = mix_colours((0.88, 0.90, 0.90), (0.35, 0.60, 0.82), (y - 0.5) * 2.2)
     cloud = value_noise(x * 4, y * 9, seed) > 0.66
-    sky = mixed(sky, (0.98, 0.97, 0.95), cloud.astype(float) * 0.8)
+    sky = mix_colours(sky, (0.98, 0.97, 0.95), cloud.astype(float) * 0.8)
     wave = value_noise(x * 9, y * 28, seed + 2)
-    sea = mixed((0.05, 0.28, 0.42), (0.32, 0.62, 0.66), wave)
+    sea = mix_colours((0.05, 0.28, 0.42), (0.32, 0.62, 0.66), wave)
     colour = np.where((y < 0.46)[:, None], sea, sky)
     sail = (np.abs(x - 0.36) < (0.74 - y) * 0.34) & (y > 0.44) & (y < 0.74)
-    return mixed(colour, (0.96, 0.94, 0.88), sail.astype(float))
+    return mix_colours(colour, (0.96, 0.94, 0.88), sail.astype(float))
 
 
 def _still_life(x: Array, y: Array, seed: int) -> Array:
-    colour = mixed((0.30, 0.20, 0.15), (0.50, 0.42, 0.33), y + 0.4 * (value_noise(x * 3, y * 3, seed) - 0.5))
-    colour = mixed(colour, (0.62, 0.44, 0.26), (y < 0.30).astype(float))
+    colour = mix_colours((0.30, 0.20, 0.15), (0.50, 0.42, 0.33), y + 0.4 * (value_noise(x * 3, y * 3, seed) - 0.5))
+    colour = mix_colours(colour, (0.62, 0.44, 0.26), (y < 0.30).astype(float))
     fruits = [(0.28, 0.36, 0.15, (0.83, 0.24, 0.15)), (0.50, 0.32, 0.13, (0.92, 0.62, 0.15))]
     fruits += [(0.70, 0.36, 0.16, (0.48, 0.62, 0.20)), (0.48, 0.56, 0.12, (0.78, 0.40, 0.48))]
     for cx, cy, radius, tone in fruits:
         reach = np.sqrt((x - cx) ** 2 + ((y - cy) * 0.8) ** 2) / radius
         light = 1.2 - 0.5 * reach
-        colour = np.where((reach < 1)[:, None], shaded(tone, light), colour)
+        colour = np.where((reach < 1)[:, None], shade_colour(tone, light), colour)
     return colour
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from readygo.common.avatars import SMPL_PARENTS
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.animator.gait.curves import (
     ARM_FLEXION,
@@ -22,7 +22,7 @@ from readygo.services.animator.gait.curves import (
     PELVIS_YAW,
     Curves,
     gain_of,
-    mixed,
+    mix_clips,
     swing_of_body,
     weights_of,
 )
@@ -47,7 +47,7 @@ from readygo.services.animator.gait.math import (
     smooth,
     smooth_above,
 )
-from readygo.services.animator.gait.path import Track
+from readygo.services.animator.gait.path import GaitTrack
 
 LEG_REACH = 0.998
 KNEE_MAX_RAD, RUN_KNEE_MAX_RAD = math.radians(79.8), math.radians(125.0)
@@ -75,7 +75,7 @@ RIGHT_ARM = BODY
 """Channels of the right arm follow those of the body, in the order of the left one's."""
 
 
-class Drive(NamedTuple):
+class BodySignals(NamedTuple):
     """Signals that move the body, one value per frame."""
 
     walk: Array
@@ -96,7 +96,7 @@ class Drive(NamedTuple):
     """Weight of someone who stands: 1 on the left foot, -1 on the right one, 0 walking."""
 
 
-@compiled
+@kernel_with_cache
 def _fill_body(
     out: Array, curves: Curves, speed: float, run: float, moving: float, cycle: float, style: GaitStyle
 ) -> None:
@@ -108,24 +108,24 @@ def _fill_body(
     for n in range(3):
         channel = ARM_FLEXION + n
         out[RIGHT_ARM + n] = gain * swing_of_body(curves.body, weights, channel, cycle + 0.5)
-        mean = gain * mixed(curves.body[:, channel, 0], weights)
+        mean = gain * mix_clips(curves.body[:, channel, 0], weights)
         out[channel] += mean
         out[RIGHT_ARM + n] += mean
     out[CHEST_YAW] += CHEST_COUNTER_RAD * gain * (1.0 - run) * math.cos(2.0 * math.pi * cycle)
     bounce = style.bounce * (WALK_BOUNCE + run * (1.0 - WALK_BOUNCE))
-    height = mixed(curves.body[:, HIP_HEIGHT, 0], weights)
+    height = mix_clips(curves.body[:, HIP_HEIGHT, 0], weights)
     out[HIP_HEIGHT] = STAND_REACH + gain * (min(gain, 1.0) ** 2 * (height - STAND_REACH) + bounce * out[HIP_HEIGHT])
 
 
-@compiled
+@kernel_with_cache
 def _weight_shift(time_s: float, phase: float) -> float:
     """Someone who stands rests on one leg, then on the other: a soft square wave of uneven periods."""
     wave = math.sin(0.52 * time_s + phase) + 0.6 * math.sin(0.23 * time_s + 2.3 * phase)
     return wave / math.sqrt(0.15 + wave * wave)
 
 
-@compiled
-def drive_of(track: Track, style: GaitStyle, size: float, curves: Curves) -> Drive:
+@kernel_with_cache
+def drive_of(track: GaitTrack, style: GaitStyle, size: float, curves: Curves) -> BodySignals:
     """Signals of the body along a track."""
     count = len(track.x)
     walk, accel, turn, look = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
@@ -149,11 +149,11 @@ def drive_of(track: Track, style: GaitStyle, size: float, curves: Curves) -> Dri
         lean[i] = style.lean_rad + 0.01 + 0.04 * min(walk[i], 2.2) + 0.03 * clip(accel[i], -2.0, 2.0)
         bank[i] = clip(0.6 * turn[i] * track.speed[i] / 9.81, -0.15, 0.15)
         shift[i] = _weight_shift(i * DT_S, style.idle_phase_rad) * ease(2.0 * stand[i] - 1.0)
-    return Drive(walk, stand, track.run, body, lean, bank, look, smooth(shift, 5.0))
+    return BodySignals(walk, stand, track.run, body, lean, bank, look, smooth(shift, 5.0))
 
 
-@compiled
-def pelvis_rotations(track: Track, drive: Drive, style: GaitStyle) -> Array:
+@kernel_with_cache
+def pelvis_rotations(track: GaitTrack, drive: BodySignals, style: GaitStyle) -> Array:
     """Global rotation of the pelvis, shape (T, 3, 3)."""
     R = np.empty((len(track.x), 3, 3))
     for i in range(len(track.x)):
@@ -165,8 +165,8 @@ def pelvis_rotations(track: Track, drive: Drive, style: GaitStyle) -> Array:
     return R
 
 
-@compiled
-def _sway(drive: Drive, i: int, style: GaitStyle, leg_m: float) -> tuple[float, float]:
+@kernel_with_cache
+def _sway(drive: BodySignals, i: int, style: GaitStyle, leg_m: float) -> tuple[float, float]:
     """Sideways and forward offset of the pelvis from its trajectory [m]."""
     idle, t = drive.stand[i], i * DT_S
     sway = clip(SWAY_SHARE * leg_m * drive.body[i, HIP_SWAY], -0.012, 0.012) + SHIFT_M * drive.shift[i]
@@ -176,10 +176,10 @@ def _sway(drive: Drive, i: int, style: GaitStyle, leg_m: float) -> tuple[float, 
     return sway, rock
 
 
-@compiled
+@kernel_with_cache
 def pelvis_path(
-    track: Track,
-    drive: Drive,
+    track: GaitTrack,
+    drive: BodySignals,
     R_pelvis: Array,
     feet: Feet,
     skeleton: GaitSkeleton,
@@ -207,7 +207,7 @@ def pelvis_path(
     return P
 
 
-@compiled
+@kernel_with_cache
 def _nearest(run: float, skeleton: GaitSkeleton) -> float:
     """Least distance of hip and ankle [m], with the knee bent as far as people bend it."""
     l1, l2 = norm(skeleton.offsets_m[4]), norm(skeleton.offsets_m[7])
@@ -215,7 +215,7 @@ def _nearest(run: float, skeleton: GaitSkeleton) -> float:
     return math.sqrt(l1 * l1 + l2 * l2 + 2.0 * l1 * l2 * math.cos(bend))
 
 
-@compiled
+@kernel_with_cache
 def _keep_in_reach(P: Array, run: Array, R_pelvis: Array, feet: Feet, skeleton: GaitSkeleton) -> None:
     """Raise the pelvis where a knee would bend too far, then lower it where a foot would be too far away."""
     far = LEG_REACH * skeleton.leg_m
@@ -237,7 +237,7 @@ def _keep_in_reach(P: Array, run: Array, R_pelvis: Array, feet: Feet, skeleton: 
             P[i, 1] += shift[i] * (1.0 - 2.0 * lowering)
 
 
-@compiled
+@kernel_with_cache
 def _pose_leg(G: Array, hip_m: Array, ankle_m: Array, foot: int, nearest_m: float, offsets_m: Array) -> None:
     """Thigh and shin rotations that put the ankle where the foot is, knee forward."""
     thigh, shin = offsets_m[4 + foot], offsets_m[7 + foot]
@@ -260,8 +260,10 @@ def _pose_leg(G: Array, hip_m: Array, ankle_m: Array, foot: int, nearest_m: floa
     G[4 + foot] = mat_mul(frame_of(knee - distance * d, forward), frame_of(-shin, z).T)
 
 
-@compiled
-def _pose_trunk(G: Array, psi: float, drive: Drive, i: int, style: GaitStyle, breath: float, look: float) -> float:
+@kernel_with_cache
+def _pose_trunk(
+    G: Array, psi: float, drive: BodySignals, i: int, style: GaitStyle, breath: float, look: float
+) -> float:
     """Spine, neck and head: the chest turns against the pelvis, the head stays level. Returns the chest's turn."""
     body, lean, bank = drive.body[i], drive.lean[i] + breath, drive.bank[i]
     yaw, tilt = style.pelvis_turn * body[PELVIS_YAW], style.pelvis_turn * body[PELVIS_LIST]
@@ -280,8 +282,8 @@ def _pose_trunk(G: Array, psi: float, drive: Drive, i: int, style: GaitStyle, br
     return chest
 
 
-@compiled
-def _pose_arm(G: Array, side: int, heading: float, drive: Drive, i: int, style: GaitStyle, sway: float) -> None:
+@kernel_with_cache
+def _pose_arm(G: Array, side: int, heading: float, drive: BodySignals, i: int, style: GaitStyle, sway: float) -> None:
     """An arm that hangs at the side and swings against the leg, the forearm bending forward.
 
     In SMPL's T-pose the palms face down, so an arm lowered about the forward axis has its palm at the thigh.
@@ -304,10 +306,10 @@ def _pose_arm(G: Array, side: int, heading: float, drive: Drive, i: int, style: 
     G[22 + side] = mat_mul(G[20 + side], rot_z(-left * 0.20))
 
 
-@compiled
+@kernel_with_cache
 def pose_frames(
-    track: Track,
-    drive: Drive,
+    track: GaitTrack,
+    drive: BodySignals,
     R_pelvis: Array,
     P: Array,
     feet: Feet,

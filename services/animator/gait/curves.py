@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.services.animator.gait.math import Array, clip, ease
 
 SAMPLES = 25
@@ -74,7 +74,7 @@ def default_curves() -> Curves:
     return curves_of(list(json.loads(path.read_text())["clips"].values()))
 
 
-@compiled
+@kernel_with_cache
 def weights_of(curves: Curves, speed: float, run: float) -> Array:
     """Share of each clip at a speed (of legs of 0.80 m) and a share of running."""
     count, walks = len(curves.speed), curves.walks
@@ -98,8 +98,8 @@ def weights_of(curves: Curves, speed: float, run: float) -> Array:
     return weights
 
 
-@compiled
-def mixed(values: Array, weights: Array) -> float:
+@kernel_with_cache
+def mix_clips(values: Array, weights: Array) -> float:
     """A number of the clips, mixed."""
     total = 0.0
     for k in range(len(weights)):
@@ -107,7 +107,7 @@ def mixed(values: Array, weights: Array) -> float:
     return total
 
 
-@compiled
+@kernel_with_cache
 def curve_at(table: Array, weights: Array, x: float) -> float:
     """A curve of the clips, mixed, at share `x` of its span: cubic through the samples."""
     last = table.shape[1] - 1
@@ -128,7 +128,7 @@ def curve_at(table: Array, weights: Array, x: float) -> float:
     return total
 
 
-@compiled
+@kernel_with_cache
 def swing_of_body(body: Array, weights: Array, channel: int, cycle: float) -> float:
     """A channel of the body at a gait phase [strides], without its mean."""
     total = 0.0
@@ -143,7 +143,7 @@ def swing_of_body(body: Array, weights: Array, channel: int, cycle: float) -> fl
     return total
 
 
-@compiled
+@kernel_with_cache
 def stride_rate(speed_mps: float, size: float, run: float) -> float:
     """Strides per second of a walk (`run` 0), a run (1), or a change between them.
 
@@ -161,10 +161,10 @@ def stride_rate(speed_mps: float, size: float, run: float) -> float:
     return (walking + run * (running - walking)) / 120.0 / math.sqrt(size)
 
 
-@compiled
+@kernel_with_cache
 def gain_of(curves: Curves, weights: Array, speed: float, run: float) -> float:
     """Length of a step at a speed relative to that of the mixed clips: 1 between clips, less below the slowest one."""
-    known = mixed(curves.speed, weights)
+    known = mix_clips(curves.speed, weights)
     if speed < 1e-3:
         return 0.0
     return clip((speed / stride_rate(speed, 1.0, run)) / (known / stride_rate(known, 1.0, run)), 0.0, 1.2)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.services.animator.gait.curves import Curves, curve_at, weights_of
 from readygo.services.animator.gait.human import GaitSkeleton
 from readygo.services.animator.gait.math import Array, clip, ease, mat_mul, mat_vec, rot_x, soft_max, wrap
@@ -38,7 +38,7 @@ END_SHARE = 0.02
 """Share of a stance or swing over which slopes at its ends are taken."""
 
 
-@compiled
+@kernel_with_cache
 def flat_frame(yaw_rad: float, slope: float, roll: float) -> Array:
     """Rotation of a sole that lies on a plane: x left, y up, z forward along the foot."""
     s, c = math.sin(yaw_rad), math.cos(yaw_rad)
@@ -56,7 +56,7 @@ def flat_frame(yaw_rad: float, slope: float, roll: float) -> Array:
     return F
 
 
-@compiled
+@kernel_with_cache
 def _pivot(contact: Array, F: Array, R: Array, point: Array, out: Array) -> None:
     """Ankle of a foot that turned from `F` to `R` about a point fixed on the floor."""
     before, after = mat_vec(F, point), mat_vec(R, point)
@@ -65,12 +65,12 @@ def _pivot(contact: Array, F: Array, R: Array, point: Array, out: Array) -> None
     out[2] = contact[Z] + before[2] - after[2]
 
 
-@compiled
+@kernel_with_cache
 def _weights(contact: Array, curves: Curves) -> Array:
     return weights_of(curves, contact[SPEED], contact[RUN])
 
 
-@compiled
+@kernel_with_cache
 def _stance(
     contact: Array,
     time_s: float,
@@ -97,7 +97,7 @@ def _stance(
         R_toe[:] = F
 
 
-@compiled
+@kernel_with_cache
 def _swing_pitch(x: float, a: Array, b: Array, curves: Curves) -> float:
     """Pitch of the foot at share `x` of a swing, the one of the stances at its ends."""
     table, later = curves.swing_pitch, ease(x)
@@ -106,7 +106,7 @@ def _swing_pitch(x: float, a: Array, b: Array, curves: Curves) -> float:
     return pitch_rad
 
 
-@compiled
+@kernel_with_cache
 def _height_needed(
     F: Array, R_foot: Array, R_toe: Array, skeleton: GaitSkeleton, joint: int, softness_m: float
 ) -> float:
@@ -132,7 +132,7 @@ def _height_needed(
     return top + softness_m * math.log(total)
 
 
-@compiled
+@kernel_with_cache
 def _ends_of_swing(a: Array, b: Array, skeleton: GaitSkeleton, curves: Curves, joint: int) -> Array:
     """Where a swing begins and ends, shape (2, 5): ankle, height of the floor's plane and of the ankle above it."""
     ends = np.empty((2, 5))
@@ -146,7 +146,7 @@ def _ends_of_swing(a: Array, b: Array, skeleton: GaitSkeleton, curves: Curves, j
     return ends
 
 
-@compiled
+@kernel_with_cache
 def _roll_speed(contact: Array, skeleton: GaitSkeleton, curves: Curves, joint: int, leaving: bool) -> float:
     """Forward speed [m/s] of the ankle while the foot rolls over its heel at touch-down, or its ball at lift-off."""
     weights, table, duration = _weights(contact, curves), curves.stance_pitch, END_SHARE * contact[STANCE]
@@ -162,7 +162,7 @@ def _roll_speed(contact: Array, skeleton: GaitSkeleton, curves: Curves, joint: i
     return speed_mps
 
 
-@compiled
+@kernel_with_cache
 def _clearance(x: float, a: Array, b: Array, size: float) -> float:
     """Least height of the sole above the floor [m] at share `x` of a swing."""
     # The sole leaves and meets the floor steeply, so that it does not sweep along it.
@@ -172,8 +172,8 @@ def _clearance(x: float, a: Array, b: Array, size: float) -> float:
     return height
 
 
-@compiled
-def _raised(x: float, a: Array, b: Array, ends: Array, skeleton: GaitSkeleton, curves: Curves) -> float:
+@kernel_with_cache
+def _ankle_height(x: float, a: Array, b: Array, ends: Array, skeleton: GaitSkeleton, curves: Curves) -> float:
     """Height of the ankle above the floor [m] at share `x` of a swing, as in the mocap but for its ends."""
     later, table = ease(x), curves.swing_up
     start, end = a[A_OUT] * skeleton.leg_m, b[A_IN] * skeleton.leg_m
@@ -186,7 +186,7 @@ def _raised(x: float, a: Array, b: Array, ends: Array, skeleton: GaitSkeleton, c
     return height_m
 
 
-@compiled
+@kernel_with_cache
 def _way(x: float, a: Array, b: Array, curves: Curves) -> float:
     """Share of the way covered at share `x` of a swing."""
     later, table = ease(x), curves.swing_way
@@ -194,7 +194,7 @@ def _way(x: float, a: Array, b: Array, curves: Curves) -> float:
     return (1.0 - later) * start + later * end
 
 
-@compiled
+@kernel_with_cache
 def _swing(
     a: Array,
     b: Array,
@@ -237,7 +237,7 @@ def _swing(
     inside = ease(4.0 * x) * ease(4.0 * (1.0 - x))
     needed_m = _height_needed(F, R_foot, R_toe, skeleton, joint, SOFTNESS_M * inside)
     needed_m += _clearance(x, a, b, skeleton.size)
-    raised_m = _raised(x, a, b, ends, skeleton, curves)
+    raised_m = _ankle_height(x, a, b, ends, skeleton, curves)
     bump_m = a[BUMP] * ease(3.0 * x) * ease(3.0 * (1.0 - x))
     ankle[1] = plane_m + soft_max(needed_m, raised_m, SOFTNESS_M * inside) + bump_m
 
@@ -253,7 +253,7 @@ class Feet(NamedTuple):
     """Global rotations of the toes, shape (2, T, 3, 3)."""
 
 
-@compiled
+@kernel_with_cache
 def pose_foot(contacts: Array, foot: int, skeleton: GaitSkeleton, curves: Curves, times_s: Array, feet: Feet) -> None:
     """Fill in one foot's poses.
 

@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 
 Array = npt.NDArray[np.float64]
 
 
-@compiled
+@kernel_with_cache
 def rot_x(angle_rad: float) -> Array:
     """Rotation about x: a positive angle pitches the forward axis down."""
     R = np.eye(3)
@@ -24,7 +24,7 @@ def rot_x(angle_rad: float) -> Array:
     return R
 
 
-@compiled
+@kernel_with_cache
 def rot_y(angle_rad: float) -> Array:
     """Rotation about y: a positive angle turns left."""
     R = np.eye(3)
@@ -33,7 +33,7 @@ def rot_y(angle_rad: float) -> Array:
     return R
 
 
-@compiled
+@kernel_with_cache
 def rot_z(angle_rad: float) -> Array:
     """Rotation about z: a positive angle raises the left side."""
     R = np.eye(3)
@@ -42,7 +42,7 @@ def rot_z(angle_rad: float) -> Array:
     return R
 
 
-@compiled
+@kernel_with_cache
 def mat_mul(A: Array, B: Array) -> Array:
     """Product of two 3x3 matrices."""
     C = np.empty((3, 3))
@@ -52,7 +52,7 @@ def mat_mul(A: Array, B: Array) -> Array:
     return C
 
 
-@compiled
+@kernel_with_cache
 def mat_t_mul(A: Array, B: Array) -> Array:
     """Product of the transpose of A with B."""
     C = np.empty((3, 3))
@@ -62,7 +62,7 @@ def mat_t_mul(A: Array, B: Array) -> Array:
     return C
 
 
-@compiled
+@kernel_with_cache
 def mat_vec(A: Array, v: Array) -> Array:
     """Product of a 3x3 matrix with a vector."""
     w = np.empty(3)
@@ -71,13 +71,13 @@ def mat_vec(A: Array, v: Array) -> Array:
     return w
 
 
-@compiled
+@kernel_with_cache
 def norm(v: Array) -> float:
     """Length of a 3-vector."""
     return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
 
 
-@compiled
+@kernel_with_cache
 def frame_of(y_axis: Array, z_hint: Array) -> Array:
     """Rotation whose y axis is along `y_axis` and whose z axis lies closest to `z_hint`."""
     F = np.empty((3, 3))
@@ -93,7 +93,7 @@ def frame_of(y_axis: Array, z_hint: Array) -> Array:
     return F
 
 
-@compiled
+@kernel_with_cache
 def axis_angle_of(R: Array, out: Array) -> None:
     """Write the axis-angle vector [rad] of a rotation matrix to `out`; the angle is within 0..pi."""
     trace = R[0, 0] + R[1, 1] + R[2, 2]
@@ -117,26 +117,26 @@ def axis_angle_of(R: Array, out: Array) -> None:
     out[0], out[1], out[2] = scale * q[1], scale * q[2], scale * q[3]
 
 
-@compiled
+@kernel_with_cache
 def ease(x: float) -> float:
     """Quintic step from 0 to 1 with flat ends; constant outside of 0..1."""
     x = min(max(x, 0.0), 1.0)
     return x * x * x * (x * (6.0 * x - 15.0) + 10.0)
 
 
-@compiled
+@kernel_with_cache
 def clip(x: float, low: float, high: float) -> float:
     """`x` held within low..high."""
     return min(max(x, low), high)
 
 
-@compiled
+@kernel_with_cache
 def wrap(angle_rad: float) -> float:
     """Angle within -pi..pi."""
     return angle_rad - 2.0 * math.pi * math.floor(angle_rad / (2.0 * math.pi) + 0.5)
 
 
-@compiled
+@kernel_with_cache
 def smooth(x: Array, sigma: float) -> Array:
     """Gaussian filter over samples, ends held; `sigma` in samples."""
     radius = math.ceil(3.0 * sigma)
@@ -155,7 +155,7 @@ def smooth(x: Array, sigma: float) -> Array:
     return y
 
 
-@compiled
+@kernel_with_cache
 def smooth_above(x: Array, sigma: float) -> Array:
     """A smooth curve that is nowhere below `x` (maximum filter, then Gaussian of the same radius)."""
     radius = math.ceil(3.0 * sigma)
@@ -169,7 +169,7 @@ def smooth_above(x: Array, sigma: float) -> Array:
     return smooth(top, sigma)
 
 
-@compiled
+@kernel_with_cache
 def sample(x: Array, at: float) -> float:
     """Linear interpolation of a series at a fractional index, ends held."""
     last = len(x) - 1
@@ -180,7 +180,7 @@ def sample(x: Array, at: float) -> float:
     return value
 
 
-@compiled
+@kernel_with_cache
 def soft_max(a: float, b: float, softness: float) -> float:
     """The larger of two values, rounded where they are within some `softness` of each other."""
     top = max(a, b)
@@ -199,7 +199,7 @@ class Ground(NamedTuple):
     resolution_m: float
 
 
-@compiled
+@kernel_with_cache
 def floor_at(ground: Ground, x: float, z: float) -> float:
     """Floor height [m] at a point (x, z) of the y-up world, as `FloorMap.at` of (x, -z)."""
     height_m = ground.height_m

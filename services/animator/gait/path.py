@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.errors import MotionError
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.animator.gait.curves import Curves, stride_rate
 from readygo.services.animator.gait.human import GaitStyle
@@ -24,7 +24,7 @@ RUN_ABOVE_MPS, WALK_BELOW_MPS = 2.2, 2.0
 """Speeds at which people with legs of 0.80 m begin to run, and fall back into a walk [m/s]."""
 
 
-class Track(NamedTuple):
+class GaitTrack(NamedTuple):
     """A trajectory in the y-up world at 20 Hz, with lead-in and settling frames."""
 
     x: Array
@@ -92,7 +92,7 @@ def extend(
     return np.concatenate([x, np.full(tail, x[-1])]), np.concatenate([z, np.full(tail, z[-1])]), lead
 
 
-@compiled
+@kernel_with_cache
 def run_share(pace: Array, size: float) -> Array:
     """When the person runs: from 2.2 m/s on until the pace falls below 2.0 m/s, faded over half a second."""
     run, running = np.zeros(len(pace)), False
@@ -103,7 +103,7 @@ def run_share(pace: Array, size: float) -> Array:
     return smooth(run, 3.0)
 
 
-@compiled
+@kernel_with_cache
 def _headings_of_walk(x: Array, z: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
     """Direction of travel where the smoothed speed defines one, unwrapped over time."""
     sx, sz = smooth(x, 4.0), smooth(z, 4.0)
@@ -120,7 +120,7 @@ def _headings_of_walk(x: Array, z: Array) -> tuple[Array, npt.NDArray[np.bool_]]
     return psi, known
 
 
-@compiled
+@kernel_with_cache
 def heading(x: Array, z: Array, default_rad: float) -> Array:
     """Where the person faces: along the way while walking, held while standing, turned before setting off.
 
@@ -157,7 +157,7 @@ def heading(x: Array, z: Array, default_rad: float) -> Array:
     return smooth(0.5 * (late + early), 2.5)
 
 
-@compiled
+@kernel_with_cache
 def _active(x: Array, z: Array, psi: Array) -> npt.NDArray[np.bool_]:
     """Frames in which the feet must step: walking, turning, or drifting away from where they stand."""
     count = len(x)
@@ -178,7 +178,7 @@ def _active(x: Array, z: Array, psi: Array) -> npt.NDArray[np.bool_]:
     return active
 
 
-@compiled
+@kernel_with_cache
 def _bouts(x: Array, z: Array, psi: Array, lead_left: float) -> npt.NDArray[np.int64]:
     """Spans of stepping; pauses too short for closing the feet and setting off again are walked through."""
     active = _active(x, z, psi)
@@ -208,7 +208,7 @@ def _bouts(x: Array, z: Array, psi: Array, lead_left: float) -> npt.NDArray[np.i
     return spans[:kept].copy()
 
 
-@compiled
+@kernel_with_cache
 def _phases(rate: Array, bouts: npt.NDArray[np.int64], mid_stance: float) -> Array:
     """Gait phase of every frame; between two bouts the phase of the nearer one runs on."""
     count = len(rate)
@@ -228,8 +228,8 @@ def _phases(rate: Array, bouts: npt.NDArray[np.int64], mid_stance: float) -> Arr
     return phase
 
 
-@compiled
-def time_of_phase(track: Track, bout: int, phase: float) -> float:
+@kernel_with_cache
+def time_of_phase(track: GaitTrack, bout: int, phase: float) -> float:
     """Time [s] at which a bout reaches a phase; beyond its ends the rate there runs on."""
     first, last = track.bouts[bout, 0], track.bouts[bout, 1]
     time_s: float = first * DT_S - (track.phase[first] - phase) / track.rate[first]
@@ -249,7 +249,7 @@ def time_of_phase(track: Track, bout: int, phase: float) -> float:
     return time_s
 
 
-@compiled
+@kernel_with_cache
 def _quicken(rate: Array, raw: Array, run: Array, bouts: npt.NDArray[np.int64], cadence: float, size: float) -> None:
     """Keep the steps quick up to an abrupt stop, where smoothed speeds fall early, and while the feet close."""
     near = smooth(raw, 1.0)
@@ -262,8 +262,8 @@ def _quicken(rate: Array, raw: Array, run: Array, bouts: npt.NDArray[np.int64], 
             rate[bouts[b, edge]] = max(rate[bouts[b, edge]], 0.85 + 0.15 * edge)
 
 
-@compiled
-def plan_track(x: Array, z: Array, style: GaitStyle, size: float, curves: Curves) -> Track:
+@kernel_with_cache
+def plan_track(x: Array, z: Array, style: GaitStyle, size: float, curves: Curves) -> GaitTrack:
     """Heading, speed, bouts and phases of an extended trajectory.
 
     Args:
@@ -296,4 +296,4 @@ def plan_track(x: Array, z: Array, style: GaitStyle, size: float, curves: Curves
         turning = clip(0.35 + 0.4 * turn[i], 0.0, 1.2)
         rate[i] = max(walking, turning, 0.62)
     _quicken(rate, raw, run, bouts, style.cadence, size)
-    return Track(x, z, psi, speed, pace, run, rate, _phases(rate, bouts, curves.mid[0]), bouts)
+    return GaitTrack(x, z, psi, speed, pace, run, rate, _phases(rate, bouts, curves.mid[0]), bouts)

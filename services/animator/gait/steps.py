@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.robot.kinematics import DT_S
-from readygo.services.animator.gait.curves import Curves, mixed, weights_of
+from readygo.services.animator.gait.curves import Curves, mix_clips, weights_of
 from readygo.services.animator.gait.human import GaitSkeleton, GaitStyle
 from readygo.services.animator.gait.math import Array, Ground, clip, floor_at, sample, wrap
-from readygo.services.animator.gait.path import Track, time_of_phase
+from readygo.services.animator.gait.path import GaitTrack, time_of_phase
 
 # Columns of a foot's contacts, shape (C, 16).
 ON, OFF = 0, 1
@@ -40,7 +40,7 @@ RUN_NARROWING = 0.6
 """Share by which runners' feet are closer to the line than walkers'."""
 
 
-@compiled
+@kernel_with_cache
 def duty(curves: Curves, weights: Array, speed: float) -> float:
     """Share of the stride that a foot is on the floor; beyond the clips' speeds slower people stand longer."""
     slowest, fastest = curves.speed[0], curves.speed[curves.walks - 1]
@@ -48,14 +48,14 @@ def duty(curves: Curves, weights: Array, speed: float) -> float:
     for k in range(curves.walks):
         walking += weights[k]
     beyond = max(slowest - speed, 0.0) - clip(speed - fastest, 0.0, 0.6) * walking
-    share: float = min(mixed(curves.duty, weights) + 0.05 * beyond, 0.68)
+    share: float = min(mix_clips(curves.duty, weights) + 0.05 * beyond, 0.68)
     return share
 
 
-@compiled
+@kernel_with_cache
 def _place(
     contact: Array,
-    track: Track,
+    track: GaitTrack,
     at_s: float,
     standing: bool,
     side: float,
@@ -95,16 +95,16 @@ def _place(
     contact[Y] = heel_y + share * (ball_y - heel_y) + skeleton.sole_m * up
 
 
-@compiled
+@kernel_with_cache
 def _same_place(a: Array, b: Array) -> bool:
     """True if a step from `a` to `b` would not be worth making."""
     apart = (a[X] - b[X]) ** 2 + (a[Z] - b[Z]) ** 2
     return apart < 0.025**2 and abs(wrap(a[YAW] - b[YAW])) < 0.1
 
 
-@compiled
+@kernel_with_cache
 def plan_contacts(
-    track: Track,
+    track: GaitTrack,
     foot: int,
     skeleton: GaitSkeleton,
     style: GaitStyle,
@@ -142,7 +142,7 @@ def plan_contacts(
             speed = sample(track.pace, on_s / DT_S) / math.sqrt(skeleton.size)
             run = sample(track.run, on_s / DT_S)
             weights = weights_of(curves, speed, run)
-            centre_s = time_of_phase(track, bout, strike + mixed(curves.mid, weights))
+            centre_s = time_of_phase(track, bout, strike + mix_clips(curves.mid, weights))
             standing = centre_s >= end_s
             share = duty(curves, weights, speed)
             off_s = max(time_of_phase(track, bout, strike - 1.0 + share), contacts[count - 1, ON] + 0.05, 0.0)
@@ -159,16 +159,16 @@ def plan_contacts(
     return contacts[:count].copy()
 
 
-@compiled
-def _ahead(contact: Array, track: Track, time_s: float) -> float:
+@kernel_with_cache
+def _ahead(contact: Array, track: GaitTrack, time_s: float) -> float:
     """How far a contact lies ahead of the pelvis at a time [m], in the direction of the foot."""
     dx, dz = contact[X] - sample(track.x, time_s / DT_S), contact[Z] - sample(track.z, time_s / DT_S)
     ahead_m: float = dx * math.sin(contact[YAW]) + dz * math.cos(contact[YAW])
     return ahead_m
 
 
-@compiled
-def _bend_aside(a: Array, b: Array, track: Track, lateral_m: float) -> None:
+@kernel_with_cache
+def _bend_aside(a: Array, b: Array, track: GaitTrack, lateral_m: float) -> None:
     """Bend a swing so that the foot passes the body on its own side; on a curve the straight way would not."""
     at = 0.5 * (a[OFF] + b[ON]) / DT_S
     psi = sample(track.psi, at)
@@ -179,11 +179,11 @@ def _bend_aside(a: Array, b: Array, track: Track, lateral_m: float) -> None:
     a[ASIDE_X], a[ASIDE_Z] = aside * left_x, aside * left_z
 
 
-@compiled
+@kernel_with_cache
 def _link(
     contacts: Array,
     count: int,
-    track: Track,
+    track: GaitTrack,
     lateral_m: float,
     skeleton: GaitSkeleton,
     ground: Ground,
@@ -193,8 +193,8 @@ def _link(
     for k in range(count - 1):
         a, b = contacts[k], contacts[k + 1]
         dx, dz = b[X] - a[X], b[Z] - a[Z]
-        trail_m = mixed(curves.trail, weights_of(curves, a[SPEED], a[RUN])) * skeleton.leg_m
-        lead_m = mixed(curves.lead, weights_of(curves, b[SPEED], b[RUN])) * skeleton.leg_m
+        trail_m = mix_clips(curves.trail, weights_of(curves, a[SPEED], a[RUN])) * skeleton.leg_m
+        lead_m = mix_clips(curves.lead, weights_of(curves, b[SPEED], b[RUN])) * skeleton.leg_m
         a[A_OUT] = clip(-_ahead(a, track, a[OFF]) / trail_m, 0.12, REACH_MAX)
         b[A_IN] = clip(_ahead(b, track, b[ON]) / lead_m, 0.0, REACH_MAX)
         _bend_aside(a, b, track, lateral_m)

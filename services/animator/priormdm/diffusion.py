@@ -26,7 +26,7 @@ Predict = Callable[[FloatArray, int], FloatArray]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Schedule:
+class DiffusionSchedule:
     """Coefficients of the steps that are taken, step 0 is the last one."""
 
     step: tuple[int, ...]
@@ -55,7 +55,7 @@ class Schedule:
         return math.sqrt(before) - noisy * math.sqrt(now), noisy
 
 
-def cosine_schedule(trained_steps: int, steps: int = 0, *, sigma_small: bool = True) -> Schedule:
+def cosine_schedule(trained_steps: int, steps: int = 0, *, sigma_small: bool = True) -> DiffusionSchedule:
     """The cosine schedule, or evenly spread steps of it.
 
     Args:
@@ -75,14 +75,14 @@ def cosine_schedule(trained_steps: int, steps: int = 0, *, sigma_small: bool = T
         alpha_bar.append(product)
     count = steps or trained_steps
     chosen = [trained_steps - 1] if count == 1 else [round(k * (trained_steps - 1) / (count - 1)) for k in range(count)]
-    return Schedule(step=tuple(chosen), alpha_bar=tuple(alpha_bar[k] for k in chosen), sigma_small=sigma_small)
+    return DiffusionSchedule(step=tuple(chosen), alpha_bar=tuple(alpha_bar[k] for k in chosen), sigma_small=sigma_small)
 
 
 def sample(
     predict: Predict,
     known: Array,
     is_known: npt.NDArray[np.bool_],
-    schedule: Schedule,
+    schedule: DiffusionSchedule,
     rng: np.random.Generator,
     *,
     sampler: Literal["ddpm", "ddim"] = "ddpm",

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.services.animator.gait.math import wrap
 
 Array = npt.NDArray[np.float64]
@@ -58,7 +58,7 @@ class Start(NamedTuple):
     heading_rad: float
 
 
-@compiled
+@kernel_with_cache
 def _encode_path(x: Array, z: Array, psi: Array) -> Array:
     count = len(x) - 1
     features = np.empty((count, 3))
@@ -90,7 +90,7 @@ def encode_path(x_m: Array, z_m: Array, heading_rad: Array) -> Array:
     return _encode_path(x_m.astype(np.float64), z_m.astype(np.float64), heading_rad.astype(np.float64))
 
 
-@compiled
+@kernel_with_cache
 def _decode_path(features: Array, x: float, z: float, psi: float) -> Array:
     count = len(features)
     path = np.empty((count, 3))
@@ -111,7 +111,7 @@ def decode_path(features: npt.ArrayLike, start: Start) -> Array:
     return _decode_path(rows, float(start.x_m), float(start.z_m), float(start.heading_rad))
 
 
-@compiled
+@kernel_with_cache
 def _decode_joints(features: Array, path: Array) -> Array:
     joints = np.empty((len(features), 22, 3))
     for t in range(len(features)):
@@ -175,17 +175,17 @@ def encode(joints_m: npt.ArrayLike) -> tuple[Array, Start]:
     features[:, PATH] = encode_path(joints[:, 0, 0], joints[:, 0, 2], psi)
     features[:, HEIGHT] = joints[:-1, 0, 1]
     below = joints[:-1, :1] * (1.0, 0.0, 1.0)
-    features[:, RIC] = _turned(joints[:-1, 1:] - below, psi[:-1]).reshape(-1, 63)
+    features[:, RIC] = _turn_vectors(joints[:-1, 1:] - below, psi[:-1]).reshape(-1, 63)
     # HumanML3D's clips begin with heading 0, and shortest ways depend on it.
-    turned = _turned(joints[:-1], np.full(len(psi) - 1, psi[0]))
+    turned = _turn_vectors(joints[:-1], np.full(len(psi) - 1, psi[0]))
     features[:, ROTATIONS] = _bone_rotations(turned, psi[:-1] - psi[0])[..., :2].swapaxes(-1, -2).reshape(-1, 126)
     steps = np.diff(joints, axis=0)
-    features[:, VELOCITIES] = _turned(steps, psi[:-1]).reshape(-1, 66)
+    features[:, VELOCITIES] = _turn_vectors(steps, psi[:-1]).reshape(-1, 66)
     features[:, CONTACTS] = np.sum(steps[:, [7, 10, 8, 11]] ** 2, axis=2) < CONTACT_STEP_M2
     return features, Start(float(joints[0, 0, 0]), float(joints[0, 0, 2]), float(psi[0]))
 
 
-def _turned(vectors: Array, psi: Array) -> Array:
+def _turn_vectors(vectors: Array, psi: Array) -> Array:
     """World vectors (T, N, 3) in the headings (T,)."""
     c, s = np.cos(psi)[:, None], np.sin(psi)[:, None]
     x, y, z = np.moveaxis(vectors, -1, 0)

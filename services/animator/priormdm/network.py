@@ -106,7 +106,7 @@ class EncoderLayer(nn.Module):
         return y
 
 
-class Encoder(nn.Module):
+class TransformerEncoder(nn.Module):
     """A stack of layers."""
 
     def __init__(self, shape: NetworkShape) -> None:
@@ -144,7 +144,7 @@ class Mdm(nn.Module):
         self.shape = shape
         self.input_process = InputProcess(shape.latent_dim)
         self.sequence_pos_encoder = PositionTable(shape.latent_dim)
-        self.seqTransEncoder = Encoder(shape)
+        self.seqTransEncoder = TransformerEncoder(shape)
         self.embed_timestep = StepEmbedding(shape.latent_dim, self.sequence_pos_encoder)
         if shape.text:
             self.embed_text = nn.Linear(TEXT_COUNT, shape.latent_dim)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.animator.gait.human import GaitSkeleton
 from readygo.services.animator.gait.math import (
@@ -68,7 +68,7 @@ def wear(joints_m: Array, skeleton: GaitSkeleton, ground: Ground) -> tuple[Array
     return G, X[:, 0].copy()
 
 
-@compiled
+@kernel_with_cache
 def _hold_feet(joints: Array) -> None:
     """Keep the balls of resting feet from sliding; between two rests the correction fades from one to the other."""
     count = len(joints)
@@ -93,7 +93,7 @@ def _hold_feet(joints: Array) -> None:
                 joints[t, 10 + side, 2 * k] += shift[t, k]
 
 
-@compiled
+@kernel_with_cache
 def _rests(ball: Array) -> npt.NDArray[np.int64]:
     """First row and the row after the last one of every rest of a ball (T, 3), shape (R, 2)."""
     count = len(ball)
@@ -115,7 +115,7 @@ def _rests(ball: Array) -> npt.NDArray[np.int64]:
     return rests[:found]
 
 
-@compiled
+@kernel_with_cache
 def _onto_floor(joints: Array, ground: Ground, sole: float, ball_sole: float, raise_m: float) -> None:
     count = len(joints)
     base = np.empty(count)
@@ -137,7 +137,7 @@ def _onto_floor(joints: Array, ground: Ground, sole: float, ball_sole: float, ra
                 joints[t, j, 1] += base[t] + ball_sole + raise_m
 
 
-@compiled
+@kernel_with_cache
 def _sink(X: Array, joints: Array, leg: float) -> Array:
     """How far the body must be lower for both ankles to be within reach [m], smooth over time."""
     count = len(X)
@@ -154,7 +154,7 @@ def _sink(X: Array, joints: Array, leg: float) -> Array:
     return smooth_above(need, LOWER_SIGMA_FRAMES)
 
 
-@compiled
+@kernel_with_cache
 def _bend_toes(G: Array, X: Array, ground: Ground, ball_sole: float, toes_m: float) -> None:
     """Bend the toes up, at least as far as their tip would else be in the floor."""
     for side in range(2):
@@ -166,7 +166,7 @@ def _bend_toes(G: Array, X: Array, ground: Ground, ball_sole: float, toes_m: flo
             G[t, 10 + side] = mat_mul(G[t, 7 + side], rot_x(-bend[t]))
 
 
-@compiled
+@kernel_with_cache
 def _toe_bend(foot: Array, ball: Array, ground: Ground, ball_sole: float, toes_m: float) -> float:
     tip_x = ball[0] - foot[0, 1] * ball_sole + foot[0, 2] * toes_m
     tip_z = ball[2] - foot[2, 1] * ball_sole + foot[2, 2] * toes_m

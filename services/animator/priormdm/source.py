@@ -164,7 +164,7 @@ class PriorMdm:
         return predict
 
 
-def numeric_class(config: PriorMdmConfig) -> str:
+def device_numeric_class(config: PriorMdmConfig) -> str:
     """What the bits of this source's motions depend on besides the run's own numeric class."""
     processor = torch.backends.cpu.get_cpu_capability() if config.device == "cpu" else torch.cuda.get_device_name()
     return f"torch-{torch.__version__} {config.device} {processor}".replace("  ", " ")

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars import SMPL_PARENTS
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.services.animator.gait.math import Array, axis_angle_of, clip, mat_mul, mat_t_mul, mat_vec, norm, smooth
 from readygo.services.animator.smpl.fit_math import SMALL, across, aim, align, cross, swing, turn, twist_about, unit
 
@@ -75,7 +75,7 @@ def pose_of(G: Array) -> Array:
     return pose
 
 
-@compiled
+@kernel_with_cache
 def _fill_pose(G: Array, pose: Array) -> None:
     for t in range(len(G)):
         axis_angle_of(G[t, 0], pose[t, 0])
@@ -83,26 +83,26 @@ def _fill_pose(G: Array, pose: Array) -> None:
             axis_angle_of(mat_t_mul(G[t, PARENTS[j]], G[t, j]), pose[t, j])
 
 
-@compiled
+@kernel_with_cache
 def _place(joint: int, offsets: Array, G: Array, X: Array) -> None:
     parent = PARENTS[joint]
     X[joint] = X[parent] + mat_vec(G[parent], offsets[joint])
 
 
-@compiled
+@kernel_with_cache
 def _toward(joint: int, child: int, P: Array, X: Array, retarget: bool, fallback: Array) -> Array:
     """Unit direction from a joint to the place of its child."""
     return unit(P[child] - (P[joint] if retarget else X[joint]), fallback)
 
 
-@compiled
+@kernel_with_cache
 def _swing_to(joint: int, child: int, base: Array, P: Array, X: Array, retarget: bool, offsets: Array) -> Array:
     bone = offsets[child]
     now = unit(mat_vec(base, bone), base[:, 1])
     return swing(base, bone, _toward(joint, child, P, X, retarget, now))
 
 
-@compiled
+@kernel_with_cache
 def _fit_trunk(P: Array, offsets: Array, retarget: bool, G: Array, X: Array) -> None:
     """Pelvis, spine, chest, collars, neck and head."""
     ones = np.ones(3)
@@ -139,7 +139,7 @@ def _fit_trunk(P: Array, offsets: Array, retarget: bool, G: Array, X: Array) -> 
         _place(joint, offsets, G, X)
 
 
-@compiled
+@kernel_with_cache
 def _find_bends(P: Array, offsets: Array, retarget: bool, G: Array, X: Array, normals: Array) -> None:
     """Where knees and elbows are, and the normals of the planes in which they bend (legs 0 and 1, arms 2 and 3)."""
     for side in range(2):
@@ -163,7 +163,7 @@ def _find_bends(P: Array, offsets: Array, retarget: bool, G: Array, X: Array, no
         normals[2 + side] = cross(upper, fore) + 0.1 * mat_vec(relaxed, hinge)
 
 
-@compiled
+@kernel_with_cache
 def _reach(hip: Array, knee: Array, ankle: Array, foot: Array, thigh: Array, shin: Array) -> tuple[Array, Array]:
     """Knee and ankle of a leg that reaches for an ankle, its knee on the side of the knee that is asked for."""
     l1, l2 = norm(thigh), norm(shin)
@@ -180,14 +180,14 @@ def _reach(hip: Array, knee: Array, ankle: Array, foot: Array, thigh: Array, shi
     return hip + along * u + out * side, hip + d * u
 
 
-@compiled
+@kernel_with_cache
 def _smooth_normals(normals: Array) -> None:
     for limb in range(4):
         for k in range(3):
             normals[:, limb, k] = smooth(normals[:, limb, k].copy(), TWIST_SIGMA_FRAMES)
 
 
-@compiled
+@kernel_with_cache
 def _upper_limb(base: Array, bone: Array, hinge: Array, direction: Array, normal: Array) -> Array:
     """Rotation of a thigh or an upper arm: its bone along a direction, its hinge along the normal if there is one."""
     if norm(across(normal, direction)) < 1e-6 or norm(across(hinge, unit(bone, direction))) < 1e-6:
@@ -195,7 +195,7 @@ def _upper_limb(base: Array, bone: Array, hinge: Array, direction: Array, normal
     return aim(bone, hinge, direction, normal)
 
 
-@compiled
+@kernel_with_cache
 def _fit_limbs(P: Array, offsets: Array, retarget: bool, normals: Array, G: Array, X: Array) -> None:
     """Legs, feet, arms and hands, once knees and elbows are placed."""
     forward = np.array([0.0, 0.0, 1.0])
@@ -221,7 +221,7 @@ def _fit_limbs(P: Array, offsets: Array, retarget: bool, normals: Array, G: Arra
         G[hand] = G[wrist]
 
 
-@compiled
+@kernel_with_cache
 def _level(G: Array, foot: Array) -> Array:
     """A foot turned about its length so that the sole is level across; less so the steeper the foot is."""
     axis = unit(mat_vec(G, foot), G[:, 2])

@@ -4,14 +4,14 @@ import math
 
 import numpy as np
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.services.animator.gait.math import Array, frame_of, mat_mul, mat_vec, norm
 
 SMALL = 1e-9
 JACOBI_SWEEPS = 8
 
 
-@compiled
+@kernel_with_cache
 def _largest_eigenvector(K: Array) -> Array:
     """Eigenvector of the largest eigenvalue of a symmetric 4x4 matrix, by Jacobi rotations; `K` is overwritten."""
     V = np.eye(4)
@@ -39,7 +39,7 @@ def _largest_eigenvector(K: Array) -> Array:
     return V[:, best].copy()
 
 
-@compiled
+@kernel_with_cache
 def align(source: Array, target: Array, weight: Array) -> Array:
     """Rotation R that minimises sum_i w_i |R source_i - target_i|^2, shape (3, 3).
 
@@ -76,7 +76,7 @@ def align(source: Array, target: Array, weight: Array) -> Array:
     return R
 
 
-@compiled
+@kernel_with_cache
 def cross(a: Array, b: Array) -> Array:
     """Cross product of two 3-vectors."""
     c = np.empty(3)
@@ -84,21 +84,21 @@ def cross(a: Array, b: Array) -> Array:
     return c
 
 
-@compiled
+@kernel_with_cache
 def dot(a: Array, b: Array) -> float:
     """Dot product of two 3-vectors."""
     value: float = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     return value
 
 
-@compiled
+@kernel_with_cache
 def unit(v: Array, fallback: Array) -> Array:
     """`v` at length 1, or `fallback` where `v` has no length."""
     length = norm(v)
     return v / length if length > SMALL else fallback.copy()
 
 
-@compiled
+@kernel_with_cache
 def turn(axis: Array, angle_rad: float) -> Array:
     """Rotation about a unit axis (Rodrigues)."""
     c, s = math.cos(angle_rad), math.sin(angle_rad)
@@ -116,7 +116,7 @@ def turn(axis: Array, angle_rad: float) -> Array:
     return R
 
 
-@compiled
+@kernel_with_cache
 def swing(G: Array, bone: Array, direction: Array) -> Array:
     """`G` turned by the shortest way so that its bone points along a unit direction.
 
@@ -142,7 +142,7 @@ def swing(G: Array, bone: Array, direction: Array) -> Array:
     return mat_mul(turn(axis / sine, math.atan2(sine, cosine)), G)
 
 
-@compiled
+@kernel_with_cache
 def aim(bone: Array, hinge: Array, direction: Array, normal: Array) -> Array:
     """Rotation that takes a bone to a direction, and the hinge as close as possible to a normal of the bend plane."""
     F, H = frame_of(bone, hinge), frame_of(direction, normal)
@@ -153,13 +153,13 @@ def aim(bone: Array, hinge: Array, direction: Array, normal: Array) -> Array:
     return R
 
 
-@compiled
+@kernel_with_cache
 def across(v: Array, axis: Array) -> Array:
     """The part of `v` perpendicular to a unit axis."""
     return v - dot(v, axis) * axis
 
 
-@compiled
+@kernel_with_cache
 def twist_about(R: Array, axis: Array) -> float:
     """Angle [rad] of the twist of a rotation about a unit axis (swing-twist decomposition), within -pi..pi."""
     # The vector and scalar parts of the quaternion, times 4 w; w = 0 is a half turn.

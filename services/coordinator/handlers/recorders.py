@@ -29,7 +29,7 @@ def handle_expect(coordinator: Coordinator, request: ExpectRequest) -> Verdict:
         return Verdict(status=VerdictStatus.STALE, reason=reason)
     if wrong := _of_another_recorder(coordinator, request.recorder, key.index):
         return wrong
-    status = coordinator.ledger.expected(key.index, request.attempt)
+    status = coordinator.ledger.append_verdict(key.index, request.attempt)
     if status is VerdictStatus.OK and not coordinator.proofs.proves(request.lease, key.index, request.attempt):
         return not_the_holder(key.index, request.attempt)
     late = status is VerdictStatus.STALE
@@ -90,7 +90,7 @@ def handle_trouble(coordinator: Coordinator, request: TroubleRequest) -> Verdict
 
 def handle_pending(coordinator: Coordinator, request: PendingRequest) -> PendingReply:
     """Which grants does the recorder hold?"""
-    granted = coordinator.ledger.census.granted(request.recorder)
+    granted = coordinator.ledger.census.granted_attempts(request.recorder)
     return PendingReply(indices=tuple(granted), attempts=tuple(granted.values()))
 
 

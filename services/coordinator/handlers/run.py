@@ -70,7 +70,7 @@ def handle_control(coordinator: Coordinator, request: ControlRequest) -> Verdict
 def handle_status(coordinator: Coordinator, request: StatusRequest) -> StatusReply:
     """Answer with the run's progress."""
     ledger = coordinator.ledger
-    committed, samples = ledger.census.committed()
+    committed, samples = ledger.census.committed_counts()
     counters = ledger.notes.counters()
     prefix = "cpu_s/"
     return StatusReply(
@@ -78,13 +78,13 @@ def handle_status(coordinator: Coordinator, request: StatusRequest) -> StatusRep
         committed=committed,
         samples=samples,
         waiting=ledger.census.waiting(),
-        leased=ledger.census.leased(),
+        leased=ledger.census.leased_by_stage(),
         rejected=ledger.census.rejections(),
         requeued=int(counters.get("requeued", 0)),
         cpu_s={name.removeprefix(prefix): value for name, value in counters.items() if name.startswith(prefix)},
         finished=coordinator.finished,
         failed=coordinator.failed or (CANCELLED if coordinator.cancelled and not coordinator.finished else ""),
-        kept=ledger.census.kept(),
+        kept=ledger.census.continued_by_reason(),
         policies=len(ledger.policies.all()),
         trouble=" ".join(coordinator.troubles.values()),
         paused=coordinator.paused,

@@ -69,10 +69,10 @@ def handle_renew(coordinator: Coordinator, request: RenewRequest) -> Verdict:
 def handle_complete(coordinator: Coordinator, stage: Stage, request: CompleteRequest) -> Verdict:
     """Take a stage's result, a rejection or a failure."""
     with coordinator.ledger.together():
-        return _completed(coordinator, stage, request)
+        return _advance_stage(coordinator, stage, request)
 
 
-def _completed(coordinator: Coordinator, stage: Stage, request: CompleteRequest) -> Verdict:
+def _advance_stage(coordinator: Coordinator, stage: Stage, request: CompleteRequest) -> Verdict:
     ledger = coordinator.ledger
     if other := _held_by_another(coordinator, request):
         return other
@@ -93,11 +93,11 @@ def _completed(coordinator: Coordinator, stage: Stage, request: CompleteRequest)
     if stage.records:
         # The recorder's commit completes the stage; its worker only says what the work cost.
         return Verdict(status=VerdictStatus.OK)
-    sha256 = _kept(coordinator, request.result)
+    sha256 = _store_result(coordinator, request.result)
     return _verdict(ledger.advance(stage, request.index, request.attempt, sha256, reason=rejected))
 
 
-def _kept(coordinator: Coordinator, result: bytes) -> str:
+def _store_result(coordinator: Coordinator, result: bytes) -> str:
     """Keep a result, under its hash; a disk that does not take it is told: its stage would be done in vain for ever.
 
     Raises:
@@ -132,7 +132,7 @@ def _same_numeric_class(coordinator: Coordinator, numeric_class: str) -> bool:
 
 def _planned_ahead(coordinator: Coordinator) -> bool:
     ahead = max(coordinator.config.plan_ahead, AHEAD_PER_PROCESS * coordinator.roster.size)
-    return coordinator.ledger.census.begun() >= ahead
+    return coordinator.ledger.census.begun_count() >= ahead
 
 
 def _inputs(coordinator: Coordinator, lease: Lease) -> tuple[Blob, ...] | None:

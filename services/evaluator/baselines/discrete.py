@@ -34,7 +34,7 @@ class Action:
 
 
 @dataclass
-class Plan:
+class DiscretePlan:
     """State of one episode: its goal field and the rest of the present action."""
 
     field: GoalField
@@ -46,17 +46,17 @@ class DiscretePlannerDriver:
 
     looks = False
 
-    def start(self, simulation: EpisodeSimulation) -> Plan:
+    def start(self, simulation: EpisodeSimulation) -> DiscretePlan:
         """The ways to the episode's goal."""
         goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
         field = GoalField(simulation.robot_map, simulation.robot.planning_radius_m, (goal_x, goal_y))
-        return Plan(field, Action())
+        return DiscretePlan(field, Action())
 
-    def act(self, running: Sequence[tuple[EpisodeSimulation, Plan]]) -> list[Command | DriverFailure]:
+    def act(self, running: Sequence[tuple[EpisodeSimulation, DiscretePlan]]) -> list[Command | DriverFailure]:
         """See `Driver.act`."""
         return [self._command(simulation, plan) for simulation, plan in running]
 
-    def _command(self, simulation: EpisodeSimulation, plan: Plan) -> tuple[float, float]:
+    def _command(self, simulation: EpisodeSimulation, plan: DiscretePlan) -> tuple[float, float]:
         action, robot, clock = plan.action, simulation.robot, simulation.clock
         held_s = clock.dt_s * clock.control_every
         action.forward_m -= simulation.v_mps * clock.dt_s if simulation.step else 0.0

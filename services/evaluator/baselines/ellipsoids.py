@@ -19,14 +19,14 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.gaussians.covariance import rotation_of
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 
 Float64Array = npt.NDArray[np.float64]
 BISECTIONS = 16
 """Halvings of the interval of s; fewer only make the answer more careful."""
 
 
-@compiled
+@kernel_with_cache
 def separation(
     offset: tuple[float, float, float],
     along: tuple[float, float, float],
@@ -74,13 +74,13 @@ def separation(
     return best
 
 
-@compiled(inline="always")
+@kernel_with_cache(inline="always")
 def _in_axes(R: tuple[float, ...], x: float, y: float, z: float) -> tuple[float, float, float]:
     """R^T (x, y, z)."""
     return R[0] * x + R[3] * y + R[6] * z, R[1] * x + R[4] * y + R[7] * z, R[2] * x + R[5] * y + R[8] * z
 
 
-@compiled
+@kernel_with_cache
 def _mark_blocked(
     means: npt.NDArray[np.float32],
     quats: npt.NDArray[np.float32],
@@ -117,7 +117,7 @@ def _mark_blocked(
                     blocked[i, j] = found[0] <= 1.0
 
 
-@compiled
+@kernel_with_cache
 def _planes(
     means: npt.NDArray[np.float32],
     quats: npt.NDArray[np.float32],
@@ -165,7 +165,7 @@ class Ellipsoids:
     def __len__(self) -> int:
         return len(self._means)
 
-    def blocked(
+    def blocked_cells(
         self, centres_z_m: Float64Array, origin_m: tuple[float, float], cell_m: float, radius_m: float
     ) -> npt.NDArray[np.bool_]:
         """Cells of a grid at which a stack of balls meets an ellipsoid.

@@ -34,7 +34,7 @@ HEADING_GAIN_PER_S = 2.5
 
 
 @dataclass
-class Walk:
+class SocialForceState:
     """State of one episode: its goal field and the humans' positions."""
 
     field: GoalField
@@ -47,17 +47,17 @@ class SocialForceDriver:
 
     looks = False
 
-    def start(self, simulation: EpisodeSimulation) -> Walk:
+    def start(self, simulation: EpisodeSimulation) -> SocialForceState:
         """The ways to the episode's goal."""
         goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
         field = GoalField(simulation.robot_map, simulation.robot.planning_radius_m, (goal_x, goal_y))
-        return Walk(field, simulation.human_xy_m.copy())
+        return SocialForceState(field, simulation.human_xy_m.copy())
 
-    def act(self, running: Sequence[tuple[EpisodeSimulation, Walk]]) -> list[Command | DriverFailure]:
+    def act(self, running: Sequence[tuple[EpisodeSimulation, SocialForceState]]) -> list[Command | DriverFailure]:
         """See `Driver.act`."""
         return [self._command(simulation, walk) for simulation, walk in running]
 
-    def _command(self, simulation: EpisodeSimulation, walk: Walk) -> tuple[float, float]:
+    def _command(self, simulation: EpisodeSimulation, walk: SocialForceState) -> tuple[float, float]:
         humans = simulation.human_xy_m
         velocities = (humans - walk.humans_before_m) / simulation.clock.dt_s
         walk.humans_before_m = humans.copy()

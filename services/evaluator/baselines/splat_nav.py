@@ -107,7 +107,7 @@ class SplatMap:
         ground = floor.at_many(self._centres_m).reshape(rows, columns)
         centres_z = ground[None] + np.array(self.heights_m)[:, None, None]
         origin = frame.origin_x_m, frame.origin_y_m
-        self.blocked = self.obstacles.blocked(centres_z, origin, cell_m, self.radius_m) | without_floor
+        self.blocked = self.obstacles.blocked_cells(centres_z, origin, cell_m, self.radius_m) | without_floor
 
     def path_m(self, start_m: tuple[float, float], goal_m: tuple[float, float]) -> Float64Array | None:
         """A smooth path on which the robot meets nothing, shape (N, 2) [m]; None where there is none."""

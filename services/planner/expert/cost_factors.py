@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.episode.grid_search import FREE
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import GridFrame
 
 Float64Array = npt.NDArray[np.float64]
@@ -32,7 +32,7 @@ def static_factor(clearance: Float64Array, blocked_m: float, *, wall_cost: float
     return np.where(clearance > blocked_m, factor, np.uint8(0)).astype(np.uint8)
 
 
-@compiled
+@kernel_with_cache
 def segment_distance(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Distance of a point to a segment."""
     # The nearest point is a + t (b - a), t = (p - a) . (b - a) / |b - a|^2, kept within 0..1.
@@ -43,7 +43,7 @@ def segment_distance(x: float, y: float, ax: float, ay: float, bx: float, by: fl
     return math.sqrt(ex * ex + ey * ey)
 
 
-@compiled
+@kernel_with_cache
 def _paint_capsule(
     factor: UInt8Array,
     ox: float,
@@ -99,7 +99,7 @@ def paint_slope(
     _paint_capsule(factor, frame.origin_x_m, frame.origin_y_m, frame.resolution_m, ends_m, radius_m, value, True)
 
 
-@compiled
+@kernel_with_cache
 def _paint_points(
     factor: UInt8Array,
     ox: float,
@@ -132,7 +132,7 @@ def paint_points(factor: UInt8Array, frame: GridFrame, points_m: Float64Array, r
     _paint_points(factor, frame.origin_x_m, frame.origin_y_m, frame.resolution_m, points_m, radius_m, value)
 
 
-@compiled
+@kernel_with_cache
 def _open_around(
     factor: UInt8Array, clearance: Float64Array, i: int, j: int, reach: int, needed: float, value: int
 ) -> None:
@@ -159,7 +159,7 @@ def open_around(
     _open_around(factor, clearance, i, j, math.ceil(0.4 / frame.resolution_m), needed_m, value)
 
 
-@compiled
+@kernel_with_cache
 def path_distance(path: Float64Array, first: int, last: int, ends: tuple[float, float, float, float]) -> float:
     """Smallest distance between path points first..last-1 and a segment [m]; inf without points."""
     best = np.inf
@@ -168,7 +168,7 @@ def path_distance(path: Float64Array, first: int, last: int, ends: tuple[float, 
     return best
 
 
-@compiled
+@kernel_with_cache
 def _path_cost(
     path: Float64Array, first: int, factor: UInt8Array, ox: float, oy: float, resolution: float, v_max: float
 ) -> float:

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.services.planner.expert.records import CostGrid, HumansAhead
 
 Float64Array = npt.NDArray[np.float64]
@@ -53,7 +53,7 @@ class Delays(NamedTuple):
     """Steps between two layers."""
 
 
-@compiled
+@kernel_with_cache
 def nearness_cost(squared: float, hard: float, width: float, weight: float) -> float:
     """Cost per second of being near a human.
 
@@ -74,7 +74,7 @@ def nearness_cost(squared: float, hard: float, width: float, weight: float) -> f
     return weight * nearness * nearness
 
 
-@compiled
+@kernel_with_cache
 def delay_at(delays: Delays, centre: tuple[float, float, float], x: float, y: float, layer: int) -> float:
     """The delay of a robot at a place [m] in a layer; the grid is around a pose."""
     cell, _, _, _, values, _ = delays
@@ -86,7 +86,7 @@ def delay_at(delays: Delays, centre: tuple[float, float, float], x: float, y: fl
     return float(values[layer, a, b])
 
 
-@compiled
+@kernel_with_cache
 def fill_delays(grid: CostGrid, centre: tuple[float, float, float], humans: HumansAhead, out: Delays) -> None:
     """Fill the delays.
 
@@ -131,7 +131,7 @@ def fill_delays(grid: CostGrid, centre: tuple[float, float, float], humans: Huma
                     there[b] = np.inf
 
 
-@compiled
+@kernel_with_cache
 def _fill_static(grid: CostGrid, cell: float, centre: tuple[float, float, float], static: Float64Array) -> None:
     """Fill the smallest way to the goal in each coarse cell [m]; infinite where there is none."""
     factor, to_goal, resolution = grid
@@ -157,7 +157,7 @@ def _fill_static(grid: CostGrid, cell: float, centre: tuple[float, float, float]
             static[a, b] = best * unit if best < UNREACHED else np.inf
 
 
-@compiled
+@kernel_with_cache
 def _add_nearness(
     humans: HumansAhead,
     step: int,

@@ -157,11 +157,11 @@ class SceneGround:
         return self._window(start_m, goal_m, _WIDER_MARGIN_M) if local.margin_m < _WIDER_MARGIN_M else None
 
     def _window(self, start_m: tuple[float, float], goal_m: tuple[float, float], margin_m: float) -> EpisodeGround:
-        part, moved = cropped(self.occupancy.frame, self.clearance.shape, start_m, goal_m, margin_m)
+        part, moved = crop_grid(self.occupancy.frame, self.clearance.shape, start_m, goal_m, margin_m)
         factor = np.ascontiguousarray(self.static_factor[part])
         search = GridSearch((factor.shape[0], factor.shape[1]))
         goal = moved.cell(*goal_m)
-        human_part, human_frame = cropped(self.human_frame, self.human_clearance.shape, start_m, goal_m, margin_m)
+        human_part, human_frame = crop_grid(self.human_frame, self.human_clearance.shape, start_m, goal_m, margin_m)
         asks_ways = self.config.mode != "paper" and not self.config.oracle
         return EpisodeGround(
             margin_m=margin_m,
@@ -181,7 +181,7 @@ class SceneGround:
         )
 
 
-def cropped(
+def crop_grid(
     frame: GridFrame,
     shape: tuple[int, ...],
     start_m: tuple[float, float],

@@ -24,7 +24,7 @@ from readygo.services.planner.expert.interface import Decision, Expert, ExpertDr
 from readygo.services.planner.expert.paper import PaperExpert
 from readygo.services.planner.expert.spacetime import SpaceTimeExpert, horizon_s
 from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch
-from readygo.services.planner.scene_maps import SceneMaps
+from readygo.services.planner.scene_maps import PlanningMaps
 
 
 class RobotPlanner:
@@ -32,7 +32,7 @@ class RobotPlanner:
 
     def __init__(
         self,
-        maps: SceneMaps,
+        maps: PlanningMaps,
         avatars: Mapping[str, Avatar],
         robot: RobotConfig,
         episode_config: EpisodeConfig,

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import GridFrame
 from readygo.common.robot import RobotConfig
 from readygo.services.planner.expert.config import GEAR_COST_M, GOAL_TOLERANCE_M, PRIMITIVE_S, REVERSE_COST
@@ -169,7 +169,7 @@ class HybridAStar:
         )
 
 
-@compiled
+@kernel_with_cache
 def _drive_cost(
     factor: UInt8Array, resolution: float, x: float, y: float, c: float, s: float, offsets: Float64Array, count: int
 ) -> float:
@@ -188,7 +188,7 @@ def _drive_cost(
     return total / (FREE * count)
 
 
-@compiled
+@kernel_with_cache
 def _search(
     grid: CostGrid,
     start: tuple[float, float, float],
@@ -267,7 +267,7 @@ def _search(
     return -1, expansions
 
 
-@compiled
+@kernel_with_cache
 def _trace(node: int, memory: Memory, primitives: Primitives, points: Float64Array) -> int:
     """Fill the end of `points` with x, y, yaw, speed from start to `node`; returns their number."""
     nodes, links, _, _, _, _, _, _ = memory

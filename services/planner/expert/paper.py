@@ -117,7 +117,7 @@ class PaperExpert:
             self._replan(simulation, near)
             self.replan_times_s.append(time.thread_time() - started_s)
         expected_m = expected_array(humans, self._ahead_steps)
-        v, w = self._held(simulation, self._drive(simulation, expected_m))
+        v, w = self._hold_command(simulation, self._drive(simulation, expected_m))
         return Decision(
             v_mps=v,
             w_radps=w,
@@ -236,7 +236,7 @@ class PaperExpert:
         body = self._bodies[human.index]
         return footprint_xy(body.footprint, body.avatar, body.human.motion, step)
 
-    def _held(self, simulation: EpisodeSimulation, command: tuple[float, float]) -> tuple[float, float]:
+    def _hold_command(self, simulation: EpisodeSimulation, command: tuple[float, float]) -> tuple[float, float]:
         """A command for one step as one that is held for longer: it changes as fast."""
         steps = self._clock.held_for(simulation.step)
         if steps == 1:

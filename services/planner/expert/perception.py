@@ -8,7 +8,7 @@ from functools import cached_property, partial
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.camera.view import View, in_view, view_of
+from readygo.common.camera.view import FieldOfView, in_view, view_of
 from readygo.common.maps import GridFrame
 from readygo.services.planner.expert.ground import EpisodeGround, SceneGround
 from readygo.services.planner.expert.prediction import follow_route, predict_walk, window_steps
@@ -124,7 +124,7 @@ class HumanTracks:
                 self._remember(index, step, x, y)
             track = self._tracks.get(index)
             if track is not None and not self._forgets(track, step, pose):
-                perceived.append(self._perceived(index, track, step, seen))
+                perceived.append(self._perceived_human(index, track, step, seen))
         self._before_xy_m = human_xy_m
         self._observed_step, self._perceived_now = step, perceived
         return perceived
@@ -132,7 +132,7 @@ class HumanTracks:
     def _is_visible(self, pose: Pose, x_m: float, y_m: float) -> bool:
         return any(self._shows(camera.eye(*pose), view, x_m, y_m) for camera, view in self._eyes)
 
-    def _shows(self, eye: Pose, view: View, x_m: float, y_m: float) -> bool:
+    def _shows(self, eye: Pose, view: FieldOfView, x_m: float, y_m: float) -> bool:
         """True if a camera shows what is at a place."""
         if not in_view(eye, x_m, y_m, view, self._config.range_m, self._ground.human_radius_m):
             return False
@@ -156,10 +156,10 @@ class HumanTracks:
         else:
             rows = [(bx, by) for bx, by in self._before_xy_m[index : index + 1].tolist()]
         rows = [*rows[1 - self._view_count :], (x, y)]
-        find_walks = partial(self._expected, index, step, rows, self.local.human_ways, self.local.human_frame)
+        find_walks = partial(self._possible_positions, index, step, rows, self.local.human_ways, self.local.human_frame)
         self._tracks[index] = _Track(step=step, rows=rows, find_walks=find_walks)
 
-    def _expected(
+    def _possible_positions(
         self, index: int, step: int, rows: list[tuple[float, float]], ways: tuple[Int32Array, ...], frame: GridFrame
     ) -> Walks:
         """Possible positions after a step."""
@@ -192,7 +192,7 @@ class HumanTracks:
         true: Float64Array = path[np.minimum(np.arange(first, end), len(path) - 1)]
         return true
 
-    def _perceived(self, index: int, track: _Track, step: int, seen: bool) -> PerceivedHuman:
+    def _perceived_human(self, index: int, track: _Track, step: int, seen: bool) -> PerceivedHuman:
         elapsed = step - track.step
         vx, vy = self._velocity(track.rows)
         x, y = track.rows[-1]

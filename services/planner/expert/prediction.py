@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import GridFrame
 from readygo.common.robot.kinematics import DT_S
 
@@ -43,7 +43,7 @@ def window_steps(dt_s: float) -> int:
     return max(1, round(WINDOW_S / dt_s))
 
 
-@compiled
+@kernel_with_cache
 def _keeps_off(clearance: Float64Array, place: tuple[float, float, float], x: float, y: float, heading: float) -> bool:
     """True if the way ahead keeps off the walls; `place` is the map's corner x, y [m] and its resolution [m]."""
     c, s = math.cos(heading), math.sin(heading)
@@ -55,7 +55,7 @@ def _keeps_off(clearance: Float64Array, place: tuple[float, float, float], x: fl
     return True
 
 
-@compiled
+@kernel_with_cache
 def _deflection(
     clearance: Float64Array, place: tuple[float, float, float], x: float, y: float, heading: float
 ) -> float:
@@ -68,7 +68,7 @@ def _deflection(
     return 0.0
 
 
-@compiled
+@kernel_with_cache
 def _predict(
     views: Float64Array,
     clearance: Float64Array,
@@ -130,7 +130,7 @@ def predict_walk(
     return out
 
 
-@compiled
+@kernel_with_cache
 def _field_at(field: Int32Array, place: tuple[float, float, float], x: float, y: float) -> int:
     """Value of the cell at a place [m], `UNREACHED` off the map."""
     i, j = math.floor((y - place[1]) / place[2]), math.floor((x - place[0]) / place[2])
@@ -139,7 +139,7 @@ def _field_at(field: Int32Array, place: tuple[float, float, float], x: float, y:
     return int(field[i, j])
 
 
-@compiled
+@kernel_with_cache
 def _follow(
     x: float,
     y: float,

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.episode.grid_search import FREE
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.services.planner.expert.delay import nearness_cost
 from readygo.services.planner.expert.records import HumansAhead, Obstacles
 
@@ -30,7 +30,7 @@ _HALF_DIAGONAL = 0.71
 """Half the diagonal of a cell, in cells: how far a point of a cell may be from its centre."""
 
 
-@compiled
+@kernel_with_cache
 def check_reaches(rows: Float64Array) -> Float64Array:
     """Farthest that a primitive leads until each of its checks [m], from the rows of all, shape (Q, K, 5)."""
     reaches = np.zeros(rows.shape[1] // CHECK_STEPS)
@@ -41,7 +41,7 @@ def check_reaches(rows: Float64Array) -> Float64Array:
     return reaches
 
 
-@compiled
+@kernel_with_cache
 def find_near(
     humans: HumansAhead,
     place: tuple[float, float],
@@ -73,7 +73,7 @@ def find_near(
         near_counts[n] = count
 
 
-@compiled
+@kernel_with_cache
 def wall_cost(
     factor: UInt8Array,
     obstacles: Obstacles,
@@ -108,7 +108,7 @@ def wall_cost(
     return length * total / (FREE * checks)
 
 
-@compiled
+@kernel_with_cache
 def human_cost(
     place: tuple[float, float],
     heading: tuple[float, float],

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.services.planner.expert.records import Limits, Obstacles, State, Surroundings
 
 Float64Array = npt.NDArray[np.float64]
@@ -46,7 +46,7 @@ EVASION_GAP_M = 0.4
 """Free space that evading aims at [m]."""
 
 
-@compiled
+@kernel_with_cache
 def slow_ahead(path: Float64Array, deceleration_mps2: float) -> None:
     """Lower the speeds (fourth column) of a path so that slower stretches ahead are reached in time."""
     for k in range(len(path) - 2, -1, -1):
@@ -57,7 +57,7 @@ def slow_ahead(path: Float64Array, deceleration_mps2: float) -> None:
         path[k, 3] = max(min(path[k, 3], most), -most)
 
 
-@compiled
+@kernel_with_cache
 def nearest_ahead(path: Float64Array, progress: int, x: float, y: float) -> int:
     """Index of the path's point nearest to (x, y), from `progress` on and not far ahead.
 
@@ -75,13 +75,13 @@ def nearest_ahead(path: Float64Array, progress: int, x: float, y: float) -> int:
     return found
 
 
-@compiled
+@kernel_with_cache
 def _clip(value: float, low: float, high: float) -> float:
     return min(max(value, low), high)
 
 
-@compiled
-def limited(v: float, w: float, state: State, limits: Limits) -> tuple[float, float]:
+@kernel_with_cache
+def limit_command(v: float, w: float, state: State, limits: Limits) -> tuple[float, float]:
     """The command that the robot executes when (v, w) is asked for."""
     v_max, w_max, a_max, alpha_max, v_min, dt = limits
     return (
@@ -90,7 +90,7 @@ def limited(v: float, w: float, state: State, limits: Limits) -> tuple[float, fl
     )
 
 
-@compiled
+@kernel_with_cache
 def _pursue(
     path: Float64Array, progress: int, state: State, lookahead: float, scale: float, limits: Limits
 ) -> tuple[float, float]:
@@ -118,13 +118,13 @@ def _pursue(
     elif abs(curvature) > 1e-6:
         # Slowly enough for |w| = |v curvature| to stay below its limit.
         wanted = gear * min(abs(wanted), 0.95 * w_max / abs(curvature))
-    v, _ = limited(wanted, 0.0, state, limits)
+    v, _ = limit_command(wanted, 0.0, state, limits)
     # At rest the robot turns towards the path; while it drives, it steers along the arc to the target.
     turning = 2.0 * bearing if abs(wanted) < 0.05 else v * curvature
-    return limited(wanted, turning, state, limits)
+    return limit_command(wanted, turning, state, limits)
 
 
-@compiled
+@kernel_with_cache
 def _step(state: State, v: float, w: float, dt: float) -> State:
     """The state after one step of `dt`; the chord replaces the arc, which differs by less than 0.1 mm."""
     x, y, yaw, _, _ = state
@@ -132,7 +132,7 @@ def _step(state: State, v: float, w: float, dt: float) -> State:
     return State(x + v * dt * math.cos(middle), y + v * dt * math.sin(middle), yaw + w * dt, v, w)
 
 
-@compiled
+@kernel_with_cache
 def meets(state: State, obstacles: Obstacles, radius: float) -> bool:
     """True if a disc at a state meets an obstacle."""
     occupied, clearance, ox, oy, resolution = obstacles
@@ -146,7 +146,7 @@ def meets(state: State, obstacles: Obstacles, radius: float) -> bool:
     return disc_meets_cells(occupied, ox, oy, resolution, state[0], state[1], radius)
 
 
-@compiled
+@kernel_with_cache
 def _gap(state: State, around: Surroundings, k: int, dt: float) -> float:
     """Free space to the nearest human k + 1 steps ahead, less the doubt about where they are [m]."""
     _, _, humans, contact, doubt = around
@@ -158,18 +158,18 @@ def _gap(state: State, around: Surroundings, k: int, dt: float) -> float:
     return gap
 
 
-@compiled
+@kernel_with_cache
 def _stop_steps(speed: float, limits: Limits) -> int:
     """Steps within which the robot could come to rest, and some to spare."""
     return int(speed / (limits.a_max_mps2 * limits.step_s)) + int(_SPARE_S / limits.step_s + 0.5)
 
 
-@compiled
+@kernel_with_cache
 def _ahead_steps(limits: Limits) -> int:
     return int(AHEAD_S / limits.step_s + 0.5)
 
 
-@compiled
+@kernel_with_cache
 def try_pursuit(
     path: Float64Array,
     progress: int,
@@ -195,7 +195,7 @@ def try_pursuit(
     return FREE_RUN, gap, first_v, first_w
 
 
-@compiled
+@kernel_with_cache
 def try_arc(
     v: float, w: float, state: State, limits: Limits, around: Surroundings, to_goal: Int32Array
 ) -> tuple[int, float, float]:
@@ -204,7 +204,7 @@ def try_arc(
     _, _, ox, oy, resolution = around.obstacles
     stop_steps = _stop_steps(max(abs(state[3]), abs(v)), limits)
     for k in range(max(stop_steps, _ahead_steps(limits))):
-        command = limited(v, w, state, limits)
+        command = limit_command(v, w, state, limits)
         state = _step(state, command[0], command[1], limits.step_s)
         if k < stop_steps and meets(state, around.obstacles, around.radius_m):
             return k, gap, np.inf
@@ -227,7 +227,7 @@ class Pursuits(NamedTuple):
     """Free space to humans that ends the trials [m]."""
 
 
-@compiled
+@kernel_with_cache
 def choose_pursuit(
     path: Float64Array, progress: int, state: State, pursuits: Pursuits, limits: Limits, around: Surroundings
 ) -> tuple[bool, float, float, float]:
@@ -246,7 +246,7 @@ def choose_pursuit(
     return False, v, w, chosen
 
 
-@compiled
+@kernel_with_cache
 def choose_evasion(
     state: State, limits: Limits, around: Surroundings, wide: float, to_goal: Int32Array
 ) -> tuple[bool, float, float]:
@@ -270,5 +270,5 @@ def choose_evasion(
                 score -= 20.0 * (_OVERLAP_M - gap)
             if score > best:
                 best, found, best_v, best_w = score, True, v, w
-    v, w = limited(best_v, best_w, state, limits)
+    v, w = limit_command(best_v, best_w, state, limits)
     return found, v, w

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
@@ -73,7 +73,7 @@ class SearchMemory:
         return self._memory
 
 
-@compiled
+@kernel_with_cache
 def push(costs: Float64Array, nodes: Int32Array, count: int, cost: float, node: int) -> int:
     """Put an entry into a heap of `count` entries; returns their new number."""
     # Dearer parents move down until the entry's place is found.
@@ -88,7 +88,7 @@ def push(costs: Float64Array, nodes: Int32Array, count: int, cost: float, node: 
     return count + 1
 
 
-@compiled
+@kernel_with_cache
 def pop(costs: Float64Array, nodes: Int32Array, count: int) -> int:
     """Remove the cheapest entry, which the caller has read from the top."""
     count -= 1
@@ -109,7 +109,7 @@ def pop(costs: Float64Array, nodes: Int32Array, count: int) -> int:
     return count
 
 
-@compiled
+@kernel_with_cache
 def slot_of(key: int, stamp: int, table_keys: Int64Array, table_stamps: Int32Array) -> int:
     """Table slot of a key: where it is, or where it would be put (open addressing, Fibonacci hashing)."""
     mask = len(table_keys) - 1

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.robot import RobotConfig
 from readygo.services.planner.expert.config import PRIMITIVE_S, REVERSE_COST
 from readygo.services.planner.expert.delay import LAYER_S, Delays, delay_at, fill_delays
@@ -76,7 +76,7 @@ class TimedPlan:
     """Cost of the rows, in metres at full speed, and of the way that is left after them."""
 
 
-class Rules(NamedTuple):
+class TimedSearchRules(NamedTuple):
     """Settings of a search."""
 
     radius_m: float
@@ -106,7 +106,7 @@ class SpaceTimeSearch:
         """
         self._primitives = make_timed_primitives(robot)
         self._memory = SearchMemory(_EXPANSIONS_MAX * 16 + 64, _GROUP + 1, _TABLE_SIZE)
-        self._rules = Rules(
+        self._rules = TimedSearchRules(
             radius_m=robot.radius_m + TRACKING_MARGIN_M,
             # What a turn in place costs by its time; the way to the goal knows nothing of headings.
             turn_cost_m=0.5 * robot.v_max_mps / robot.w_max_radps,
@@ -181,7 +181,7 @@ class SpaceTimeSearch:
         return TimedPlan(rows=rows, cost=float(memory.nodes[found, COST]) + left)
 
 
-@compiled
+@kernel_with_cache
 def _key(x: float, y: float, yaw: float, counts: tuple[int, int, int], depth: int, speed: int) -> int:
     """What nodes share of which one survives; `counts` are columns, headings, and more than there are speeds."""
     # Mixed radix: row, column, heading, depth, speed.
@@ -193,15 +193,15 @@ def _key(x: float, y: float, yaw: float, counts: tuple[int, int, int], depth: in
     return ((key * heading_count + heading) * _DEPTHS + depth) * speed_count + speed
 
 
-@compiled
-def _wrapped(yaw: float) -> float:
+@kernel_with_cache
+def _wrap_yaw(yaw: float) -> float:
     """An angle between -2 pi and 4 pi as one between 0 and 2 pi; a modulo is dear."""
     if yaw < 0.0:
         return yaw + 2 * math.pi
     return yaw - 2 * math.pi if yaw >= 2 * math.pi else yaw
 
 
-@compiled
+@kernel_with_cache
 def _turn_left(heuristic: Int32Array, i: int, j: int, yaw: float, driven_rad: float) -> float:
     """By how much a heading is away from the way to the goal, beyond what driving on can mend [rad]."""
     # Central differences of the distances point down to the goal.
@@ -227,7 +227,7 @@ def _turn_left(heuristic: Int32Array, i: int, j: int, yaw: float, driven_rad: fl
     return max(0.0, abs(away) - driven_rad)
 
 
-@compiled
+@kernel_with_cache
 def _search(
     grid: CostGrid,
     obstacles: Obstacles,
@@ -235,7 +235,7 @@ def _search(
     goal: Goal,
     primitives: PrimitiveTable,
     traffic: tuple[HumansAhead, Delays],
-    rules: Rules,
+    rules: TimedSearchRules,
     memory: Memory,
 ) -> tuple[int, int]:
     """Last node of the plan or -1, and the number of expansions.
@@ -289,7 +289,7 @@ def _search(
             i, j = int(yy / resolution), int(xx / resolution)
             if i >= factor.shape[0] or j >= factor.shape[1] or heuristic[i, j] >= UNREACHED:
                 continue
-            new_yaw = _wrapped(yaw + end[2])
+            new_yaw = _wrap_yaw(yaw + end[2])
             key = _key(xx, yy, new_yaw, counts, depth + 1, speeds[q])
             slot = slot_of(key, stamp, table_key, table_stamp)
             known = table_stamp[slot] == stamp
@@ -331,7 +331,7 @@ def _search(
     return best, expansions
 
 
-@compiled
+@kernel_with_cache
 def _trace(
     node: int, memory: Memory, primitives: Float64Array, origin: tuple[float, float], rows: Float64Array
 ) -> None:

@@ -18,12 +18,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.robot import RobotConfig
 from readygo.services.planner.expert.config import GEAR_COST_M, PRIMITIVE_S, REVERSE_COST
 from readygo.services.planner.expert.primitive_cost import CHECK_STEPS
 from readygo.services.planner.expert.records import Limits, State, robot_limits
-from readygo.services.planner.expert.rollouts import limited
+from readygo.services.planner.expert.rollouts import limit_command
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
@@ -49,7 +49,7 @@ class PrimitiveTable(NamedTuple):
     """First primitive of each group, shape (G + 1,); the last group is the root's, filled for every search."""
 
 
-class Rules(NamedTuple):
+class PrimitiveRules(NamedTuple):
     """What primitives are made by."""
 
     v_levels: Float64Array
@@ -62,7 +62,7 @@ class TimedPrimitives:
     """Primitives of one robot."""
 
     table: PrimitiveTable
-    rules: Rules
+    rules: PrimitiveRules
 
     @property
     def steps(self) -> int:
@@ -89,7 +89,7 @@ def make_timed_primitives(robot: RobotConfig) -> TimedPrimitives:
     back_count = math.ceil(-robot.v_min_mps / (robot.a_max_mps2 * duration_s) - 1e-9)
     backwards = [robot.v_min_mps * k / back_count for k in range(back_count, 0, -1)]
     w_count = max(2, math.ceil(robot.w_max_radps / (robot.alpha_max_radps2 * duration_s) - 1e-9))
-    rules = Rules(
+    rules = PrimitiveRules(
         v_levels=np.array([*backwards, *(robot.v_max_mps * k / v_count for k in range(v_count + 1))]),
         w_levels=np.array([robot.w_max_radps * k / w_count for k in range(-w_count, w_count + 1)]),
         limits=robot_limits(robot),
@@ -117,7 +117,7 @@ def _steps(robot: RobotConfig) -> int:
     return block * max(1, round(PRIMITIVE_S * robot.clock.rate_hz / block))
 
 
-@compiled
+@kernel_with_cache
 def _drive(
     v: float, w: float, v_end: float, w_end: float, limits: Limits, rows: Float64Array
 ) -> tuple[float, float, float]:
@@ -125,7 +125,7 @@ def _drive(
     x, y, yaw, length, back, turned = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     dt = limits.step_s
     for k in range(len(rows)):
-        v, w = limited(v_end, w_end, State(x, y, yaw, v, w), limits)
+        v, w = limit_command(v_end, w_end, State(x, y, yaw, v, w), limits)
         after = yaw + w * dt
         if abs(w) < 1e-9:
             x += v * dt * math.cos(yaw)
@@ -141,8 +141,8 @@ def _drive(
     return length, back, turned
 
 
-@compiled
-def _fill_group(v: float, w: float, rules: Rules, begin: int, table: PrimitiveTable) -> int:
+@kernel_with_cache
+def _fill_group(v: float, w: float, rules: PrimitiveRules, begin: int, table: PrimitiveTable) -> int:
     """Tabulate what leads from a command to all levels within reach, from index `begin` on; returns its number."""
     v_levels, w_levels, limits = rules
     rows, costs, lengths, ends, _ = table

@@ -22,7 +22,7 @@ from readygo.services.planner.expert.rollouts import (
     Pursuits,
     choose_evasion,
     choose_pursuit,
-    limited,
+    limit_command,
     nearest_ahead,
     slow_ahead,
     try_arc,
@@ -68,7 +68,7 @@ class PathTracker:
         slow_ahead(self.path, 0.9 * self._robot.a_max_mps2)
         self.progress = 0
         first_rad = float(plan.xyyaw[0, 2])
-        self._turn_to_rad = first_rad if abs(_wrapped(first_rad - yaw_rad)) > 1e-6 else None
+        self._turn_to_rad = first_rad if abs(_wrap_angle(first_rad - yaw_rad)) > 1e-6 else None
 
     def update(self, x_m: float, y_m: float) -> None:
         """Note where the robot is along the path."""
@@ -95,7 +95,7 @@ class PathTracker:
             v [m/s], w [rad/s], reachable within the robot's limits.
         """
         if self._turn_to_rad is not None:
-            turn_rad = _wrapped(self._turn_to_rad - state[2])
+            turn_rad = _wrap_angle(self._turn_to_rad - state[2])
             if abs(turn_rad) > _TURNED_RAD:
                 return self.turn(state, turn_rad, humans)
             self._turn_to_rad = None
@@ -116,7 +116,7 @@ class PathTracker:
         rate = math.sqrt(2 * 0.8 * self._robot.alpha_max_radps2 * abs(turn_rad))
         w = math.copysign(min(rate, self._robot.w_max_radps), turn_rad)
         steps, gap, _ = try_arc(0.0, w, state, self._limits, self._around(state, humans), self._to_goal)
-        command: tuple[float, float] = limited(0.0, w, state, self._limits)
+        command: tuple[float, float] = limit_command(0.0, w, state, self._limits)
         if steps >= FREE_RUN and gap >= _YIELD_MARGIN_M:
             return command
         return self._evade(state, humans, command)
@@ -142,5 +142,5 @@ class PathTracker:
         return bool(disc_meets_cells(occupied, ox, oy, resolution, state[0], state[1], radius_m))
 
 
-def _wrapped(angle_rad: float) -> float:
+def _wrap_angle(angle_rad: float) -> float:
     return (angle_rad + math.pi) % (2 * math.pi) - math.pi

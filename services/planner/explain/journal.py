@@ -57,7 +57,7 @@ class Journal:
         """The changes at which there was a way that was given up for the new one."""
         return tuple(step for step in self.changes if step > 0 and len(self.paths_m[step - 1]))
 
-    def seen(self, human: int) -> npt.NDArray[np.bool_]:
+    def steps_in_view(self, human: int) -> npt.NDArray[np.bool_]:
         """True at the steps at which a human was in view."""
         return np.array([any(who.seen and who.index == human for who in row) for row in self.perceived], dtype=np.bool_)
 

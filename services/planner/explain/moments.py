@@ -15,16 +15,16 @@ CLOSE_M = 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Moment:
+class RunMoment:
     """One step of a run, and why it is shown."""
 
     step: int
     why: str
 
 
-def pick_moments(run: DrivenRun) -> tuple[Moment, ...]:
+def pick_moments(run: DrivenRun) -> tuple[RunMoment, ...]:
     """At most three moments, in order of time; the more telling one wins where two are close."""
-    picked: list[Moment] = []
+    picked: list[RunMoment] = []
     for moment in _candidates(run):
         near = any(abs(moment.step - other.step) < APART_S * run.trajectory.rate_hz for other in picked)
         if not near and len(picked) < MOMENTS_MAX:
@@ -32,20 +32,20 @@ def pick_moments(run: DrivenRun) -> tuple[Moment, ...]:
     return tuple(sorted(picked, key=lambda moment: moment.step))
 
 
-def _candidates(run: DrivenRun) -> list[Moment]:
+def _candidates(run: DrivenRun) -> list[RunMoment]:
     """Most telling first: the end of a failure, the closest approach, the change of plan before it, first sights."""
     last, humans = len(run.trajectory.xyyaw) - 1, range(len(run.scenario.humans))
     moments = []
     if run.trajectory.outcome is not Outcome.SUCCESS:
-        moments.append(Moment(step=last, why=run.trajectory.outcome.value.replace("_", " ")))
+        moments.append(RunMoment(step=last, why=run.trajectory.outcome.value.replace("_", " ")))
     closest = sorted((float(run.gap_m(k).min()), k) for k in humans)
     if closest and closest[0][0] < CLOSE_M:
         step = int(np.argmin(run.gap_m(closest[0][1])))
-        moments.append(Moment(step=step, why=f"closest to person {closest[0][1] + 1}"))
+        moments.append(RunMoment(step=step, why=f"closest to person {closest[0][1] + 1}"))
         given_up = run.journal.given_up if run.explained else ()
         changed = [k for k in given_up if k < step - APART_S * run.trajectory.rate_hz and run.journal.perceived[k]]
-        moments += [Moment(step=k, why="takes another way") for k in changed[-1:]]
+        moments += [RunMoment(step=k, why="takes another way") for k in changed[-1:]]
     for _, k in closest:
-        seen = np.flatnonzero(run.journal.seen(k))
-        moments += [Moment(step=int(step), why=f"first sees person {k + 1}") for step in seen[:1]]
-    return [*moments, Moment(step=0, why="start")]
+        seen = np.flatnonzero(run.journal.steps_in_view(k))
+        moments += [RunMoment(step=int(step), why=f"first sees person {k + 1}") for step in seen[:1]]
+    return [*moments, RunMoment(step=0, why="start")]

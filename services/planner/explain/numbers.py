@@ -30,34 +30,34 @@ def scenario_numbers(scenario: Scenario) -> Numbers:
 def run_numbers(run: DrivenRun) -> Numbers:
     """What was planned, how the robot was driven, how near each human came and when it was seen."""
     numbers = scenario_numbers(run.scenario)
-    humans = [{**human, **_met(run, k)} for k, human in enumerate(numbers["humans"])]
-    return {**numbers, **_driven(run), "humans": humans}
+    humans = [{**human, **_encounter_numbers(run, k)} for k, human in enumerate(numbers["humans"])]
+    return {**numbers, **_drive_numbers(run), "humans": humans}
 
 
-def _met(run: DrivenRun, human: int) -> Numbers:
+def _encounter_numbers(run: DrivenRun, human: int) -> Numbers:
     gap_m = run.gap_m(human)
     closest, dt_s = int(np.argmin(gap_m)), run.trajectory.dt_s
     return {
         "closest_m": round(float(gap_m[closest]), 3),
         "closest_s": round(closest * run.trajectory.dt_s, 2),
-        "visible_s": [[round(a * dt_s, 2), round(b * dt_s, 2)] for a, b in spans(run.journal.seen(human))],
+        "visible_s": [[round(a * dt_s, 2), round(b * dt_s, 2)] for a, b in spans(run.journal.steps_in_view(human))],
     }
 
 
-def _driven(run: DrivenRun) -> Numbers:
+def _drive_numbers(run: DrivenRun) -> Numbers:
     trajectory = run.trajectory
     return {
         "outcome": trajectory.outcome.value,
         "duration_s": round(trajectory.duration_s, 2),
         "path_length_m": round(EpisodeResult.from_trajectory(trajectory, 0.0).path_length_m, 3),
-        **(_planned(run) if run.explained else {}),
+        **(_plan_numbers(run) if run.explained else {}),
         "human_distance_min_m": _finite(float(trajectory.human_distance_m.min())),
         "time_to_collision_min_s": _finite(float(trajectory.time_to_collision_s.min())),
         "human_visible_share": round(float(trajectory.human_visible.mean()), 3),
     }
 
 
-def _planned(run: DrivenRun) -> Numbers:
+def _plan_numbers(run: DrivenRun) -> Numbers:
     times_ms = 1e3 * run.trajectory.replan_times_s
     return {
         "replans": int(run.trajectory.replanned.sum()),

@@ -17,7 +17,7 @@ from readygo.common.drawing.sheet import (
     line_swatch,
     ring_swatch,
     sheet,
-    stacked,
+    stack_panels,
 )
 from readygo.common.episode import EpisodeConfig
 from readygo.common.maps import OccupancyMap
@@ -27,7 +27,7 @@ from readygo.common.robot.kinematics import RATE_HZ
 from readygo.common.scenes.top_view import TopView
 from readygo.services.planner.expert.handlers import RobotPlanner
 from readygo.services.planner.explain.journal import DrivenRun
-from readygo.services.planner.explain.moments import Moment, pick_moments
+from readygo.services.planner.explain.moments import RunMoment, pick_moments
 from readygo.services.planner.explain.picture_layers import (
     ADVICE,
     EXPECTED_SHARE,
@@ -114,7 +114,7 @@ def draw_run(planner: RobotPlanner, run: DrivenRun, look: Look | None = None) ->
     draw_closest(picture, view, run)
     _put_numbers(picture, view, trajectory.xyyaw[[moment.step for moment in moments]])
     plan_view.draw_scale_bar(picture, view)
-    rows = [[picture], panels] if below else [[picture, stacked(panels)]]
+    rows = [[picture], panels] if below else [[picture, stack_panels(panels)]]
     return sheet(rows, _headline(scenario, trajectory, run), _legend(scenario, trajectory, run))
 
 
@@ -212,7 +212,7 @@ def _put_numbers(picture: Picture, view: TopView, poses: Float64Array) -> None:
         plan_view.put_mark(picture, view, place, str(number), INK)
 
 
-def _moment_panel(planner: RobotPlanner, run: DrivenRun, moment: Moment, number: int, look: Look | None) -> Picture:
+def _moment_panel(planner: RobotPlanner, run: DrivenRun, moment: RunMoment, number: int, look: Look | None) -> Picture:
     """The robot's surroundings at one moment, with what the expert knew and what the camera showed."""
     pose = run.trajectory.xyyaw[moment.step]
     centre_m = pose[:2] + AHEAD_M * np.array([np.cos(pose[2]), np.sin(pose[2])])
@@ -231,10 +231,10 @@ def _moment_panel(planner: RobotPlanner, run: DrivenRun, moment: Moment, number:
     cv2.circle(bar, (10, 12), 9, INK, cv2.FILLED, cv2.LINE_AA)
     plan_view.put_text(bar, str(number), (6, 17), colour=WHITE)
     plan_view.put_text(bar, f"{moment.step * run.trajectory.dt_s:.2f} s  {moment.why}", (26, 17))
-    return np.concatenate([bar, *([] if look is None else [_scaled(look(moment.step), MOMENT_PX)]), picture])
+    return np.concatenate([bar, *([] if look is None else [_scale_image(look(moment.step), MOMENT_PX)]), picture])
 
 
-def _scaled(image: Picture, width_px: int) -> Picture:
+def _scale_image(image: Picture, width_px: int) -> Picture:
     size = (width_px, round(image.shape[0] * width_px / image.shape[1]))
     method = cv2.INTER_AREA if image.shape[1] > width_px else cv2.INTER_CUBIC
     return np.asarray(cv2.resize(image, size, interpolation=method), dtype=np.uint8)

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.camera.view import View, view_of
+from readygo.common.camera.view import FieldOfView, view_of
 from readygo.common.drawing import plan_view
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, ROBOT, WHITE, Rgb
@@ -100,7 +100,7 @@ def _draw_sight(picture: Picture, view: TopView, planner: RobotPlanner, pose: Fl
         plan_view.draw_ring(picture, view, pose[:2], ground.config.near_field_m, SIGHT)
 
 
-def _draw_field(picture: Picture, view: TopView, planner: RobotPlanner, eye: Float64Array, shown: View) -> None:
+def _draw_field(picture: Picture, view: TopView, planner: RobotPlanner, eye: Float64Array, shown: FieldOfView) -> None:
     """Draw what one camera sees."""
     ground, range_m = planner.ground, planner.ground.config.range_m
 

@@ -18,7 +18,7 @@ from readygo.services.planner.humans.scenario_file import ScenarioFile
 from readygo.services.planner.humans.script import Script, ScriptMaps
 from readygo.services.planner.humans.slopes import without_slopes
 from readygo.services.planner.humans.timing import nearest_m
-from readygo.services.planner.scene_maps import SceneMaps
+from readygo.services.planner.scene_maps import PlanningMaps
 
 MakeExpert = Callable[[Scenario, EpisodeMotions], Expert]
 """An expert for one episode, see `RobotPlanner.expert`."""
@@ -29,7 +29,7 @@ class HumanPlanner:
 
     def __init__(
         self,
-        maps: SceneMaps,
+        maps: PlanningMaps,
         avatar_names: Sequence[str],
         robot: RobotConfig,
         episode_config: EpisodeConfig,

@@ -22,7 +22,7 @@ def paper(episode: EpisodeConfig, planner: HumanPlannerConfig) -> Mix:
     )
 
 
-def varied(episode: EpisodeConfig, planner: HumanPlannerConfig) -> Mix:
+def varied_mix(episode: EpisodeConfig, planner: HumanPlannerConfig) -> Mix:
     """Up to four humans at 0.5-2.0 m/s from all families; fewer where they find no room."""
     mix = FamilyMix(
         crossing=0.14,
@@ -56,6 +56,6 @@ def crowd(episode: EpisodeConfig, planner: HumanPlannerConfig) -> Mix:
 
 MIXES: dict[MixName, Callable[[EpisodeConfig, HumanPlannerConfig], Mix]] = {
     "paper": paper,
-    "varied": varied,
+    "varied": varied_mix,
     "crowd": crowd,
 }

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import GridFrame
 from readygo.services.planner.humans.robot_task import Point
 
@@ -49,7 +49,7 @@ def find_passages(
     )
 
 
-@compiled
+@kernel_with_cache
 def _root(parent: npt.NDArray[np.int32], label: int) -> int:
     while parent[label] != label:
         parent[label] = parent[parent[label]]
@@ -57,7 +57,7 @@ def _root(parent: npt.NDArray[np.int32], label: int) -> int:
     return label
 
 
-@compiled
+@kernel_with_cache
 def _meetings(clearance: Float64Array, order: npt.NDArray[np.int64], deeper_m: float) -> npt.NDArray[np.int64]:
     """Cells at which two deep basins meet first, shape (M, 2); further meetings beside them do not count."""
     height, width = clearance.shape

@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.episode.grid_search import FACTOR_MAX, FREE
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import OccupancyMap, clearance_m
 from readygo.services.planner.humans.config import Spacing
 from readygo.services.planner.humans.polyline import length_m
@@ -67,7 +67,7 @@ class HumanPathPlanner:
         place = (frame.origin_x_m, frame.origin_y_m, frame.resolution_m)
         return float(_reach_m(self._component, *place, point_m, direction, wanted_m))
 
-    def settled(self, point_m: Point, reach_m: float) -> Point | None:
+    def nearest_walkable(self, point_m: Point, reach_m: float) -> Point | None:
         """A point if one can walk there, else the nearest walkable cell within a distance, else None."""
         if self.component(point_m):
             return point_m
@@ -136,7 +136,7 @@ def keeps_clear(occupancy: OccupancyMap, xy_m: Float64Array, radius_m: float) ->
     return bool(_keeps_clear(occupancy.occupied, *place, xy_m, radius_m))
 
 
-@compiled
+@kernel_with_cache
 def _reach_m(
     component: npt.NDArray[np.int32],
     ox: float,
@@ -168,7 +168,7 @@ def _reach_m(
         count += 1
 
 
-@compiled
+@kernel_with_cache
 def _keeps_clear(
     occupied: npt.NDArray[np.bool_], ox: float, oy: float, resolution: float, xy: Float64Array, radius: float
 ) -> bool:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -27,7 +27,7 @@ def length_m(points_m: Float64Array) -> float:
     return float(_lengths(points_m)[-1])
 
 
-@compiled
+@kernel_with_cache
 def _lengths(points_m: Float64Array) -> Float64Array:
     lengths = np.zeros(len(points_m))
     for k in range(1, len(points_m)):

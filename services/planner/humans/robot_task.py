@@ -19,7 +19,7 @@ SPACING_M = 0.05
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Task:
+class RobotTask:
     """Where the robot goes, and the taut way it is expected to take."""
 
     start_m: Point
@@ -65,29 +65,29 @@ class ExpectedDrive:
         """How far along its way the robot is, without an end to the way [m]."""
         return max(0.0, (time_s - self.getting_going_s) * self.speed_mps)
 
-    def rows(self, task: Task, count: int) -> Float64Array:
+    def rows(self, task: RobotTask, count: int) -> Float64Array:
         """Where the robot is at the first `count` steps; at the goal it stays [m], shape (count, 2)."""
         return at_lengths(task.way_m, self._along(task, count))
 
-    def directions(self, task: Task, count: int) -> Float64Array:
+    def directions(self, task: RobotTask, count: int) -> Float64Array:
         """Where the way leads at the first `count` steps, over half a metre; not normalised, shape (count, 2)."""
         along = self._along(task, count)
         ahead, behind = np.minimum(along + 0.25, task.length_m), np.maximum(along - 0.25, 0.0)
         return at_lengths(task.way_m, ahead) - at_lengths(task.way_m, behind)
 
-    def _along(self, task: Task, count: int) -> Float64Array:
+    def _along(self, task: RobotTask, count: int) -> Float64Array:
         along = (np.arange(count, dtype=np.float64) * DT_S - self.getting_going_s) * self.speed_mps
         clipped: Float64Array = np.clip(along, 0.0, task.length_m).astype(np.float64, copy=False)
         return clipped
 
 
-def turned(direction: Point, angle_rad: float) -> Point:
+def rotate_left(direction: Point, angle_rad: float) -> Point:
     """A direction, turned to the left."""
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     return c * direction[0] - s * direction[1], s * direction[0] + c * direction[1]
 
 
-def moved(point_m: Point, direction: Point, forward_m: float, left_m: float = 0.0) -> Point:
+def offset_point(point_m: Point, direction: Point, forward_m: float, left_m: float = 0.0) -> Point:
     """A point some way ahead in a (unit) direction, and to the left of it [m]."""
     (x, y), (u, v) = point_m, direction
     return x + forward_m * u - left_m * v, y + forward_m * v + left_m * u

@@ -20,7 +20,7 @@ from readygo.services.planner.humans.config import EFFORTS, SPACINGS, FamilyMix,
 from readygo.services.planner.humans.families import FAMILIES, Encounter, Site
 from readygo.services.planner.humans.paths import HumanPathPlanner, keeps_clear
 from readygo.services.planner.humans.polyline import length_m, resample
-from readygo.services.planner.humans.robot_task import SPACING_M, ExpectedDrive, Point, Task
+from readygo.services.planner.humans.robot_task import SPACING_M, ExpectedDrive, Point, RobotTask
 from readygo.services.planner.humans.timing import nearest_m
 from readygo.services.planner.humans.window_search import WindowSearch
 
@@ -140,7 +140,7 @@ class ScenarioSampler:
             humans=tuple(humans),
         )
 
-    def draw_task(self, rng: np.random.Generator) -> Task:
+    def draw_task(self, rng: np.random.Generator) -> RobotTask:
         """Start and goal in one region, the distance drawn evenly from the config's range.
 
         Raises:
@@ -183,7 +183,7 @@ class ScenarioSampler:
         return way
 
     def _draw_encounter(
-        self, rng: np.random.Generator, task: Task, wanted: int, others: list[Float64Array]
+        self, rng: np.random.Generator, task: RobotTask, wanted: int, others: list[Float64Array]
     ) -> tuple[str, Encounter] | None:
         """People of a drawn family, or of another one of the mix where the place has no room for it, or None."""
         paths, effort = self.site.paths, EFFORTS[self._config.effort]
@@ -197,7 +197,7 @@ class ScenarioSampler:
                     return family, encounter
         return None
 
-    def _fit(self, encounter: Encounter, task: Task, others: list[Float64Array]) -> bool:
+    def _fit(self, encounter: Encounter, task: RobotTask, others: list[Float64Array]) -> bool:
         """True if humans who come together can join the others."""
         tracks = list(others)
         for walk in encounter:
@@ -207,12 +207,12 @@ class ScenarioSampler:
         # Humans in conversation do not leave: the robot shall pass without touching their arms.
         return self._leave_a_way(task, tracks, PARKED_GAP_M if len(encounter) == 1 else GROUP_GAP_M)
 
-    def _is_fair(self, xy_m: Float64Array, task: Task) -> bool:
+    def _is_fair(self, xy_m: Float64Array, task: RobotTask) -> bool:
         (x0, y0), (x1, y1) = xy_m[[0, -1]].tolist()
         away = math.hypot(x0 - task.start_m[0], y0 - task.start_m[1]) >= self._spacing.start_distance_min_m
         return away and math.hypot(x1 - task.goal_m[0], y1 - task.goal_m[1]) >= self._spacing.parked_distance_min_m
 
-    def _fits(self, xy_m: Float64Array, task: Task, others: list[Float64Array]) -> bool:
+    def _fits(self, xy_m: Float64Array, task: RobotTask, others: list[Float64Array]) -> bool:
         """True if a human meets no wall, leaves the start in peace and keeps off the others."""
         early = xy_m[: round(self._spacing.start_peace_s / DT_S) + 1] - np.array(task.start_m)
         if np.min(early[:, 0] ** 2 + early[:, 1] ** 2) < _START_PEACE_M**2:
@@ -222,7 +222,7 @@ class ScenarioSampler:
             return False
         return keeps_clear(self.site.paths.occupancy, xy_m, radius_m)
 
-    def _leave_a_way(self, task: Task, tracks: list[Float64Array], gap_m: float) -> bool:
+    def _leave_a_way(self, task: RobotTask, tracks: list[Float64Array], gap_m: float) -> bool:
         """True if the robot can get to its goal among humans who stand at the ends of their tracks."""
         keep_off_m = self._robot.planning_radius_m + self._episode.human_radius_m + gap_m
         parked = [track[-1] for track in tracks]
@@ -252,22 +252,22 @@ class ScenarioSampler:
         factor[rows, columns][inside] = 0 if source is None else source[rows, columns][inside]
 
 
-def make_task(start: Point, goal: Point, way: Float64Array) -> Task:
+def make_task(start: Point, goal: Point, way: Float64Array) -> RobotTask:
     """A task with its way in even steps."""
     even = resample(way, int(length_m(way) / SPACING_M) + 2)
-    return Task(start_m=start, goal_m=goal, way_m=even, length_m=length_m(even))
+    return RobotTask(start_m=start, goal_m=goal, way_m=even, length_m=length_m(even))
 
 
 def drawn_order(rng: np.random.Generator, mix: FamilyMix) -> Iterator[str]:
     """All families of a mix, each drawn by its share among those that are left; what is not asked for is not drawn."""
     shares = mix.shares
     while shares:
-        family = _drawn(rng, shares) if len(shares) > 1 else next(iter(shares))
+        family = _draw_family(rng, shares) if len(shares) > 1 else next(iter(shares))
         del shares[family]
         yield family
 
 
-def _drawn(rng: np.random.Generator, shares: dict[str, float]) -> str:
+def _draw_family(rng: np.random.Generator, shares: dict[str, float]) -> str:
     left = rng.random() * sum(shares.values())
     for family, share in shares.items():
         left -= share

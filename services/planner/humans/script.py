@@ -18,7 +18,7 @@ from readygo.services.planner.humans.paths import HumanPathPlanner, keeps_clear
 from readygo.services.planner.humans.polyline import length_m
 from readygo.services.planner.humans.robot_task import Point, apart_m
 from readygo.services.planner.humans.scenario_file import ScenarioFile, ScriptedHuman, ScriptedScenario
-from readygo.services.planner.humans.timing import timed
+from readygo.services.planner.humans.timing import time_path
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -70,7 +70,7 @@ class Script:
         self._entries = []
         for number, entry in enumerate(file.entries):
             try:
-                self._entries.append(self._placed(entry))
+                self._entries.append(self._place_entry(entry))
             except ValueError as error:
                 raise ConfigError(f"{file.where(number)}: {error}") from error
 
@@ -92,7 +92,7 @@ class Script:
         scenario = Scenario(episode=episode, start_xyyaw=start, goal_xy_m=goal, humans=tuple(humans))
         return scenario, [bool(human.waypoints_m) for human, _ in scripted] if humans else []
 
-    def _placed(
+    def _place_entry(
         self, entry: ScriptedScenario
     ) -> tuple[Float64Array, Float64Array, list[tuple[ScriptedHuman, Float64Array]]]:
         """Start pose, goal and humans of an entry; ValueError says what is wrong with it."""
@@ -108,7 +108,7 @@ class Script:
         humans = []
         for number, human in enumerate(entry.humans):
             try:
-                humans.append((human, self._walked(human, (x, y))))
+                humans.append((human, self._walk_positions(human, (x, y))))
             except ValueError as error:
                 raise ValueError(f"humans[{number}]: {error}") from error
         return np.array([x, y, yaw]), np.array(goal), humans
@@ -134,7 +134,7 @@ class Script:
         factor[a] = factor[b] = FREE
         return self._search.path(factor, a, b) is not None
 
-    def _walked(self, human: ScriptedHuman, start: Point) -> Float64Array:
+    def _walk_positions(self, human: ScriptedHuman, start: Point) -> Float64Array:
         """Positions of a human at each step."""
         if human.avatar and self._names and human.avatar not in self._names:
             raise ValueError(f"unknown avatar {human.avatar!r}; there are {', '.join(self._names)}.")
@@ -154,7 +154,7 @@ class Script:
         via: list[Point] = []
         for number, (x, y) in enumerate(human.waypoints_m):
             blocked = meets_obstacle(self._maps.human_map, x, y, self._episode.human_radius_m)
-            place = None if blocked else paths.settled((x, y), _SETTLE_M)
+            place = None if blocked else paths.nearest_walkable((x, y), _SETTLE_M)
             if place is None:
                 raise ValueError(f"waypoints_m[{number}] {_text((x, y))} is in an obstacle or too near to one to walk.")
             if via and apart_m(via[-1], place) < _STEP_MIN_M:
@@ -172,7 +172,7 @@ class Script:
                 raise ValueError(f"no walk leads along waypoints_m {', '.join(map(_text, via[first : last + 1]))}.")
             legs.append(leg)
         ends = itertools.accumulate(length_m(leg) for leg in legs)
-        return timed(
+        return time_path(
             np.concatenate(legs),
             human.speed_mps,
             wait_s=pauses[0],

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import GridFrame
 from readygo.services.planner.humans.polyline import length_m, resample
 
@@ -40,7 +40,7 @@ class Energy(NamedTuple):
     length: float
 
 
-@compiled
+@kernel_with_cache
 def spline_basis(point_count: int, sample_count: int) -> tuple[npt.NDArray[np.int64], Float64Array]:
     """First control point (S,) and weights (S, 4) of samples along a clamped uniform cubic B-spline."""
     first = np.empty(sample_count, np.int64)
@@ -65,7 +65,7 @@ def spline_basis(point_count: int, sample_count: int) -> tuple[npt.NDArray[np.in
     return first, weights
 
 
-@compiled
+@kernel_with_cache
 def spline_points(control: Float64Array, first: npt.NDArray[np.int64], weights: Float64Array) -> Float64Array:
     """Points of a spline, shape (S, 2)."""
     points = np.zeros((len(first), 2))
@@ -76,7 +76,7 @@ def spline_points(control: Float64Array, first: npt.NDArray[np.int64], weights: 
     return points
 
 
-@compiled
+@kernel_with_cache
 def distance_at(clearance: Float64Array, x_cells: float, y_cells: float) -> tuple[float, float, float]:
     """Bilinear distance [m] and its derivatives per cell, at a point in cell units (cell centres at +0.5)."""
     height, width = clearance.shape
@@ -90,7 +90,7 @@ def distance_at(clearance: Float64Array, x_cells: float, y_cells: float) -> tupl
     return value, (1 - b) * (v01 - v00) + b * (v11 - v10), (1 - a) * (v10 - v00) + a * (v11 - v01)
 
 
-@compiled
+@kernel_with_cache
 def smallest_distance(points: Float64Array, clearance: Float64Array, ox: float, oy: float, resolution: float) -> float:
     """Smallest bilinear distance to an obstacle along points [m]."""
     best = np.inf
@@ -100,7 +100,7 @@ def smallest_distance(points: Float64Array, clearance: Float64Array, ox: float, 
     return best
 
 
-@compiled
+@kernel_with_cache
 def _objective(control: Float64Array, energy: Energy, gradient: Float64Array) -> float:
     """J of the control points (n, 2); fills its gradient, 0 at both ends."""
     first, weights, clearance, ox, oy, resolution, preferred, obstacle, jerk, length = energy
@@ -138,7 +138,7 @@ def _objective(control: Float64Array, energy: Energy, gradient: Float64Array) ->
     return total
 
 
-@compiled
+@kernel_with_cache
 def _dot(a: Float64Array, b: Float64Array) -> float:
     total = 0.0
     for i in range(a.shape[0]):
@@ -147,7 +147,7 @@ def _dot(a: Float64Array, b: Float64Array) -> float:
     return total
 
 
-@compiled
+@kernel_with_cache
 def _direction(
     gradient: Float64Array, steps: Float64Array, changes: Float64Array, rho: Float64Array, count: int
 ) -> Float64Array:
@@ -171,7 +171,7 @@ def _direction(
     return direction
 
 
-@compiled
+@kernel_with_cache
 def optimise(control: Float64Array, energy: Energy, iterations: int) -> Float64Array:
     """Control points (n, 2) [m] that minimise J, the two ends fixed."""
     x = control.copy()

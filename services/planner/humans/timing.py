@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner.humans.polyline import at_lengths, length_m, resample
 from readygo.services.planner.humans.robot_task import Point
@@ -30,7 +30,7 @@ class Walk:
     """Position every 0.05 s; they stand at the last one [m], shape (T, 2)."""
 
 
-def timed(
+def time_path(
     path_m: Float64Array, speed_mps: float, *, wait_s: float = 0.0, pauses: Sequence[tuple[float, float]] = ()
 ) -> Float64Array:
     """Positions of a human who walks a path, with stops, and slows down at its end.
@@ -49,7 +49,7 @@ def timed(
     return at_lengths(path_m, _along(stops, speed_mps, round(wait_s / DT_S)))
 
 
-@compiled
+@kernel_with_cache
 def _along(stops: Float64Array, speed: float, wait: int) -> Float64Array:
     """Distance walked at every step [m]; `stops` are distances [m] and pauses [s], shape (S, 2)."""
     a = ACCELERATION_MPS2
@@ -96,11 +96,11 @@ def timed_to_meet(path_m: Float64Array, meeting_m: Point, meeting_s: float, spee
     before_m = nearest * spacing_m
     surplus = int((before_m - speed_mps * meeting_s) / spacing_m)
     if surplus >= 0:
-        return timed(even[surplus:], speed_mps) if surplus < len(even) - 2 else None
+        return time_path(even[surplus:], speed_mps) if surplus < len(even) - 2 else None
     wait_s = meeting_s - before_m / speed_mps - 0.5 * speed_mps / ACCELERATION_MPS2
     if wait_s > WAIT_MAX_S:
         return None
-    return timed(even, speed_mps, wait_s=max(wait_s, DT_S))
+    return time_path(even, speed_mps, wait_s=max(wait_s, DT_S))
 
 
 def nearest_along(path_m: Float64Array, point_m: Point) -> tuple[Float64Array, int, float]:

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.episode.grid_search import line_is_free
 from readygo.common.episode.simulation import time_to_contact_s
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.common.robot.kinematics import DT_S
 
 Float64Array = npt.NDArray[np.float64]
@@ -48,7 +48,7 @@ _CHECKS, _CHECK_S = 4, 0.15
 _X, _Y, _VX, _VY, _CONTACT = 0, 1, 2, 3, 4
 """Places in a disc."""
 
-_contact_s = compiled(time_to_contact_s)
+_contact_s = kernel_with_cache(time_to_contact_s)
 
 
 class Cells(NamedTuple):
@@ -82,7 +82,7 @@ class Wish(NamedTuple):
     speed_mps: float
 
 
-@compiled
+@kernel_with_cache
 def next_row(rows: Float64Array, row: int, here: Float64Array) -> int:
     """The drawn row that a human is to follow next: it waits for a late human and hurries for an early one."""
     last = len(rows) - 1
@@ -97,7 +97,7 @@ def next_row(rows: Float64Array, row: int, here: Float64Array) -> int:
     return row
 
 
-@compiled
+@kernel_with_cache
 def next_place(wish: Wish, discs: Float64Array, sight: Sight, cells: Cells, radius: float) -> Float64Array:
     """Where a human goes in one step: towards the target at the wanted speed, off the discs that it sees.
 
@@ -109,7 +109,7 @@ def next_place(wish: Wish, discs: Float64Array, sight: Sight, cells: Cells, radi
         radius: Its own [m].
     """
     here, velocity, heading, target, wanted = wish
-    seen = _seen(here, heading, discs, sight, cells)
+    seen = _discs_in_view(here, heading, discs, sight, cells)
     px, py = target[0] - here[0], target[1] - here[1]
     distance = math.sqrt(px * px + py * py)
     if distance < 1e-9:
@@ -138,8 +138,10 @@ def next_place(wish: Wish, discs: Float64Array, sight: Sight, cells: Cells, radi
     return np.array([x, y])
 
 
-@compiled
-def _seen(here: Float64Array, heading: Float64Array, discs: Float64Array, sight: Sight, cells: Cells) -> BoolArray:
+@kernel_with_cache
+def _discs_in_view(
+    here: Float64Array, heading: Float64Array, discs: Float64Array, sight: Sight, cells: Cells
+) -> BoolArray:
     """Which discs are in view: near, within the cone, behind no wall."""
     _, free, ox, oy, res = cells
     seen = np.zeros(len(discs), np.bool_)
@@ -158,7 +160,7 @@ def _seen(here: Float64Array, heading: Float64Array, discs: Float64Array, sight:
     return seen
 
 
-@compiled
+@kernel_with_cache
 def _cost(
     here: Float64Array,
     ux: float,
@@ -188,7 +190,7 @@ def _cost(
     return cost
 
 
-@compiled
+@kernel_with_cache
 def _is_free(here: Float64Array, ux: float, uy: float, cells: Cells, radius: float) -> bool:
     """True if a disc can move at a velocity for `_CHECKS` times `_CHECK_S`; standing is always possible."""
     if ux == 0.0 and uy == 0.0:

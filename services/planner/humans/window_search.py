@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from readygo.common.episode import GridSearch
 from readygo.common.episode.grid_search import FREE
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 
 Cell = tuple[int, int]
 Cells = npt.NDArray[np.int64]
@@ -66,7 +66,7 @@ class WindowSearch:
         return None if cells is None else cells + np.array((i, j))
 
 
-@compiled
+@kernel_with_cache
 def _cost(cells: Cells, factor: UInt8Array) -> int:
     """What the search counts for a way that was flooded from its end."""
     total = 0

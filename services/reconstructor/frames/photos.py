@@ -56,7 +56,7 @@ def prepare_photos(source: Path, folder: Path, config: FramesConfig) -> dict[str
         SceneError: If there are too few.
     """
     files = photo_files(source)
-    read = [photo for path in files if (photo := _written(path, folder, config.side_max_px)) is not None]
+    read = [photo for path in files if (photo := _write_photo(path, folder, config.side_max_px)) is not None]
     strays = _strays(read)
     for camera in {photo.camera for photo in strays}:
         shutil.rmtree(folder / camera)
@@ -79,7 +79,7 @@ def prepare_photos(source: Path, folder: Path, config: FramesConfig) -> dict[str
             "photos": {photo.path.name: (f"{used[photo.path.name]}.jpg", photo.share) for photo in kept}}  # fmt: skip
 
 
-def _written(path: Path, folder: Path, side_max_px: int) -> _Photo | None:
+def _write_photo(path: Path, folder: Path, side_max_px: int) -> _Photo | None:
     """Write a photo to the folder of its size; None if it cannot be read."""
     # OpenCV turns images as EXIF says.
     bgr = read_pixels(path, cv2.IMREAD_COLOR)

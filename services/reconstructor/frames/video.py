@@ -92,13 +92,13 @@ def _scores(video: Path) -> tuple[FrameScores, float]:
         sharp.append(sharpness(bgr))
         moved.append(0.0 if before is None else motion(before, now))
         before = now
-    rate_hz = _opened(video).get(cv2.CAP_PROP_FPS) or 30.0
+    rate_hz = _open_video(video).get(cv2.CAP_PROP_FPS) or 30.0
     return FrameScores(sharpness=np.array(sharp), motion=np.array(moved)), len(sharp) / rate_hz
 
 
 def _frames(video: Path) -> Iterator[Bgr]:
     """All frames, turned as the video says that it was held."""
-    capture = _opened(video)
+    capture = _open_video(video)
     try:
         while True:
             there, bgr = capture.read()
@@ -109,7 +109,7 @@ def _frames(video: Path) -> Iterator[Bgr]:
         capture.release()
 
 
-def _opened(video: Path) -> Any:
+def _open_video(video: Path) -> Any:
     capture = cv2.VideoCapture(str(video))
     if not capture.isOpened():
         raise SceneError(f"{video} cannot be read as a video; convert it, for example to H.264 in .mp4.")

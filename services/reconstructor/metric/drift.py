@@ -66,7 +66,7 @@ def drift(
     for row, name in enumerate(images.names):
         for k, step in enumerate(steps):
             T_world_camera = images.T_world_camera.copy()
-            T_world_camera[row] = _nudged(T_world_camera[row], k, step)
+            T_world_camera[row] = _nudge_pose(T_world_camera[row], k, step)
             change = -np.log(_size(T_world_camera) / size)
             if name in needed:
                 change += np.log(measure(replace(images, T_world_camera=T_world_camera)) / length)
@@ -81,7 +81,7 @@ def _size(T_world_camera: Array) -> float:
     return float(np.sqrt(((centres - centres.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 
-def _nudged(T_world_camera: Array, k: int, step: float) -> Array:
+def _nudge_pose(T_world_camera: Array, k: int, step: float) -> Array:
     """A pose of which a rotation (k < 3) or a translation of its inverse is changed, as `PoseErrors` has them."""
     T_camera_world = np.linalg.inv(T_world_camera)
     if k < 3:

@@ -86,7 +86,7 @@ def measured_length(images: PosedImages, known: KnownLength) -> tuple[float, flo
     Raises:
         SceneError: If an image has no pose, or the picks do not meet.
     """
-    ends = [_placed(images, picks) for picks in known.ends]
+    ends = [_triangulate_picks(images, picks) for picks in known.ends]
     between = ends[1].point - ends[0].point
     length = float(np.linalg.norm(between))
     along = between / max(length, 1e-300)
@@ -101,7 +101,7 @@ def measured_length(images: PosedImages, known: KnownLength) -> tuple[float, flo
     return length, sigma
 
 
-def _placed(images: PosedImages, picks: tuple[tuple[str, float, float], ...]) -> Triangulated:
+def _triangulate_picks(images: PosedImages, picks: tuple[tuple[str, float, float], ...]) -> Triangulated:
     missing = [name for name, _, _ in picks if name not in images.names]
     if missing:
         some = ", ".join(images.names[:3])

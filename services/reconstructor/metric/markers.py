@@ -57,11 +57,11 @@ def find_markers(grey: npt.NDArray[np.uint8], dictionary: str) -> Iterator[tuple
     """
     plain = _detector(dictionary, cv2.aruco.CORNER_REFINE_NONE)
     exact = _detector(dictionary, cv2.aruco.CORNER_REFINE_APRILTAG)
-    for marker, rough_px in _detected(plain, grey):
+    for marker, rough_px in _detect(plain, grey):
         margin = 0.25 * np.ptp(rough_px, axis=0).max() + 4.0
         left, top = np.maximum(rough_px.min(axis=0) - margin, 0.0).astype(int)
         right, bottom = (rough_px.max(axis=0) + margin).astype(int)
-        for again, corners_px in _detected(exact, _LIGHT[grey[top:bottom, left:right]]):
+        for again, corners_px in _detect(exact, _LIGHT[grey[top:bottom, left:right]]):
             corners_px = corners_px + np.array([left, top])
             if again == marker and np.abs(corners_px - rough_px).max() < margin:
                 yield marker, corners_px
@@ -73,7 +73,7 @@ def _detector(dictionary: str, refinement: int) -> Any:
     return cv2.aruco.ArucoDetector(open_dictionary(dictionary), parameters)
 
 
-def _detected(detector: Any, grey: npt.NDArray[np.uint8]) -> Iterator[tuple[int, npt.NDArray[np.float64]]]:
+def _detect(detector: Any, grey: npt.NDArray[np.uint8]) -> Iterator[tuple[int, npt.NDArray[np.float64]]]:
     corners, ids, _ = detector.detectMarkers(np.ascontiguousarray(grey))
     for corners_px, marker in zip(corners, [] if ids is None else ids.ravel(), strict=True):
         yield int(marker), np.asarray(corners_px, dtype=np.float64).reshape(4, 2)

@@ -73,7 +73,7 @@ def place_map(
     forward = images.T_world_camera[0, :3, 2] if marker is None else marker.map_from_marker.R[:, 0]
     moved = world_from_map(floor, forward, origin, scale.metres_per_unit)
     doubted = "marker's size, and that it lies flat" if measures else "lengths" if lengths else "scale that was given"
-    warnings += [*more, *others, *_doubtful_height(images.moved(moved), doubted)]
+    warnings += [*more, *others, *_doubtful_height(images.transform(moved), doubted)]
     return Placement(world_from_map=moved, scale=scale, floor=floor, markers=tuple(measures), warnings=tuple(warnings))
 
 

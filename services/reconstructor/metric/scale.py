@@ -93,7 +93,7 @@ def measure_marker(images: PosedImages, sightings: Sequence[MarkerSighting], siz
         SceneError: If the marker cannot be measured; the message says why.
     """
     name = f"marker {sightings[0].marker}"
-    views, rays = _seen(images, sightings)
+    views, rays = _marker_views(images, sightings)
     if len(views) < VIEWS_MIN:
         raise SceneError(f"{name} is in {len(views)} images with a pose; {VIEWS_MIN} are needed")
     try:
@@ -122,11 +122,11 @@ def measure_marker(images: PosedImages, sightings: Sequence[MarkerSighting], siz
 
 def marker_side(images: PosedImages, sightings: Sequence[MarkerSighting]) -> float:
     """Side of a marker in units of the map; its sightings in images without a pose are ignored."""
-    views, rays = _seen(images, sightings)
+    views, rays = _marker_views(images, sightings)
     return umeyama(square_corners_m(1.0), _corners(images, views, rays, np.arange(len(views)))[0]).scale
 
 
-def _seen(images: PosedImages, sightings: Sequence[MarkerSighting]) -> tuple[npt.NDArray[np.int64], Array]:
+def _marker_views(images: PosedImages, sightings: Sequence[MarkerSighting]) -> tuple[npt.NDArray[np.int64], Array]:
     """Which images with a pose see a marker, shape (V,), and where its corners are at depth 1, shape (V, 4, 2)."""
     index = {name: number for number, name in enumerate(images.names)}
     seen = [sighting for sighting in sightings if sighting.image in index]

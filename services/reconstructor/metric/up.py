@@ -78,7 +78,7 @@ def floor_of_points(images: PosedImages, up: Array) -> Floor | None:
     normal, offset = best
     for _ in range(3):
         inliers = points[np.abs(points @ normal - offset) < tolerance]
-        normal, offset = _fitted(inliers, up)
+        normal, offset = _fit_plane(inliers, up)
     inliers = points[np.abs(points @ normal - offset) < tolerance]
     if len(inliers) < _FLOOR_POINTS_MIN:
         return None
@@ -105,7 +105,7 @@ def _best_plane(points: Array, up: Array, tolerance: float) -> tuple[Array, floa
     return best
 
 
-def _fitted(points: Array, up: Array) -> tuple[Array, float]:
+def _fit_plane(points: Array, up: Array) -> tuple[Array, float]:
     mean = points.mean(axis=0)
     normal = np.linalg.svd(points - mean, full_matrices=False)[2][2]
     normal = normal if normal @ up >= 0 else -normal

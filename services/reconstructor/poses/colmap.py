@@ -231,7 +231,7 @@ def posed_model(
         `folder`.
     """
     colmap = pycolmap()
-    rec = _unposed(database)
+    rec = _images_without_pose(database)
     for number, camera in colmap.Reconstruction(like).cameras.items():
         _take_lens(rec.camera(number), camera, focal or 1.0)
     for image in list(rec.images.values()):
@@ -264,7 +264,7 @@ def _take_lens(camera: Any, other: Any, factor: float) -> None:
     camera.params = params
 
 
-def _unposed(database: Path) -> Any:
+def _images_without_pose(database: Path) -> Any:
     """All images of a database, without poses."""
     colmap = pycolmap()
     rec = colmap.Reconstruction()
@@ -291,7 +291,7 @@ def read_map(model: Path) -> PosedImages:
     Raises:
         SceneError: If it cannot be read.
     """
-    rec = _opened(model)
+    rec = _open_model(model)
     images = sorted((rec.images[number] for number in rec.reg_image_ids()), key=lambda image: image.name)
     cameras = [image.camera for image in images]
     ids = sorted(rec.points3D)
@@ -317,7 +317,7 @@ def read_map(model: Path) -> PosedImages:
     )
 
 
-def _opened(model: Path) -> Any:
+def _open_model(model: Path) -> Any:
     try:
         return pycolmap().Reconstruction(model)
     except (ValueError, RuntimeError, OSError) as error:
@@ -326,13 +326,13 @@ def _opened(model: Path) -> Any:
 
 def is_pinhole(model: Path) -> bool:
     """Whether all cameras of a model are without distortion."""
-    cameras = _opened(model).cameras.values()
+    cameras = _open_model(model).cameras.values()
     return all(camera.model.name in ("PINHOLE", "SIMPLE_PINHOLE") for camera in cameras)
 
 
 def pinhole_views(model: Path) -> CapturedViews:
     """The cameras of a model without distortion, in the order of their images' names."""
-    rec = _opened(model)
+    rec = _open_model(model)
     images = sorted((rec.images[number] for number in rec.reg_image_ids()), key=lambda image: image.name)
     return CapturedViews(
         images=tuple(image.name for image in images),

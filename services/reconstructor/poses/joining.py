@@ -112,7 +112,7 @@ def _of_pieces(
         off = np.sqrt(((placed.apply(source) - target) ** 2).sum(axis=1).mean())
         if off > _PIECE_ERROR_MAX * np.linalg.norm(target[0] - target[1]):
             continue
-        moved = piece.moved(placed)
+        moved = piece.transform(placed)
         yield from ((n, T) for n, T in zip(moved.names, moved.T_world_camera, strict=True) if n not in poses)
 
 

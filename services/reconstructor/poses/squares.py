@@ -45,8 +45,8 @@ def adjusted_by_squares(
     start = np.concatenate(
         [
             [0.0],
-            _packed(T[:, :3, :3], T[:, :3, 3]).ravel(),
-            _packed(np.stack([f.R for f in fits]), np.stack([f.t for f in fits])).ravel(),
+            _pack_pose(T[:, :3, :3], T[:, :3, 3]).ravel(),
+            _pack_pose(np.stack([f.R for f in fits]), np.stack([f.t for f in fits])).ravel(),
         ]
     )
     image = np.array([names.index(each.image) for each in seen])
@@ -55,8 +55,8 @@ def adjusted_by_squares(
 
     def errors_px(values: Array) -> Array:
         all_poses = np.concatenate([start[1:7], values[1:]]).reshape(-1, 6)
-        R, t = _unpacked(all_poses[: len(names)])
-        R_marker, t_marker = _unpacked(all_poses[len(names) :])
+        R, t = _unpack_poses(all_poses[: len(names)])
+        R_marker, t_marker = _unpack_poses(all_poses[len(names) :])
         world = np.einsum("sij,cj->sci", R_marker[marker], square) + t_marker[marker][:, None]
         local = np.einsum("sij,scj->sci", R[image], world) + t[image][:, None]
         error_px = lens.focal_px[0] * (np.exp(values[0]) * local[..., :2] / local[..., 2:] - rays)
@@ -65,15 +65,15 @@ def adjusted_by_squares(
     # The first image stays where it is.
     free = np.concatenate([start[:1], start[7:]])
     found = least_squares(errors_px, free, loss="soft_l1", f_scale=_ERROR_PX, x_scale="jac").x
-    R, t = _unpacked(np.concatenate([start[1:7], found[1:]]).reshape(-1, 6)[: len(names)])
+    R, t = _unpack_poses(np.concatenate([start[1:7], found[1:]]).reshape(-1, 6)[: len(names)])
     result = np.tile(np.eye(4), (len(names), 1, 1))
     result[:, :3, :3], result[:, :3, 3] = np.swapaxes(R, 1, 2), -np.einsum("vji,vj->vi", R, t)
     return dict(zip(names, result, strict=True)), float(np.exp(found[0]))
 
 
-def _packed(R: Array, t: Array) -> Array:
+def _pack_pose(R: Array, t: Array) -> Array:
     return np.column_stack([Rotation.from_matrix(R).as_rotvec(), t])
 
 
-def _unpacked(values: Array) -> tuple[Array, Array]:
+def _unpack_poses(values: Array) -> tuple[Array, Array]:
     return Rotation.from_rotvec(values[:, :3]).as_matrix(), values[:, 3:]

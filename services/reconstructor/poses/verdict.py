@@ -28,7 +28,7 @@ ADVICE = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Verdict:
+class PoseVerdict:
     """What speaks for and against a map. A low reprojection error alone proves nothing."""
 
     images: int
@@ -61,7 +61,7 @@ class Verdict:
         return f"not held: the way never meets itself; weakest link {self.weakest_link} points"
 
 
-def judge(images: PosedImages, *, asked: int, components: tuple[int, ...], sequential: bool) -> Verdict:
+def judge(images: PosedImages, *, asked: int, components: tuple[int, ...], sequential: bool) -> PoseVerdict:
     """Measure a map.
 
     Args:
@@ -76,7 +76,7 @@ def judge(images: PosedImages, *, asked: int, components: tuple[int, ...], seque
     weakest, loops = _links(images, views_of_point)
     weights = np.maximum(views_of_point, 1)
     error_px = float((images.errors_px * weights).sum() / weights.sum()) if len(images.points) else float("inf")
-    return Verdict(
+    return PoseVerdict(
         images=asked,
         registered=len(images.names),
         components=components,
@@ -140,7 +140,7 @@ def _places(images: PosedImages, names: list[str]) -> npt.NDArray[np.float64]:
     return images.T_world_camera[[index[name] for name in names], :3, 3]
 
 
-def refusal(verdict: Verdict) -> str | None:
+def refusal(verdict: PoseVerdict) -> str | None:
     """Why a map must not be used, with advice; None if nothing speaks against it."""
     said = f"{verdict.registered} of {verdict.images} images found a pose"
     if verdict.registered < 3 or verdict.registered_share < REGISTERED_MIN:

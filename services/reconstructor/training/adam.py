@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.services.reconstructor.training.parameters import PARAMETERS, Array, Gaussians
 
 _BETAS = (0.9, 0.999)
@@ -73,7 +73,7 @@ class Adam:
             )
 
 
-@compiled(error_model="numpy", nogil=True)
+@kernel_with_cache(error_model="numpy", nogil=True)
 def _step(
     values: Array,
     first: Array,

@@ -41,12 +41,12 @@ def points_between(posed: Posed, numbers: tuple[int, ...], count_max: int) -> tu
     if len(found):
         places_m = posed.views.T_world_camera[list(numbers), :3, 3]
         away_m = [np.linalg.norm(points_m - place_m, axis=1) for points_m, place_m in zip(shown, places_m, strict=True)]
-        found = _agreed(found, view, _CELL * float(np.median(np.concatenate(away_m))))
+        found = _agreed_means(found, view, _CELL * float(np.median(np.concatenate(away_m))))
     found = found[:: len(found) // count_max + 1]
     return found[:, :3], np.rint(255.0 * found[:, 3:]).astype(np.uint8)
 
 
-def _agreed(found: Floats, view: npt.NDArray[np.intp], cell_m: float) -> Floats:
+def _agreed_means(found: Floats, view: npt.NDArray[np.intp], cell_m: float) -> Floats:
     """Means of what lies in one cell, of the cells in which enough views have something, shape (n, 6)."""
     cells = np.floor(found[:, :3] / cell_m).astype(np.int64)
     _, cell, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)

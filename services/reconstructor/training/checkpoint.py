@@ -10,7 +10,7 @@ import numpy.typing as npt
 from readygo.common.array_files import load_npz
 from readygo.common.documents import parse_json
 from readygo.common.errors import RunError
-from readygo.common.files import unfinished
+from readygo.common.files import write_then_rename
 
 FORMAT = "readygo-gaussians/1"
 CHECKPOINT_FILE = "checkpoint.npz"
@@ -24,7 +24,7 @@ def save_checkpoint(folder: Path, identity: str, numbers: dict[str, Any], arrays
         RunError: If it cannot be written; the one before is left then.
     """
     meta = json.dumps({"format": FORMAT, "identity": identity, **numbers})
-    with unfinished(folder / CHECKPOINT_FILE, raises=RunError) as part, part.open("wb") as file:
+    with write_then_rename(folder / CHECKPOINT_FILE, raises=RunError) as part, part.open("wb") as file:
         np.savez(file, allow_pickle=False, **{"meta": np.array(meta), **arrays})
 
 

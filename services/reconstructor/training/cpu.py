@@ -11,7 +11,7 @@ import numpy.typing as npt
 from readygo.services.reconstructor.training.adam import Adam
 from readygo.services.reconstructor.training.config import GaussiansConfig
 from readygo.services.reconstructor.training.density import Sightings, add_noise, limit_stretch
-from readygo.services.reconstructor.training.drawing import Geometry, ViewGradients, leaves_of, observed, view_gradients
+from readygo.services.reconstructor.training.drawing import Geometry, ViewGradients, leaves_of, observe, view_gradients
 from readygo.services.reconstructor.training.engine import ViewLoss, ViewTask
 from readygo.services.reconstructor.training.parameters import Array, Change, Gaussians
 from readygo.services.reconstructor.training.photos import PhotoStore
@@ -41,7 +41,7 @@ class CpuEngine:
 
     def rebuild(self, change: Change) -> None:
         """Continue with the Gaussians after a change, which no view has seen yet."""
-        self.load(self._gaussians.changed(change), Sightings.none(len(change)))
+        self.load(self._gaussians.apply(change), Sightings.none(len(change)))
 
     def not_finite(self) -> str | None:
         """A parameter that has a number that is not finite."""
@@ -88,7 +88,7 @@ class CpuEngine:
     def seen_by(self, photos: PhotoStore, numbers: Sequence[int], pixels_min: float) -> npt.NDArray[np.int64]:
         """In how many of these views each Gaussian covers more than so many pixels, shape (N,)."""
         leaves, views = leaves_of(self._gaussians), np.zeros(len(self._gaussians), dtype=np.int64)
-        for rows in self._pool.map(lambda number: observed(leaves, photos[number], pixels_min), numbers):
+        for rows in self._pool.map(lambda number: observe(leaves, photos[number], pixels_min), numbers):
             views[rows] += 1
         return views
 

@@ -168,7 +168,7 @@ class CudaEngine:
         shapes = {name: value.detach() for name, value in self._values.items()}
         nothing = shapes["means_m"][:, :0]
         for number in numbers:
-            drawn = self._drawn(shapes, self._view(photos, number), nothing)
+            drawn = self._draw(shapes, self._view(photos, number), nothing)
             drawn.nothing.backward()  # type: ignore[no-untyped-call]
             views += drawn.weight > pixels_min
         counts: npt.NDArray[np.int64] = views.cpu().numpy()
@@ -192,7 +192,7 @@ class CudaEngine:
         columns = [colours_along(sh, values["means_m"] - view.camera_m, sh_degree)]
         if task.rng is not None:
             columns.append(self._planes(view))
-        drawn = self._drawn(values, view, torch.cat(columns, dim=1), absolute=self._settings.density.needs_absolute)
+        drawn = self._draw(values, view, torch.cat(columns, dim=1), absolute=self._settings.density.needs_absolute)
         shown = drawn.values[..., :3].permute(2, 0, 1)
         image = shown * exposure[0, :, None, None].exp() + exposure[1, :, None, None]
         loss = photometric_loss(image, rgb, SSIM_WEIGHT)
@@ -202,7 +202,7 @@ class CudaEngine:
             loss = loss + normals_within(side, drawn.alpha, rgb, self._settings.geometry)
             if task.neighbour is not None:
                 there = self._view(photos, task.neighbour)
-                other = self._drawn(values, there, self._planes(there))
+                other = self._draw(values, there, self._planes(there))
                 there_rgb = there.pixels * float(BRIGHTNESS)
                 other_side = side_of(other.values, there_rgb, there.K_px, there.T_world_camera)
                 loss = loss + between(side, other_side, self._settings.geometry, task.rng)
@@ -246,7 +246,7 @@ class CudaEngine:
         scales_m = values["log_scales"].detach().exp()
         return plane_features(values["means_m"], values["quats_wxyz"], scales_m, view.camera_m)
 
-    def _drawn(self, shapes: Tensors, view: _View, values: Tensor, *, absolute: bool = False) -> Blended:
+    def _draw(self, shapes: Tensors, view: _View, values: Tensor, *, absolute: bool = False) -> Blended:
         return blend_values(
             self._rasterization,
             means_m=shapes["means_m"],

@@ -67,9 +67,9 @@ def changed_density(
     """
     same = Change.none(shapes)
     if config.method == "mcmc":
-        changed = _grown(_relocated(same, config, rng), config, rng)
+        changed = _grow(_relocate(same, config, rng), config, rng)
     else:
-        changed = _pruned(_densified(same, seen, config, extent_m, rng), config, extent_m)
+        changed = _prune(_densify(same, seen, config, extent_m, rng), config, extent_m)
     return changed.select(spatial_order(changed.means_m))
 
 
@@ -122,9 +122,7 @@ def _axes(quats_wxyz: Array, log_scales: Array) -> Array:
     return R * np.exp(log_scales)[:, None, :]
 
 
-def _densified(
-    same: Change, seen: Sightings, config: DensityConfig, extent_m: float, rng: np.random.Generator
-) -> Change:
+def _densify(same: Change, seen: Sightings, config: DensityConfig, extent_m: float, rng: np.random.Generator) -> Change:
     """Clone small and split large ones whose projections want to be elsewhere; those with the most of it first."""
     gradient = seen.gradient / np.maximum(seen.views, 1.0)
     room = max(config.count_max - len(same), 0)
@@ -132,15 +130,15 @@ def _densified(
     wanted = np.sort(wanted[np.argsort(-gradient[wanted], kind="stable")[:room]])
     large = same.scales_m[wanted].max(axis=1) > SPLIT_SCALE * extent_m
     split, clone = wanted[large], wanted[~large]
-    added = [_sampled(same, rows, rng) for rows in (clone, split, split)]
+    added = [_sample_copies(same, rows, rng) for rows in (clone, split, split)]
     for part in added[1:]:
         part.log_scales -= np.float32(np.log(_SPLIT_SHRINK))
     keep = np.ones(len(same), dtype=bool)
     keep[split] = False
-    return same.select(keep).joined(added[0].joined(added[1]).joined(added[2]))
+    return same.select(keep).join(added[0].join(added[1]).join(added[2]))
 
 
-def _sampled(same: Change, rows: Rows, rng: np.random.Generator) -> Change:
+def _sample_copies(same: Change, rows: Rows, rng: np.random.Generator) -> Change:
     """Copies, each at a place drawn from its Gaussian: copies in one place would stay together."""
     copies = same.select(rows)
     copies.fresh[:] = True
@@ -149,19 +147,19 @@ def _sampled(same: Change, rows: Rows, rng: np.random.Generator) -> Change:
     return copies
 
 
-def _pruned(changed: Change, config: DensityConfig, extent_m: float) -> Change:
+def _prune(changed: Change, config: DensityConfig, extent_m: float) -> Change:
     small = changed.scales_m.max(axis=1) <= SCALE_MAX * extent_m
     return changed.select(small & (changed.opacities >= config.opacity_min))
 
 
-def _relocated(same: Change, config: DensityConfig, rng: np.random.Generator) -> Change:
+def _relocate(same: Change, config: DensityConfig, rng: np.random.Generator) -> Change:
     """Move the faint ones to where others are, which share their opacity with them."""
     opacities = same.opacities
     alive = opacities > config.opacity_min
     dead = np.flatnonzero(~alive)
     if not len(dead) or not alive.any():
         return same
-    chosen = _drawn(opacities * alive, len(dead), rng)
+    chosen = _draw_rows(opacities * alive, len(dead), rng)
     _share(same, chosen)
     source = np.arange(len(same))
     source[dead] = chosen
@@ -170,17 +168,17 @@ def _relocated(same: Change, config: DensityConfig, rng: np.random.Generator) ->
     return moved
 
 
-def _grown(changed: Change, config: DensityConfig, rng: np.random.Generator) -> Change:
+def _grow(changed: Change, config: DensityConfig, rng: np.random.Generator) -> Change:
     """Add copies of some, drawn by opacity, which share their opacity with them."""
     wanted = min(config.count_max, int(np.ceil(len(changed) * (1.0 + config.growth)))) - len(changed)
     if wanted <= 0:
         return changed
-    chosen = _drawn(changed.opacities, wanted, rng)
+    chosen = _draw_rows(changed.opacities, wanted, rng)
     _share(changed, chosen)
-    return changed.joined(changed.select(chosen))
+    return changed.join(changed.select(chosen))
 
 
-def _drawn(weights: Array, count: int, rng: np.random.Generator) -> Rows:
+def _draw_rows(weights: Array, count: int, rng: np.random.Generator) -> Rows:
     """Numbers drawn in proportion to weights."""
     ends = np.cumsum(weights, dtype=np.float64)
     chosen: Rows = np.searchsorted(ends, rng.random(count) * ends[-1], side="right").clip(max=len(weights) - 1)

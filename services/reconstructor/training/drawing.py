@@ -138,7 +138,7 @@ def view_gradients(
     rows, gradients = _parameter_gradients(leaves, photo, settings)
     if other_leaves is not None and geometry is not None and geometry.neighbour is not None:
         other = _parameter_gradients(other_leaves, geometry.neighbour, settings)
-        moved_rows, (rows, gradients) = rows, _merged((rows, gradients), other)
+        moved_rows, (rows, gradients) = rows, _merge((rows, gradients), other)
     else:
         moved_rows = rows
     return ViewGradients(
@@ -146,12 +146,12 @@ def view_gradients(
         rows=rows,
         gradients=gradients,
         moved_rows=moved_rows,
-        moved=_moved(rendered, planes.shape, absolute),
+        moved=_move(rendered, planes.shape, absolute),
         exposure=by_exposure,
     )
 
 
-def observed(leaves: Leaves, photo: Photo, pixels_min: float = OBSERVED_PX) -> Rows:
+def observe(leaves: Leaves, photo: Photo, pixels_min: float = OBSERVED_PX) -> Rows:
     """The Gaussians that cover more than so many pixels of a photo."""
     leaves = {name: leaf.detach().requires_grad_() for name, leaf in leaves.items() if name != "sh"}
     rendered = draw(leaves, photo, 0, gradients=True)
@@ -236,7 +236,7 @@ def _add_regular(slopes: Gradients, scales: Array, count: int, settings: Gaussia
         slopes["scales_m"] = flat
 
 
-def _merged(one: tuple[Rows, Gradients], other: tuple[Rows, Gradients]) -> tuple[Rows, Gradients]:
+def _merge(one: tuple[Rows, Gradients], other: tuple[Rows, Gradients]) -> tuple[Rows, Gradients]:
     """Sums of rows of two views of the same Gaussians."""
     place = np.zeros(max(part.max(initial=-1) for part in (one[0], other[0])) + 1, dtype=np.int64)
     place[one[0]], place[other[0]] = 1, 1
@@ -251,7 +251,7 @@ def _merged(one: tuple[Rows, Gradients], other: tuple[Rows, Gradients]) -> tuple
     return rows, total
 
 
-def _moved(rendered: Rendered, shape: tuple[int, ...], absolute: bool) -> Array:
+def _move(rendered: Rendered, shape: tuple[int, ...], absolute: bool) -> Array:
     seen = rendered.visibility
     gradients = seen.absolute_gradient_px if absolute else seen.gradient_px
     assert gradients is not None
@@ -261,6 +261,6 @@ def _moved(rendered: Rendered, shape: tuple[int, ...], absolute: bool) -> Array:
     return moved
 
 
-def quantised(planes: Array) -> npt.NDArray[np.uint8]:
+def quantise(planes: Array) -> npt.NDArray[np.uint8]:
     """Colours (3, H, W) in 0..1 as a picture (H, W, 3)."""
     return np.ascontiguousarray((np.clip(planes, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8).transpose(1, 2, 0))

@@ -74,7 +74,7 @@ class Side:
         p_px = (p_C / torch.where(depth_m > NEAR_M, depth_m, 1.0)[..., None]) @ self.K_px.T
         return p_px[..., :2], depth_m
 
-    def sampled(self, image: Tensor, p_px: Tensor) -> Tensor:
+    def sample_image(self, image: Tensor, p_px: Tensor) -> Tensor:
         """An image (H, W) between its pixels, shape (n, m) for pixels (n, m, 2)."""
         height, width = image.shape
         grid = 2.0 * p_px / p_px.new_tensor([width, height]) - 1.0
@@ -93,8 +93,8 @@ def there_and_back(one: Side, other: Side, noise_px: float) -> tuple[Tensor, Ten
     height, width = other_depth_m.shape
     p_px, z = other.pixels(one.p_WC + one.rays_W * depth_m[..., None])
     inside = (p_px >= 0).all(dim=-1) & (p_px[..., 0] <= width) & (p_px[..., 1] <= height) & (z > NEAR_M)
-    seen_m = other.sampled(other_depth_m, p_px)
-    seen = other.sampled(other_known.to(seen_m.dtype), p_px) > 0.99
+    seen_m = other.sample_image(other_depth_m, p_px)
+    seen = other.sample_image(other_known.to(seen_m.dtype), p_px) > 0.99
     ray_O = torch.cat([p_px, torch.ones_like(p_px[..., :1])], dim=-1) @ torch.linalg.inv(other.K_px).T
     back_px, back_z = one.pixels(other.p_WC + (ray_O * seen_m[..., None]) @ other.R_WC.T)
     centres = (torch.arange(side, dtype=p_px.dtype, device=p_px.device) + 0.5 for side in depth_m.shape)
@@ -158,7 +158,7 @@ def patch_differences(one: Side, other: Side, pixels: Tensor) -> Tensor:
     mapped = torch.cat([p_px, torch.ones_like(p_px[..., :1])], dim=2) @ homography.mT
     depth = mapped[..., 2:]
     there = mapped[..., :2] / torch.where(depth.abs() > 1e-6, depth, 1e-6)
-    return _one_minus_ncc(one.sampled(one.grey, p_px), other.sampled(other.grey, there))
+    return _one_minus_ncc(one.sample_image(one.grey, p_px), other.sample_image(other.grey, there))
 
 
 def _one_minus_ncc(a: Tensor, b: Tensor) -> Tensor:

@@ -51,7 +51,7 @@ class Gaussians:
         ]
         return Gaussians(parts[0], parts[1], parts[2], self.updates[index])
 
-    def changed(self, change: "Change") -> "Gaussians":
+    def apply(self, change: "Change") -> "Gaussians":
         """What a change makes of them."""
         values = {name: getattr(change, name) for name in SHAPES}
         values["sh"] = self.values["sh"][change.source]
@@ -132,7 +132,7 @@ class Change:
         """The change with some of its Gaussians."""
         return Change(**{name: getattr(self, name)[index] for name in self.__dataclass_fields__})
 
-    def joined(self, other: "Change") -> "Change":
+    def join(self, other: "Change") -> "Change":
         """The change with these Gaussians, then those of another one."""
         names = self.__dataclass_fields__
         return Change(**{name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names})

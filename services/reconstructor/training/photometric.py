@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 
 Planes = npt.NDArray[np.float32]
 """Channels, rows, columns."""
@@ -95,7 +95,7 @@ def psnr_db(image: npt.NDArray[np.float32], photo: npt.NDArray[np.float32]) -> f
     return -10.0 * math.log10(max(error, 1e-12))
 
 
-@compiled(error_model="numpy", nogil=True)
+@kernel_with_cache(error_model="numpy", nogil=True)
 def _filter_row(padded: Row, w: Row, out: Plane) -> None:
     """Filter a row that has five zeros on either side."""
     w0, w1, w2, w3, w4, w5 = w[0], w[1], w[2], w[3], w[4], w[5]
@@ -111,7 +111,7 @@ def _filter_row(padded: Row, w: Row, out: Plane) -> None:
         )
 
 
-@compiled(error_model="numpy", nogil=True)
+@kernel_with_cache(error_model="numpy", nogil=True)
 def _filter_columns(rows: Plane, v: int, w: Row, out: Plane) -> None:
     """Row v of an image whose columns are filtered; `out` may have more columns on the right."""
     height, width = rows.shape
@@ -124,7 +124,7 @@ def _filter_columns(rows: Plane, v: int, w: Row, out: Plane) -> None:
                 out[u] += weight * row[u]
 
 
-@compiled(error_model="numpy", nogil=True)
+@kernel_with_cache(error_model="numpy", nogil=True)
 def _ssim(
     x: Plane,
     y: Plane,
@@ -163,7 +163,7 @@ def _ssim(
     return total
 
 
-@compiled(error_model="numpy", nogil=True)
+@kernel_with_cache(error_model="numpy", nogil=True)
 def _pixels(
     sums: Planes,
     by_mean: npt.NDArray[np.float32],
@@ -190,7 +190,7 @@ def _pixels(
     return total
 
 
-@compiled(error_model="numpy", nogil=True)
+@kernel_with_cache(error_model="numpy", nogil=True)
 def _add_l1(x: Plane, y: Plane, ssim_weight: float, count: int, out: Plane) -> float:
     """Sum of absolute differences; `out` becomes the loss's derivative by x, from that of the sum of SSIM."""
     ssim, absolute = np.float32(-ssim_weight / count), np.float32((1.0 - ssim_weight) / count)

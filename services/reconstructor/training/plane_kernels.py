@@ -11,20 +11,20 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled, inlined
+from readygo.common.kernels import inline_kernel, kernel_with_cache
 from readygo.services.reconstructor.training.parameters import Array, Rows
 
 Point = npt.NDArray[np.float64]
 
 
-@inlined
+@inline_kernel
 def _shortest(scales_m: Array, n: int) -> int:
     """Number of a Gaussian's shortest axis, the first one of equals."""
     first = 1 if scales_m[n, 1] < scales_m[n, 0] else 0
     return 2 if scales_m[n, 2] < scales_m[n, first] else first
 
 
-@inlined
+@inline_kernel
 def _axis(k: int, w: float, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Column of the rotation matrix of a unit quaternion."""
     if k == 0:
@@ -34,7 +34,7 @@ def _axis(k: int, w: float, x: float, y: float, z: float) -> tuple[float, float,
     return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
-@inlined
+@inline_kernel
 def _axis_slopes(
     k: int, w: float, x: float, y: float, z: float, a: float, b: float, c: float
 ) -> tuple[float, float, float, float]:
@@ -61,7 +61,7 @@ def _axis_slopes(
     )
 
 
-@inlined
+@inline_kernel
 def _unit(quats_wxyz: Array, n: int) -> tuple[float, float, float, float, float]:
     """A quaternion of length one, and one over its length."""
     w, x, y, z = float(quats_wxyz[n, 0]), float(quats_wxyz[n, 1]), float(quats_wxyz[n, 2]), float(quats_wxyz[n, 3])
@@ -69,7 +69,7 @@ def _unit(quats_wxyz: Array, n: int) -> tuple[float, float, float, float, float]
     return w * per_length, x * per_length, y * per_length, z * per_length, per_length
 
 
-@compiled(error_model="numpy", nogil=True)
+@kernel_with_cache(error_model="numpy", nogil=True)
 def write_features(means_m: Array, quats_wxyz: Array, scales_m: Array, camera_m: Point, out: Array) -> None:
     """Normals towards the camera, and distances of the planes from it.
 
@@ -90,7 +90,7 @@ def write_features(means_m: Array, quats_wxyz: Array, scales_m: Array, camera_m:
         out[n, 0], out[n, 1], out[n, 2], out[n, 3] = sign * nx, sign * ny, sign * nz, sign * distance
 
 
-@compiled(error_model="numpy", nogil=True)
+@kernel_with_cache(error_model="numpy", nogil=True)
 def add_feature_slopes(
     means_m: Array,
     quats_wxyz: Array,

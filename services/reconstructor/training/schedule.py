@@ -34,7 +34,7 @@ TRIM_EVERY = 0.1
 
 
 @dataclass(frozen=True)
-class Schedule:
+class TrainingSchedule:
     """The plan of a training by its steps, counted from 0."""
 
     settings: GaussiansConfig

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from readygo.common.drawing.files import write_png
-from readygo.services.reconstructor.training.drawing import draw, leaves_of, planes_of, quantised
+from readygo.services.reconstructor.training.drawing import draw, leaves_of, planes_of, quantise
 from readygo.services.reconstructor.training.parameters import Array, Gaussians
 from readygo.services.reconstructor.training.photometric import Photometric, psnr_db
 from readygo.services.reconstructor.training.photos import PhotoStore
@@ -40,4 +40,4 @@ def measure(gaussians: Gaussians, photos: PhotoStore | None, sh_degree: int) -> 
 def write_picture(path: Path, score: HeldOut) -> None:
     """The photo, what is shown in its place, and four times their difference, side by side."""
     difference = 4.0 * np.abs(score.photo - score.rendered)
-    write_png(path, quantised(np.concatenate([score.photo, score.rendered, difference], axis=2)))
+    write_png(path, quantise(np.concatenate([score.photo, score.rendered, difference], axis=2)))

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.kernels import compiled, inlined
+from readygo.common.kernels import inline_kernel, kernel_with_cache
 
 Image = npt.NDArray[np.float32]
 Planes = npt.NDArray[np.float32]
@@ -34,7 +34,7 @@ _VARIANCE_MIN = 1e-8
 """Added to the product of two variances of grey values, for patches of one grey."""
 
 
-@inlined
+@inline_kernel
 def _into(camera: Camera, x: float, y: float, z: float) -> tuple[float, float, float]:
     """A direction of the world in a camera: R_WC^T (x, y, z)."""
     return (
@@ -44,7 +44,7 @@ def _into(camera: Camera, x: float, y: float, z: float) -> tuple[float, float, f
     )
 
 
-@inlined
+@inline_kernel
 def _out_of(camera: Camera, x: float, y: float, z: float) -> tuple[float, float, float]:
     """A direction of a camera in the world: R_WC (x, y, z)."""
     return (
@@ -54,7 +54,7 @@ def _out_of(camera: Camera, x: float, y: float, z: float) -> tuple[float, float,
     )
 
 
-@inlined
+@inline_kernel
 def _ray(camera: Camera, u: float, v: float) -> tuple[float, float, float]:
     """Ray of a point of the image [px], at depth 1, in the world."""
     x, y = (u - camera[_CX]) * camera[_PER_FX], (v - camera[_CY]) * camera[_PER_FY]
@@ -62,7 +62,7 @@ def _ray(camera: Camera, u: float, v: float) -> tuple[float, float, float]:
     return ray
 
 
-@compiled(error_model="numpy", nogil=True)
+@kernel_with_cache(error_model="numpy", nogil=True)
 def plane_depths(planes: Planes, camera: Camera, facing_min: float, depth_m: Image) -> None:
     """Depths of the planes along the optical axis [m]: D / -(N . r); see `planes.plane_depth`."""
     height, width = depth_m.shape
@@ -74,7 +74,7 @@ def plane_depths(planes: Planes, camera: Camera, facing_min: float, depth_m: Ima
             depth_m[v, u] = distance / facing if facing > facing_min and distance > 0.0 else 0.0
 
 
-@compiled(error_model="numpy", nogil=True)
+@kernel_with_cache(error_model="numpy", nogil=True)
 def add_depth_slopes(planes: Planes, camera: Camera, depth_m: Image, by_depth: Image, out: Planes) -> None:
     """Add what derivatives by depths are by the planes.
 
@@ -95,20 +95,20 @@ def add_depth_slopes(planes: Planes, camera: Camera, depth_m: Image, by_depth: I
             out[_DISTANCE, v, u] += slope / facing
 
 
-@inlined
-def _known(depth: Any) -> float:
+@inline_kernel
+def _is_known(depth: Any) -> float:
     """A depth [m], 1 where there is none."""
     return depth if depth > 0.0 else 1.0
 
 
-@inlined
+@inline_kernel
 def _add_along(by_depth: Image, depth_m: Image, v: int, u: int, slope: float) -> None:
     """Add a slope to that of a pixel's depth, if the pixel has one."""
     if depth_m[v, u] > 0.0:
         by_depth[v, u] += slope
 
 
-@compiled(error_model="numpy", nogil=True)
+@kernel_with_cache(error_model="numpy", nogil=True)
 def normal_slopes(
     planes: Planes,
     alpha: Image,
@@ -153,8 +153,8 @@ def normal_slopes(
             if depth_m[v, u] == 0.0 or weight == 0.0:
                 continue
             rx, ry, rz = _ray(camera, u + 0.5, v + 0.5)
-            right, left = _known(depth_m[v, u + 1]), _known(depth_m[v, u - 1])
-            above, below = _known(depth_m[v - 1, u]), _known(depth_m[v + 1, u])
+            right, left = _is_known(depth_m[v, u + 1]), _is_known(depth_m[v, u - 1])
+            above, below = _is_known(depth_m[v - 1, u]), _is_known(depth_m[v + 1, u])
             # a, b, c, n.
             ax, ay, az = (
                 (rx + hx) * right - (rx - hx) * left,
@@ -190,7 +190,7 @@ def normal_slopes(
     return total
 
 
-@inlined
+@inline_kernel
 def _between(place: float, size: int) -> tuple[int, int, float, float]:
     """The two numbers of pixels beside a place [px], the share of the second, and how it grows with the place."""
     x = place - 0.5
@@ -202,7 +202,7 @@ def _between(place: float, size: int) -> tuple[int, int, float, float]:
     return first, first + 1, x - first, 1.0
 
 
-@compiled(error_model="numpy", nogil=True)
+@kernel_with_cache(error_model="numpy", nogil=True)
 def return_slopes(
     depth_m: Image,
     other_depth_m: Image,
@@ -281,7 +281,7 @@ def return_slopes(
             )
             if missing >= _MISSING_MAX:
                 continue
-            f00, f01, f10, f11 = _known(e00), _known(e01), _known(e10), _known(e11)
+            f00, f01, f10, f11 = _is_known(e00), _is_known(e01), _is_known(e10), _is_known(e11)
             seen = w00 * f00 + w01 * f01 + w10 * f10 + w11 * f11
             # The point that the neighbour sees there, in the view's camera.
             wx, wy, wz = _out_of(other, ru * seen, rv * seen, seen)
@@ -321,7 +321,7 @@ def return_slopes(
     return count, total
 
 
-@inlined
+@inline_kernel
 def _sample(image: Image, u: float, v: float) -> tuple[float, float, float]:
     """An image between its pixels, and its gradient [1/px]; beyond the border the border's value holds."""
     height, width = image.shape
@@ -337,7 +337,7 @@ def _sample(image: Image, u: float, v: float) -> tuple[float, float, float]:
     )
 
 
-@compiled(error_model="numpy", nogil=True)
+@kernel_with_cache(error_model="numpy", nogil=True)
 def patch_slopes(
     planes: Planes,
     grey: Image,

@@ -19,7 +19,7 @@ from readygo.common.documents import read_json
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.common.gaussians.ply import save_ply
-from readygo.services.reconstructor.stages import Stages, worded
+from readygo.services.reconstructor.stages import Stages, word_errors
 from readygo.services.reconstructor.training.batches import batch_views
 from readygo.services.reconstructor.training.between import points_between
 from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
@@ -40,7 +40,7 @@ from readygo.services.reconstructor.training.memory import check_memory, gpu_mem
 from readygo.services.reconstructor.training.neighbours import choose_neighbours
 from readygo.services.reconstructor.training.parameters import Gaussians, initial_gaussians
 from readygo.services.reconstructor.training.photos import PhotoStore, Posed, open_posed, split_views
-from readygo.services.reconstructor.training.schedule import Schedule
+from readygo.services.reconstructor.training.schedule import TrainingSchedule
 from readygo.services.reconstructor.training.score import HeldOut, measure, write_picture
 
 CLOUD_FILE, REPORT_FILE, PREVIEWS, UNDISTORTED = "gaussians.ply", "training.json", "previews", "undistorted"
@@ -101,11 +101,11 @@ def train_gaussians(posed_folder: Path, out_folder: Path, settings: GaussiansCon
     with Stages(out_folder, lambda _: None).alone():
         posed = open_posed(posed_folder, out_folder / UNDISTORTED)
         identity = _identity(posed, settings)
-        done = _finished(out_folder, identity)
+        done = _finish_training(out_folder, identity)
         if done is not None:
             return done
         check_memory(posed, settings)
-        with worded(out_folder), gpu_memory(settings), closing(_engine_of(settings)) as engine:
+        with word_errors(out_folder), gpu_memory(settings), closing(_engine_of(settings)) as engine:
             return _Training(posed, out_folder, settings, identity, progress, engine).run()
 
 
@@ -126,7 +126,7 @@ def _identity(posed: Posed, settings: GaussiansConfig) -> str:
     return digest.hexdigest()
 
 
-def _finished(folder: Path, identity: str) -> dict[str, Any] | None:
+def _finish_training(folder: Path, identity: str) -> dict[str, Any] | None:
     try:
         report = read_json(folder / REPORT_FILE)
     except (OSError, ValueError):
@@ -144,7 +144,7 @@ class _Training:
         self._posed, self._folder, self._settings, self._identity, self._tell = posed, folder, settings, identity, tell
         self._engine = engine
         self._train, self._held = split_views(len(posed.views), settings.hold_out)
-        self._schedule = Schedule(settings, posed.extent_m)
+        self._schedule = TrainingSchedule(settings, posed.extent_m)
         self._seconds: dict[str, float] = {}
         self._step, self._loss, self._saved_step = 0, math.nan, 0
         self._unseen = 0
@@ -188,7 +188,7 @@ class _Training:
             with interruption() as interrupted:
                 self._steps(interrupted)
                 with self._clock("density"):
-                    unseen = self._hidden(self._photos_of(1), 1)
+                    unseen = self._rarely_seen(self._photos_of(1), 1)
                     gaussians, self._unseen = self._engine.arrays()[0].select(~unseen), int(unseen.sum())
                     self._check_some_left(len(gaussians))
                     self._engine.load(gaussians, Sightings.none(len(gaussians)))
@@ -229,7 +229,7 @@ class _Training:
             self._exposures.step(numbers, [view.exposure for view in views], _EXPOSURES_RATE, self._train)
         with self._clock("density"):
             if schedule.trims(step):
-                hidden = self._hidden(photos, _TRIM_VIEWS)
+                hidden = self._rarely_seen(photos, _TRIM_VIEWS)
                 self._edit(lambda gaussians: make_faint(gaussians, hidden, self._settings.density))
             self._change_density()
 
@@ -269,7 +269,7 @@ class _Training:
         change(gaussians)
         self._engine.load(gaussians, seen)
 
-    def _hidden(self, photos: PhotoStore, views_min: int) -> npt.NDArray[np.bool_]:
+    def _rarely_seen(self, photos: PhotoStore, views_min: int) -> npt.NDArray[np.bool_]:
         """True for Gaussians that fewer than `views_min` training views show, shape (N,)."""
         # What is small on a reduced image may be what a whole one needs.
         pixels_min = OBSERVED_PX / self._fraction**2

@@ -9,7 +9,7 @@ from torch.nn import functional
 
 from readygo.common.networks.models import NOMAD_WAYPOINTS, WAYPOINTS, Gnm, Nomad, Vint, steps_of_places
 from readygo.common.networks.unet import Ddpm
-from readygo.services.trainer.networks.samples import Batch
+from readygo.services.trainer.networks.samples import NetworkBatch
 
 NEAR = {"gnm": (2, 10), "vint": (0, 10), "nomad": (3, 20)}
 """Actions count in samples whose goal is more than so many looks away, and less than so many."""
@@ -24,7 +24,7 @@ _NONE = 1e-2
 """Keeps the mean over no sample finite."""
 
 
-def loss_of(name: str, network: Gnm | Vint | Nomad, batch: Batch, generator: torch.Generator) -> torch.Tensor:
+def loss_of(name: str, network: Gnm | Vint | Nomad, batch: NetworkBatch, generator: torch.Generator) -> torch.Tensor:
     """The loss of a batch.
 
     Args:
@@ -41,7 +41,7 @@ def loss_of(name: str, network: Gnm | Vint | Nomad, batch: Batch, generator: tor
     return DISTANCE_SHARE * DISTANCE_SCALE * distance + (1 - DISTANCE_SHARE) * _mean(action, _near(name, batch))
 
 
-def _nomad_loss(network: Nomad, batch: Batch, generator: torch.Generator) -> torch.Tensor:
+def _nomad_loss(network: Nomad, batch: NetworkBatch, generator: torch.Generator) -> torch.Tensor:
     """Noise in the steps, and the distance where the goal is seen."""
     count, ddpm = len(batch.images), Ddpm()
     hidden = torch.rand(count, generator=generator) < GOAL_HIDDEN
@@ -50,13 +50,13 @@ def _nomad_loss(network: Nomad, batch: Batch, generator: torch.Generator) -> tor
     steps = steps_of_places(batch.places[..., :2])
     noise = torch.randn(steps.shape, generator=generator)
     level = torch.randint(len(ddpm.betas), (count,), generator=generator)
-    predicted = network.noise_pred_net(ddpm.noised(steps, noise, level), level, condition)
+    predicted = network.noise_pred_net(ddpm.add_noise(steps, noise, level), level, condition)
     action = (predicted - noise).square().mean(dim=(1, 2))
     share = NOMAD_DISTANCE_SHARE
     return share * _mean(distance, ~hidden) + (1 - share) * _mean(action, _near("nomad", batch))
 
 
-def _near(name: str, batch: Batch) -> torch.Tensor:
+def _near(name: str, batch: NetworkBatch) -> torch.Tensor:
     low, high = NEAR[name]
     return (batch.distances > low) & (batch.distances < high) & ~batch.other
 

@@ -8,9 +8,9 @@ import torch
 
 from readygo.common.dataset import Dataset
 from readygo.common.errors import DatasetError
-from readygo.common.messages import Driver
+from readygo.common.messages import DriverKind
 from readygo.common.networks import LOOK_HZ
-from readygo.common.networks.images import normalised, small_image
+from readygo.common.networks.images import normalise_images, small_image
 from readygo.services.trainer.networks.config import GOAL_LOOKS_MAX
 
 Indices = npt.NDArray[np.int64]
@@ -38,7 +38,7 @@ class Looks:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Batch:
+class NetworkBatch:
     """B samples of a network."""
 
     images: torch.Tensor
@@ -72,7 +72,7 @@ def looks_of(dataset: Dataset, names: set[str]) -> Looks:
     steps = clock.nearest_images(1 / LOOK_HZ)
     trajectories = []
     for entry in dataset.episodes:
-        if entry.episode.episode_id in names and entry.driver is Driver.EXPERT:
+        if entry.episode.episode_id in names and entry.driver is DriverKind.EXPERT:
             rows = np.arange(entry.first_sample, entry.first_sample + entry.sample_count, steps)
             if len(rows) >= LOOKS_MIN and dataset.pictured[rows].all():
                 trajectories.append(rows)
@@ -122,7 +122,7 @@ def choose(looks: Looks, count: int, rng: np.random.Generator) -> Choice:
 
 
 def places_of(looks: Looks, present: Indices, count: int) -> npt.NDArray[np.float32]:
-    """Where the robot was at the next looks, see `Batch.places`; at a trajectory's end it stays there."""
+    """Where the robot was at the next looks, see `NetworkBatch.places`; at a trajectory's end it stays there."""
     following = np.minimum(present[:, None] + np.arange(1, count + 1), looks.last[present][:, None])
     now, then = looks.xyyaw[present][:, None], looks.xyyaw[following]
     delta, turned = then[..., :2] - now[..., :2], then[..., 2] - now[..., 2]
@@ -144,7 +144,7 @@ class Pictures:
     def of(self, looks: Indices) -> torch.Tensor:
         """Images as a network takes them, shape (*looks.shape, 3, H, W)."""
         images = torch.stack([self._one(int(look)) for look in looks.reshape(-1)])
-        return normalised(images.float() / 255).reshape(*looks.shape, *images.shape[1:])
+        return normalise_images(images.float() / 255).reshape(*looks.shape, *images.shape[1:])
 
     def _one(self, look: int) -> torch.Tensor:
         """One image in 8 bits."""
@@ -157,7 +157,7 @@ class Pictures:
         return small
 
 
-def make_batch(looks: Looks, pictures: Pictures, choice: Choice, *, frames: int, places: int) -> Batch:
+def make_batch(looks: Looks, pictures: Pictures, choice: Choice, *, frames: int, places: int) -> NetworkBatch:
     """The batch of some samples; before a trajectory's start its first image is seen.
 
     Args:
@@ -168,7 +168,7 @@ def make_batch(looks: Looks, pictures: Pictures, choice: Choice, *, frames: int,
         places: That it shall name.
     """
     window = np.maximum(choice.looks[:, None] - np.arange(frames - 1, -1, -1), looks.first[choice.looks][:, None])
-    return Batch(
+    return NetworkBatch(
         images=pictures.of(window),
         goals=pictures.of(choice.goals),
         distances=torch.from_numpy(choice.distances.astype(np.float32)),

@@ -21,7 +21,7 @@ from readygo.common.networks.models import NETWORKS
 from readygo.services.trainer.hardware import available_cores
 from readygo.services.trainer.networks.config import LEARNING_RATES, NetworkTrainConfig
 from readygo.services.trainer.networks.losses import PLACES, loss_of
-from readygo.services.trainer.networks.samples import Batch, Looks, Pictures, choose, looks_of, make_batch
+from readygo.services.trainer.networks.samples import Looks, NetworkBatch, Pictures, choose, looks_of, make_batch
 from readygo.services.trainer.run import TrainProgress
 from readygo.services.trainer.samples import held_out_names
 
@@ -38,7 +38,7 @@ Report = Callable[[TrainProgress], None]
 
 
 @dataclass
-class Run:
+class NetworkRun:
     """What a run of training has come to."""
 
     network: Any
@@ -115,13 +115,13 @@ class _Learner:
         self._pictures = Pictures(dataset, looks, size.width_px, size.height_px, config.cache_mb)
         self.looks, self._config, self._recent = looks, config, list[float]()
 
-    def batch(self, count: int, rng: np.random.Generator) -> Batch:
+    def batch(self, count: int, rng: np.random.Generator) -> NetworkBatch:
         """Draw a batch of samples."""
         name = self._config.network
         choice = choose(self.looks, count, rng)
         return make_batch(self.looks, self._pictures, choice, frames=NETWORKS[name].frames, places=PLACES[name])
 
-    def step(self, run: Run) -> float:
+    def step(self, run: NetworkRun) -> float:
         """One step: its draws are a function of seed and step, so that a run may be continued."""
         config = self._config
         begin_s = time.process_time()
@@ -148,7 +148,7 @@ class _Learner:
         return value
 
 
-def _share(run: Run, config: NetworkTrainConfig) -> float:
+def _share(run: NetworkRun, config: NetworkTrainConfig) -> float:
     """Share of the budget that is spent."""
     return run.samples / config.samples if config.samples else run.spent_s / (60 * config.minutes)
 
@@ -162,13 +162,13 @@ def _follow(averaged: torch.nn.Module, network: torch.nn.Module, decay: float) -
                 ours.copy_(theirs)
 
 
-def _begin(config: NetworkTrainConfig, path: Path, data: str) -> Run:
+def _begin(config: NetworkTrainConfig, path: Path, data: str) -> NetworkRun:
     """A run at its beginning, or where it stopped."""
     torch.manual_seed(config.seed)
-    kept = _kept(path, config, data)
+    kept = _kept_samples(path, config, data)
     network: Any = load_network(config.network, path) if path.exists() and not kept else NETWORKS[config.network]()
     rate = config.learning_rate or LEARNING_RATES[config.network]
-    run = Run(network=network, optimizer=torch.optim.AdamW(network.parameters(), lr=rate))
+    run = NetworkRun(network=network, optimizer=torch.optim.AdamW(network.parameters(), lr=rate))
     if kept:
         network.load_state_dict(kept["network"])
         run.optimizer.load_state_dict(kept["optimizer"])
@@ -181,7 +181,7 @@ def _begin(config: NetworkTrainConfig, path: Path, data: str) -> Run:
     return run
 
 
-def _kept(path: Path, config: NetworkTrainConfig, data: str) -> dict[str, Any]:
+def _kept_samples(path: Path, config: NetworkTrainConfig, data: str) -> dict[str, Any]:
     """What continues a run; empty without one."""
     file = _training_file(path)
     if not file.exists():
@@ -198,7 +198,7 @@ def _kept(path: Path, config: NetworkTrainConfig, data: str) -> dict[str, Any]:
     return kept
 
 
-def _save(run: Run, config: NetworkTrainConfig, path: Path, data: str) -> None:
+def _save(run: NetworkRun, config: NetworkTrainConfig, path: Path, data: str) -> None:
     stream = io.BytesIO()
     state = {
         "data": data,
@@ -227,7 +227,7 @@ def _settings(config: NetworkTrainConfig) -> dict[str, Any]:
 
 
 def _measure(
-    dataset: Dataset, names: set[str], held_out: set[str], config: NetworkTrainConfig, run: Run
+    dataset: Dataset, names: set[str], held_out: set[str], config: NetworkTrainConfig, run: NetworkRun
 ) -> dict[str, float]:
     """How far from where the expert went the network steers in held-out episodes, and how far off the mean place is.
 

@@ -9,8 +9,8 @@ import pytest
 from readygo.apps.capture.config import CaptureConfig
 from readygo.apps.capture.film import Filming, check_out, film, ground_of, pictures, plan_filming
 from readygo.apps.capture.truth import read_truth
-from readygo.apps.run.scene_argument import open_scene
 from readygo.common.errors import ConfigError, ReadygoError, SceneError
+from readygo.runs.scene_argument import open_scene
 
 
 def filming(**settings: object) -> Filming:

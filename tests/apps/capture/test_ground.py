@@ -5,26 +5,26 @@ import pytest
 
 from readygo.apps.capture.ground import (
     BODY_RADIUS_M,
-    Ground,
+    WalkableGround,
     _room,
     closed_way,
     marker_place,
     walking_ground,
     wrapped_rad,
 )
-from readygo.apps.run.scene_argument import open_scene
 from readygo.common.errors import SceneError
 from readygo.common.maps import GridFrame, clearance_m
+from readygo.runs.scene_argument import open_scene
 
 FRAME = GridFrame(origin_x_m=-1.0, origin_y_m=-2.0, resolution_m=0.05)
 WAY = [526.0, 100.0, 1.225, -0.125, -0.059, -1.109, 3.282, -0.9066, 3.159, 0.809]
 NARROW_WAY = [176.0, -0.1472, -1.3207, 1.0084, -1.3737]
 
 
-def rectangle(width_m: float, height_m: float) -> Ground:
+def rectangle(width_m: float, height_m: float) -> WalkableGround:
     cells = np.zeros((120, 140), np.bool_)
     cells[10 : 10 + round(height_m / 0.05), 10 : 10 + round(width_m / 0.05)] = True
-    return Ground(cells=cells, frame=FRAME)
+    return WalkableGround(cells=cells, frame=FRAME)
 
 
 def test_ground_of_a_scene_is_clear_of_everything_and_connected() -> None:
@@ -76,12 +76,12 @@ def test_marker_lies_on_the_ground_where_one_can_film_it() -> None:
 def test_points_lie_on_the_cells_that_hold_them() -> None:
     cells = np.zeros((3, 5), np.bool_)
     cells[1, 3] = cells[2, 0] = True
-    ground = Ground(cells=cells, frame=GridFrame(origin_x_m=-1.0, origin_y_m=4.0, resolution_m=0.5))
+    ground = WalkableGround(cells=cells, frame=GridFrame(origin_x_m=-1.0, origin_y_m=4.0, resolution_m=0.5))
     np.testing.assert_allclose(ground.centres_m, [(0.75, 4.75), (-0.75, 5.25)])
     assert ground.area_m2 == pytest.approx(2 * 0.25)
     points = [(0.51, 4.51), (0.99, 4.99), (0.49, 4.75), (1.01, 4.75), (-0.99, 5.49), (-1.01, 5.25), (-0.75, 5.51)]
     assert ground.holds(np.array(points)).tolist() == [True, True, False, False, True, False, False]
-    full = Ground(cells=np.ones_like(cells), frame=ground.frame)
+    full = WalkableGround(cells=np.ones_like(cells), frame=ground.frame)
     edges = [(-1.0, 4.0), (1.49, 5.49), (1.5, 4.2), (1.0, 5.5), (-1.01, 4.2), (0.0, 3.99)]
     assert full.holds(np.array(edges)).tolist() == [True, True, False, False, False, False]
 

@@ -11,7 +11,7 @@ from readygo.common.gaussians import GaussianCloud
 from readygo.common.images.images import Images
 from readygo.common.maps import FloorMap, GridFrame
 from readygo.common.rasterizer.interface import View
-from readygo.services.reconstructor.marker_sheet import marker_sheet
+from readygo.services.reconstructor.marker_sheet import draw_marker_sheet
 from readygo.services.reconstructor.metric.markers import find_markers
 
 CAMERA = CameraConfig(width_px=640, height_px=480, horizontal_fov_deg=68.0)
@@ -27,7 +27,7 @@ def on_floor_of(scale_m: float) -> FloorMarker:
     frame = GridFrame(origin_x_m=-2.0, origin_y_m=-2.0, resolution_m=0.1)
     height = np.broadcast_to(SLOPE * (np.arange(40) * 0.1 - 1.95), (40, 40)).astype(np.float32)
     ground_m = np.random.default_rng(0).uniform(-1.8, 1.8, (400, 2))
-    sheet, floor = marker_sheet("4X4_50", 7, 0.2, "A3"), FloorMap(frame=frame, height_m=height)
+    sheet, floor = draw_marker_sheet("4X4_50", 7, 0.2, "A3"), FloorMap(frame=frame, height_m=height)
     cloud = GaussianCloud(
         means_m=np.column_stack([ground_m, SLOPE * ground_m[:, 0]]).astype(np.float32),
         quats_wxyz=np.tile(np.float32([1, 0, 0, 0]), (400, 1)),

@@ -4,9 +4,9 @@ import math
 import numpy as np
 import pytest
 
-from readygo.apps.capture.ground import Ground, walking_ground
+from readygo.apps.capture.ground import WalkableGround, walking_ground
 from readygo.apps.capture.walk import HEIGHTS_M, SPEED_MAX_MPS, Sway, _window, camera_pose, plan_walk
-from readygo.apps.run.scene_argument import open_scene
+from readygo.runs.scene_argument import open_scene
 
 WALK = [
     9.8181, 8.3181, -1.875, -0.075,
@@ -25,7 +25,7 @@ def rng(seed: int = 0) -> np.random.Generator:
 
 
 @pytest.fixture(scope="module")
-def ground() -> Ground:
+def ground() -> WalkableGround:
     return walking_ground(open_scene("embedded"), radius_m=2.5)
 
 
@@ -37,7 +37,7 @@ def test_camera_that_looks_along_x_has_its_right_along_minus_y() -> None:
     assert np.linalg.det(up[:3, :3]) == pytest.approx(1.0)
 
 
-def test_walk_is_smooth_at_a_hands_height_and_ends_where_it_began(ground: Ground) -> None:
+def test_walk_is_smooth_at_a_hands_height_and_ends_where_it_began(ground: WalkableGround) -> None:
     scene = open_scene("embedded")
     walk = plan_walk(scene, ground, 30.0, rng())
     times_s = np.arange(0.0, 30.0, 1 / 60)
@@ -50,7 +50,7 @@ def test_walk_is_smooth_at_a_hands_height_and_ends_where_it_began(ground: Ground
     assert np.hypot(*(places[-400:, :2] - places[0, :2]).T).min() < 0.2
 
 
-def test_walk_begins_with_a_look_at_the_marker(ground: Ground) -> None:
+def test_walk_begins_with_a_look_at_the_marker(ground: WalkableGround) -> None:
     scene = open_scene("embedded")
     walk = plan_walk(scene, ground, 30.0, rng())
     marker = np.array([*walk.marker_xy_m, scene.maps.floor.at(*walk.marker_xy_m)])
@@ -60,21 +60,21 @@ def test_walk_begins_with_a_look_at_the_marker(ground: Ground) -> None:
         assert math.hypot(x, y) < 0.4 * z
 
 
-def test_seed_alone_decides(ground: Ground) -> None:
+def test_seed_alone_decides(ground: WalkableGround) -> None:
     scene = open_scene("embedded")
     one, same, other = (plan_walk(scene, ground, 10.0, rng(seed)).knots for seed in (1, 1, 2))
     np.testing.assert_array_equal(one, same)
     assert np.abs(one - other).max() > 0.01
 
 
-def test_walk_is_what_it_was(ground: Ground) -> None:
+def test_walk_is_what_it_was(ground: WalkableGround) -> None:
     walk = plan_walk(open_scene("embedded"), ground, 20.0, rng(3))
     assert (len(walk.knots), walk.seconds) == (401, 20.0)
     found = [walk.way_m, walk.loop_m, *walk.marker_xy_m, *walk.knots[[0, 55, 130, 211, 333, 400]].ravel()]
     np.testing.assert_allclose(found, WALK, atol=2e-4)
 
 
-def test_camera_rests_before_and_after_the_walk_and_passes_every_knot(ground: Ground) -> None:
+def test_camera_rests_before_and_after_the_walk_and_passes_every_knot(ground: WalkableGround) -> None:
     walk = plan_walk(open_scene("embedded"), ground, 4.0, rng())
     np.testing.assert_array_equal(walk.pose_at(-3.0), walk.pose_at(0.0))
     np.testing.assert_array_equal(walk.pose_at(99.0), walk.pose_at(4.0))

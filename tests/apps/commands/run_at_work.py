@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from readygo.apps.fleet.worker import make_coordinator
-from readygo.apps.run.folder import RunFolder
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
+from readygo.runs.folder import RunFolder
 from readygo.services.coordinator import Coordinator, attach
 from tests.common.messages.run_specs import SPEC
 
@@ -15,7 +15,7 @@ from tests.common.messages.run_specs import SPEC
 @pytest.fixture
 def folder(tmp_path: Path) -> RunFolder:
     folder = RunFolder(tmp_path / "data")
-    with folder.locked():
+    with folder.lock():
         folder.save(SPEC, 3)
     return folder
 

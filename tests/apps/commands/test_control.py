@@ -2,8 +2,8 @@ import pytest
 
 from readygo.apps.commands.control import ControlOptions, cancel, pause, resume
 from readygo.apps.fleet.options import JoinOptions
-from readygo.apps.run.folder import RunFolder
 from readygo.common.errors import BusError, RunError
+from readygo.runs.folder import RunFolder
 from readygo.services.coordinator import Coordinator
 from tests.apps.commands.run_at_work import coordinator, folder
 

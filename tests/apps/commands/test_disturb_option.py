@@ -8,7 +8,7 @@ import pytest
 from readygo.apps.commands.generate import GenerateOptions, RecordingOptions, generate
 from readygo.common.dataset import Dataset, validate
 from readygo.common.errors import ConfigError, RunError
-from readygo.common.messages import Driver
+from readygo.common.messages import DriverKind
 
 EPISODES = 4
 CONFIG = """
@@ -58,7 +58,7 @@ def _hash(data: Path) -> str:
 def test_share_of_the_episodes_is_disturbed_and_the_expert_says_what_it_would_do(recorded: Path) -> None:
     data = Dataset([recorded])
     assert validate(recorded).ok
-    assert {(entry.driver, entry.policy) for entry in data.episodes} == {(Driver.EXPERT, "")}
+    assert {(entry.driver, entry.policy) for entry in data.episodes} == {(DriverKind.EXPERT, "")}
     disturbed = []
     for entry in data.episodes:
         rows = slice(entry.first_sample, entry.first_sample + entry.sample_count)

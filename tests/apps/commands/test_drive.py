@@ -18,7 +18,7 @@ import pytest
 from readygo.apps.commands import drive as command
 from readygo.apps.commands.drive import DriveLimitOptions, DriveOptions, drive
 from readygo.apps.drive.calibration import info_of
-from readygo.apps.drive.messages import Command
+from readygo.apps.drive.messages import VelocityMessage
 from readygo.apps.drive.ros_codec import IMAGE_TYPE, TWIST_TYPE, RosCodec
 from readygo.apps.drive.trial_log import RECORD
 from readygo.apps.robot_logs.reader import INFO_TYPE, ODOMETRY_TYPE
@@ -79,7 +79,7 @@ def test_trial_is_driven_logged_and_told(policy, standing_robot, tmp_path, capsy
     out = capsys.readouterr().out
     assert "out of time after 0." in out
     assert "Hz possible), commands" in out
-    assert told[-1] == Command()
+    assert told[-1] == VelocityMessage()
     record = read_record(path, RECORD)
     assert (record["ending"], record["task"], record["policy"]) == ("late", "dynamic", "policy")
     assert record["measures"]["command_hz"] >= 15
@@ -100,7 +100,7 @@ def test_whoever_ends_it_the_robot_stands(policy, standing_robot, tmp_path, numb
     _, said = process.communicate(timeout=30.0)
     assert said == f"readygo: stopped; the robot stands; the trial is in {log}.\n"
     assert process.returncode == 128 + (signal.SIGTERM if number == signal.SIGTERM else signal.SIGINT)
-    assert told[-1] == Command()
+    assert told[-1] == VelocityMessage()
     assert read_record(log, RECORD)["ending"] == "stopped"
 
 
@@ -221,7 +221,7 @@ def test_robot_is_waited_for_until_it_sends_what_is_asked_or_what_cannot_be_used
         command, "time", SimpleNamespace(monotonic=lambda: now_s[0], sleep=lambda s: now_s.__setitem__(0, now_s[0] + s))
     )
     robot = SimpleNamespace(broken="", absent=lambda: "", goal=None)
-    answer = command._awaited(robot, lambda: (asked.append(1), 7 if len(asked) > 3 else None)[1], "goal")
+    answer = command._wait_for(robot, lambda: (asked.append(1), 7 if len(asked) > 3 else None)[1], "goal")
     assert (answer, len(asked)) == (7, 4)
     with pytest.raises(BusError, match="no goal after 10 s; pass --calibration FILE"):
         command._goal_of(robot)
@@ -236,7 +236,7 @@ def test_robot_is_waited_for_until_it_sends_what_is_asked_or_what_cannot_be_used
 
 def test_signals_are_left_alone_while_the_robot_is_told_to_stand():
     before = signal.getsignal(signal.SIGINT)
-    with command._undisturbed():
+    with command._ignore_interrupts():
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     assert signal.getsignal(signal.SIGINT) is before
     with pytest.raises(KeyboardInterrupt):

@@ -11,12 +11,12 @@ import pytest
 
 from readygo.__main__ import main
 from readygo.apps.commands import evaluate as evaluate_command
-from readygo.apps.run.config import RunConfig
 from readygo.apps.terminal import PlainConsole
 from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.errors import RunError
 from readygo.common.policy import PolicySpec
 from readygo.common.robot import RobotConfig
+from readygo.runs.config import RunConfig
 from readygo.services.evaluator import Task
 from tests.services.evaluator.test_scores import RECORDS
 
@@ -224,6 +224,6 @@ def test_what_is_kept_of_those_that_were_asked_for_is_counted(tmp_path: Path) ->
     for total, words in ((9, "2 of 9"), (1, "1 of 1")):
         with (
             pytest.raises(KeyboardInterrupt, match=f"^{words} episodes are kept in {tmp_path}; the same command"),
-            evaluate_command._kept(results, request, total),
+            evaluate_command._report_saved(results, request, total),
         ):
             raise KeyboardInterrupt

@@ -25,11 +25,11 @@ from readygo.apps.commands.generate import (
 )
 from readygo.apps.fleet.options import FleetOptions
 from readygo.apps.observe.settings import Observing
-from readygo.apps.run.folder import RunFolder
 from readygo.benchmarks.recording.memory import workers_below
 from readygo.common.dataset import Dataset, validate
 from readygo.common.errors import CertificateError, ConfigError, RunError
 from readygo.common.messages import StatusReply
+from readygo.runs.folder import RunFolder
 from tests.common.messages.run_specs import SPEC
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -8,15 +8,15 @@ import pytest
 from readygo.__main__ import main
 from readygo.apps.commands.evaluate import EvaluateOptions, evaluate
 from readygo.apps.commands.generate import GenerateOptions, generate
-from readygo.apps.run.config import RunConfig, load_run_config
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.options import WorldOptions
-from readygo.apps.run.scene_argument import open_scene
-from readygo.apps.run.spec import make_spec
-from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset
 from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeKey, HumanPlanRequest, RunSpec, Split, decode, encode
+from readygo.runs.config import RunConfig, load_run_config
+from readygo.runs.folder import RunFolder
+from readygo.runs.options import WorldOptions
+from readygo.runs.scene_argument import open_scene
+from readygo.runs.spec import make_spec
+from readygo.runs.world import World
 from readygo.services.planner import handle_human_plan
 from readygo.services.planner.humans.scenario_file import load_scenarios, save_scenarios
 
@@ -73,7 +73,7 @@ def test_file_travels_with_the_run_and_is_part_of_what_the_run_is(exported: Path
     assert reply.scenario is not None
     assert reply.scenario.goal_xy_m.tolist() == list(load_scenarios(exported).entries[1].goal_m)
     folder = RunFolder(tmp_path / "out")
-    with folder.locked():
+    with folder.lock():
         folder.save(spec, 5)
     folder.check(spec_of())
     # Data bind the folder to their run.

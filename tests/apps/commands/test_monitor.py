@@ -52,7 +52,7 @@ class _Screen:
     ],
 )
 def test_addresses_are_told_apart(host: str, loopback: bool, named: str) -> None:
-    assert (command._is_loopback(host), command._named(host)) == (loopback, named)
+    assert (command._is_loopback(host), command._url_host(host)) == (loopback, named)
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from readygo.apps.commands.plan import PlanEpisodeOptions, PlanOptions, _check, _check_endings, _rows, plan
-from readygo.apps.run.options import WorldOptions
 from readygo.common.errors import ConfigError, ReadygoError, RunError, SceneError
 from readygo.common.maps import save_ros_map
+from readygo.runs.options import WorldOptions
 from readygo.services.planner.humans.scenario_file import load_scenarios
 from tests.services.planner.worlds import rooms
 

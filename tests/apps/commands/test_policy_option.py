@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from readygo.apps.commands.generate import GenerateOptions, RecordingOptions, generate
-from readygo.apps.run.options import WorldOptions
-from readygo.apps.run.origin import note_origin, origin_of_data
 from readygo.common.avatars.file import EMBEDDED_FOLDER
 from readygo.common.dataset import Dataset, validate
 from readygo.common.errors import PolicyError, RunError
-from readygo.common.messages import Driver, Outcome
+from readygo.common.messages import DriverKind, Outcome
+from readygo.runs.options import WorldOptions
+from readygo.runs.origin import note_origin, origin_of_data
 from tests.common.policy.artifacts import write_policy
 
 EPISODES = 5
@@ -48,14 +48,14 @@ def _digests(data: Path) -> dict[str, str]:
 
 def test_both_drive_and_what_the_expert_would_do_is_sound(recorded: Path) -> None:
     data = Dataset([recorded])
-    assert {entry.driver for entry in data.episodes} == set(Driver)
+    assert {entry.driver for entry in data.episodes} == set(DriverKind)
     assert validate(recorded).ok
     assert data.expert_actions.shape == (len(data), 2)
     assert data.expert_ahead.shape == (len(data), 20, 2)
     for entry in data.episodes:
         rows = slice(entry.first_sample, entry.first_sample + entry.sample_count)
         same = np.array_equal(data.expert_actions[rows], data.actions[rows])
-        assert same is (entry.driver is Driver.EXPERT)
+        assert same is (entry.driver is DriverKind.EXPERT)
 
 
 def test_episodes_that_fail_are_kept_with_their_outcome(recorded: Path) -> None:
@@ -102,7 +102,7 @@ def test_static_run_has_no_humans_and_all_the_labels(scene: str, options: dict, 
         )
     )
     data = Dataset([tmp_path / "static"])
-    assert data.episodes[0].driver is Driver.POLICY
+    assert data.episodes[0].driver is DriverKind.POLICY
     assert np.isinf(data.truth["human_distance_m"]).all()
     assert np.isfinite(data.expert_ahead).all()
     assert validate(tmp_path / "static").ok

@@ -51,7 +51,7 @@ def test_ctrl_c_names_the_work_folder_where_something_of_it_is_there(
             job.work.mkdir()
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(reconstruct, "reconstruct", interrupted)
+    monkeypatch.setattr(reconstruct, "reconstruct_scene", interrupted)
     with pytest.raises(SystemExit) as stop:
         run_command(COMMANDS, ["reconstruct", "walk.mp4", "--scale", "1", "--out", str(tmp_path / "lobby")])
     assert stop.value.code == 130
@@ -97,7 +97,7 @@ def test_poses_and_scenes_are_made_as_they_are_asked_for(
 ) -> None:
     asked: list[Any] = []
     monkeypatch.setattr(reconstruct, "find_poses", lambda *words: asked.append(words[:3]) or REPORT)
-    monkeypatch.setattr(reconstruct, "reconstruct", lambda *words: asked.append(words[:2]) or REPORT)
+    monkeypatch.setattr(reconstruct, "reconstruct_scene", lambda *words: asked.append(words[:2]) or REPORT)
     monkeypatch.setattr(reconstruct, "ask_worker", lambda *words: asked.append(words[:3]) or REPORT)
     monkeypatch.setattr(reconstruct, "scene_report", lambda options: asked.append(options.scene))
     source, out = tmp_path / "walk.mp4", tmp_path / "lobby"

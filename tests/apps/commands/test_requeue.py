@@ -3,8 +3,8 @@ from pathlib import Path
 import pytest
 
 from readygo.apps.commands.requeue import RequeueOptions, requeue
-from readygo.apps.run.recorders import prepare_folders
 from readygo.common.errors import RunError
+from readygo.runs.recorders import prepare_folders
 from tests.apps.fleet.toy_line import DRAW, FILM, in_process, make_folder
 
 

@@ -161,7 +161,7 @@ def test_rows_tell_the_numbers_of_a_scene():
         ("human area", "1.0 m2 connected for a disc of 0.25 m; 2.0 m2 clear"),
     ]
     seen = SimpleNamespace(sharpness=123.6, coverage=0.876, places=[1, 2, 3])
-    assert command._seen(seen) == "sharpness 124, surface 88 % of the view (medians of 3 places)"
+    assert command._view_summary(seen) == "sharpness 124, surface 88 % of the view (medians of 3 places)"
 
 
 def test_survey_is_told_with_what_to_try_and_remedies_for_what_is_unwanted(monkeypatch):

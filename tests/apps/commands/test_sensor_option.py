@@ -2,14 +2,14 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.run.config import RunConfig, load_run_config
-from readygo.apps.run.identity import numeric_class
-from readygo.apps.run.spec import make_spec
 from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.config import section_from_mapping
 from readygo.common.errors import ConfigError
 from readygo.common.messages import Split
 from readygo.common.robot import RobotConfig
+from readygo.runs.config import RunConfig, load_run_config
+from readygo.runs.identity import numeric_class
+from readygo.runs.spec import make_spec
 from readygo.services.renderer import RendererConfig
 from readygo.services.renderer.config import sensor_phone_like
 

@@ -21,13 +21,13 @@ from readygo.apps.drive.robot import Topics
 from readygo.apps.drive.simulated import Manners
 from readygo.apps.drive.trial import OUTCOMES
 from readygo.apps.drive.trial_log import RECORD
-from readygo.apps.run.config import RunConfig
 from readygo.commands import COMMANDS
 from readygo.common.bus.zenoh_bus import free_endpoint
 from readygo.common.dataset.ros_log import read_record
 from readygo.common.errors import ConfigError
 from readygo.common.messages import Outcome
 from readygo.common.robot import CameraConfig, RobotConfig
+from readygo.runs.config import RunConfig
 from readygo.services.evaluator import Task
 from tests.common.policy.artifacts import write_policy
 

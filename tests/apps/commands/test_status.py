@@ -9,11 +9,11 @@ from readygo.apps.commands.status import StatusOptions, status
 from readygo.apps.fleet import runs
 from readygo.apps.fleet.options import JoinOptions
 from readygo.apps.fleet.token import TOKEN_VARIABLE
-from readygo.apps.run.folder import RunFolder
 from readygo.common.bus.zenoh_bus import ZenohBus
 from readygo.common.errors import BusError
 from readygo.common.fleet.repeat import repeating
 from readygo.common.messages import StatusRequest, topics
+from readygo.runs.folder import RunFolder
 from readygo.services.coordinator import Coordinator, Written, handle_status
 from tests.apps.commands.run_at_work import coordinator, folder
 

@@ -6,9 +6,9 @@ import pytest
 from readygo.apps.cli import run_command
 from readygo.apps.demo import demo
 from readygo.apps.demo.reconstruction import ROOM_M, narrow, training
-from readygo.apps.run.config import load_run_config
 from readygo.commands import COMMANDS
 from readygo.common.scenes.embedded.plan import ROOMS
+from readygo.runs.config import load_run_config
 from readygo.services.reconstructor.training.config import preset
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from readygo.apps.drive.calibration import Rectifier
-from readygo.apps.drive.messages import Goal, Odometry, Picture
+from readygo.apps.drive.messages import GoalMessage, ImageMessage, OdometryMessage
 from readygo.apps.drive.pilot import DriveConfig, Pilot
 from readygo.common.episode import EpisodeConfig, EpisodeSimulation
 from readygo.common.maps import GridFrame, OccupancyMap
@@ -38,11 +38,11 @@ class FakePolicy:
 
 
 def picture(time_ns, size=(8, 10)):
-    return Picture(stamp_ns=time_ns, decode=lambda: np.zeros((*size, 3), np.uint8))
+    return ImageMessage(stamp_ns=time_ns, decode=lambda: np.zeros((*size, 3), np.uint8))
 
 
 def odometry(time_ns, x_m=0.0, y_m=0.0, yaw_rad=0.0, v_mps=0.0):
-    return Odometry(stamp_ns=time_ns, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, v_mps=v_mps, w_radps=0.0)
+    return OdometryMessage(stamp_ns=time_ns, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, v_mps=v_mps, w_radps=0.0)
 
 
 class Ride:
@@ -51,7 +51,7 @@ class Ride:
     def __init__(self, policy=None, *, goal=(5.0, 0.0), **settings):
         self.policy = policy or FakePolicy()
         config = DriveConfig(**{"v_max_mps": 1.0, "w_max_radps": 1.2, **settings})
-        self.pilot = Pilot(self.policy, {"": Rectifier(CAMERA, CAMERA)}, config, Goal(x_m=goal[0], y_m=goal[1]))
+        self.pilot = Pilot(self.policy, {"": Rectifier(CAMERA, CAMERA)}, config, GoalMessage(x_m=goal[0], y_m=goal[1]))
         self.now_ns, self.commands = 0, []
 
     def step(self, *, images=True, moves=True, shift_ns=0, image_size=(8, 10), **pose):

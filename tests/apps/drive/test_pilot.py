@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from readygo.apps.drive.calibration import Rectifier
-from readygo.apps.drive.messages import Command, Goal, Odometry, Picture
-from readygo.apps.drive.pilot import DriveConfig, Ending, Pilot, limited, words_of
+from readygo.apps.drive.messages import GoalMessage, ImageMessage, OdometryMessage, VelocityMessage
+from readygo.apps.drive.pilot import DriveConfig, Pilot, TrialEnding, limit_speeds, words_of
 from readygo.common.frames import goal_in_robot_frame
 from readygo.common.messages import Outcome
 from readygo.common.policy import load_policy
@@ -20,12 +20,12 @@ def test_robot_is_driven_as_in_an_evaluation_step_by_step(tmp_path):
     policy, robot = load_policy(write_policy(tmp_path)), RobotConfig()
     goal, now_ns = (5.0, 1.0), 10**9
     config = DriveConfig(v_max_mps=1.0, w_max_radps=1.2, goal_in_start_frame=False)
-    pilot = Pilot(policy, {"": Rectifier(CAMERA, CAMERA)}, config, Goal(x_m=goal[0], y_m=goal[1]))
+    pilot = Pilot(policy, {"": Rectifier(CAMERA, CAMERA)}, config, GoalMessage(x_m=goal[0], y_m=goal[1]))
     memory, pose, moving, driven, expected = policy.start(), (0.0, 0.0, 0.0), (0.0, 0.0), [], []
     for step in range(60):
         image = np.random.default_rng(step).integers(0, 256, (8, 10, 3), dtype=np.uint8)
         pilot.hear(
-            Odometry(
+            OdometryMessage(
                 stamp_ns=T0 + now_ns,
                 **dict(zip(("x_m", "y_m", "yaw_rad"), pose, strict=True)),
                 v_mps=moving[0],
@@ -33,7 +33,7 @@ def test_robot_is_driven_as_in_an_evaluation_step_by_step(tmp_path):
             ),
             now_ns,
         )
-        pilot.look(Picture(stamp_ns=T0 + now_ns, decode=lambda image=image: image[..., ::-1]), now_ns)
+        pilot.look(ImageMessage(stamp_ns=T0 + now_ns, decode=lambda image=image: image[..., ::-1]), now_ns)
         command = pilot.command(now_ns)
         there = np.array([goal_in_robot_frame(*pose, goal)], np.float32)
         v, w = policy.step([memory], image[None], np.array([moving], np.float32), there)[0].tolist()
@@ -47,7 +47,7 @@ def test_robot_is_driven_as_in_an_evaluation_step_by_step(tmp_path):
 
 def test_robot_stands_until_it_has_images_and_odometry_and_then_speeds_up_within_its_limits(make_ride):
     ride = make_ride()
-    assert ride.step(images=False) == Command()
+    assert ride.step(images=False) == VelocityMessage()
     assert ride.pilot.waiting_for == "no images"
     second, third = ride.step(), ride.step()
     assert ride.pilot.started_ns is not None
@@ -60,7 +60,7 @@ def test_lower_limits_hold_and_higher_ones_are_refused(make_ride):
     last = make_ride(v_max_mps=0.3, w_max_radps=0.2).steps(40)
     assert (last.v_mps, last.w_radps) == pytest.approx((0.3, 0.2))
     with pytest.raises(ValueError, match="v_max_mps must be above 0 and at most 1, what the policy learned, got 2"):
-        limited(RobotConfig(), DriveConfig(v_max_mps=2.0, w_max_radps=1.0))
+        limit_speeds(RobotConfig(), DriveConfig(v_max_mps=2.0, w_max_radps=1.0))
 
 
 @pytest.mark.parametrize(("missing", "words"), [("images", "no new images"), ("moves", "no new odometry")])
@@ -68,7 +68,7 @@ def test_robot_stands_while_something_is_older_than_a_third_of_a_second_and_goes
     ride = make_ride()
     ride.steps(20)
     assert ride.steps(6, **{missing: False}).v_mps > 0
-    assert ride.step(**{missing: False}) == Command()
+    assert ride.step(**{missing: False}) == VelocityMessage()
     assert ride.pilot.waiting_for == words
     assert ride.steps(3).v_mps == pytest.approx(0.15)
     assert ride.pilot.ending is None
@@ -78,9 +78,9 @@ def test_trial_is_over_when_nothing_comes_for_long(make_ride):
     ride = make_ride()
     ride.steps(20)
     ride.steps(220, images=False)
-    assert ride.pilot.ending is Ending.STALE
+    assert ride.pilot.ending is TrialEnding.STALE
     assert ride.pilot.reason == "no new images for 10 s"
-    assert ride.commands[-1] == Command()
+    assert ride.commands[-1] == VelocityMessage()
 
 
 def test_late_images_make_the_robot_stand_though_many_come(make_ride):
@@ -89,7 +89,7 @@ def test_late_images_make_the_robot_stand_though_many_come(make_ride):
     for _ in range(10):
         ride.pilot.hear(odometry(T0 + ride.now_ns), ride.now_ns)
         ride.step(moves=False, shift_ns=-600_000_000)
-    assert ride.commands[-1] == Command()
+    assert ride.commands[-1] == VelocityMessage()
 
 
 def test_goal_is_where_the_robot_looked_at_the_start_and_is_reached_within_its_radius(make_ride):
@@ -101,9 +101,9 @@ def test_goal_is_where_the_robot_looked_at_the_start_and_is_reached_within_its_r
         ride.step(x_m=10.0, y_m=0.05 * k, yaw_rad=math.pi / 2)
         if ride.pilot.ending:
             break
-    assert ride.pilot.ending is Ending.GOAL
+    assert ride.pilot.ending is TrialEnding.GOAL
     assert ride.pilot.goal_distance_m <= 1.0
-    assert ride.commands[-1] == Command()
+    assert ride.commands[-1] == VelocityMessage()
     assert ride.pilot.driven_m == pytest.approx(2.15, abs=0.1)
 
 
@@ -116,25 +116,25 @@ def test_goal_of_the_odometrys_frame_stays_where_it_is(make_ride):
 def test_time_runs_out(make_ride):
     ride = make_ride(time_limit_s=2.0)
     ride.steps(42)
-    assert ride.pilot.ending is Ending.LATE
+    assert ride.pilot.ending is TrialEnding.LATE
     assert ride.pilot.ending.outcome is Outcome.TIMEOUT
 
 
 @pytest.mark.parametrize("answer", [(math.nan, 0.0), (0.5, math.inf)])
 def test_policy_that_answers_no_number_stops_the_robot(make_ride, fake_policy, answer):
     ride = make_ride(fake_policy(answer))
-    assert ride.steps(3) == Command()
-    assert ride.pilot.ending is Ending.NOT_FINITE
+    assert ride.steps(3) == VelocityMessage()
+    assert ride.pilot.ending is TrialEnding.NOT_FINITE
 
 
 def test_odometry_that_is_no_number_or_leaps_stops_the_robot(make_ride):
     ride = make_ride()
     ride.steps(5)
-    assert ride.step(x_m=math.nan) == Command()
-    assert ride.pilot.ending is Ending.NOT_FINITE
+    assert ride.step(x_m=math.nan) == VelocityMessage()
+    assert ride.pilot.ending is TrialEnding.NOT_FINITE
     ride = make_ride()
     ride.steps(5)
-    assert ride.step(x_m=4.0) == Command()
+    assert ride.step(x_m=4.0) == VelocityMessage()
     assert ride.pilot.reason == "the odometry leapt by 4.0 m"
 
 
@@ -142,15 +142,15 @@ def test_odometry_that_is_no_number_or_leaps_stops_the_robot(make_ride):
 def test_clock_that_is_set_stops_the_robot(make_ride, shift_s, words):
     ride = make_ride()
     ride.steps(5)
-    assert ride.step(shift_ns=shift_s * 10**9) == Command()
-    assert ride.pilot.ending is Ending.CLOCK
+    assert ride.step(shift_ns=shift_s * 10**9) == VelocityMessage()
+    assert ride.pilot.ending is TrialEnding.CLOCK
     assert words in ride.pilot.reason
 
 
 def test_images_of_another_size_stop_the_robot(make_ride):
     ride = make_ride()
     ride.steps(5)
-    assert ride.step(image_size=(16, 20)) == Command()
+    assert ride.step(image_size=(16, 20)) == VelocityMessage()
     assert ride.pilot.reason == "the robot sends images of 16x20 px, and its calibration is of 8x10"
 
 
@@ -182,7 +182,7 @@ class DepthRide:
         self.policy.see = lambda memories, images, times: (self.sights.append(images[0]), see(memories, images, times))
         config = DriveConfig(v_max_mps=1.0, w_max_radps=1.2)
         camera = spec.robot.camera
-        self.pilot = Pilot(self.policy, {"": Rectifier(camera, camera)}, config, Goal(x_m=5.0, y_m=0.0))
+        self.pilot = Pilot(self.policy, {"": Rectifier(camera, camera)}, config, GoalMessage(x_m=5.0, y_m=0.0))
 
     def tell(self, now_ns, *, image=True, depth_m=5.0, depth_late_ns=0):
         stamp_ns = T0 + now_ns
@@ -191,7 +191,7 @@ class DepthRide:
             self.pilot.look(picture(stamp_ns), now_ns)
         if depth_m is not None:
             depths = np.full((8, 10), depth_m, np.float32)
-            self.pilot.look(Picture(stamp_ns=stamp_ns, decode=lambda: depths), now_ns + depth_late_ns, "depth")
+            self.pilot.look(ImageMessage(stamp_ns=stamp_ns, decode=lambda: depths), now_ns + depth_late_ns, "depth")
         return self.pilot.command(now_ns + depth_late_ns)
 
 
@@ -225,7 +225,7 @@ class ThreeCameraRide:
         self.policy.spec = dataclasses.replace(self.policy.spec, robot=robot, graph=graph)
         rectify = dict.fromkeys(("", "left", "right"), Rectifier(camera, camera))
         config = DriveConfig(v_max_mps=1.0, w_max_radps=1.2)
-        self.pilot = Pilot(self.policy, rectify, config, Goal(x_m=5.0, y_m=0.0))
+        self.pilot = Pilot(self.policy, rectify, config, GoalMessage(x_m=5.0, y_m=0.0))
         self.due = []
 
     def run(self, seconds, *, every_ns=STEP_NS, taken_ns=None, late_ns=None, without=()):
@@ -270,7 +270,7 @@ def test_cameras_that_all_stay_away_are_not_named(fake_policy):
 
 def test_cameras_whose_clocks_differ_are_told(fake_policy):
     ride = ThreeCameraRide(fake_policy)
-    assert ride.run(1.0, taken_ns={"left.rgb": 40_000_000}, every_ns=2 * STEP_NS) == Command()
+    assert ride.run(1.0, taken_ns={"left.rgb": 40_000_000}, every_ns=2 * STEP_NS) == VelocityMessage()
     assert ride.pilot.waiting_for == "no images of one time: images of left are 0.04 s from the first camera's"
 
 
@@ -279,14 +279,14 @@ def test_cameras_whose_clocks_differ_are_told(fake_policy):
 )
 def test_robot_stands_without_one_of_its_cameras_and_goes_on_with_it(fake_policy, name, words):
     ride = ThreeCameraRide(fake_policy)
-    assert ride.run(0.5, without=(name,)) == Command()
+    assert ride.run(0.5, without=(name,)) == VelocityMessage()
     assert ride.pilot.waiting_for == f"no {words}"
     assert ride.run(1.0).v_mps > 0
-    assert ride.run(0.5, without=(name,)) == Command()
+    assert ride.run(0.5, without=(name,)) == VelocityMessage()
     assert ride.pilot.waiting_for == f"no new {words}"
     assert ride.run(1.0).v_mps > 0
     ride.run(12.0, without=(name,))
-    assert (ride.pilot.ending, ride.pilot.reason) == (Ending.STALE, f"no new {words} for 10 s")
+    assert (ride.pilot.ending, ride.pilot.reason) == (TrialEnding.STALE, f"no new {words} for 10 s")
 
 
 def crooked_robot(fake_policy, answer=(0.9, -0.4), **changes):
@@ -301,11 +301,11 @@ def crooked_robot(fake_policy, answer=(0.9, -0.4), **changes):
 def test_limits_of_a_drive_are_at_most_the_robots_also_backwards():
     robot = RobotConfig(v_max_mps=0.9, v_min_mps=-0.4, w_max_radps=0.7)
     for v_max_mps, v_min_mps in ((0.9, -0.4), (0.25, -0.25)):
-        found = limited(robot, DriveConfig(v_max_mps=v_max_mps, w_max_radps=0.7))
+        found = limit_speeds(robot, DriveConfig(v_max_mps=v_max_mps, w_max_radps=0.7))
         assert found == dataclasses.replace(robot, v_max_mps=v_max_mps, v_min_mps=v_min_mps)
     for v_max_mps, w_max_radps in ((0.0, 0.5), (0.5, -0.1), (0.91, 0.5), (0.5, 0.71)):
         with pytest.raises(ValueError, match=r"must be above 0 and at most 0\.[79], what the policy learned"):
-            limited(robot, DriveConfig(v_max_mps=v_max_mps, w_max_radps=w_max_radps))
+            limit_speeds(robot, DriveConfig(v_max_mps=v_max_mps, w_max_radps=w_max_radps))
 
 
 def test_first_command_is_one_step_of_the_robots_clock_and_later_ones_go_by_the_time_between(make_ride, fake_policy):
@@ -348,7 +348,7 @@ def test_goal_and_what_moves_are_told_as_the_robot_stands(make_ride, fake_policy
     policy.decide = lambda memories, moving, goals: (told.append((moving, goals)), decide(memories, moving, goals))[1]
     ride = make_ride(policy, goal=(2.0, -1.5), v_max_mps=0.9, w_max_radps=0.7)
     ride.now_ns = S
-    ride.pilot.hear(Odometry(stamp_ns=T0 + S, x_m=-3.2, y_m=7.1, yaw_rad=2.5, v_mps=0.35, w_radps=-0.21), S)
+    ride.pilot.hear(OdometryMessage(stamp_ns=T0 + S, x_m=-3.2, y_m=7.1, yaw_rad=2.5, v_mps=0.35, w_radps=-0.21), S)
     ride.step(moves=False)
     c, s = math.cos(2.5), math.sin(2.5)
     assert (ride.pilot.goal.x_m, ride.pilot.goal.y_m) == pytest.approx((-3.2 + 2 * c + 1.5 * s, 7.1 + 2 * s - 1.5 * c))
@@ -360,7 +360,7 @@ def test_goal_and_what_moves_are_told_as_the_robot_stands(make_ride, fake_policy
     assert ride.pilot.words == "goal 2.5 m, v 0.03 m/s, w -0.06 rad/s"
 
 
-@pytest.mark.parametrize(("away_m", "ending"), [(0.75, Ending.GOAL), (0.76, None)])
+@pytest.mark.parametrize(("away_m", "ending"), [(0.75, TrialEnding.GOAL), (0.76, None)])
 def test_robot_has_arrived_on_the_circle_around_the_goal(make_ride, away_m, ending):
     ride = make_ride(goal=(3.0, 1.0), goal_radius_m=0.75, goal_in_start_frame=False)
     ride.step(x_m=3.0 - away_m, y_m=1.0)
@@ -373,8 +373,8 @@ def test_trial_is_late_when_its_time_is_over_and_not_a_step_before(make_ride):
     ride.steps(30)
     assert ride.pilot.ending is None
     ride.step()
-    assert ride.pilot.ending is Ending.LATE
-    ride.pilot.end(Ending.FAILED, "later")
+    assert ride.pilot.ending is TrialEnding.LATE
+    ride.pilot.end(TrialEnding.FAILED, "later")
     assert ride.pilot.reason == "out of time", "the first reason counts"
 
 
@@ -384,7 +384,7 @@ def test_trial_is_given_up_10_seconds_after_something_was_missed_first(make_ride
     ride.steps(207, images=False)
     assert ride.pilot.ending is None
     ride.step(images=False)
-    assert ride.pilot.ending is Ending.STALE
+    assert ride.pilot.ending is TrialEnding.STALE
     waiting = make_ride()
     waiting.steps(300, images=False)
     assert waiting.pilot.ending is None, "it has not begun"
@@ -395,13 +395,13 @@ def test_odometry_may_move_half_a_metre_beyond_twice_what_the_robot_drives(make_
     ride = make_ride(v_max_mps=0.8)
     ride.steps(5, x_m=0.3, y_m=-0.2)
     ride.step(x_m=0.3 + 0.6 * leap_m, y_m=-0.2 - 0.8 * leap_m)
-    assert (ride.pilot.ending is Ending.LEAP) == leaps
+    assert (ride.pilot.ending is TrialEnding.LEAP) == leaps
     assert ride.pilot.driven_m == pytest.approx(leap_m)
     slow = make_ride(v_max_mps=0.8)
     slow.steps(5)
     slow.steps(3, moves=False)
     slow.step(x_m=leap_m + 2 * 0.8 * 0.15)
-    assert (slow.pilot.ending is Ending.LEAP) == leaps
+    assert (slow.pilot.ending is TrialEnding.LEAP) == leaps
     before = make_ride(v_max_mps=0.8)
     for x_m in (0.0, 30.0):
         before.step(images=False, x_m=x_m)
@@ -425,10 +425,10 @@ def test_messages_without_stamps_count_from_when_they_come_and_old_ones_change_n
 
 
 def test_what_a_trial_that_ends_counts_as():
-    counts = {ending: ending.outcome for ending in Ending}
-    assert counts.pop(Ending.GOAL) is Outcome.SUCCESS
-    assert counts.pop(Ending.STATIC_COLLISION) is Outcome.STATIC_COLLISION
-    assert counts.pop(Ending.HUMAN_COLLISION) is Outcome.HUMAN_COLLISION
+    counts = {ending: ending.outcome for ending in TrialEnding}
+    assert counts.pop(TrialEnding.GOAL) is Outcome.SUCCESS
+    assert counts.pop(TrialEnding.STATIC_COLLISION) is Outcome.STATIC_COLLISION
+    assert counts.pop(TrialEnding.HUMAN_COLLISION) is Outcome.HUMAN_COLLISION
     assert set(counts.values()) == {Outcome.TIMEOUT}
 
 

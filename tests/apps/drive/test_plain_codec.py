@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from readygo.apps.drive import ros_codec as types
-from readygo.apps.drive.messages import Command, Goal, Odometry
+from readygo.apps.drive.messages import GoalMessage, OdometryMessage, VelocityMessage
 from readygo.apps.drive.plain_codec import PlainCodec
 from readygo.apps.robot_logs.reader import INFO_TYPE, ODOMETRY_TYPE, LogCamera
 
@@ -14,17 +14,17 @@ CODEC = PlainCodec()
 
 
 def test_commands_are_maps_with_units_in_their_names():
-    sent = CODEC.write(types.TWIST_TYPE, Command(v_mps=0.5, w_radps=-0.25), 7)
+    sent = CODEC.write(types.TWIST_TYPE, VelocityMessage(v_mps=0.5, w_radps=-0.25), 7)
     assert msgpack.unpackb(sent) == {"stamp_ns": 7, "v_mps": 0.5, "w_radps": -0.25}
 
 
 @pytest.mark.parametrize(
     ("kind", "value"),
     [
-        (ODOMETRY_TYPE, Odometry(stamp_ns=7, x_m=1.5, y_m=-2.0, yaw_rad=2.5, v_mps=0.5, w_radps=-0.1)),
-        (types.GOAL_TYPE, Goal(x_m=3.0, y_m=1.5)),
+        (ODOMETRY_TYPE, OdometryMessage(stamp_ns=7, x_m=1.5, y_m=-2.0, yaw_rad=2.5, v_mps=0.5, w_radps=-0.1)),
+        (types.GOAL_TYPE, GoalMessage(x_m=3.0, y_m=1.5)),
         (types.OUTCOME_TYPE, "success"),
-        (types.TWIST_TYPE, Command(v_mps=0.5, w_radps=0.1)),
+        (types.TWIST_TYPE, VelocityMessage(v_mps=0.5, w_radps=0.1)),
         (INFO_TYPE, LogCamera(height_px=4, width_px=6, K_px=(5.0,) * 9, model="", distortion=())),
     ],
 )

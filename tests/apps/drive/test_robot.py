@@ -3,8 +3,8 @@ from contextlib import closing
 
 import pytest
 
-from readygo.apps.drive.messages import Command
-from readygo.apps.drive.robot import DEADMAN_S, Topics, connected
+from readygo.apps.drive.messages import VelocityMessage
+from readygo.apps.drive.robot import DEADMAN_S, Topics, connect_robot
 from readygo.apps.drive.ros_codec import IMAGE_TYPE, TWIST_TYPE
 from readygo.apps.drive.wires import RosWire
 from readygo.common.bus.foreign import ForeignSession
@@ -36,21 +36,21 @@ def test_robot_is_told_to_stand_when_nobody_commands_it_and_when_it_is_left(netw
     session.hear(
         "0/cmd_vel/**", lambda key, payload, attachment: told.append((wire.codec.read(TWIST_TYPE, payload), attachment))
     )
-    robot = connected(endpoint, wire, TOPICS, dry=False)
-    robot.send(Command(v_mps=0.5))
+    robot = connect_robot(endpoint, wire, TOPICS, dry=False)
+    robot.send(VelocityMessage(v_mps=0.5))
     assert waited(lambda: len(told) > 0)
-    assert told[-1][0] == Command(v_mps=0.5)
+    assert told[-1][0] == VelocityMessage(v_mps=0.5)
     assert len(told[-1][1]) == 33
-    assert waited(lambda: told[-1][0] == Command(), DEADMAN_S + 3.0)
-    robot.send(Command(v_mps=0.5))
+    assert waited(lambda: told[-1][0] == VelocityMessage(), DEADMAN_S + 3.0)
+    robot.send(VelocityMessage(v_mps=0.5))
     robot.close()
-    assert waited(lambda: told[-1][0] == Command())
+    assert waited(lambda: told[-1][0] == VelocityMessage())
 
 
 def test_messages_of_another_type_and_bytes_that_are_none_are_said(network):
     endpoint, session = network
     wire = RosWire(0, "drive")
-    robot = connected(endpoint, wire, TOPICS, dry=True)
+    robot = connect_robot(endpoint, wire, TOPICS, dry=True)
     sender = session.publisher("0/odom/nav_msgs::msg::dds_::Odometry_/x")
     assert sender.heard(3.0)
     sender.put(wire.codec.write("nav_msgs/msg/Odometry", odometry(T0, x_m=1.5), T0))
@@ -70,4 +70,4 @@ def test_messages_of_another_type_and_bytes_that_are_none_are_said(network):
 def test_nobody_there_is_said(network, monkeypatch):
     monkeypatch.setattr("readygo.apps.drive.robot.FOUND_S", 0.1)
     with pytest.raises(BusError, match=r"No subscriber listens to /cmd_vel\. Start the robot's base"):
-        connected(network[0], RosWire(0, "drive"), TOPICS, dry=False)
+        connect_robot(network[0], RosWire(0, "drive"), TOPICS, dry=False)

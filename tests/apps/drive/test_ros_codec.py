@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from readygo.apps.drive import ros_codec as types
-from readygo.apps.drive.messages import Command, Encoded, Goal, Odometry
+from readygo.apps.drive.messages import Encoded, GoalMessage, OdometryMessage, VelocityMessage
 from readygo.apps.robot_logs.reader import INFO_TYPE, ODOMETRY_TYPE, LogCamera
 
 pytest.importorskip("rosbags", reason="rosbags (extra robot-logs) is not installed")
@@ -21,13 +21,13 @@ def codec():
 
 
 def test_twist_has_the_bytes_that_ros_has(codec):
-    sent = codec.write(types.TWIST_TYPE, Command(v_mps=0.5, w_radps=-0.25), STAMP_NS)
+    sent = codec.write(types.TWIST_TYPE, VelocityMessage(v_mps=0.5, w_radps=-0.25), STAMP_NS)
     assert sent.hex() == TWIST
-    assert codec.read(types.TWIST_TYPE, bytes.fromhex(TWIST)) == Command(v_mps=0.5, w_radps=-0.25)
+    assert codec.read(types.TWIST_TYPE, bytes.fromhex(TWIST)) == VelocityMessage(v_mps=0.5, w_radps=-0.25)
 
 
 def test_stamped_twist_begins_with_seconds_nanoseconds_and_the_frame(codec):
-    sent = codec.write(types.STAMPED_TWIST_TYPE, Command(v_mps=0.5, w_radps=-0.25), STAMP_NS)
+    sent = codec.write(types.STAMPED_TWIST_TYPE, VelocityMessage(v_mps=0.5, w_radps=-0.25), STAMP_NS)
     head = "00010000" + "00f15365" + "15cd5b07" + "0a000000" + b"base_link\0".hex() + "0000"
     assert sent.hex() == head + TWIST[8:]
 
@@ -54,14 +54,14 @@ CAMERA = LogCamera(
     model="plumb_bob",
     distortion=(0.1, -0.2, 0.3, -0.4, 0.5),
 )
-ODOMETRY = Odometry(stamp_ns=STAMP_NS, x_m=1.5, y_m=-2.0, yaw_rad=2.5, v_mps=0.5, w_radps=-0.1)
+ODOMETRY = OdometryMessage(stamp_ns=STAMP_NS, x_m=1.5, y_m=-2.0, yaw_rad=2.5, v_mps=0.5, w_radps=-0.1)
 
 
 @pytest.mark.parametrize(
     ("kind", "value"),
     [
-        (types.STAMPED_TWIST_TYPE, Command(v_mps=0.5, w_radps=-0.25)),
-        (types.GOAL_TYPE, Goal(x_m=3.0, y_m=1.5)),
+        (types.STAMPED_TWIST_TYPE, VelocityMessage(v_mps=0.5, w_radps=-0.25)),
+        (types.GOAL_TYPE, GoalMessage(x_m=3.0, y_m=1.5)),
         (types.OUTCOME_TYPE, "human_collision"),
         (INFO_TYPE, CAMERA),
     ],
@@ -101,7 +101,7 @@ def test_yaw_of_a_robot_that_is_tilted_is_that_of_its_forward_axis_on_the_floor(
 
 
 def test_goals_cameras_and_images_have_all_that_ros_says_of_them(codec, ros):
-    goal = ros.deserialize_cdr(codec.write(types.GOAL_TYPE, Goal(x_m=3.0, y_m=1.5), 5), types.GOAL_TYPE)
+    goal = ros.deserialize_cdr(codec.write(types.GOAL_TYPE, GoalMessage(x_m=3.0, y_m=1.5), 5), types.GOAL_TYPE)
     turn = goal.pose.orientation
     assert (goal.header.frame_id, goal.pose.position.x, goal.pose.position.y) == ("odom", 3.0, 1.5)
     assert (turn.x, turn.y, turn.z, turn.w) == (0.0, 0.0, 0.0, 1.0)
@@ -169,7 +169,9 @@ def test_depths_go_as_millimetres_and_come_back_in_metres(codec):
 
 @pytest.mark.parametrize("number", [1e200, -1e200, float("nan"), float("inf")])
 def test_odometry_with_numbers_that_no_robot_means_is_refused(codec, number):
-    sent = bytearray(codec.write(ODOMETRY_TYPE, Odometry(stamp_ns=7, x_m=0, y_m=0, yaw_rad=0, v_mps=0, w_radps=0), 7))
+    sent = bytearray(
+        codec.write(ODOMETRY_TYPE, OdometryMessage(stamp_ns=7, x_m=0, y_m=0, yaw_rad=0, v_mps=0, w_radps=0), 7)
+    )
     place = sent.index(struct.pack("<4d", 0.0, 0.0, 0.0, 1.0))
     for k in range(4):
         changed = bytearray(sent)

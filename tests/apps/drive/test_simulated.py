@@ -9,23 +9,23 @@ import numpy as np
 import pytest
 
 from readygo.apps.drive.calibration import Rectifier, camera_from_info, info_of
-from readygo.apps.drive.messages import Goal, Odometry
+from readygo.apps.drive.messages import GoalMessage, OdometryMessage
 from readygo.apps.drive.named_topics import image_topics
-from readygo.apps.drive.pilot import DriveConfig, Ending, Pilot
+from readygo.apps.drive.pilot import DriveConfig, Pilot, TrialEnding
 from readygo.apps.drive.plain_codec import PlainCodec
-from readygo.apps.drive.robot import Topics, connected
+from readygo.apps.drive.robot import Topics, connect_robot
 from readygo.apps.drive.ros_codec import RosCodec
 from readygo.apps.drive.simulated import Manners, SimulatedRobot, odometry_of
-from readygo.apps.drive.simulated import sent as sent_as
+from readygo.apps.drive.simulated import to_message_order as sent_as
 from readygo.apps.drive.trial import Measures, _step, run_trial
 from readygo.apps.drive.wires import RosWire, TopicWire
-from readygo.apps.run.config import RunConfig
-from readygo.apps.run.evaluation import evaluation_world, make_evaluator
 from readygo.common.bus.foreign import ForeignSession
 from readygo.common.bus.zenoh_bus import Router, free_endpoint
 from readygo.common.camera import CameraConfig
 from readygo.common.messages import Outcome, Split
 from readygo.common.robot import Clock, RobotConfig
+from readygo.runs.config import RunConfig
+from readygo.runs.evaluation import evaluation_world, make_evaluator
 from readygo.services.evaluator import Task
 from tests.apps.drive.conftest import CAMERA, FakePolicy, open_ground
 from tests.common.policy.artifacts import graph_seeing
@@ -76,7 +76,7 @@ def test_policy_drives_a_robot_to_its_goal_over_every_wire(kind, depth):
         )
         thread = threading.Thread(target=lambda: outcomes.append(robot.drive(run)), daemon=True)
         thread.start()
-        link = connected(endpoint, make("drive"), topics, dry=False)
+        link = connect_robot(endpoint, make("drive"), topics, dry=False)
         until_s = time.monotonic() + 10.0
         while "" not in link.cameras or link.goal is None:
             assert time.monotonic() < until_s
@@ -91,7 +91,7 @@ def test_policy_drives_a_robot_to_its_goal_over_every_wire(kind, depth):
         link.close()
         thread.join(10.0)
     assert outcomes == [Outcome.SUCCESS]
-    assert pilot.ending is Ending.GOAL
+    assert pilot.ending is TrialEnding.GOAL
     assert run.v_mps <= 1.0
     assert policy.sights[-1][0, 0].tolist() == [0, 0, 0, *([128] if depth else [])]
     assert pilot.driven_m == pytest.approx(1.0, abs=0.3)
@@ -150,7 +150,7 @@ def test_policy_sees_over_the_network_what_it_sees_in_an_evaluation(evaluator, c
         over = threading.Event()
         thread = threading.Thread(target=lambda: robot._stand(run, over.is_set), daemon=True)
         thread.start()
-        link = connected(endpoint, RosWire(7, "drive"), topics, dry=False)
+        link = connect_robot(endpoint, RosWire(7, "drive"), topics, dry=False)
         until_s = time.monotonic() + 60.0
         while set(link.cameras) != set(cameras):
             assert time.monotonic() < until_s
@@ -160,7 +160,7 @@ def test_policy_sees_over_the_network_what_it_sees_in_an_evaluation(evaluator, c
         }
         policy = StillPolicy()
         config = DriveConfig(v_max_mps=1.0, w_max_radps=1.2, time_limit_s=1.0)
-        pilot = Pilot(policy, rectify, config, Goal(x_m=5.0, y_m=0.0))
+        pilot = Pilot(policy, rectify, config, GoalMessage(x_m=5.0, y_m=0.0))
         while not policy.sights:
             assert time.monotonic() < until_s, pilot.waiting_for
             _step(link, pilot, Measures(), time.monotonic() + 0.05)
@@ -183,13 +183,13 @@ def test_manners_that_no_robot_has_are_refused(wrong):
 
 def test_images_are_as_late_and_as_often_lost_as_manners_say():
     manners, rng = Manners(latency_s=0.05, jitter_s=0.02, drop_share=0.3), np.random.default_rng(1)
-    sent = [manners.sent(("rgb", "depth"), rng) for _ in range(4000)]
+    sent = [manners.draw_latencies(("rgb", "depth"), rng) for _ in range(4000)]
     late_s = np.array([late for one in sent for late in one.values()])
     assert len(late_s) / 8000 == pytest.approx(0.7, abs=0.02)
     assert {name for one in sent for name in one} == {"rgb", "depth"}
     assert late_s.min() >= 0.0
     assert (late_s.mean(), late_s.std()) == pytest.approx((0.05, 0.02), abs=0.002)
-    assert Manners(latency_s=0.0, jitter_s=0.0, drop_share=0.0).sent(("rgb",), rng) == {"rgb": 0.0}
+    assert Manners(latency_s=0.0, jitter_s=0.0, drop_share=0.0).draw_latencies(("rgb",), rng) == {"rgb": 0.0}
     with pytest.raises(ValueError, match="must"):
         Manners(jitter_s=-0.1)
     with pytest.raises(ValueError, match="must"):
@@ -201,7 +201,9 @@ def test_odometry_is_of_the_moment():
     run = open_ground()
     run.advance(0.7, -0.4)
     run.advance(0.9, 0.3)
-    wanted = Odometry(stamp_ns=5, x_m=run.x_m, y_m=run.y_m, yaw_rad=run.yaw_rad, v_mps=run.v_mps, w_radps=run.w_radps)
+    wanted = OdometryMessage(
+        stamp_ns=5, x_m=run.x_m, y_m=run.y_m, yaw_rad=run.yaw_rad, v_mps=run.v_mps, w_radps=run.w_radps
+    )
     assert odometry_of(run, 5) == wanted
     assert len({wanted.x_m, wanted.y_m, wanted.yaw_rad, wanted.v_mps, wanted.w_radps}) == 5
     image = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)

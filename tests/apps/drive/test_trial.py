@@ -3,9 +3,9 @@ import time
 import pytest
 
 from readygo.apps.drive import trial
-from readygo.apps.drive.messages import Command
-from readygo.apps.drive.pilot import Ending
-from readygo.apps.drive.trial import Measures, ended, run_trial
+from readygo.apps.drive.messages import VelocityMessage
+from readygo.apps.drive.pilot import TrialEnding
+from readygo.apps.drive.trial import Measures, run_trial, trial_end
 from readygo.common.errors import BusError
 from tests.apps.drive.conftest import odometry, picture
 
@@ -39,11 +39,11 @@ def test_trial_ends_with_the_robot_standing_and_says_what_it_took(make_ride):
     ride, said = make_ride(time_limit_s=0.2), []
     robot = FakeRobot()
     measures = run_trial(robot, ride.pilot, rate_hz=20, say=said.append)
-    assert ride.pilot.ending is Ending.LATE
-    assert robot.told[-1] == Command()
+    assert ride.pilot.ending is TrialEnding.LATE
+    assert robot.told[-1] == VelocityMessage()
     assert max(command.v_mps for command in robot.told) > 0
     assert said[0].startswith("goal 5.0 m")
-    end = ended(ride.pilot, measures)
+    end = trial_end(ride.pilot, measures)
     assert end["measures"]["inference_hz"] > 20
     assert end["measures"]["latency_p99_ms"] >= end["measures"]["latency_median_ms"] > 0
     assert (end["ending"], end["straight_m"]) == ("late", 4.0)
@@ -56,7 +56,7 @@ def test_ctrl_c_and_failures_leave_the_robot_standing(make_ride):
 
     ride, robot = make_ride(), FakeRobot(after=press)
     run_trial(robot, ride.pilot, rate_hz=20, say=lambda words: None)
-    assert (ride.pilot.ending, robot.told[-1]) == (Ending.STOPPED, Command())
+    assert (ride.pilot.ending, robot.told[-1]) == (TrialEnding.STOPPED, VelocityMessage())
 
     def break_down(robot):
         if len(robot.told) > 5:
@@ -65,7 +65,7 @@ def test_ctrl_c_and_failures_leave_the_robot_standing(make_ride):
     ride, robot = make_ride(), FakeRobot(after=break_down)
     with pytest.raises(ZeroDivisionError):
         run_trial(robot, ride.pilot, rate_hz=20, say=lambda words: None)
-    assert (ride.pilot.ending, robot.told[-1]) == (Ending.FAILED, Command())
+    assert (ride.pilot.ending, robot.told[-1]) == (TrialEnding.FAILED, VelocityMessage())
 
 
 def test_robot_that_sends_nothing_is_not_there(make_ride, monkeypatch):
@@ -73,18 +73,18 @@ def test_robot_that_sends_nothing_is_not_there(make_ride, monkeypatch):
     robot = FakeRobot(sends=False)
     with pytest.raises(BusError, match=r"no images and no odometry after 0\.05 s; no node publishes /odom\."):
         run_trial(robot, make_ride().pilot, rate_hz=20, say=lambda words: None)
-    assert robot.told[-1] == Command()
+    assert robot.told[-1] == VelocityMessage()
 
 
 def test_what_somebody_says_of_the_trial_and_wrong_messages_end_it(make_ride):
     ride, robot = make_ride(), FakeRobot()
     robot.outcome = "human_collision"
     run_trial(robot, ride.pilot, rate_hz=20, say=lambda words: None)
-    assert ride.pilot.ending is Ending.HUMAN_COLLISION
+    assert ride.pilot.ending is TrialEnding.HUMAN_COLLISION
     ride, robot = make_ride(), FakeRobot()
     robot.broken = "/odom carries sensor_msgs/msg/Imu; it must be nav_msgs/msg/Odometry"
     run_trial(robot, ride.pilot, rate_hz=20, say=lambda words: None)
-    assert ride.pilot.ending is Ending.BROKEN_IMAGES
+    assert ride.pilot.ending is TrialEnding.BROKEN_IMAGES
     assert "Imu" in ride.pilot.reason
 
 
@@ -145,10 +145,10 @@ def test_step_hears_and_sees_all_that_came_before_it_commands(monkeypatch, pictu
 @pytest.mark.parametrize(
     ("outcome", "ending"),
     [
-        ("success", Ending.GOAL),
-        ("timeout", Ending.LATE),
-        ("static_collision", Ending.STATIC_COLLISION),
-        ("human_collision", Ending.HUMAN_COLLISION),
+        ("success", TrialEnding.GOAL),
+        ("timeout", TrialEnding.LATE),
+        ("static_collision", TrialEnding.STATIC_COLLISION),
+        ("human_collision", TrialEnding.HUMAN_COLLISION),
     ],
 )
 def test_outcome_that_somebody_says_ends_the_trial(outcome, ending):

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import pytest
 
 from readygo.apps.evaluation.replay import Replays
-from readygo.apps.run.config import load_run_config
-from readygo.apps.run.evaluation import evaluation_settings, evaluation_world, make_evaluator, make_request
 from readygo.common.messages import Split
 from readygo.common.policy import load_policy
+from readygo.runs.config import load_run_config
+from readygo.runs.evaluation import evaluation_settings, evaluation_world, make_evaluator, make_request
 from readygo.services.evaluator import handle_evaluate, open_results
 from tests.common.policy.artifacts import ROBOT, write_policy
 

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.export.source import Source
+from readygo.apps.export.source import ExportSource
 from readygo.common.dataset import ShardWriter, encode_episode, shard_name
 from readygo.common.messages import EpisodeKey, Split
 from readygo.common.messages.plan import Outcome
@@ -28,14 +28,14 @@ def data(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def source(data: Path) -> Source:
-    return Source([data])
+def source(data: Path) -> ExportSource:
+    return ExportSource([data])
 
 
 @pytest.fixture
-def crooked_source(tmp_path: Path) -> Source:
+def crooked_source(tmp_path: Path) -> ExportSource:
     """Two episodes of a crooked robot at 30 steps and 15 images a second: a collision with a human, and a timeout."""
     for index, outcome in ((3, Outcome.HUMAN_COLLISION), (8, Outcome.TIMEOUT)):
         folder = tmp_path / f"crooked-{index}"
         write_crooked_shard(folder, (index,), 9 + index, robot=ODD_RATES, outcome=outcome)
-    return Source([tmp_path / "crooked-3", tmp_path / "crooked-8"])
+    return ExportSource([tmp_path / "crooked-3", tmp_path / "crooked-8"])

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from readygo.apps.export import gnm
-from readygo.apps.export.source import Source
+from readygo.apps.export.source import ExportSource
 from tests.crooked import ODD_RATES, crooked_episode
 
 
 def test_loader_of_the_published_layout_finds_images_and_poses(data: Path, tmp_path: Path) -> None:
-    source = Source([data], 4)
+    source = ExportSource([data], 4)
     gnm.finish(source, tmp_path, [gnm.write(source, part, tmp_path) for part in source.parts(10**9)])
     names = (tmp_path / "data_splits" / "train" / "traj_names.txt").read_text().split()
     assert names == ["000000-train-7-000000", "000001-train-7-000002"]
@@ -28,12 +28,14 @@ def test_loader_of_the_published_layout_finds_images_and_poses(data: Path, tmp_p
 
 
 def test_pickle_names_no_module_that_old_numpy_lacks(data: Path, tmp_path: Path) -> None:
-    source = Source([data], 4)
+    source = ExportSource([data], 4)
     gnm.write(source, source.parts(10**9)[0], tmp_path)
     assert all(b"numpy._core" not in path.read_bytes() for path in tmp_path.rglob("traj_data.pkl"))
 
 
-def test_spacing_is_the_mean_way_between_images_of_all_trajectories(crooked_source: Source, tmp_path: Path) -> None:
+def test_spacing_is_the_mean_way_between_images_of_all_trajectories(
+    crooked_source: ExportSource, tmp_path: Path
+) -> None:
     facts = [gnm.write(crooked_source, part, tmp_path) for part in crooked_source.parts(1)]
     assert len(facts) == 2
     gnm.finish(crooked_source, tmp_path, facts)

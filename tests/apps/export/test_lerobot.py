@@ -6,18 +6,18 @@ import pytest
 
 from readygo.apps.export import lerobot
 from readygo.apps.export.common import TASK
-from readygo.apps.export.source import Source
+from readygo.apps.export.source import ExportSource
 
 pq = pytest.importorskip("pyarrow.parquet", reason="pyarrow (extra export) is not installed")
 
 
 @pytest.fixture
-def out(source: Source, tmp_path: Path) -> Path:
+def out(source: ExportSource, tmp_path: Path) -> Path:
     lerobot.finish(source, tmp_path, [lerobot.write(source, part, tmp_path) for part in source.parts(1)])
     return tmp_path
 
 
-def test_info_leads_to_every_row(out: Path, source: Source) -> None:
+def test_info_leads_to_every_row(out: Path, source: ExportSource) -> None:
     info = json.loads((out / "meta" / "info.json").read_text())
     assert (info["codebase_version"], info["fps"], info["total_frames"]) == ("v3.0", 20, 37)
     assert info["splits"] == {"train": "0:2", "val": "2:3"}
@@ -47,7 +47,7 @@ def test_statistics_cover_all_features(out: Path) -> None:
 
 
 def test_failures_are_done_without_success_and_rows_are_at_the_cameras_rate(
-    crooked_source: Source, tmp_path: Path
+    crooked_source: ExportSource, tmp_path: Path
 ) -> None:
     (part,) = crooked_source.parts(10**9)
     lerobot.finish(crooked_source, tmp_path, [lerobot.write(crooked_source, part, tmp_path)])
@@ -77,5 +77,5 @@ def test_failures_are_done_without_success_and_rows_are_at_the_cameras_rate(
     assert stats["frame_index"]["mean"] == pytest.approx([(15 + 36) / 15])
 
 
-def test_success_is_at_the_last_row_alone(source: Source) -> None:
+def test_success_is_at_the_last_row_alone(source: ExportSource) -> None:
     assert lerobot.numbers_of(source.episode(1))["next.success"].tolist() == [False] * 9 + [True]

@@ -3,12 +3,12 @@ from pathlib import Path
 import pytest
 
 from readygo.apps.export import parquet
-from readygo.apps.export.source import Source
+from readygo.apps.export.source import ExportSource
 
 pq = pytest.importorskip("pyarrow.parquet", reason="pyarrow (extra export) is not installed")
 
 
-def test_files_by_split_hold_all_rows(source: Source, tmp_path: Path) -> None:
+def test_files_by_split_hold_all_rows(source: ExportSource, tmp_path: Path) -> None:
     parquet.finish(source, tmp_path, [parquet.write(source, part, tmp_path) for part in source.parts(10**9)])
     read = pq.read_table(tmp_path / "data" / "train-00000.parquet")
     assert read.num_rows == 31

@@ -3,13 +3,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from readygo.apps.export.source import Source
+from readygo.apps.export.source import ExportSource
 from readygo.common.errors import ConfigError
 from readygo.common.messages import Split
 from tests.crooked import ODD_RATES, crooked_episode
 
 
-def test_training_comes_first_and_every_row_has_a_number(source: Source) -> None:
+def test_training_comes_first_and_every_row_has_a_number(source: ExportSource) -> None:
     assert [len(source.episode(number)) for number in range(source.episode_count)] == [21, 10, 6]
     assert [source.episode(number).first_row for number in range(3)] == [0, 21, 31]
     assert (source.row_count, source.rate_hz, source.dt_s) == (37, 20, 0.05)
@@ -17,7 +17,7 @@ def test_training_comes_first_and_every_row_has_a_number(source: Source) -> None
     assert source.of_split(Split.TEST) == range(0)
 
 
-def test_parts_hold_one_split_each_and_about_as_much_as_asked(source: Source) -> None:
+def test_parts_hold_one_split_each_and_about_as_much_as_asked(source: ExportSource) -> None:
     def spread(size_bytes: int) -> list[tuple[str, int, range]]:
         return [(part.split.value, part.number_in_split, part.episodes) for part in source.parts(size_bytes)]
 
@@ -26,7 +26,7 @@ def test_parts_hold_one_split_each_and_about_as_much_as_asked(source: Source) ->
 
 
 def test_at_a_lower_rate_a_rows_action_is_the_mean_until_the_next(data: Path) -> None:
-    source = Source([data], 5)
+    source = ExportSource([data], 5)
     episode = source.episode(0)
     actions = source.dataset.actions[episode.entry.first_sample :][:21]
     assert len(episode) == 6
@@ -37,7 +37,7 @@ def test_at_a_lower_rate_a_rows_action_is_the_mean_until_the_next(data: Path) ->
     assert episode.columns["is_last"].tolist() == [False] * 5 + [True]
 
 
-def test_images_are_the_recorded_bytes(source: Source) -> None:
+def test_images_are_the_recorded_bytes(source: ExportSource) -> None:
     episode = source.episode(2)
     assert list(episode.images()) == [source.dataset.image(int(sample)) for sample in episode.samples]
 
@@ -45,10 +45,10 @@ def test_images_are_the_recorded_bytes(source: Source) -> None:
 @pytest.mark.parametrize("rate_hz", [3, 40, 0])
 def test_rate_without_an_image_at_every_row_is_refused(data: Path, rate_hz: int) -> None:
     with pytest.raises(ConfigError, match="possible are 20, 10, 5, 4, 2, 1"):
-        Source([data], rate_hz)
+        ExportSource([data], rate_hz)
 
 
-def test_numbers_of_the_rows_are_those_of_the_samples_with_images(crooked_source: Source) -> None:
+def test_numbers_of_the_rows_are_those_of_the_samples_with_images(crooked_source: ExportSource) -> None:
     assert (crooked_source.rate_hz, crooked_source.stride, crooked_source.dt_s) == (15, 2, 2 / 30)
     first, second = (crooked_source.episode(number) for number in range(2))
     assert (len(first), first.first_row, len(second), second.first_row) == (6, 0, 9, 6)
@@ -73,7 +73,7 @@ def test_numbers_of_the_rows_are_those_of_the_samples_with_images(crooked_source
     assert list(second.images("left.depth")) == [row.outputs["left.depth"] for row in rows]
 
 
-def test_parts_are_filled_up_to_their_size_and_not_beyond(source: Source) -> None:
+def test_parts_are_filled_up_to_their_size_and_not_beyond(source: ExportSource) -> None:
     sizes = [sum(map(len, source.episode(number).images())) for number in range(2)]
     assert source.parts(sum(sizes))[0].episodes == range(0, 2)
     assert [part.episodes for part in source.parts(sum(sizes) - 1)][:2] == [range(0, 1), range(1, 2)]

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from readygo.apps.export.statistics import merged, of_images, of_rows
+from readygo.apps.export.statistics import merge_statistics, of_images, of_rows
 from readygo.common.errors import DatasetError
 from tests.common.dataset.episodes import jpeg
 
@@ -10,7 +10,7 @@ from tests.common.dataset.episodes import jpeg
 def test_merged_statistics_are_those_of_all_rows() -> None:
     rows = np.random.default_rng(0).normal(size=(50, 3)).astype(np.float32)
     parts = [{"a": of_rows(rows[:10])}, {"a": of_rows(rows[10:])}]
-    both, whole = merged(parts)["a"], of_rows(rows)
+    both, whole = merge_statistics(parts)["a"], of_rows(rows)
     for name in ("min", "max", "mean", "std"):
         np.testing.assert_allclose(both[name], whole[name], rtol=1e-9)
     assert both["count"] == [50]
@@ -42,7 +42,7 @@ def test_statistics_are_those_of_their_definitions() -> None:
 
 def test_merged_quantiles_are_weighted_means_of_the_parts() -> None:
     parts = [{"a": of_rows(np.full((count, 1), value))} for count, value in ((1, 4.0), (3, 8.0))]
-    both = merged(parts)["a"]
+    both = merge_statistics(parts)["a"]
     assert both["q10"] == both["mean"] == pytest.approx([7.0])
     assert both["std"] == pytest.approx([np.sqrt(0.25 * 9 + 0.75 * 1)])
 

@@ -3,12 +3,12 @@ import tarfile
 from pathlib import Path
 
 from readygo.apps.export import webdataset
-from readygo.apps.export.source import Source
+from readygo.apps.export.source import ExportSource
 from tests.common.dataset.episodes import write_shard
 from tests.crooked import ODD_RATES, crooked_episode
 
 
-def test_rows_follow_each_other_with_their_members_together(source: Source, tmp_path: Path) -> None:
+def test_rows_follow_each_other_with_their_members_together(source: ExportSource, tmp_path: Path) -> None:
     facts = [webdataset.write(source, part, tmp_path) for part in source.parts(10**9)]
     webdataset.finish(source, tmp_path, facts)
     index = json.loads((tmp_path / "index.json").read_text())
@@ -30,13 +30,13 @@ def test_further_images_lie_beside(tmp_path: Path) -> None:
     folder = tmp_path / "data"
     folder.mkdir()
     write_shard(folder, [0], outputs=("depth", "mask"))
-    source = Source([folder])
+    source = ExportSource([folder])
     webdataset.write(source, source.parts(10**9)[0], tmp_path)
     with tarfile.open(tmp_path / "train-000000.tar") as tar:
         assert [name.partition(".")[2] for name in tar.getnames()[:4]] == ["jpg", "depth.png", "mask.png", "json"]
 
 
-def test_numbers_that_are_infinite_are_null_and_others_stay(source: Source, tmp_path: Path) -> None:
+def test_numbers_that_are_infinite_are_null_and_others_stay(source: ExportSource, tmp_path: Path) -> None:
     webdataset.write(source, source.parts(10**9)[0], tmp_path)
     with tarfile.open(tmp_path / "train-000000.tar") as tar:
         row = json.load(tar.extractfile("000001-train-7-000002-000003.json"))
@@ -47,7 +47,9 @@ def test_numbers_that_are_infinite_are_null_and_others_stay(source: Source, tmp_
     assert (row["row"], row["is_last"], row["replanned"]) == (3, False, True)
 
 
-def test_depths_of_all_cameras_lie_beside_at_every_row_with_an_image(crooked_source: Source, tmp_path: Path) -> None:
+def test_depths_of_all_cameras_lie_beside_at_every_row_with_an_image(
+    crooked_source: ExportSource, tmp_path: Path
+) -> None:
     facts = webdataset.write(crooked_source, crooked_source.parts(10**9)[0], tmp_path)
     assert facts["rows"] == 15
     _, samples = crooked_episode(8, 17, robot=ODD_RATES)

@@ -8,15 +8,15 @@ from pathlib import Path
 import pytest
 
 from readygo.apps.fleet.evaluation import EvaluationFleet, Serving, by_fleet, fleet_spec, make_plan, serving
-from readygo.apps.run.config import RunConfig
-from readygo.apps.run.evaluation import evaluation_world, make_evaluator, make_request
-from readygo.apps.run.stages import stage_works
-from readygo.apps.run.world import World
 from readygo.common.bus import Bus, InProcessBus
 from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import RunError
 from readygo.common.fleet import Worker, claim_any
 from readygo.common.messages import ClaimStatus, Split
+from readygo.runs.config import RunConfig
+from readygo.runs.evaluation import evaluation_world, make_evaluator, make_request
+from readygo.runs.stages import stage_works
+from readygo.runs.world import World
 from readygo.services.evaluator import EvaluateReply, Evaluator, Results, handle_evaluate, open_results
 
 METHODS = ("straight-line", "social-force")

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from readygo.apps.fleet import fleet as supervision
-from readygo.apps.fleet.fleet import RESTARTS_MAX, RESTARTS_S, Fleet, Member, last_words
+from readygo.apps.fleet.fleet import RESTARTS_MAX, RESTARTS_S, Fleet, FleetMember, last_words
 from readygo.common.errors import CANNOT_WORK, RunError
 
 OBEYS = """
@@ -49,7 +49,7 @@ def start(tmp_path: Path) -> Iterator[Callable[[str, str], ScriptedFleet]]:
         fleet.stop()
 
 
-def _wait_for_end(member: Member) -> None:
+def _wait_for_end(member: FleetMember) -> None:
     assert member.process is not None
     member.process.wait(timeout=20)
 
@@ -164,7 +164,7 @@ def test_worker_that_is_killed_is_started_anew(start: Callable[[str, str], Scrip
 
 def test_member_has_arguments_of_its_own_and_a_fleet_all_its_data_folders(tmp_path: Path) -> None:
     fleet = Fleet(connect="tcp/x:1", run="a,b", data=[tmp_path / "a", tmp_path / "b"], logs=tmp_path)
-    member = Member(role="trainer", name="t", log=tmp_path / "t.log", arguments=("--out", "policy"))
+    member = FleetMember(role="trainer", name="t", log=tmp_path / "t.log", arguments=("--out", "policy"))
     words = fleet.command(member)
     assert words[words.index("--out") + 1] == "policy"
     begin = words.index("--data")
@@ -212,7 +212,7 @@ def test_stopped_worker_does_not_hold_up_the_end(start: Callable[[str, str], Scr
 def test_processes_are_told_the_token_and_nobody_sees_it_on_their_command_line(tmp_path: Path) -> None:
     fleet = Fleet(connect="tcp/x:1", run="a", data=tmp_path, logs=tmp_path, token="secret")
     assert fleet._forks._environment["READYGO_TOKEN"] == "secret"
-    assert "secret" not in fleet.command(Member(role="all", name="w0", log=tmp_path / "log"))
+    assert "secret" not in fleet.command(FleetMember(role="all", name="w0", log=tmp_path / "log"))
 
 
 class FakeProcess:

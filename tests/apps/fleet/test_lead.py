@@ -22,12 +22,8 @@ from readygo.apps.fleet import worker
 from readygo.apps.fleet.access import join, open_router
 from readygo.apps.fleet.lead import lead
 from readygo.apps.fleet.worker import make_coordinator, make_recorder, take_the_lead
-from readygo.apps.observe.observer import Observer
+from readygo.apps.observe.observer import ProcessObserver
 from readygo.apps.observe.settings import NOTHING
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.recovery import recover
-from readygo.apps.run.stages import stage_works
-from readygo.apps.run.world import World
 from readygo.common.bus import Member
 from readygo.common.bus.zenoh_bus import Router, free_endpoint
 from readygo.common.certificates import issue, make_authority
@@ -35,6 +31,10 @@ from readygo.common.dataset import Dataset
 from readygo.common.errors import BusError, RunError
 from readygo.common.fleet import Worker, pull
 from readygo.common.messages import ClaimReply, Command, ControlRequest, RunSpecRequest, topics
+from readygo.runs.folder import RunFolder
+from readygo.runs.recovery import recover
+from readygo.runs.stages import stage_works
+from readygo.runs.world import World
 from readygo.services.coordinator import Ledger
 from readygo.services.recorder import attach as attach_recorder
 from tests.apps.fleet.toy_line import DRAW, FILM, draw, entry, in_process, make_folder
@@ -175,7 +175,7 @@ def test_host_that_is_cut_off_and_healed_changes_nothing_of_the_dataset(
 def test_only_one_coordinator_leads_a_run(tmp_path: Path, certs: Path) -> None:
     folder = make_folder(tmp_path / "data", [DRAW, FILM], wanted=2)
     listen = free_endpoint().replace("tcp/", "tls/")
-    with folder.locked(), pytest.raises(RunError, match=f"Another process is generating into {folder.path}"):
+    with folder.lock(), pytest.raises(RunError, match=f"Another process is generating into {folder.path}"):
         lead(folder, listen, certs=certs)
 
 
@@ -185,7 +185,7 @@ def test_coordinator_of_a_fleet_that_is_still_at_work_is_waited_for_and_refused(
     folder = make_folder(tmp_path / "data", [DRAW, FILM], wanted=2)
     monkeypatch.setattr(leading, "LATE_S", 0.05)
     with (
-        folder.coordinated(patience_s=0.0),
+        folder.lock_coordinator(patience_s=0.0),
         pytest.raises(RunError, match=f"Another coordinator is at work on {folder.path}"),
     ):
         lead(folder, free_endpoint())
@@ -261,7 +261,7 @@ def test_coordinator_answers_nobody_before_it_leads(tmp_path: Path) -> None:
         take_the_lead(bus, coordinator)
     coordinator.ledger.close()
     with pytest.raises(BusError, match="is led already"):
-        worker._coordinate(bus, folder, threading.Event(), Observer(NOTHING, run="", role="", name=""))
+        worker._coordinate(bus, folder, threading.Event(), ProcessObserver(NOTHING, run="", role="", name=""))
     bus.serve.assert_not_called()
 
 

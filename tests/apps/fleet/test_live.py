@@ -13,14 +13,6 @@ from readygo.apps.commands.generate import GenerateOptions, RecordingOptions, ge
 from readygo.apps.fleet.fleet import Fleet
 from readygo.apps.fleet.roles import places
 from readygo.apps.fleet.worker import make_coordinator, make_recorder
-from readygo.apps.run.config import RunConfig
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.identity import numeric_class
-from readygo.apps.run.policy import with_offers
-from readygo.apps.run.scene_argument import open_scene
-from readygo.apps.run.spec import make_spec
-from readygo.apps.run.stages import stage_works
-from readygo.apps.run.world import World
 from readygo.common.bus import Bus, InProcessBus
 from readygo.common.bus.identity import ALL
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
@@ -31,7 +23,7 @@ from readygo.common.fleet import Worker, claim_any
 from readygo.common.messages import (
     ClaimStatus,
     CommittedEpisode,
-    Driver,
+    DriverKind,
     OfferReply,
     OfferRequest,
     PolicyFile,
@@ -40,6 +32,14 @@ from readygo.common.messages import (
     encode,
     topics,
 )
+from readygo.runs.config import RunConfig
+from readygo.runs.folder import RunFolder
+from readygo.runs.identity import numeric_class
+from readygo.runs.policy import with_offers
+from readygo.runs.scene_argument import open_scene
+from readygo.runs.spec import make_spec
+from readygo.runs.stages import stage_works
+from readygo.runs.world import World
 from readygo.services import coordinator as coordination
 from readygo.services.coordinator import Ledger
 from readygo.services.driver import DriverConfig
@@ -64,7 +64,7 @@ def _folder(scene: str, path: Path, config: RunConfig) -> RunFolder:
     """Of a run that takes policies."""
     spec = make_spec(open_scene(scene), None, config, seed=0, split=Split.TRAIN, static=True)
     folder = RunFolder(path)
-    with folder.locked():
+    with folder.lock():
         folder.save(with_offers(spec, config, 0.5), EPISODES)
     return folder
 
@@ -132,7 +132,7 @@ def test_policies_drive_the_episodes_after_their_offer_and_the_run_can_be_made_a
     assert {entry.policy for entry in entries[:3]} == {""}
     assert {entry.policy for entry in entries[3:6]} == {"", first.sha256}
     assert {entry.policy for entry in entries[6:]} == {"", second.sha256}
-    assert all((entry.driver is Driver.POLICY) is bool(entry.policy) for entry in entries)
+    assert all((entry.driver is DriverKind.POLICY) is bool(entry.policy) for entry in entries)
     assert validate(folder.path).ok
     stored = [*committed_episodes(folder.path)]
     assert [encode(episode.header) for episode in stored] == [encode(episode.header) for episode in published]

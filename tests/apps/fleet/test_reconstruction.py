@@ -33,7 +33,7 @@ def test_worker_that_joins_does_the_job(tmp_path: Path, monkeypatch: pytest.Monk
             time.sleep(0.05)
         return {"scene": str(job.out)}
 
-    monkeypatch.setattr(service, "reconstruct", do)
+    monkeypatch.setattr(service, "reconstruct_scene", do)
     monkeypatch.setattr("readygo.apps.fleet.process.signal.signal", lambda *_: None)
     endpoint, heard = free_endpoint(), Heard()
     job = Job(source=tmp_path / "v.mp4", out=tmp_path / "lobby", work=tmp_path / "work")

@@ -13,9 +13,6 @@ import pytest
 from readygo.apps.fleet import run as module
 from readygo.apps.fleet.run import begin, record, run_fleet
 from readygo.apps.fleet.worker import make_coordinator, make_recorder
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.stages import LINE, Entry, stage_works
-from readygo.apps.run.world import World
 from readygo.common.bus import Bus, InProcessBus
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.dataset import validate
@@ -23,6 +20,9 @@ from readygo.common.dataset.casts import read_casts
 from readygo.common.errors import BusError, RunError
 from readygo.common.fleet import Inputs, StageResult, Work, Worker, pull
 from readygo.common.messages import ClaimReply, OnRejection, RunSpec, Stage, StatusReply, StatusRequest
+from readygo.runs.folder import RunFolder
+from readygo.runs.stages import LINE, Entry, stage_works
+from readygo.runs.world import World
 from readygo.services import coordinator as coordination
 from readygo.services.coordinator.handlers import handle_status
 from readygo.services.recorder import attach as attach_recorder
@@ -143,7 +143,7 @@ def test_run_that_is_finished_builds_no_works(tmp_path: Path) -> None:
 def test_second_process_changes_nothing_in_the_folder_of_a_running_one(tmp_path: Path) -> None:
     folder = make_folder(tmp_path, (DRAW, FILM), wanted=3)
     spec, _ = folder.load()
-    with folder.locked(), pytest.raises(RunError, match="Another process is generating"):
+    with folder.lock(), pytest.raises(RunError, match="Another process is generating"):
         record(spec, tmp_path, episodes=7, workers=0)
     assert folder.load() == (spec, 3)
 
@@ -159,7 +159,7 @@ def test_of_two_runs_that_begin_in_a_folder_at_once_the_later_one_is_refused(
     def check_and_be_late(own: RunFolder, wanted: RunSpec) -> None:
         check(own, wanted)
         if not folder.has_data:
-            with folder.locked():
+            with folder.lock():
                 folder.save(spec, 3)
                 folder.ledger.touch()
 
@@ -329,7 +329,7 @@ def test_summary_tells_what_this_command_made(tmp_path: Path, monkeypatch: pytes
     spec, _ = make_folder(tmp_path / "spec", (DRAW, FILM), wanted=2).load()
     times_s = iter([100.0, 112.346])
     monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: next(times_s)))
-    monkeypatch.setattr(module, "_recorded", lambda folder, wanted: (1, 400))
+    monkeypatch.setattr(module, "_count_recorded", lambda folder, wanted: (1, 400))
     monkeypatch.setattr(module, "run_in_process", lambda folder, show, observing: status_of())
     monkeypatch.setattr(module, "check_recorded", lambda folder: None)
     found = record(spec, tmp_path / "data", episodes=9, workers=0)

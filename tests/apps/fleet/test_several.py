@@ -16,16 +16,16 @@ from readygo.apps.fleet.runs import ANY_RUN, Runs
 from readygo.apps.fleet.several import record_for, work_for
 from readygo.apps.fleet.token import TOKEN_VARIABLE
 from readygo.apps.fleet.worker import make_recorder
-from readygo.apps.run.config import with_run_keys
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.stages import stage_works
-from readygo.apps.run.world import World
 from readygo.common.bus import zenoh_bus
 from readygo.common.bus.zenoh_bus import Router, free_endpoint
 from readygo.common.dataset import Dataset
 from readygo.common.errors import BusError, RunError
 from readygo.common.fleet import Inputs, StageResult, Worker, pull
 from readygo.common.messages import ClaimReply, Command, ControlRequest, RunSpecRequest, topics
+from readygo.runs.config import with_run_keys
+from readygo.runs.folder import RunFolder
+from readygo.runs.stages import stage_works
+from readygo.runs.world import World
 from readygo.services.coordinator import service
 from readygo.services.recorder import attach as attach_recorder
 from tests.apps.fleet.test_lead import wait_for

@@ -8,13 +8,13 @@ pytest.importorskip("torch", reason="torch is not installed")
 
 from readygo.apps.fleet import trainer
 from readygo.apps.fleet.trainer import Reader, train_beside
-from readygo.apps.run.config import RunConfig, resolved_sections
 from readygo.common.bus import InProcessBus
 from readygo.common.camera import CameraConfig
 from readygo.common.errors import RunError
 from readygo.common.messages import OfferReply, topics
 from readygo.common.policy import load_policy
 from readygo.common.robot import RobotConfig
+from readygo.runs.config import RunConfig, resolved_sections
 from readygo.services.trainer import with_overrides
 from tests.common.messages.run_specs import SPEC
 from tests.services.trainer.test_live import CONFIG, episode

@@ -32,7 +32,7 @@ def endpoint() -> Iterator[str]:
 def _signals_stay(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("readygo.apps.fleet.process.signal.signal", lambda *_: None)
     # Kernels are not what these tests are about, and nor is who made the run.
-    monkeypatch.setattr("readygo.apps.run.warm.warm_once", lambda *_: None)
+    monkeypatch.setattr("readygo.runs.warm.warm_once", lambda *_: None)
     monkeypatch.setattr("readygo.apps.fleet.worker.check_same_make", lambda *_: None)
 
 
@@ -135,8 +135,8 @@ def test_worker_of_stages_is_there_before_it_pulls(
     fakes.put("check_same_make", lambda *args: calls.append(("check", *args)))
     fakes.put("numeric_class", lambda *args: ("class", *args))
     fakes.put("pull", lambda bus, who, *, leave: calls.append(("pull", bus, who, leave())) or True)
-    monkeypatch.setattr("readygo.apps.run.warm.warm_once", lambda: calls.append(("warm",)))
-    monkeypatch.setattr("readygo.apps.run.stages.stage_works", lambda *args: args)
+    monkeypatch.setattr("readygo.runs.warm.warm_once", lambda: calls.append(("warm",)))
+    monkeypatch.setattr("readygo.runs.stages.stage_works", lambda *args: args)
     fakes.observer.works.side_effect = lambda works: {"works": works}
     fakes.bus.announce.side_effect = lambda *who: calls.append(("there", *who)) or "first"
     assert _work(fakes.bus, role, "w7", lambda: True, fakes.observer, alone=alone)
@@ -178,7 +178,7 @@ def test_several_runs_are_served_from_a_folder_for_each(
     fakes: Fakes, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, role: str
 ) -> None:
     calls = fakes.calls
-    monkeypatch.setattr("readygo.apps.run.warm.warm_once", lambda: calls.append(("warm",)))
+    monkeypatch.setattr("readygo.runs.warm.warm_once", lambda: calls.append(("warm",)))
     fakes.put("_folder", lambda *_: SimpleNamespace(path=tmp_path))
     fakes.put("Runs", lambda bus, **named: ("runs", bus, named))
     fakes.put("_take_part", lambda part, run, leave, *, alone: (part.data, run, leave(), alone))

@@ -5,13 +5,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from readygo.apps.fleet.run import run_in_process
-from readygo.apps.run.config import RunConfig, resolved_sections
-from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.stages import Entry
-from readygo.apps.run.world import World
 from readygo.common.bus import Bus
 from readygo.common.fleet import Inputs, StageResult, Work, append_episode
 from readygo.common.messages import ClaimReply, RunSpec, Split, Stage, StatusReply
+from readygo.runs.config import RunConfig, resolved_sections
+from readygo.runs.folder import RunFolder
+from readygo.runs.stages import Entry
+from readygo.runs.world import World
 from readygo.services.coordinator import CoordinatorConfig
 from readygo.services.recorder import RecorderConfig
 from tests.common.dataset.episodes import PROVENANCE, make_episode
@@ -66,7 +66,7 @@ def make_folder(
         stages=tuple(entry.stage for entry in line),
     )
     folder = RunFolder(path)
-    with folder.locked():
+    with folder.lock():
         folder.save(spec, wanted)
     return folder
 

@@ -7,10 +7,10 @@ import pytest
 
 from readygo.apps.fleet.run import run_in_process
 from readygo.apps.learn.config import LearnConfig
-from readygo.apps.learn.plan import Budget, Plan, learn_settings, make_plan
-from readygo.apps.run.policy import policy_refs
+from readygo.apps.learn.plan import Budget, LearnPlan, learn_settings, make_plan
 from readygo.common.episode import EpisodeConfig
 from readygo.common.messages import PolicyRef
+from readygo.runs.policy import policy_refs
 from readygo.services.coordinator import BlobStore, Ledger
 from tests.common.policy.artifacts import ROBOT, write_policy
 
@@ -18,7 +18,7 @@ EPISODES = 6
 
 
 @pytest.fixture(scope="session")
-def tiny(tmp_path_factory: pytest.TempPathFactory) -> Plan:
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> LearnPlan:
     out = tmp_path_factory.mktemp("tiny") / "run"
     episode = EpisodeConfig(goal_distance_max_m=4.0, time_limit_s=4.0)
     config = dataclasses.replace(learn_settings(None, None), robot=ROBOT, episode=episode)
@@ -26,14 +26,14 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> Plan:
     plan = make_plan(("embedded",), out, config, LearnConfig(), budget, avatars=None, seed=0)
     write_policy(plan.policy)
     place = plan.places[0]
-    with place.folder.locked():
+    with place.folder.lock():
         place.folder.save(place.spec, EPISODES)
         _offer(plan.policy, place.folder.ledger, place.folder.blobs, plan)
         run_in_process(place.folder, lambda status: None)
     return plan
 
 
-def _offer(policy: Path, ledger: Path, blobs: Path, plan: Plan) -> None:
+def _offer(policy: Path, ledger: Path, blobs: Path, plan: LearnPlan) -> None:
     store, book = BlobStore(blobs), Ledger(ledger, plan.places[0].spec.stages)
     files = policy_refs(policy)
     for file in files:

@@ -3,8 +3,8 @@ from pathlib import Path
 import pytest
 
 from readygo.apps.learn.config import LearnConfig, load_learn_config
-from readygo.apps.run.config import load_run_config
 from readygo.common.errors import ConfigError
+from readygo.runs.config import load_run_config
 
 
 def test_own_section_is_read_beside_those_of_the_runs(tmp_path: Path) -> None:

@@ -1,27 +1,27 @@
 import pytest
 
-from readygo.apps.learn.cores import Split, is_ahead, shared_out, split_cores
+from readygo.apps.learn.cores import CoreSplit, is_ahead, shared_out, split_cores
 
 
 def split(
     cores: int, *, scenes: int = 1, collect_hz: float = 100.0, train_hz: float = 800.0, reuse: float = 4.0
-) -> Split:
+) -> CoreSplit:
     return split_cores(cores, scenes=scenes, collect_hz=collect_hz, train_hz=train_hz, reuse=reuse)
 
 
 def test_two_cores_are_one_for_each() -> None:
-    assert split(2) == split(2, reuse=100.0) == split(2, reuse=0.01) == Split(1, 1)
+    assert split(2) == split(2, reuse=100.0) == split(2, reuse=0.01) == CoreSplit(1, 1)
 
 
 def test_one_core_is_shared() -> None:
-    assert split(1) == Split(1, 1)
+    assert split(1) == CoreSplit(1, 1)
 
 
 def test_every_sample_is_learned_from_as_often_as_wanted() -> None:
     halves = split(12)
-    assert halves == Split(8, 4)
+    assert halves == CoreSplit(8, 4)
     assert halves.trainer_threads * 800.0 / (halves.collectors * 100.0) == pytest.approx(4.0)
-    assert split(12, reuse=16.0) == Split(4, 8)
+    assert split(12, reuse=16.0) == CoreSplit(4, 8)
 
 
 def test_faster_trainer_gets_fewer_cores() -> None:
@@ -31,7 +31,7 @@ def test_faster_trainer_gets_fewer_cores() -> None:
 
 
 def test_every_scene_has_a_collector_however_few_cores_there_are() -> None:
-    assert split(2, scenes=3) == Split(3, 1)
+    assert split(2, scenes=3) == CoreSplit(3, 1)
     assert shared_out(3, 3) == [1, 1, 1]
     assert shared_out(7, 3) == [3, 2, 2]
     assert shared_out(1, 2) == [1, 1]

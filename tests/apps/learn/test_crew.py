@@ -10,14 +10,14 @@ import pytest
 
 from readygo.apps.learn import crew as crew_module
 from readygo.apps.learn.config import LearnConfig
-from readygo.apps.learn.cores import Split
+from readygo.apps.learn.cores import CoreSplit
 from readygo.apps.learn.crew import DEAF_MAX, FROZEN_S, PACE_S, Crew, Reach
-from readygo.apps.learn.plan import Budget, Plan, learn_settings, make_plan
+from readygo.apps.learn.plan import Budget, LearnPlan, learn_settings, make_plan
 from readygo.apps.learn.training import Training
-from readygo.apps.run.folder import RunFolder
 from readygo.common.bus import Member
 from readygo.common.errors import BusError, RunError
 from readygo.common.messages import Command, StatusReply
+from readygo.runs.folder import RunFolder
 
 NOW = Training(told_s=time.time())
 
@@ -79,7 +79,7 @@ class StandInBus:
 
 
 @pytest.fixture
-def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Plan:
+def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> LearnPlan:
     monkeypatch.setattr(StandInFleet, "made", [])
     monkeypatch.setattr(StandInBus, "commands", [])
     monkeypatch.setattr(crew_module, "Fleet", StandInFleet)
@@ -101,8 +101,8 @@ def status(**changes: object) -> StatusReply:
     return StatusReply(**{**plain, **changes})
 
 
-def test_every_scene_has_a_fleet_and_all_have_one_trainer(plan: Plan) -> None:
-    with Crew(plan, Split(3, 2)):
+def test_every_scene_has_a_fleet_and_all_have_one_trainer(plan: LearnPlan) -> None:
+    with Crew(plan, CoreSplit(3, 2)):
         first, second, trainer = StandInFleet.made
         assert (first.names("all"), second.names("all")) == (["all0", "all1"], ["all0"])
         assert first.names("coordinator") == ["coordinator"]
@@ -112,17 +112,17 @@ def test_every_scene_has_a_fleet_and_all_have_one_trainer(plan: Plan) -> None:
     assert all(fleet.stopped for fleet in StandInFleet.made)
 
 
-def test_workers_of_other_hosts_collect_and_are_told_when_it_is_over(plan: Plan, tmp_path: Path) -> None:
-    with Crew(plan, Split(0, 2), Reach(listen="tls/0.0.0.0:7447", certs=tmp_path, hosts=True)):
+def test_workers_of_other_hosts_collect_and_are_told_when_it_is_over(plan: LearnPlan, tmp_path: Path) -> None:
+    with Crew(plan, CoreSplit(0, 2), Reach(listen="tls/0.0.0.0:7447", certs=tmp_path, hosts=True)):
         assert [fleet.names("all") for fleet in StandInFleet.made] == [[], [], []]
         assert {fleet.shown for fleet in StandInFleet.made} == {("tls/127.0.0.1:7447", tmp_path)}
     assert StandInBus.commands == [Command.CANCEL, Command.CANCEL]
 
 
 def test_guests_are_given_time_to_finish_their_episodes_unless_it_is_stopped(
-    plan: Plan, monkeypatch: pytest.MonkeyPatch
+    plan: LearnPlan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    listening = partial(Crew, plan, Split(2, 1), Reach(listen="tls/lab1:7447", certs=Path("certs"), hosts=True))
+    listening = partial(Crew, plan, CoreSplit(2, 1), Reach(listen="tls/lab1:7447", certs=Path("certs"), hosts=True))
     place = plan.places[0].name
     with listening() as crew:
         crew._note_presence(place, Member("all", "all0", "s"), True)
@@ -144,15 +144,15 @@ def test_guests_are_given_time_to_finish_their_episodes_unless_it_is_stopped(
         raise KeyboardInterrupt
 
 
-def test_numbers_are_those_of_all_scenes_and_images_are_counted_apart(plan: Plan) -> None:
-    with Crew(plan, Split(2, 1)) as crew:
+def test_numbers_are_those_of_all_scenes_and_images_are_counted_apart(plan: LearnPlan) -> None:
+    with Crew(plan, CoreSplit(2, 1)) as crew:
         assert (crew.samples, crew.images, crew.policies, crew.collect_hz) == (0, 0, 0, 0.0)
         crew.status = {"embedded": status(), "embedded-2": status(samples=200, policies=2)}
         assert (crew.samples, crew.images, crew.policies, crew.collect_hz) == (500, 100, 3, 20.0)
 
 
-def test_run_that_cannot_go_on_ends_it_all_and_one_that_is_finished_rests(plan: Plan) -> None:
-    with Crew(plan, Split(2, 1)) as crew:
+def test_run_that_cannot_go_on_ends_it_all_and_one_that_is_finished_rests(plan: LearnPlan) -> None:
+    with Crew(plan, CoreSplit(2, 1)) as crew:
         crew.status = {"embedded": status(finished=True)}
         crew.check(NOW)
         first, second, trainer = StandInFleet.made
@@ -164,8 +164,8 @@ def test_run_that_cannot_go_on_ends_it_all_and_one_that_is_finished_rests(plan: 
             crew.check(NOW)
 
 
-def test_frozen_trainer_is_started_anew(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
-    with Crew(plan, Split(2, 1)) as crew:
+def test_frozen_trainer_is_started_anew(plan: LearnPlan, monkeypatch: pytest.MonkeyPatch) -> None:
+    with Crew(plan, CoreSplit(2, 1)) as crew:
         trainer = StandInFleet.made[-1]
         crew.check(NOW)
         assert trainer.begun == 1
@@ -177,25 +177,25 @@ def test_frozen_trainer_is_started_anew(plan: Plan, monkeypatch: pytest.MonkeyPa
         assert trainer.begun == 2, "it gets time to begin"
 
 
-def test_cores_are_split_in_another_way_while_it_runs(plan: Plan) -> None:
-    with Crew(plan, Split(4, 4)) as crew:
+def test_cores_are_split_in_another_way_while_it_runs(plan: LearnPlan) -> None:
+    with Crew(plan, CoreSplit(4, 4)) as crew:
         first, second, trainer = StandInFleet.made
-        crew.split(Split(3, 4))
+        crew.split(CoreSplit(3, 4))
         assert (first.names("all"), second.names("all"), trainer.begun) == (["all0", "all1"], ["all0"], 1)
-        crew.split(Split(6, 2))
+        crew.split(CoreSplit(6, 2))
         assert (len(first.names("all")), len(second.names("all")), trainer.begun) == (3, 3, 2)
         assert "threads = 2" in (plan.out / "trainer.toml").read_text()
 
 
 def test_collecting_is_paused_and_resumed_at_once_and_said_again_now_and_then(
-    plan: Plan, monkeypatch: pytest.MonkeyPatch
+    plan: LearnPlan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = SimpleNamespace(time=time.time)
     monkeypatch.setattr(crew_module, "time", clock)
     asked = {1000.0: True, 1001.0: False, 1002.0: False, 1001.0 + PACE_S: False, 1007.0: True}
     said = []
     clock.monotonic = lambda: 0.0
-    with Crew(plan, Split(2, 1)) as crew:
+    with Crew(plan, CoreSplit(2, 1)) as crew:
         for at_s, wanted in asked.items():
             clock.monotonic = partial(float, at_s)
             StandInBus.commands.clear()
@@ -205,10 +205,10 @@ def test_collecting_is_paused_and_resumed_at_once_and_said_again_now_and_then(
     assert said == [resume, pause, [], pause, resume]
 
 
-def test_coordinator_that_answers_nobody_is_started_anew(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_coordinator_that_answers_nobody_is_started_anew(plan: LearnPlan, monkeypatch: pytest.MonkeyPatch) -> None:
     now_s = 1000.0
     monkeypatch.setattr(crew_module, "time", SimpleNamespace(time=time.time, monotonic=lambda: now_s))
-    with Crew(plan, Split(2, 1)) as crew:
+    with Crew(plan, CoreSplit(2, 1)) as crew:
         monkeypatch.setattr(StandInBus, "deaf", True)
         for count in range(1, 2 * DEAF_MAX):
             now_s += PACE_S

@@ -5,12 +5,12 @@ from readygo.apps.learn.choice import Measurement
 from readygo.apps.learn.curve import CurvePoint
 from readygo.apps.learn.gather import _story
 from readygo.apps.learn.learn import Learned, report_content
-from readygo.apps.learn.plan import Plan
+from readygo.apps.learn.plan import LearnPlan
 from readygo.apps.report.learn import report_html
 from readygo.apps.report.tables import DriverScore
 from readygo.common.dataset import Dataset
 from readygo.common.episode.metrics import EpisodeResult, summarize
-from readygo.common.messages import Driver, Outcome
+from readygo.common.messages import DriverKind, Outcome
 
 CHOSEN = Measurement(fraction=0.5, policy="ab", episodes=8, static=0.5, dynamic=0.25)
 POINTS = [
@@ -19,7 +19,7 @@ POINTS = [
 ]
 
 
-def test_report_shows_how_it_learned_and_what_it_fails_in(tiny: Plan) -> None:
+def test_report_shows_how_it_learned_and_what_it_fails_in(tiny: LearnPlan) -> None:
     history = [{"samples": 400, "train_loss": 0.2, "validation_loss": 0.3}]
     (tiny.policy / "progress.json").write_text(json.dumps({"history": history}))
     learned = Learned(plan=tiny, points=POINTS, chosen=CHOSEN, replies={}, minutes=1.0)
@@ -35,7 +35,7 @@ def test_report_shows_how_it_learned_and_what_it_fails_in(tiny: Plan) -> None:
         ("training", [400.0], [0.2]),
         ("held out", [400.0], [0.3]),
     ]
-    driven = [entry for entry in Dataset(tiny.places[0].folder.path).episodes if entry.driver is Driver.POLICY]
+    driven = [entry for entry in Dataset(tiny.places[0].folder.path).episodes if entry.driver is DriverKind.POLICY]
     failed = [entry for entry in driven if entry.outcome is not Outcome.SUCCESS]
     assert failed
     assert sum(len(ends.xy_m) for ends in content.ends) == len(failed)
@@ -48,7 +48,7 @@ def test_report_shows_how_it_learned_and_what_it_fails_in(tiny: Plan) -> None:
     assert f"readygo learn embedded --config run.toml --minutes 2 --out {tiny.out}" in html
 
 
-def test_run_without_a_measurement_says_so(tiny: Plan) -> None:
+def test_run_without_a_measurement_says_so(tiny: LearnPlan) -> None:
     point = dataclasses.replace(POINTS[1], measurement=None)
     learned = Learned(plan=tiny, points=[point], chosen=None, replies={}, minutes=1.0)
     content = report_content(learned, ("embedded",))

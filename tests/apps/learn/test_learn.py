@@ -14,9 +14,9 @@ import pytest
 
 from readygo.apps.learn import learn
 from readygo.apps.learn.curve import load_curve, measurements_of
-from readygo.apps.run.origin import origin_of_policy
 from readygo.common.dataset import validate
 from readygo.common.policy import load_policy
+from readygo.runs.origin import origin_of_policy
 
 CONFIG = """
 [episode]

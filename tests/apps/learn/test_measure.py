@@ -3,7 +3,7 @@ import shutil
 import pytest
 
 from readygo.apps.learn.measure import Measuring, success_rate, tried_settings
-from readygo.apps.learn.plan import Plan
+from readygo.apps.learn.plan import LearnPlan
 from readygo.common.episode.metrics import EpisodeResult
 from readygo.common.messages import EpisodeKey, Outcome, Split
 from readygo.services.evaluator import EXPERT, POLICY, STRAIGHT_LINE, EpisodeRecord, EvaluateReply, Task
@@ -13,14 +13,14 @@ class StopError(Exception):
     pass
 
 
-def test_policies_are_tried_as_evaluate_does_it(tiny: Plan) -> None:
+def test_policies_are_tried_as_evaluate_does_it(tiny: LearnPlan) -> None:
     settings = tried_settings(tiny)
     assert settings.human_planner.absent == 0.0, "the dynamic task has humans in every episode"
     assert settings.renderer.detail == "lod"
     assert (settings.robot, settings.episode) == (tiny.config.robot, tiny.config.episode)
 
 
-def test_measurement_is_of_both_tasks_and_can_be_ended(tiny: Plan) -> None:
+def test_measurement_is_of_both_tasks_and_can_be_ended(tiny: LearnPlan) -> None:
     measuring = Measuring(tiny)
     measured = measuring.val(tiny.policy, "ab", 2, 0.5)
     assert (measured.measurement.policy, measured.measurement.episodes, measured.folder) == ("ab", 2, tiny.policy)
@@ -37,7 +37,7 @@ def test_measurement_is_of_both_tasks_and_can_be_ended(tiny: Plan) -> None:
     assert [name for name, _ in told] == ["embedded"]
 
 
-def test_test_episodes_are_driven_by_all_and_written_down(tiny: Plan, tmp_path) -> None:
+def test_test_episodes_are_driven_by_all_and_written_down(tiny: LearnPlan, tmp_path) -> None:
     records: list[EpisodeRecord] = []
     replies = Measuring(tiny).test(tiny.policy, 1, tmp_path, records.append)
     assert {(record.task, record.method) for record in records} == {
@@ -50,7 +50,7 @@ def test_test_episodes_are_driven_by_all_and_written_down(tiny: Plan, tmp_path) 
     assert (tmp_path / "embedded" / "failures.html").exists() == failed
 
 
-def test_test_episodes_that_are_there_are_not_driven_again(tiny: Plan, tmp_path) -> None:
+def test_test_episodes_that_are_there_are_not_driven_again(tiny: LearnPlan, tmp_path) -> None:
     driven: list[EpisodeRecord] = []
     policy = shutil.copytree(tiny.policy, tmp_path / "policy")
 

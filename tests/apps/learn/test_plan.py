@@ -7,23 +7,25 @@ import pytest
 from readygo.apps.learn.config import LearnConfig
 from readygo.apps.learn.plan import (
     Budget,
-    Plan,
+    LearnPlan,
     free_name,
     learn_configs,
     learn_settings,
-    locked,
+    lock_folder,
     make_plan,
     read_state,
     write_state,
 )
-from readygo.apps.run.config import RunConfig
-from readygo.apps.run.scene_argument import open_scene
 from readygo.common.errors import ConfigError, ReadygoError, RunError, SceneError
 from readygo.common.messages.stages import DRIVE_LINE
 from readygo.common.robot import CameraConfig
+from readygo.runs.config import RunConfig
+from readygo.runs.scene_argument import open_scene
 
 
-def plan_of(out: Path, config: RunConfig | None = None, scenes: tuple[str, ...] = ("embedded",), seed: int = 0) -> Plan:
+def plan_of(
+    out: Path, config: RunConfig | None = None, scenes: tuple[str, ...] = ("embedded",), seed: int = 0
+) -> LearnPlan:
     settings = config or learn_settings(None, None)
     return make_plan(scenes, out, settings, LearnConfig(), Budget(minutes=1.0), avatars=None, seed=seed)
 
@@ -87,13 +89,13 @@ def test_scene_that_is_named_twice_is_refused(tmp_path: Path) -> None:
 
 def test_run_goes_on_only_as_what_it_is(tmp_path: Path) -> None:
     plan = plan_of(tmp_path / "run")
-    with locked(plan):
+    with lock_folder(plan):
         write_state(plan, spent_s=12.0)
         for place in plan.places:
-            with place.folder.locked():
+            with place.folder.lock():
                 place.folder.save(place.spec, 10)
                 place.folder.ledger.touch()
-        with pytest.raises(RunError, match="Another process is learning in"), locked(plan):
+        with pytest.raises(RunError, match="Another process is learning in"), lock_folder(plan):
             pass
     assert read_state(plan_of(tmp_path / "run"))["spent_s"] == 12.0
     with pytest.raises(RunError, match="holds data of another run: seed differ"):

@@ -14,14 +14,14 @@ import pytest
 from readygo.apps.learn import supervise
 from readygo.apps.learn.choice import Measurement
 from readygo.apps.learn.config import LearnConfig
-from readygo.apps.learn.cores import Split
+from readygo.apps.learn.cores import CoreSplit
 from readygo.apps.learn.measure import Measured
-from readygo.apps.learn.plan import Budget, Plan, learn_settings, make_plan, read_state
+from readygo.apps.learn.plan import Budget, LearnPlan, learn_settings, make_plan, read_state
 from readygo.apps.learn.supervise import Supervisor
 from readygo.apps.learn.training import DECAY_FILE, PROGRESS_FILE
-from readygo.apps.run.origin import origin_of_policy
 from readygo.common.errors import RunError
 from readygo.common.policy import load_policy, load_spec
+from readygo.runs.origin import origin_of_policy
 from tests.common.policy.artifacts import write_policy
 
 MINUTES = 2.0
@@ -49,7 +49,7 @@ class StandInCrew:
     learns = True
     dies_after = 10**9
 
-    def __init__(self, plan: Plan, split: Split, reach: object) -> None:
+    def __init__(self, plan: LearnPlan, split: CoreSplit, reach: object) -> None:
         self.plan, self.running, self.splits = plan, split, []
         self.samples = self.images = self.policies = self.ticks = self.fell = 0
         self.collect_hz, self.status = 100.0, {}
@@ -65,7 +65,7 @@ class StandInCrew:
     def pace(self, wanted: bool) -> None:
         self.paused = not wanted
 
-    def split(self, split: Split) -> None:
+    def split(self, split: CoreSplit) -> None:
         self.splits.append(split)
 
     def check(self, training: object) -> None:
@@ -114,8 +114,8 @@ class StandInMeasuring:
 
 
 @pytest.fixture
-def plan(tmp_path: Path) -> Callable[..., Plan]:
-    def made(minutes: float = MINUTES, **learn: float) -> Plan:
+def plan(tmp_path: Path) -> Callable[..., LearnPlan]:
+    def made(minutes: float = MINUTES, **learn: float) -> LearnPlan:
         settings, budget = learn_settings(None, None), Budget(minutes=minutes)
         out = tmp_path / "run"
         return make_plan(("embedded",), out, settings, LearnConfig(**learn), budget, avatars=None, seed=0)
@@ -137,13 +137,13 @@ def crew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> type[StandInCrew]:
     return StandInCrew
 
 
-def learn(plan: Plan, rates: list[float]) -> tuple[Supervisor, StandInMeasuring, Measurement | None]:
+def learn(plan: LearnPlan, rates: list[float]) -> tuple[Supervisor, StandInMeasuring, Measurement | None]:
     measuring = StandInMeasuring(rates)
     supervisor = Supervisor(plan, measuring, lambda now: None)
     return supervisor, measuring, supervisor.learn()
 
 
-def test_policies_are_measured_as_it_goes_and_the_best_one_is_left(plan: Callable[..., Plan]) -> None:
+def test_policies_are_measured_as_it_goes_and_the_best_one_is_left(plan: Callable[..., LearnPlan]) -> None:
     _, measuring, chosen = learn(plan(), [0.2, 0.9, 0.4])
     apart = [later[1] - earlier[1] for earlier, later in zip(measuring.asked, measuring.asked[1:], strict=False)]
     assert len(measuring.asked) >= 5
@@ -156,7 +156,7 @@ def test_policies_are_measured_as_it_goes_and_the_best_one_is_left(plan: Callabl
     assert plan().best.is_dir()
 
 
-def test_rate_falls_in_time_for_the_budget_and_the_time_is_written_down(plan: Callable[..., Plan]) -> None:
+def test_rate_falls_in_time_for_the_budget_and_the_time_is_written_down(plan: Callable[..., LearnPlan]) -> None:
     supervisor, _, _ = learn(plan(), [0.5])
     assert 0.8 * MINUTES < supervisor.minutes <= 1.1 * MINUTES
     state = read_state(plan())
@@ -164,13 +164,13 @@ def test_rate_falls_in_time_for_the_budget_and_the_time_is_written_down(plan: Ca
     assert state["over"] == {"minutes": MINUTES, "samples": None}
 
 
-def test_it_ends_early_when_the_rate_does_not_rise(plan: Callable[..., Plan]) -> None:
+def test_it_ends_early_when_the_rate_does_not_rise(plan: Callable[..., LearnPlan]) -> None:
     patient, _, _ = learn(plan(minutes=4.0, patience=0.3), [0.9, 0.1])
     assert patient.minutes < 0.8 * 4.0
 
 
 def test_interrupted_run_goes_on_with_the_time_that_is_left(
-    plan: Callable[..., Plan], crew: type[StandInCrew], monkeypatch: pytest.MonkeyPatch
+    plan: Callable[..., LearnPlan], crew: type[StandInCrew], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(StandInCrew, "dies_after", 60)
     with pytest.raises(KeyboardInterrupt):
@@ -186,7 +186,7 @@ def test_interrupted_run_goes_on_with_the_time_that_is_left(
 
 
 def test_run_that_is_over_is_not_begun_again_unless_there_is_more_time(
-    plan: Callable[..., Plan], crew: type[StandInCrew]
+    plan: Callable[..., LearnPlan], crew: type[StandInCrew]
 ) -> None:
     learn(plan(), [0.5])
     _, _, chosen = learn(plan(), [0.5])
@@ -200,19 +200,19 @@ def test_run_that_is_over_is_not_begun_again_unless_there_is_more_time(
 
 
 def test_cores_are_split_by_what_was_measured_once(
-    plan: Callable[..., Plan], crew: type[StandInCrew], monkeypatch: pytest.MonkeyPatch
+    plan: Callable[..., LearnPlan], crew: type[StandInCrew], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(supervise, "cores_here", lambda: 12)
     learn(plan(), [0.5])
     # Six threads learn 800 samples per second of each one's time together.
-    assert crew.made[0].running == Split(6, 6)
-    assert crew.made[0].splits == [Split(3, 9)]
+    assert crew.made[0].running == CoreSplit(6, 6)
+    assert crew.made[0].splits == [CoreSplit(3, 9)]
     assert read_state(plan())["split"] == {"collectors": 3, "trainer_threads": 9}
 
 
 @pytest.mark.parametrize("file", ["curve.json", "learn.json", "policy.onnx"])
 def test_full_disk_is_one_line_and_with_room_it_goes_on(
-    plan: Callable[..., Plan], file: str, monkeypatch: pytest.MonkeyPatch
+    plan: Callable[..., LearnPlan], file: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(path: Path, data: bytes) -> int:
         if path.parent.name.startswith(f".{Path(file).stem}-"):
@@ -234,7 +234,7 @@ def test_full_disk_is_one_line_and_with_room_it_goes_on(
     assert not [path for path in made.out.rglob(".*") if path.name not in (".lock", ".readygo")]
 
 
-def test_policy_that_is_half_copied_is_none(plan: Callable[..., Plan], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_policy_that_is_half_copied_is_none(plan: Callable[..., LearnPlan], monkeypatch: pytest.MonkeyPatch) -> None:
     def full(source: Path, target: Path) -> None:
         target.write_bytes(source.read_bytes()[:10])
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -245,7 +245,7 @@ def test_policy_that_is_half_copied_is_none(plan: Callable[..., Plan], monkeypat
     assert not plan().best.exists()
 
 
-def test_nothing_learned_is_one_line(plan: Callable[..., Plan], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_learned_is_one_line(plan: Callable[..., LearnPlan], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(StandInCrew, "learns", False)
     with pytest.raises(RunError, match=r"^Nothing was learned in 2\.2 min: the trainer saw too few episodes"):
         learn(plan(), [0.5])

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from readygo.apps.monitor.actors import Actor, eye_of
-from readygo.apps.monitor.track import Track, track_of
+from readygo.apps.monitor.track import EpisodeTrack, track_of
 from readygo.common.robot import RobotConfig
 from tests.apps.monitor.fakes import Scene
 from tests.apps.monitor.test_track import TWO_CAMERAS, recorded, recorded_by_two
@@ -14,7 +14,7 @@ from tests.apps.monitor.test_track import TWO_CAMERAS, recorded, recorded_by_two
 ROBOT = RobotConfig()
 
 
-def shown(track: Track) -> tuple[Scene, Actor]:
+def shown(track: EpisodeTrack) -> tuple[Scene, Actor]:
     scene = Scene()
     actor = Actor(scene, "/robots/0", ROBOT, (1, 2, 3))
     actor.plan(track.way, track.replans, of=track.episode)

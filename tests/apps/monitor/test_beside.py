@@ -9,7 +9,7 @@ from readygo.common.errors import RunError
 
 def test_missing_viewer_is_said_before_the_run_begins(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(beside.importlib.util, "find_spec", lambda _: None)
-    with pytest.raises(RunError, match="--watch needs viser"), beside.watched(Path("x"), lambda: True):
+    with pytest.raises(RunError, match="--watch needs viser"), beside.show_page(Path("x"), lambda: True):
         pass
 
 
@@ -31,7 +31,7 @@ def test_page_begins_with_the_run_and_ends_with_its_command(monkeypatch: pytest.
     monkeypatch.setattr(beside, "POLL_S", 0.01)
     monkeypatch.setattr(beside.subprocess, "Popen", Process)
     ready: list[bool] = []
-    with beside.watched(Path("out"), lambda: bool(ready), Path("certs")):
+    with beside.show_page(Path("out"), lambda: bool(ready), Path("certs")):
         assert not begun
         ready.append(True)
         while not begun:
@@ -44,5 +44,5 @@ def test_page_begins_with_the_run_and_ends_with_its_command(monkeypatch: pytest.
 def test_run_that_never_begins_has_no_page(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(beside, "check_viewer", lambda: None)
     monkeypatch.setattr(beside.subprocess, "Popen", lambda *_, **__: pytest.fail("there is nothing to show"))
-    with beside.watched(Path("out"), lambda: False):
+    with beside.show_page(Path("out"), lambda: False):
         pass

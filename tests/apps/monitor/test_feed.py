@@ -1,7 +1,7 @@
 import queue
 from pathlib import Path
 
-from readygo.apps.monitor.feed import Feed, Moment
+from readygo.apps.monitor.feed import Feed, LiveMoment
 from readygo.apps.monitor.subject import Subject
 from readygo.common.messages import topics
 from tests.apps.monitor.test_watch import renderer, states
@@ -12,14 +12,14 @@ class Viewer:
     """Remembers what it is shown."""
 
     def __init__(self) -> None:
-        self.begun: queue.SimpleQueue[Moment] = queue.SimpleQueue()
-        self.shown: queue.SimpleQueue[Moment] = queue.SimpleQueue()
+        self.begun: queue.SimpleQueue[LiveMoment] = queue.SimpleQueue()
+        self.shown: queue.SimpleQueue[LiveMoment] = queue.SimpleQueue()
         self.closed = False
 
-    def begin(self, moment: Moment, stamp_ns: int) -> None:
+    def begin(self, moment: LiveMoment, stamp_ns: int) -> None:
         self.begun.put(moment)
 
-    def show(self, moment: Moment, stamp_ns: int) -> None:
+    def show(self, moment: LiveMoment, stamp_ns: int) -> None:
         self.shown.put(moment)
 
     def close(self) -> None:

@@ -5,13 +5,10 @@ import pytest
 from mcap.reader import make_reader
 
 from readygo.apps.fleet.run import record
-from readygo.apps.monitor.feed import Moment
+from readygo.apps.monitor.feed import LiveMoment
 from readygo.apps.monitor.recorded import Recorded
 from readygo.apps.monitor.subject import subjects_of
 from readygo.apps.monitor.track import track_of
-from readygo.apps.run.config import RunConfig
-from readygo.apps.run.scene_argument import open_scene
-from readygo.apps.run.spec import make_spec
 from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.dataset import Dataset, schemas
 from readygo.common.dataset.schemas import Channel
@@ -19,6 +16,9 @@ from readygo.common.episode import EpisodeConfig
 from readygo.common.messages import Split
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.ranges import RobotRanges
+from readygo.runs.config import RunConfig
+from readygo.runs.scene_argument import open_scene
+from readygo.runs.spec import make_spec
 from readygo.services.renderer import RendererConfig
 from tests.apps.monitor.test_track import TWO_CAMERAS, recorded, recorded_by_two
 
@@ -35,7 +35,7 @@ def test_channels_frames_and_markers_are_those_of_shards(tmp_path: Path) -> None
         track = track_of(recorded())
         way = np.array([state.robot_xyzyaw for state in track.states])
         for state in track.states[:3]:
-            moment = Moment(state=state, images=track.images_at(state.time_ns / 1e9), way=way)
+            moment = LiveMoment(state=state, images=track.images_at(state.time_ns / 1e9), way=way)
             sink.begin(moment, 1_000 + state.time_ns)
             sink.show(moment, 1_000 + state.time_ns)
     sink.close()
@@ -64,7 +64,7 @@ def test_every_camera_has_channels_of_its_own(tmp_path: Path) -> None:
     track = track_of(recorded_by_two())
     with foxglove.open_mcap(tmp_path / "seen.mcap", context=sink.context):
         images = {**track.images_at(0.0), "elsewhere.rgb": b"a camera that the robot has not"}
-        moment = Moment(state=track.states[0], images=images, way=np.array([track.states[0].robot_xyzyaw]))
+        moment = LiveMoment(state=track.states[0], images=images, way=np.array([track.states[0].robot_xyzyaw]))
         sink.begin(moment, 1_000)
         sink.show(moment, 1_000)
     sink.close()
@@ -95,7 +95,7 @@ def test_calibrations_are_those_of_the_shard_lens_and_all(tmp_path: Path) -> Non
     assert track is not None
     sink = FoxgloveSink(subject.robot, None, 0, subject.sensor)
     with foxglove.open_mcap(tmp_path / "seen.mcap", context=sink.context):
-        sink.begin(Moment(state=track.states[0], way=np.array([track.states[0].robot_xyzyaw])), 1_000)
+        sink.begin(LiveMoment(state=track.states[0], way=np.array([track.states[0].robot_xyzyaw])), 1_000)
     sink.close()
     with (tmp_path / "seen.mcap").open("rb") as stream:
         live = {channel.topic: message.data for _, channel, message in make_reader(stream).iter_messages()}

@@ -3,12 +3,12 @@ from pathlib import Path
 import pytest
 
 from readygo.apps.monitor import link as linking
-from readygo.apps.monitor.link import Address, Link, address_of
-from readygo.apps.monitor.watch import Watch
-from readygo.apps.run.folder import RunFolder
+from readygo.apps.monitor.link import Link, RunAddress, address_of
+from readygo.apps.monitor.watch import RunWatch
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.errors import BusError, CertificateError, RunError
 from readygo.common.messages import RunSpec, topics
+from readygo.runs.folder import RunFolder
 from tests.apps.monitor.watched import status, wait_for
 from tests.common.bus.certified import certificates, certified_router
 
@@ -38,7 +38,7 @@ def test_wrong_host_wrong_run_and_another_version_say_so(router: Router, monkeyp
     monkeypatch.setattr(linking, "SPEC_TIMEOUT_S", 0.5)
 
     def join(endpoint: str, run: str) -> None:
-        Link(Watch(), lambda: Address(endpoint, run, TOKEN)).join()
+        Link(RunWatch(), lambda: RunAddress(endpoint, run, TOKEN)).join()
 
     with pytest.raises(BusError, match="No router answers at"):
         join(free_endpoint(), "run-a")
@@ -54,8 +54,8 @@ def test_a_run_is_joined_lost_and_joined_again(router: Router, spec: RunSpec, mo
     monkeypatch.setattr(linking, "RETRY_S", 0.1)
     monkeypatch.setattr(linking, "SILENT_S", 1.0)
     monkeypatch.setattr(linking, "SPEC_TIMEOUT_S", 1.0)
-    watch = Watch()
-    link = Link(watch, lambda: Address(router.endpoint, "run-a", TOKEN))
+    watch = RunWatch()
+    link = Link(watch, lambda: RunAddress(router.endpoint, "run-a", TOKEN))
     bus = fleet(router, spec)
     link.start()
 
@@ -90,8 +90,8 @@ def test_run_that_wants_certificates_is_joined_as_monitor(tmp_path: Path, spec: 
     certificates(tmp_path, "coordinator", "monitor")
     with certified_router(tmp_path) as (endpoint, join):
         join("coordinator").serve(topics.SPEC, lambda _: spec)
-        link = Link(Watch(), lambda: Address(endpoint, "test", "", tmp_path))
+        link = Link(RunWatch(), lambda: RunAddress(endpoint, "test", "", tmp_path))
         assert link.join().seed == spec.seed
         link.close()
         with pytest.raises(CertificateError, match="--certs"):
-            Link(Watch(), lambda: Address(endpoint, "test", "")).join()
+            Link(RunWatch(), lambda: RunAddress(endpoint, "test", "")).join()

@@ -6,9 +6,9 @@ import numpy as np
 
 from readygo.apps.monitor import panels
 from readygo.apps.monitor.track import track_of
-from readygo.apps.monitor.watch import Seen, Watch
+from readygo.apps.monitor.watch import RunWatch, Seen
 from readygo.common.drawing.charts import Curve
-from readygo.common.messages import Driver, Outcome
+from readygo.common.messages import DriverKind, Outcome
 from readygo.common.messages.live import LiveEvaluation, LivePreview
 from readygo.common.robot import RobotConfig
 from tests.apps.monitor.test_track import TWO_CAMERAS, recorded, recorded_by_two
@@ -18,7 +18,7 @@ EVIL = "<script>alert(1)</script>"
 
 
 def test_what_others_say_is_text(spec) -> None:
-    watch = Watch()
+    watch = RunWatch()
     watch.connection = EVIL
     watch.status = status(rejected={EVIL: 2}, trouble=EVIL, kept={EVIL: 1})
     watch.workers["renderer", EVIL] = Seen(role="renderer", name=EVIL, trouble=EVIL, stage=EVIL)
@@ -56,7 +56,7 @@ def test_every_camera_of_a_renderer_is_shown_from_left_to_right_with_depths_belo
 
 
 def test_header_says_how_the_run_is() -> None:
-    watch = Watch()
+    watch = RunWatch()
     assert "live" in panels.header("run", watch, 0)
     watch.connection = "No router answers."
     assert "waiting for the fleet" in panels.header("run", watch, 0)
@@ -69,7 +69,7 @@ def test_header_says_how_the_run_is() -> None:
 
 
 def test_charts_and_bars_have_the_numbers(spec) -> None:
-    watch = Watch()
+    watch = RunWatch()
     for second in range(5):
         watch.progress.add(second, (100.0 * second, second, 3, 1, 1, 0))
     assert panels.charts(watch).count("<svg") == 2
@@ -89,7 +89,7 @@ def test_moment_says_who_is_near() -> None:
 
 def test_panels_look_as_they_did(spec, golden_page: Callable[[str, str], None]) -> None:
     now_s = [500.0]
-    watch = Watch(lambda: now_s[0])
+    watch = RunWatch(lambda: now_s[0])
     parts = {"begun": panels.header("flat", watch, 0)}
     watch.connection = "No <router> answers."
     parts |= {
@@ -110,10 +110,10 @@ def test_panels_look_as_they_did(spec, golden_page: Callable[[str, str], None]) 
     parts |= {"without a spec": panels.stages(watch.status, None), "charts": panels.charts(watch)}
     watch.connection = "gone"
     parts["waiting"] = panels.header("flat", watch, 0)
-    few = Watch()
+    few = RunWatch()
     for k in range(4):
         few.progress.add(2.0 + 45.0 * k, (7.0 * k, 0, 3, k, 0, 0))
-    parts |= {"seconds": panels.charts(few), "nothing": panels.charts(Watch())}
+    parts |= {"seconds": panels.charts(few), "nothing": panels.charts(RunWatch())}
     losses = [Curve(name="training", x=np.array([10.0, 500.0]), y=np.array([2.0, 1.5]))]
     rates = [Curve(name="driving", x=np.array([1.0, 9.0]), y=np.array([0.2, 0.7]))]
     parts["learning"] = panels.learning(losses, rates)
@@ -134,7 +134,7 @@ def test_panels_look_as_they_did(spec, golden_page: Callable[[str, str], None]) 
         Seen(role="animator", name="x"),
     ]
     watch.workers = {(seen.role, seen.name): seen for seen in members}
-    parts |= {"workers": panels.workers(watch), "nobody": panels.workers(Watch())}
+    parts |= {"workers": panels.workers(watch), "nobody": panels.workers(RunWatch())}
     text = "\n\n".join(f"{name}: {part}" for name, part in parts.items())
     golden_page("monitor_panels", text.replace("</div>", "</div>\n"))
 
@@ -142,7 +142,7 @@ def test_panels_look_as_they_did(spec, golden_page: Callable[[str, str], None]) 
 def test_moments_look_as_they_did(golden_page: Callable[[str, str], None]) -> None:
     track = track_of(recorded())
     state = dataclasses.replace(
-        track.states[2], time_ns=1_234_000_000, v_mps=-0.237, w_radps=0.456, driver=Driver.POLICY,
+        track.states[2], time_ns=1_234_000_000, v_mps=-0.237, w_radps=0.456, driver=DriverKind.POLICY,
         goal_xy_m=(3.0, -4.0), robot_xyzyaw=(-1.0, 1.5, 0.2, 2.5), human_distance_m=1.26, time_to_collision_s=2.34,
     )  # fmt: skip
     ended = [dataclasses.replace(track, outcome=outcome) for outcome in Outcome]

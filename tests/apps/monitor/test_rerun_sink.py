@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from readygo.apps.monitor.feed import Moment
+from readygo.apps.monitor.feed import LiveMoment
 from readygo.apps.monitor.track import track_of
 from readygo.common.errors import RunError
 from tests.apps.monitor.test_page import house
@@ -22,7 +22,7 @@ def test_a_recording_has_robot_humans_images_and_numbers(tmp_path: Path) -> None
     track = track_of(recorded_by_two())
     way = np.array([state.robot_xyzyaw for state in track.states])
     for state in track.states[:3]:
-        moment = Moment(state=state, images=track.images_at(state.time_ns / 1e9), way=way)
+        moment = LiveMoment(state=state, images=track.images_at(state.time_ns / 1e9), way=way)
         sink.begin(moment, state.time_ns)
         sink.show(moment, state.time_ns)
     sink.close()

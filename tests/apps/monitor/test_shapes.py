@@ -14,7 +14,7 @@ MESHES = {
     "fan": shapes.fan(1.7, 3.0, 0.3),
     "gem": shapes.gem(0.05),
     "pin": shapes.pin(0.8),
-    "both": shapes.joined([shapes.gem(0.1), shapes.moved(shapes.pin(1.0), 1.0, 2.0, 3.0)]),
+    "both": shapes.join_meshes([shapes.gem(0.1), shapes.move_mesh(shapes.pin(1.0), 1.0, 2.0, 3.0)]),
 }
 
 
@@ -63,12 +63,12 @@ def test_straight_drums_and_rings_have_their_volume_and_area() -> None:
     assert away[reach > reach.max() - 0.05].max() == pytest.approx(0.04, abs=1e-5)
 
 
-def area_m2(mesh: shapes.Mesh) -> float:
+def area_m2(mesh: shapes.ViewerMesh) -> float:
     a, b, c = mesh.vertices_m.astype(float)[mesh.faces].transpose(1, 0, 2)
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
 
-def volume_m3(mesh: shapes.Mesh) -> float:
+def volume_m3(mesh: shapes.ViewerMesh) -> float:
     """Positive where faces look outwards."""
     a, b, c = mesh.vertices_m.astype(float)[mesh.faces].transpose(1, 0, 2)
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)

@@ -4,12 +4,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from readygo.apps.monitor.link import Address
+from readygo.apps.monitor.link import RunAddress
 from readygo.apps.monitor.subject import Subject, subject_at, subjects_of
-from readygo.apps.run.folder import RunFolder
 from readygo.common.bus.zenoh_bus import free_endpoint
 from readygo.common.dataset.places import note_folders
 from readygo.common.errors import BusError, DatasetError, RunError
+from readygo.runs.folder import RunFolder
 
 
 def test_a_folder_without_its_run_shows_its_episodes(data: Path) -> None:
@@ -28,7 +28,7 @@ def test_what_is_no_data_says_so(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="no finished shards"):
         subjects_of(tmp_path)
     with pytest.raises(BusError, match="No router answers"):
-        subject_at(Address(free_endpoint(), "run-a", ""))
+        subject_at(RunAddress(free_endpoint(), "run-a", ""))
 
 
 def test_scene_that_is_gone_is_noted_and_the_rest_is_shown(data: Path, spec) -> None:

@@ -1,10 +1,10 @@
 import dataclasses
 
 from readygo.apps.monitor import watch as watching
-from readygo.apps.monitor.watch import Watch
+from readygo.apps.monitor.watch import RunWatch
 from readygo.common.bus import InProcessBus, Member
 from readygo.common.fleet.shown import state_of
-from readygo.common.messages import Driver, EpisodeKey, Outcome, Split, topics
+from readygo.common.messages import DriverKind, EpisodeKey, Outcome, Split, topics
 from readygo.common.messages.live import LiveCommit, LiveEvaluation, LiveLoss, LivePreview, LiveState, LiveWork
 from tests.apps.monitor.watched import Worker, status, tell_status, wait_for, watched
 from tests.common.dataset.episodes import make_episode
@@ -15,7 +15,7 @@ def states(index: int = 0, count: int = 4) -> list[LiveState]:
     return [state_of(header, sample) for sample in samples]
 
 
-def commit(index: int, outcome: Outcome = Outcome.SUCCESS, driver: Driver = Driver.POLICY) -> LiveCommit:
+def commit(index: int, outcome: Outcome = Outcome.SUCCESS, driver: DriverKind = DriverKind.POLICY) -> LiveCommit:
     key = EpisodeKey(seed=0, split=Split.TRAIN, index=index)
     return LiveCommit(
         episode=key,
@@ -28,7 +28,7 @@ def commit(index: int, outcome: Outcome = Outcome.SUCCESS, driver: Driver = Driv
     )
 
 
-def renderer(run: InProcessBus, watch: Watch, name: str = "render0") -> Worker:
+def renderer(run: InProcessBus, watch: RunWatch, name: str = "render0") -> Worker:
     worker = Worker(run, "renderer", name)
     wait_for(lambda: ("renderer", name) in watch._heard)
     wait_for(lambda: worker.bus.heard(topics.EVALUATION.of("renderer", name)))
@@ -121,7 +121,7 @@ def test_success_losses_and_evaluations_are_kept() -> None:
     worker = renderer(run, watch)
     worker.tell(topics.COMMIT, commit(0))
     worker.tell(topics.COMMIT, commit(1, Outcome.TIMEOUT))
-    worker.tell(topics.COMMIT, commit(2, Outcome.TIMEOUT, Driver.EXPERT))
+    worker.tell(topics.COMMIT, commit(2, Outcome.TIMEOUT, DriverKind.EXPERT))
     worker.tell(topics.LOSS, LiveLoss(steps=1, samples=50, train_loss=2.0, validation_loss=3.0))
     evaluation = LiveEvaluation(
         episode=commit(0).episode,
@@ -152,15 +152,15 @@ class Clock:
         return self.now_s
 
 
-def note_renderer(watch: Watch, bus: InProcessBus, name: str, alive: bool = True) -> None:
+def note_renderer(watch: RunWatch, bus: InProcessBus, name: str, alive: bool = True) -> None:
     """A renderer comes or goes on a bus."""
     watch._on_presence(bus, Member("renderer", name, "s"), alive)
 
 
-def heard(*names: str) -> tuple[Watch, Clock]:
+def heard(*names: str) -> tuple[RunWatch, Clock]:
     """A watch whose messages come by hand, and its workers."""
     clock = Clock()
-    watch, bus = Watch(clock), InProcessBus()
+    watch, bus = RunWatch(clock), InProcessBus()
     for name in names:
         note_renderer(watch, bus, name)
     return watch, clock
@@ -218,7 +218,7 @@ def test_numbers_are_taken_over_time_since_it_began() -> None:
     for k, outcome in enumerate([Outcome.SUCCESS, Outcome.TIMEOUT, Outcome.TIMEOUT]):
         clock.now_s = 1000.0 + 60.0 * (k + 1)
         watch._on_commit(("recorder", "r"), commit(k, outcome))
-        watch._on_commit(("recorder", "r"), commit(k, Outcome.SUCCESS, Driver.EXPERT))
+        watch._on_commit(("recorder", "r"), commit(k, Outcome.SUCCESS, DriverKind.EXPERT))
     x, y = watch.driven.curve(0)
     assert (x.tolist(), y.tolist()) == ([1.0, 2.0, 3.0], [1.0, 0.5, 1 / 3])
     assert len(watch.commits) == 6
@@ -237,7 +237,7 @@ def test_at_most_256_workers_are_kept_and_those_that_left_give_way_first() -> No
 
 
 def test_worker_is_heard_once_on_every_bus() -> None:
-    watch = Watch()
+    watch = RunWatch()
     bus, heard_streams = InProcessBus(), []
     bus.subscribe = lambda stream, handler: heard_streams.append(stream.name)  # type: ignore[method-assign]
     watch.join(bus)
@@ -255,7 +255,7 @@ def test_worker_is_heard_once_on_every_bus() -> None:
 
 
 def test_worker_that_meets_its_successor_is_there_until_both_have_left() -> None:
-    watch, bus = Watch(Clock()), InProcessBus()
+    watch, bus = RunWatch(Clock()), InProcessBus()
     for session, alive, seen in (("a", True, True), ("b", True, True), ("a", False, True), ("b", False, False)):
         watch._on_presence(bus, Member("renderer", "r0", session), alive)
         assert watch.workers["renderer", "r0"].alive == seen

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from readygo.apps.monitor.watch import Watch
+from readygo.apps.monitor.watch import RunWatch
 from readygo.common.bus import InProcessBus
 from readygo.common.messages import StatusReply, topics
 
@@ -22,10 +22,10 @@ class Worker:
         self.bus.tell(live, lambda: message)
 
 
-def watched() -> tuple[InProcessBus, Watch]:
+def watched() -> tuple[InProcessBus, RunWatch]:
     """A run and who watches it."""
     run = InProcessBus()
-    watch = Watch()
+    watch = RunWatch()
     watch.join(InProcessBus(run))
     return run, watch
 

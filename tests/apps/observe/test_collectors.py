@@ -1,7 +1,7 @@
 import math
 from pathlib import Path
 
-from readygo.apps.fleet.fleet import Member
+from readygo.apps.fleet.fleet import FleetMember
 from readygo.apps.observe.collectors import of_coordinator, of_launcher, of_recorder
 from readygo.common.messages.stages import HUMAN_PLAN, RENDER
 from readygo.services.recorder import Recorder, RecorderConfig
@@ -24,9 +24,9 @@ def test_stages_without_episodes_and_roles_without_workers_are_zero(tmp_path: Pa
 
 
 def test_members_that_come_later_are_shown(tmp_path: Path) -> None:
-    members = [Member(role="renderer", name="renderer0", log=tmp_path, restarts=2)]
+    members = [FleetMember(role="renderer", name="renderer0", log=tmp_path, restarts=2)]
     rows = of_launcher(members)
-    members.append(Member(role="renderer", name="renderer1", log=tmp_path))
+    members.append(FleetMember(role="renderer", name="renderer1", log=tmp_path))
     assert [(labels["member"], value) for _, _, labels, value in rows()] == [("renderer0", 2), ("renderer1", 0)]
 
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from readygo.apps.fleet.run import run_in_process
-from readygo.apps.observe.observer import Observer
+from readygo.apps.observe.observer import ProcessObserver
 from readygo.apps.observe.settings import Observing
-from readygo.apps.run.stages import Entry
 from readygo.common.dataset import Dataset
 from readygo.common.messages import StatusReply
+from readygo.runs.stages import Entry
 from tests.apps.fleet.toy_line import DRAW, FILM, make_folder
 
 pytest.importorskip("prometheus_client", reason="prometheus-client (the extra `metrics`) is not installed")
@@ -85,7 +85,7 @@ def test_targets_are_there_while_the_run_is(shown: Shown) -> None:
 def test_prometheus_of_another_user_gets_through_to_the_targets(tmp_path: Path) -> None:
     state = tmp_path / ".readygo"
     state.mkdir(mode=0o700)
-    with Observer(Observing(metrics="127.0.0.1:0"), run="r", role="all", name="w", state=state):
+    with ProcessObserver(Observing(metrics="127.0.0.1:0"), run="r", role="all", name="w", state=state):
         assert state.stat().st_mode & 0o777 == 0o711
         assert (state / "targets").stat().st_mode & 0o055 == 0o055
         assert (state / "targets" / "w.json").stat().st_mode & 0o044 == 0o044

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from readygo.apps.observe.status import Look, Observed, duration, left_s, runs_table, status_table
+from readygo.apps.observe.status import Observed, RunStatus, duration, left_s, runs_table, status_table
 from readygo.apps.terminal import PlainConsole
 from readygo.common.bus import InProcessBus
 from readygo.common.messages import StatusReply, topics
@@ -91,7 +91,7 @@ def test_cores_in_use_come_from_two_words_of_a_process() -> None:
     coordinator.serve(topics.STATUS, lambda request: STATUS)
     coordinator.serve(topics.FLEET, lambda request: FLEET)
     bus = InProcessBus(beside=coordinator)
-    look = Look(bus)
+    look = RunStatus(bus)
     for now_s in (1.0, 3.0):
         bus.publish(topics.HEALTH.of("recorder", "rec0"), health(now_s, now_s / 2))
     deadline_s = time.monotonic() + 10.0
@@ -165,7 +165,7 @@ def test_disk_with_less_than_a_twentieth_of_its_room_is_red(free: int, low: bool
 
 
 def test_cores_are_not_told_of_a_process_that_was_started_anew_or_a_clock_that_stands() -> None:
-    look = Look(InProcessBus())
+    look = RunStatus(InProcessBus())
     who = ("recorder", "rec0")
     for one in (health(5.0, 1.0), health(5.0, 2.0), dataclasses.replace(health(9.0, 0.5), pid=8)):
         look._hear(one)

@@ -6,12 +6,12 @@ import pytest
 from readygo.apps.pictures import plan_film
 from readygo.apps.pictures.plan_film import GIVEN_UP_S, RobotView, run_film
 from readygo.apps.pictures.side_by_side import CAPTION_PX, GAP_PX
-from readygo.apps.run.config import RunConfig
-from readygo.apps.run.scene_argument import open_scene
-from readygo.apps.run.spec import make_spec
-from readygo.apps.run.world import World
 from readygo.common.avatars import load_avatars
 from readygo.common.messages import Split
+from readygo.runs.config import RunConfig
+from readygo.runs.scene_argument import open_scene
+from readygo.runs.spec import make_spec
+from readygo.runs.world import World
 from readygo.services.renderer import Renderer, RendererConfig
 from tests.common.policy.artifacts import ROBOT
 from tests.services.planner.runs import STEPS, WAY, make_journal, make_run

@@ -9,15 +9,15 @@ from readygo.apps.fleet.run import record
 from readygo.apps.pictures.episode_film import film_frames
 from readygo.apps.pictures.playback import recorded_film, rows_of
 from readygo.apps.pictures.recorded import PAGE_WIDTH_PX, RecordedEpisodes
-from readygo.apps.run.config import RunConfig
-from readygo.apps.run.scene_argument import open_scene
-from readygo.apps.run.spec import make_spec
-from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset
 from readygo.common.episode import EpisodeConfig
 from readygo.common.messages import Split
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes.top_view import top_view
+from readygo.runs.config import RunConfig
+from readygo.runs.scene_argument import open_scene
+from readygo.runs.spec import make_spec
+from readygo.runs.world import World
 from tests.common.policy.artifacts import ROBOT
 
 
@@ -40,7 +40,7 @@ def test_humans_are_where_they_were_recorded(recorded: RecordedEpisodes) -> None
         assert len(humans) == len(scenario.humans) > 0
         joints_m = data.joints_m(entry.first_sample)
         np.testing.assert_allclose([way[0] for way in humans], joints_m[:, 0, :2], atol=0.01)
-        drawn = recorded.drawn(entry)
+        drawn = recorded.draw_episode(entry)
         assert len(drawn.robot_xy_m) == entry.sample_count
 
 

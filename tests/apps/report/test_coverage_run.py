@@ -8,13 +8,13 @@ import pytest
 from readygo.apps.commands.coverage import CoverageOptions, coverage
 from readygo.apps.report.coverage_numbers import casts_of, measure
 from readygo.apps.report.coverage_run import failed_encounters, gather, page_numbers, rejected, robot_map
-from readygo.apps.run.folder import RunFolder
 from readygo.common.dataset import Dataset, ShardWriter, encode_episode, shard_name
 from readygo.common.dataset.casts import Cast
 from readygo.common.errors import RunError
 from readygo.common.maps import OccupancyMap, save_ros_map
 from readygo.common.messages import HumanPlanRequest, Split
 from readygo.common.scenes import save_scene
+from readygo.runs.folder import RunFolder
 from readygo.services.planner import handle_human_plan
 from tests.apps.report.drives import drive
 from tests.common.dataset.episodes import PROVENANCE
@@ -63,7 +63,7 @@ def test_map_is_that_of_the_runs_scene_unless_another_one_lies_there_now(tmp_pat
     sky = sheet((-50, -50, -5), (100, 0, 0), (0, 100, 0), spacing_m=10)
     scene = save_scene(small_room(), sky, tmp_path / "room", license="CC0")
     folder = RunFolder(tmp_path / "data")
-    with folder.locked():
+    with folder.lock():
         folder.save(dataclasses.replace(SPEC, scene_path=str(scene.path)), 3)
     found = robot_map(folder.path, "", scene.content_hash)
     assert found is not None

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from readygo.apps.report.health_numbers import health, reachable_ground, sightlines
-from readygo.apps.run.scene_argument import open_scene
 from readygo.common.errors import SceneError
 from readygo.common.scenes import Scene
+from readygo.runs.scene_argument import open_scene
 from tests.apps.views.looks import views
 
 RADIUS_M = 0.3

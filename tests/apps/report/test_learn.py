@@ -14,7 +14,7 @@ from readygo.apps.report.page import CommandLine, PageLink, StripImage, film
 from readygo.apps.report.tables import DriverScore
 from readygo.common.drawing.charts import Curve
 from readygo.common.drawing.film import write_film
-from readygo.common.drawing.plan_view import GOAL, ROBOT, DrawnEpisode, draw_episodes, map_view, resized
+from readygo.common.drawing.plan_view import GOAL, ROBOT, DrawnEpisode, draw_episodes, map_view, resize_view
 from readygo.common.episode.metrics import EpisodeResult, summarize
 from readygo.common.errors import ReadygoError
 from readygo.common.maps import GridFrame, OccupancyMap
@@ -191,7 +191,7 @@ def test_map_picture_has_the_largest_y_on_top() -> None:
 
 
 def test_episodes_are_drawn_where_they_were() -> None:
-    view = resized(map_view(occupancy()), 400)
+    view = resize_view(map_view(occupancy()), 400)
     way = np.array([[0.0, 3.0], [1.0, 3.0]])
     picture = draw_episodes(view, [DrawnEpisode(label="", robot_xy_m=way, goal_xy_m=np.array([1.5, 3.5]))])
     u, v = view.world_to_pixel([0.5, 3.0])

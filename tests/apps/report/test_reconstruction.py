@@ -5,7 +5,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from readygo.apps.capture.compare import PoseErrors
+from readygo.apps.capture.compare import FoundPoseErrors
 from readygo.apps.report.reconstruction import Reconstructed, photo_and_image, tiles
 from readygo.common.drawing.files import write_png
 from readygo.common.errors import RunError
@@ -24,7 +24,7 @@ def test_preview_loses_its_difference_and_grows(tmp_path: Path) -> None:
 
 def test_page_says_first_how_wrong_lengths_and_cameras_are(tmp_path: Path) -> None:
     (tmp_path / "report.json").write_text('{"robot": {"reachable_m2": 4.25}}')
-    errors = PoseErrors(
+    errors = FoundPoseErrors(
         images=9, of=10, scale_percent=-0.3, camera_rmse_m=0.012, shape_rmse_m=0.01, camera_max_m=0.02,
         rotation_deg=0.1, up_deg=0.2, height_m=0.0,
     )  # fmt: skip

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from readygo.apps.robot_logs.drives import _follow, drive_of, spans
-from readygo.apps.robot_logs.reader import Odometry
+from readygo.apps.robot_logs.reader import LoggedPoses
 from readygo.common.robot import RobotConfig, limit_command, step_unicycle
 
 MS = 1_000_000
 
 
-def straight(seconds: float, speed_mps: float, noise_m: float = 0.0) -> Odometry:
+def straight(seconds: float, speed_mps: float, noise_m: float = 0.0) -> LoggedPoses:
     t = np.arange(0, seconds, 0.02)
     noise = np.random.default_rng(0).normal(0, noise_m, (len(t), 2))
-    return Odometry(
+    return LoggedPoses(
         time_ns=np.round(t * 1e9).astype(np.int64),
         xyyaw=np.stack([speed_mps * t + noise[:, 0], noise[:, 1], np.zeros(len(t))], axis=1),
     )
@@ -48,7 +48,7 @@ def driven(speeds_mps, turns_radps, every_ms=10, start=(-3.2, 7.1, 2.5), begin_n
     poses, dt_s = [start], every_ms / 1000
     for v, w in zip(speeds_mps, turns_radps, strict=True):
         poses.append(step_unicycle(*poses[-1], v, w, dt_s))
-    return Odometry(time_ns=begin_ns + every_ms * MS * np.arange(len(poses)), xyyaw=np.array(poses))
+    return LoggedPoses(time_ns=begin_ns + every_ms * MS * np.arange(len(poses)), xyyaw=np.array(poses))
 
 
 @pytest.mark.parametrize(("gap_ms", "count"), [(500, 1), (501, 2)])
@@ -62,7 +62,7 @@ def test_messages_half_a_second_apart_belong_to_one_episode(gap_ms, count, of):
         found = spans(odometry, sparse, 60.0)
     else:
         poses = np.stack([np.interp(sparse, times_ns, column) for column in odometry.xyyaw.T], axis=1)
-        found = spans(Odometry(time_ns=sparse, xyyaw=poses), times_ns, 60.0)
+        found = spans(LoggedPoses(time_ns=sparse, xyyaw=poses), times_ns, 60.0)
     assert len(found) == count
     assert found[0][0] == times_ns[0]
     if count == 2:

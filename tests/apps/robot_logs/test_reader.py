@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import zstandard
 
-from readygo.apps.robot_logs.reader import ODOMETRY_TYPE, RobotLog, opened
+from readygo.apps.robot_logs.reader import ODOMETRY_TYPE, RobotLog, open_log
 from readygo.common.errors import DatasetError
 from tests.apps.robot_logs.conftest import WriteLog
 
@@ -36,7 +36,7 @@ def test_mcap_file_alone_reads_as_its_folder(write_log: WriteLog) -> None:
     folder = write_log(seconds=1.0)
     (file,) = folder.glob("*.mcap")
     for path in (folder, file):
-        with opened(path) as log:
+        with open_log(path) as log:
             assert len(log.odometry("/odom").xyyaw) == 50
             assert len(log.image_times_ns("/camera/image_raw")) == 12
 
@@ -46,7 +46,7 @@ def test_what_is_no_log_is_said(write_log: WriteLog, tmp_path: Path) -> None:
     for name in ("a.mcap", "none"):
         with (
             pytest.raises(DatasetError, match=r"cannot be read as a ROS 2 log|does not exist"),
-            opened(tmp_path / name),
+            open_log(tmp_path / name),
         ):
             pass
 
@@ -56,7 +56,7 @@ def _mcap(path: Path) -> bytes:
 
 
 def _refused(path: Path) -> str:
-    with pytest.raises(DatasetError, match="cannot be read as a ROS 2 log") as caught, opened(path) as log:
+    with pytest.raises(DatasetError, match="cannot be read as a ROS 2 log") as caught, open_log(path) as log:
         (log.odometry("/odom"), log.image_times_ns("/camera/image_raw"))
     assert "\n" not in str(caught.value)
     return str(caught.value)
@@ -106,7 +106,7 @@ def test_messages_that_are_compressed_one_by_one_are_read_within_the_limit(
     notes = folder / "metadata.yaml"
     text = notes.read_text()
     assert "compression_mode: ''" in text or 'compression_mode: ""' in text
-    with opened(file) as plain:
+    with open_log(file) as plain:
         expected = plain.odometry("/odom").xyyaw
     reader = SimpleNamespace(
         compression_mode="message",
@@ -114,7 +114,7 @@ def test_messages_that_are_compressed_one_by_one_are_read_within_the_limit(
         connections=[SimpleNamespace(topic="/odom", msgtype=ODOMETRY_TYPE)],
         messages=lambda connections: iter(packed),
     )
-    with opened(file) as log:
+    with open_log(file) as log:
         connection = log._connections("/odom", (ODOMETRY_TYPE,))[0]
         packed = [(connection, t, zstandard.compress(raw)) for _, t, raw in log._reader.messages([connection])]
     log = RobotLog(reader, typesys.get_typestore(typesys.Stores.ROS2_HUMBLE), file)

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from readygo.apps.views.views import Place, SceneViews
+from readygo.apps.views.views import SceneViews, ViewPlace
 from readygo.services.renderer import Look
 
 
-def place(x_m: float, y_m: float, sharpness: tuple[float, ...], coverage: float = 0.9) -> Place:
-    return Place(
+def place(x_m: float, y_m: float, sharpness: tuple[float, ...], coverage: float = 0.9) -> ViewPlace:
+    return ViewPlace(
         looks=tuple(
             Look(
                 xyyaw=(x_m, y_m, 1.5 * k),

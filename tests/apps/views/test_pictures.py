@@ -3,8 +3,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from readygo.apps.views.pictures import ALARM, captioned, clarity_map, sharpness_colour, views_sheet
-from readygo.apps.views.views import Place, SceneViews
+from readygo.apps.views.pictures import ALARM, add_caption, clarity_map, sharpness_colour, views_sheet
+from readygo.apps.views.views import SceneViews, ViewPlace
 from readygo.common.drawing.plan_view import INK
 from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.services.renderer import Look
@@ -44,8 +44,8 @@ def test_colours_tell_fog_from_what_is_clear() -> None:
 def test_captions_stay_within_their_picture() -> None:
     picture = np.zeros((30, 40, 3), np.uint8)
     for text in ("short", "train-0-000123  12.3 s  (-123.4, -123.4)  sharp 1234"):
-        tile = captioned(picture, text, ALARM)
-        assert tile.shape == captioned(picture, "", INK).shape
+        tile = add_caption(picture, text, ALARM)
+        assert tile.shape == add_caption(picture, "", INK).shape
         assert (tile[-20:, -2:] == 255).all()
 
 
@@ -57,7 +57,7 @@ def test_map_and_sheet_look_as_they_did(
         Look(xyyaw=(x, y, 2.5), rgb=rng.integers(0, 255, (4, 7, 3)).astype(np.uint8), sharpness=sharp, coverage=share)
         for x, y, sharp, share in ((-0.4, 0.3, 12.0, 0.9), (1.7, 0.1, 240.0, 0.97), (3.9, 1.6, 470.0, 0.2))
     ]
-    found = SceneViews(places=tuple(Place(looks=(look, look)) for look in looks))
+    found = SceneViews(places=tuple(ViewPlace(looks=(look, look)) for look in looks))
     occupied = np.zeros((31, 62), np.bool_)
     occupied[:, 30], occupied[12:20, 30] = True, False
     occupied[25:, :20] = True

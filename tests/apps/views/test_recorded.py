@@ -4,14 +4,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from readygo.apps.run.config import RunConfig
-from readygo.apps.run.scene_argument import open_scene
-from readygo.apps.run.spec import make_spec
 from readygo.apps.views.pictures import sharpness_colour
 from readygo.apps.views.recorded import recorded_map, run_clarity, thumbnails
 from readygo.common.dataset import Dataset, recorded_clarity
 from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.messages import Split
+from readygo.runs.config import RunConfig
+from readygo.runs.scene_argument import open_scene
+from readygo.runs.spec import make_spec
 from tests.common.dataset.episodes import write_shard
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from readygo.apps.pictures.scene_maps import REACHABLE
 from readygo.apps.views.scene_findings import COLOURS, SHARE, findings_map
-from readygo.apps.views.views import Place, SceneViews
+from readygo.apps.views.views import SceneViews, ViewPlace
 from readygo.common.drawing.files import Picture
 from readygo.common.gaussians import concatenate
 from readygo.common.maps import MapConfig, ScenePlan, plan_scene
@@ -23,7 +23,7 @@ def plan() -> ScenePlan:
 
 def seen(sharpness: float) -> SceneViews:
     look = Look(xyyaw=(1.0, 1.0, 0.0), rgb=np.zeros((8, 8, 3), np.uint8), sharpness=sharpness, coverage=1.0)
-    return SceneViews(places=(Place(looks=(look, look)),))
+    return SceneViews(places=(ViewPlace(looks=(look, look)),))
 
 
 def has(picture: Picture, colour: tuple[float, ...]) -> bool:
@@ -52,7 +52,7 @@ def test_map_looks_as_it_did(
     coarse[30:50, 25:60] = False
     crooked = dataclasses.replace(plan, blurred=blurred, coarse=coarse)
     bare = Look(xyyaw=(2.6, 0.7, 0.4), rgb=np.zeros((8, 8, 3), np.uint8), sharpness=900.0, coverage=0.1)
-    places = (seen(500.0).places[0], seen(3.0).places[0], Place(looks=(bare, bare)))
+    places = (seen(500.0).places[0], seen(3.0).places[0], ViewPlace(looks=(bare, bare)))
     monkeypatch.setattr("readygo.apps.views.scene_findings.HEIGHT_PX", 260)
     high = findings_map(crooked, SceneViews(places=places), ["a wall is blurred", "long " * 40], "room", 0.3)
     golden_image("scene_findings", high)

@@ -3,10 +3,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.views.views import scene_views, warnings
 from readygo.common.errors import SceneError
 from readygo.common.robot import CameraConfig, RobotConfig
+from readygo.runs.scene_argument import open_scene
 from tests.apps.views.looks import place, views
 
 

@@ -3,10 +3,10 @@ import random
 from pathlib import Path
 
 from readygo.apps.fleet.worker import make_coordinator, make_recorder
-from readygo.apps.run.world import World
 from readygo.benchmarks.fleet.hostile import send_lies
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.messages import ClaimRequest, ClaimStatus, StatusRequest, topics
+from readygo.runs.world import World
 from readygo.services.coordinator import attach
 from readygo.services.recorder import attach as attach_recorder
 from tests.apps.fleet.toy_line import DRAW, FILM, make_folder

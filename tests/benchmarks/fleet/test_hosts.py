@@ -4,7 +4,7 @@ import time
 from pathlib import Path
 
 from readygo.benchmarks.fleet import hosts as module
-from readygo.benchmarks.fleet.hosts import FAULTS, Fleet, Process
+from readygo.benchmarks.fleet.hosts import FAULTS, HostFleet, Process
 from readygo.benchmarks.recording.three_hosts import Host
 
 
@@ -33,7 +33,7 @@ class StandInHost(Host):
         return StandIn()
 
 
-def _fleet(monkeypatch) -> Fleet:
+def _fleet(monkeypatch) -> HostFleet:
     StandInHost.started.clear()
     hosts = tuple(StandInHost(number, Path("nowhere")) for number in (1, 2, 3))
     join = ("--connect", "tls/10.99.7.1:7447", "--run", "run-x")
@@ -41,7 +41,7 @@ def _fleet(monkeypatch) -> Fleet:
     processes = {name: Process(host, ("worker", name, *join), StandIn()) for name, host in names.items()}  # type: ignore[arg-type]
     monkeypatch.setattr(module, "set_link", lambda host, state: links.append((host.number, state)))
     links: list[tuple[int, str]] = []
-    fleet = Fleet(hosts, processes, random.Random(0))
+    fleet = HostFleet(hosts, processes, random.Random(0))
     fleet.links = links  # type: ignore[attr-defined]
     return fleet
 

@@ -20,7 +20,7 @@ def test_start_and_processor_time_of_a_process_are_read() -> None:
 
 def test_watch_hears_who_comes_and_gives_up_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
     bus = InProcessBus()
-    watch = recovery.Watch(bus)
+    watch = recovery.RunObserver(bus)
     threading.Timer(0.05, lambda: bus.announce("renderer", "r0")).start()
     begin_s = time.monotonic()
     assert watch.until(lambda: "r0" in watch.came_s) >= begin_s
@@ -36,7 +36,7 @@ def test_successor_is_ready_when_it_came_however_long_the_end_of_a_lease_was_wai
     with subprocess.Popen(["sleep", "60"]) as first, subprocess.Popen(["sleep", "60"]) as second:
         try:
             bus = InProcessBus()
-            watch = recovery.Watch(bus)
+            watch = recovery.RunObserver(bus)
             there = iter([first.pid, second.pid])
             site = SimpleNamespace(processes=lambda: {"animator0": next(there)})
             threading.Timer(0.1, lambda: bus.announce("animator", "animator0")).start()

@@ -5,17 +5,17 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.run.folder import RunFolder
 from readygo.benchmarks.fleet import site as module
-from readygo.benchmarks.fleet.site import LAUNCHER, Site, run_to_end
+from readygo.benchmarks.fleet.site import LAUNCHER, DataSite, run_to_end
 from readygo.common.errors import RunError
+from readygo.runs.folder import RunFolder
 from tests.apps.fleet.toy_line import DRAW, FILM, in_process, make_folder
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 
 
-def _site(folder: Path, code: str) -> Site:
-    site = Site([], RunFolder(folder), folder / "log")
+def _site(folder: Path, code: str) -> DataSite:
+    site = DataSite([], RunFolder(folder), folder / "log")
     site._command = [sys.executable, "-c", code]
     return site
 
@@ -71,7 +71,7 @@ def test_run_of_which_nothing_becomes_durable_is_ended_and_counted(
 def test_durable_episodes_are_counted_in_all_places(tmp_path: Path) -> None:
     disk = tmp_path / "disk"
     folder = make_folder(tmp_path / "data", (DRAW, FILM), wanted=3, recorders=("rec0", "rec1"))
-    site = Site([], folder, tmp_path / "log")
+    site = DataSite([], folder, tmp_path / "log")
     assert site.durable() == 0
     assert in_process(folder, (DRAW, FILM)).finished
     assert (site.durable(), site.durable()) == (3, 3)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from readygo.benchmarks.motion import gates as motion
-from readygo.benchmarks.motion.gates import BenchMotionOptions, Gate, bench_motion, feature_gates, mocap_gates
+from readygo.benchmarks.motion.gates import BenchMotionOptions, MotionGate, bench_motion, feature_gates, mocap_gates
 from readygo.common.errors import ConfigError
 from tests.services.animator.bodies import make_avatar
 
@@ -18,9 +18,9 @@ def one_gate(monkeypatch):
 
 
 def test_gates_are_inclusive():
-    assert Gate("a", 1.0, 1.0, 1.0).held
-    assert not Gate("a", 1.1, 0.0, 1.0).held
-    assert not Gate("a", float("nan"), 0.0, 1.0).held
+    assert MotionGate("a", 1.0, 1.0, 1.0).held
+    assert not MotionGate("a", 1.1, 0.0, 1.0).held
+    assert not MotionGate("a", float("nan"), 0.0, 1.0).held
 
 
 def test_json_says_which_gates_are_held_and_that_mocap_is_absent(one_gate, tmp_path, capsys):

@@ -4,10 +4,10 @@ import pytest
 
 from readygo.benchmarks.planning.maps import MapSource
 from readygo.benchmarks.planning.plan import BenchPlanOptions, bench_plan, measure
-from readygo.benchmarks.planning.runs import Job
+from readygo.benchmarks.planning.runs import PlanningJob
 from readygo.common.errors import ConfigError
 
-JOB = Job(
+JOB = PlanningJob(
     source=MapSource(name="embedded", path="embedded"),
     modes=("paper", "near_field"),
     tasks=("dynamic", "static"),

@@ -7,11 +7,11 @@ import pytest
 
 from readygo.benchmarks.planning.maps import MapSource
 from readygo.benchmarks.planning.pool import draws, processes
-from readygo.benchmarks.planning.runs import REJECTED_MAX, Draw, Job
+from readygo.benchmarks.planning.runs import REJECTED_MAX, Draw, PlanningJob
 from readygo.common.errors import SceneError
 from readygo.common.maps import GridFrame, OccupancyMap, save_ros_map
 
-JOB = Job(source=MapSource(name="none", path="none"), modes=("paper",), tasks=("static",), seed=0)
+JOB = PlanningJob(source=MapSource(name="none", path="none"), modes=("paper",), tasks=("static",), seed=0)
 
 
 def done(draw):
@@ -66,7 +66,7 @@ def test_map_without_free_space_is_refused(tmp_path):
         frame=GridFrame(origin_x_m=0, origin_y_m=0, resolution_m=0.05), occupied=np.ones((50, 50), bool)
     )
     save_ros_map(full, tmp_path / "full.yaml")
-    job = Job(
+    job = PlanningJob(
         source=MapSource(name="full", path=str(tmp_path / "full.yaml")), modes=("paper",), tasks=("static",), seed=0
     )
     with processes(1) as submit, pytest.raises(SceneError, match="no free space"):

@@ -4,12 +4,12 @@ from dataclasses import replace
 import pytest
 
 from readygo.benchmarks.planning.maps import MapSource
-from readygo.benchmarks.planning.runs import Draw, Job, Run
+from readygo.benchmarks.planning.runs import Draw, PlanningJob, PlanningRun
 from readygo.benchmarks.planning.summary import map_row, row_of, rows_of, text
 from readygo.common.episode import EpisodeResult
 from readygo.common.messages import Outcome
 
-GOOD = Run(
+GOOD = PlanningRun(
     result=EpisodeResult(outcome=Outcome.SUCCESS, duration_s=10.0, path_length_m=5.0, shortest_m=4.0),
     failure="",
     closest_m=0.65,
@@ -30,7 +30,7 @@ BAD = replace(
     replan_ms=(),
     expert_ms=10.0,
 )
-JOB = Job(source=MapSource(name="here", path="here.yaml"), modes=("paper",), tasks=("dynamic",), seed=1)
+JOB = PlanningJob(source=MapSource(name="here", path="here.yaml"), modes=("paper",), tasks=("dynamic",), seed=1)
 DRAWN = [
     Draw(index=0, rejected="no room", scenario_ms=4.0),
     Draw(index=1, scenario_ms=6.0, motion_ms=50.0, runs={("dynamic", "paper"): GOOD}),

@@ -7,7 +7,7 @@ from scipy.ndimage import distance_transform_edt
 from readygo.benchmarks.policy.toy_rooms import (
     CELL_M,
     Rooms,
-    Task,
+    ToyTask,
     cost_to_go,
     draw_task,
     drive,
@@ -71,7 +71,7 @@ def hall():
     ],
 )
 def test_drive_ends_at_goal_wall_or_limit(hall, command, goal, outcome):
-    task = Task((2.0, 2.0, 0.0), np.array(goal), np.zeros((100, 100)))
+    task = ToyTask((2.0, 2.0, 0.0), np.array(goal), np.zeros((100, 100)))
     ended, records = drive(hall, task, lambda *_: command, time_limit_s=12.0)
     assert ended == outcome
     image, start_goal, action, pose = records[0]

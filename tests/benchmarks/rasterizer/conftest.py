@@ -1,8 +1,8 @@
 import pytest
 
-from readygo.benchmarks.rasterizer.setting import Job, Setting, open_setting
+from readygo.benchmarks.rasterizer.setting import Measurement, Setting, open_setting
 
-JOB = Job(
+JOB = Measurement(
     scene="",
     synthetic="3k",
     avatars=2,

@@ -6,11 +6,11 @@ import msgpack
 import pytest
 
 from readygo.benchmarks.recording import watching
-from readygo.benchmarks.recording.watching import Moment, Viewers, growth_mb_per_h, summary
+from readygo.benchmarks.recording.watching import MonitorCost, Viewers, growth_mb_per_h, summary
 
 
 def moments(private_mb, period_s=60.0):
-    return [Moment(k * period_s, size, 0.5 * k, 0.1 * k) for k, size in enumerate(private_mb)]
+    return [MonitorCost(k * period_s, size, 0.5 * k, 0.1 * k) for k, size in enumerate(private_mb)]
 
 
 def test_growth_is_that_of_the_second_half() -> None:

@@ -57,7 +57,7 @@ def test_written_cameras_come_back(file, tmp_path):
 def test_moved_cameras_see_moved_points_where_they_saw_them(file):
     views = load_views(file)
     R, t, scale = matrix_from_axis_angle([0.3, 0.2, -0.9]), np.array([4.0, -1.0, 2.0]), 1.7
-    moved = views.moved(R, t, scale)
+    moved = views.transform(R, t, scale)
     p = np.array([0.4, -3.0, 5.0])
     seen = np.linalg.inv(views.T_world_camera) @ [*p, 1]
     again = np.linalg.inv(moved.T_world_camera) @ [*(scale * R @ p + t), 1]
@@ -68,7 +68,7 @@ def test_cameras_that_are_turned_alone_keep_their_distances(file):
     views = load_views(file)
     R = matrix_from_axis_angle([0.3, 0.2, -0.9])
     np.testing.assert_allclose(
-        views.moved(R).T_world_camera[:, :3, 3], views.T_world_camera[:, :3, 3] @ R.T, atol=1e-12
+        views.transform(R).T_world_camera[:, :3, 3], views.T_world_camera[:, :3, 3] @ R.T, atol=1e-12
     )
 
 

@@ -15,7 +15,7 @@ SENSOR = SensorConfig(k1=(-0.04, 0.01), red_gain=(0.9, 1.1), exposure_s=(0.005, 
 def test_sensor_varies_nothing_by_default() -> None:
     assert not SensorConfig().varies
     assert SensorConfig(readout_s=(0.0, 0.01)).varies
-    assert SensorConfig().drawn(CAMERA, np.random.default_rng(0)) == CAMERA
+    assert SensorConfig().draw_camera(CAMERA, np.random.default_rng(0)) == CAMERA
 
 
 def test_sensor_travels_as_a_plain_mapping_and_as_toml() -> None:
@@ -46,7 +46,7 @@ def test_every_range_is_of_a_value_that_the_camera_has() -> None:
 
 
 def test_drawn_values_lie_in_their_ranges_and_differ_between_episodes() -> None:
-    drawn = [SENSOR.drawn(CAMERA, np.random.default_rng(seed)) for seed in range(20)]
+    drawn = [SENSOR.draw_camera(CAMERA, np.random.default_rng(seed)) for seed in range(20)]
     for name, ends in SENSOR.items():
         values = [getattr(one, name) for one in drawn]
         assert len(set(values)) == (20 if ends else 1)
@@ -57,7 +57,7 @@ def test_drawn_values_lie_in_their_ranges_and_differ_between_episodes() -> None:
 def test_another_range_leaves_the_other_draws_alone() -> None:
     one = SensorConfig(exposure_ev=(-1, 1), readout_s=(0.0, 0.02))
     more = dataclasses.replace(one, red_gain=(0.5, 2.0))
-    first, second = (sensor.drawn(CAMERA, np.random.default_rng(5)) for sensor in (one, more))
+    first, second = (sensor.draw_camera(CAMERA, np.random.default_rng(5)) for sensor in (one, more))
     assert (first.exposure_ev, first.readout_s) == (second.exposure_ev, second.readout_s)
 
 

@@ -5,9 +5,9 @@ import pytest
 
 from readygo.common.camera import CameraConfig
 from readygo.common.camera.lens import make_lens
-from readygo.common.camera.view import View, in_view, view_of
+from readygo.common.camera.view import FieldOfView, in_view, view_of
 
-VIEW = View(left_rad=math.radians(50), right_rad=math.radians(50), rise=1.0, fall=-1.0, height_m=0.5)
+VIEW = FieldOfView(left_rad=math.radians(50), right_rad=math.radians(50), rise=1.0, fall=-1.0, height_m=0.5)
 
 
 def test_level_camera_spans_its_field_of_view_with_every_lens() -> None:
@@ -71,7 +71,7 @@ def test_view_turns_with_the_robot_and_ends_at_its_range():
 @pytest.mark.parametrize("yaw_rad", [2.5, -9.3, 40.0])
 def test_disc_is_in_view_if_one_of_its_points_is_between_the_borders(yaw_rad):
     """Unlike borders to the left and to the right, and a view that is bounded above and below."""
-    view = View(left_rad=0.93, right_rad=0.41, rise=0.31, fall=-0.57, height_m=0.62)
+    view = FieldOfView(left_rad=0.93, right_rad=0.41, rise=0.31, fall=-0.57, height_m=0.62)
     rng, turn = np.random.default_rng(3), np.linspace(0.0, 2 * math.pi, 721)
     seen = []
     for x_m, y_m, radius_m in rng.uniform((-5.0, -5.0, 0.1), (5.0, 5.0, 0.6), (150, 3)).tolist():
@@ -110,5 +110,5 @@ def test_borders_of_a_turned_and_tilted_camera_are_those_of_its_corner_rays(yaw_
 )
 def test_body_is_shown_from_its_crown_to_its_soles(height_m, fall, rise, shown):
     """2 m ahead the lower border is at the crown of 1.9 m, or the upper one at the floor."""
-    view = View(left_rad=0.5, right_rad=0.5, rise=rise, fall=fall, height_m=height_m)
+    view = FieldOfView(left_rad=0.5, right_rad=0.5, rise=rise, fall=fall, height_m=height_m)
     assert view.shows_body(2.0) is shown

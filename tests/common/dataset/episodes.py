@@ -13,7 +13,7 @@ import numpy as np
 from readygo.common.config import section_to_mapping
 from readygo.common.dataset import AvatarOrigin, Provenance, SceneOrigin, ShardWriter, encode_episode, shard_name
 from readygo.common.dataset.schemas import LABEL_CHANNELS
-from readygo.common.dataset.stage import Stage
+from readygo.common.dataset.stage import Scenery
 from readygo.common.images.files import encode_output
 from readygo.common.images.images import Images
 from readygo.common.messages import (
@@ -197,7 +197,7 @@ def write_shard(
     sample_count: int = 12,
     provenance: Provenance = PROVENANCE,
     outputs: Sequence[str] = (),
-    stage: Stage | None = None,
+    stage: Scenery | None = None,
     **changes: Any,
 ) -> Path:
     folder.mkdir(parents=True, exist_ok=True)

@@ -7,9 +7,9 @@ import pytest
 from readygo.common.dataset import encode_episode, read_chunk, schemas
 from readygo.common.dataset.canonical import canonical_parts, canonical_sha256, is_canonical
 from readygo.common.dataset.chunk import EpisodeChunk, canonical, messages_of
-from readygo.common.dataset.stage import Stage
+from readygo.common.dataset.stage import Scenery
 from readygo.common.errors import DatasetError
-from readygo.common.messages import Driver, Outcome
+from readygo.common.messages import DriverKind, Outcome
 from tests.common.dataset.episodes import ROBOT, make_episode
 
 STARTS_NS = (0, 1, 7_000_000_000, 123_456_789_012_345)
@@ -23,8 +23,8 @@ def episode(index: int = 3, **changes) -> EpisodeChunk:
 
 @pytest.mark.parametrize("start_ns", STARTS_NS)
 def test_an_episode_has_the_same_hash_whenever_it_begins(start_ns) -> None:
-    plain = episode(outcome=Outcome.TIMEOUT, driver=Driver.POLICY)
-    staged = Stage(robot=ROBOT).staged(plain, start_ns, with_map=False)
+    plain = episode(outcome=Outcome.TIMEOUT, driver=DriverKind.POLICY)
+    staged = Scenery(robot=ROBOT).stage_episode(plain, start_ns, with_map=False)
     assert staged.start_time_ns == start_ns
     assert read_chunk(staged.data).sha256 == plain.sha256
     assert canonical(staged).data == plain.data
@@ -34,7 +34,7 @@ def test_an_episode_has_the_same_hash_whenever_it_begins(start_ns) -> None:
 def test_intrinsics_survive_the_way_to_ros_and_back(cx_px) -> None:
     K_px = (16.0, 0.0, cx_px, 0.0, 16.0, 12.25, 0.0, 0.0, 1.0)
     plain = episode(K_px=K_px)
-    staged = Stage().staged(plain, 5, with_map=False)
+    staged = Scenery().stage_episode(plain, 5, with_map=False)
     view = memoryview(staged.data)
     (found,) = [m for m in messages_of(view) if m.channel == schemas.ROS_CALIBRATION.number]
     calibration = schemas.ROS_CALIBRATION.message.FromString(view[found.body : found.end])
@@ -52,13 +52,13 @@ def test_canonical_episodes_are_hashed_as_they_are() -> None:
 
 def test_what_viewers_need_is_not_hashed() -> None:
     plain = episode()
-    bare, furnished = (Stage(robot=robot).staged(plain, 0, with_map=False) for robot in (None, ROBOT))
+    bare, furnished = (Scenery(robot=robot).stage_episode(plain, 0, with_map=False) for robot in (None, ROBOT))
     assert bare.data != furnished.data
     assert {read_chunk(chunk.data).sha256 for chunk in (bare, furnished)} == {plain.sha256}
 
 
 def test_a_time_that_is_moved_alone_is_noticed() -> None:
-    staged = Stage().staged(episode(), 9_000_000_000, with_map=False)
+    staged = Scenery().stage_episode(episode(), 9_000_000_000, with_map=False)
     data = bytearray(staged.data)
     (pose,) = [m for m in messages_of(memoryview(staged.data)) if (m.channel, m.sequence) == (4, 2)]
     stamp = schemas.ROBOT_POSE.message.FromString(bytes(data[pose.body : pose.end]))
@@ -71,7 +71,7 @@ def test_a_time_that_is_moved_alone_is_noticed() -> None:
 
 
 def test_messages_that_cannot_be_read_are_named_so() -> None:
-    staged = Stage().staged(episode(), 9_000_000_000, with_map=False)
+    staged = Scenery().stage_episode(episode(), 9_000_000_000, with_map=False)
     view = memoryview(bytearray(staged.data))
     messages = messages_of(view)
     (pose,) = [m for m in messages if (m.channel, m.sequence) == (4, 2)]
@@ -81,6 +81,6 @@ def test_messages_that_cannot_be_read_are_named_so() -> None:
 
 
 def test_an_index_beyond_all_times_is_refused() -> None:
-    view = memoryview(Stage().staged(episode(), 9_000_000_000, with_map=False).data)
+    view = memoryview(Scenery().stage_episode(episode(), 9_000_000_000, with_map=False).data)
     with pytest.raises(DatasetError, match="cannot be read"):
         list(canonical_parts(view, messages_of(view), 2**63))

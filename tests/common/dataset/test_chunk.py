@@ -7,7 +7,7 @@ import pytest
 from readygo.common.dataset import encode_episode, read_chunk, schemas
 from readygo.common.dataset.records import iter_messages
 from readygo.common.errors import DatasetError
-from readygo.common.messages import Driver, Outcome
+from readygo.common.messages import DriverKind, Outcome
 from tests.common.dataset.episodes import golden_episode, make_episode, make_labels
 
 GOLDEN_SHA256 = "a7395f7efdde6b4850eaa79b541a2797abbab063d2fbb797ae4f1843d68a59ba"
@@ -175,9 +175,9 @@ def _with_expert(samples, count=3):
 
 
 def test_experts_commands_outcome_and_driver_come_back() -> None:
-    header, samples = make_episode(0, outcome=Outcome.HUMAN_COLLISION, driver=Driver.POLICY)
+    header, samples = make_episode(0, outcome=Outcome.HUMAN_COLLISION, driver=DriverKind.POLICY)
     chunk = encode_episode(header, 1, _with_expert(samples))
-    assert chunk.ending == (Outcome.HUMAN_COLLISION, Driver.POLICY, "")
+    assert chunk.ending == (Outcome.HUMAN_COLLISION, DriverKind.POLICY, "")
     assert tuple(chunk.outputs) == ("expert",)
     assert len(chunk.outputs["expert"]) == len(samples)
 
@@ -185,7 +185,7 @@ def test_experts_commands_outcome_and_driver_come_back() -> None:
 def test_episode_without_the_experts_commands_is_its_success() -> None:
     header, samples = make_episode(0)
     plain = encode_episode(header, 1, samples)
-    assert plain.ending == (Outcome.SUCCESS, Driver.EXPERT, "")
+    assert plain.ending == (Outcome.SUCCESS, DriverKind.EXPERT, "")
     assert "expert" not in plain.outputs
 
 

@@ -9,7 +9,7 @@ import pytest
 from readygo.common.dataset import ShardWriter, committed_episodes, encode_episode, shard_name
 from readygo.common.dataset.committed import episode_indices, episode_keys
 from readygo.common.errors import DatasetError
-from readygo.common.messages import CommittedEpisode, Driver, EpisodeKey, Outcome, Split, decode, encode
+from readygo.common.messages import CommittedEpisode, DriverKind, EpisodeKey, Outcome, Split, decode, encode
 from readygo.common.robot import RobotConfig
 from tests import crooked
 from tests.common.dataset.episodes import PROVENANCE, make_episode, write_shard
@@ -32,7 +32,7 @@ def _whole_episode() -> CommittedEpisode:
         outputs=("depth", "mask"),
         labels=True,
         outcome=Outcome.HUMAN_COLLISION,
-        driver=Driver.POLICY,
+        driver=DriverKind.POLICY,
         policy="ab" * 32,
         drawn={"mount_height_m": 0.3, "v_max_mps": 0.9},
         distortion_model="plumb_bob",

@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from readygo.common.dataset import EpisodeChunk, Place, encode_episode, read_chunk
+from readygo.common.dataset import EpisodeChunk, ShardPlace, encode_episode, read_chunk
 from readygo.common.dataset.encode import outputs_of
-from readygo.common.dataset.stage import Stage
+from readygo.common.dataset.stage import Scenery
 from readygo.common.errors import DatasetError
-from readygo.common.messages import Driver
+from readygo.common.messages import DriverKind
 from tests.common.dataset.episodes import ROBOT, make_episode, with_goal_image, with_left_camera
 from tests.common.dataset.maps import make_maps
 
-STAGE = Stage(robot=ROBOT, maps=make_maps())
+STAGE = Scenery(robot=ROBOT, maps=make_maps())
 
 
 def episode(**asked: Any) -> tuple[Any, list[Any]]:
@@ -26,7 +26,7 @@ def episode(**asked: Any) -> tuple[Any, list[Any]]:
 
 def with_expert(header: Any, samples: list[Any]) -> tuple[Any, list[Any]]:
     ahead = ((0.5, 0.1), (0.25, 0.0))
-    every = dataclasses.replace(header, image_every=2, driver=Driver.POLICY)
+    every = dataclasses.replace(header, image_every=2, driver=DriverKind.POLICY)
     blind = {"image": b"", "outputs": {}, "expert_commands": ()}
     return every, [
         dataclasses.replace(sample, **(blind if sample.seq % 2 else {"expert_commands": ahead})) for sample in samples
@@ -63,8 +63,8 @@ EPISODES = {
 def test_in_its_place_it_is_what_staging_makes_of_its_canonical_form(kind: str, start_ns: int, with_map: bool) -> None:
     header, samples = EPISODES[kind]
     plain = encode_episode(header, 2, samples)
-    placed = encode_episode(header, 2, samples, Place(stage=STAGE, start_ns=start_ns, with_map=with_map))
-    assert fields(placed) == fields(STAGE.staged(plain, start_ns, with_map=with_map))
+    placed = encode_episode(header, 2, samples, ShardPlace(stage=STAGE, start_ns=start_ns, with_map=with_map))
+    assert fields(placed) == fields(STAGE.stage_episode(plain, start_ns, with_map=with_map))
     assert placed.sha256 == plain.sha256
 
 

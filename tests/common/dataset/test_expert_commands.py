@@ -11,13 +11,13 @@ from readygo.common.dataset.committed import committed_episodes
 from readygo.common.dataset.index import index_path, load_index, read_index
 from readygo.common.dataset.provenance import PolicyOrigin
 from readygo.common.errors import DatasetError
-from readygo.common.messages import Driver, Outcome
+from readygo.common.messages import DriverKind, Outcome
 from readygo.common.messages.samples import sample_crc32
 from readygo.common.robot.command_grid import COMMAND_COUNT, UNKNOWN_RISK
 from tests.common.dataset.episodes import PROVENANCE, make_episode, write_shard
 from tests.common.dataset.forge import rewrite
 
-ENDINGS = {0: (Outcome.STATIC_COLLISION, Driver.POLICY, "ab" * 32), 1: (Outcome.SUCCESS, Driver.EXPERT, "")}
+ENDINGS = {0: (Outcome.STATIC_COLLISION, DriverKind.POLICY, "ab" * 32), 1: (Outcome.SUCCESS, DriverKind.EXPERT, "")}
 AHEAD = 4
 
 
@@ -117,7 +117,7 @@ def test_shards_without_an_expert_are_successes_of_the_expert_and_say_how_to_get
     write_shard(tmp_path, [0])
     data = Dataset(tmp_path)
     assert not data.has_expert
-    assert (data.episodes[0].outcome, data.episodes[0].driver) == (Outcome.SUCCESS, Driver.EXPERT)
+    assert (data.episodes[0].outcome, data.episodes[0].driver) == (Outcome.SUCCESS, DriverKind.EXPERT)
     with pytest.raises(
         DatasetError, match=r"no commands of the expert; record with `readygo generate --driver\.disturbed` or"
     ):
@@ -167,11 +167,11 @@ def test_policy_that_a_run_began_with_is_named_by_its_provenance(tmp_path: Path)
     with ShardWriter(
         tmp_path / shard_name("r0", 0), dataclasses.replace(PROVENANCE, policy=policy), outputs=("expert",), fsync=False
     ) as writer:
-        for index, driver in enumerate(Driver):
+        for index, driver in enumerate(DriverKind):
             writer.append(encode_episode(*_asked(index, driver=driver)))
     assert [(entry.driver, entry.policy) for entry in Dataset(tmp_path).episodes] == [
-        (Driver.EXPERT, ""),
-        (Driver.POLICY, policy.sha256),
+        (DriverKind.EXPERT, ""),
+        (DriverKind.POLICY, policy.sha256),
     ]
 
 

@@ -18,7 +18,7 @@ from readygo.common.dataset.index import (
     build_index,
     index_path,
     load_index,
-    mapped,
+    map_file,
     read_index,
     tail_offset,
     write_index,
@@ -123,7 +123,7 @@ def test_index_that_is_damaged_or_of_another_layout_is_none(shard) -> None:
 
 @pytest.mark.parametrize("name", ["provenance", "size_bytes", "tail_sha256", "episodes", "samples", "outputs"])
 def test_indexes_are_equal_if_all_of_them_is(shard, name) -> None:
-    with mapped(shard) as view:
+    with map_file(shard) as view:
         index, same = build_index(view, shard), build_index(view, shard)
         assert tail_offset(view, shard) > len(view) // 2
     assert index.equals(same)
@@ -177,7 +177,7 @@ def test_dataset_without_indexes_in_a_folder_that_cannot_be_written(two_shards, 
 
 def test_written_index_equals_the_rebuilt_one(two_shards) -> None:
     shard = two_shards / "shard-r0-00001.mcap"
-    with mapped(shard) as view:
+    with map_file(shard) as view:
         rebuilt = build_index(view, shard)
     stored = read_index(index_path(shard))
     assert stored is not None

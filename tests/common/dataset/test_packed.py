@@ -24,8 +24,8 @@ def test_a_samples_poses_and_image_are_those_of_the_library(yaw_rad: float, z_m:
     by_channel = {each.channel: columns.rows_of(each.at(stamps)) for each in packed.messages([sample], header)}
     poses = PosesInFrame(timestamp=stamp, frame_id="world", poses=[pose_of(*human) for human in humans])
     image = CompressedImage(timestamp=stamp, frame_id="camera", data=sample.image, format=header.image_format)
-    assert by_channel[schemas.HUMANS] == [schemas.serialized(poses)]
-    assert by_channel[schemas.IMAGE] == [schemas.serialized(image)]
+    assert by_channel[schemas.HUMANS] == [schemas.serialize(poses)]
+    assert by_channel[schemas.IMAGE] == [schemas.serialize(image)]
 
 
 def test_people_may_come_and_go() -> None:
@@ -35,14 +35,14 @@ def test_people_may_come_and_go() -> None:
     samples = [dataclasses.replace(sample, humans_xyzyaw=crowd) for sample, crowd in zip(samples, crowds, strict=True)]
     (humans,) = (each for each in packed.messages(samples, header) if each.channel is schemas.HUMANS)
     assert columns.rows_of(humans.groups[0]) == [
-        schemas.serialized(PosesInFrame(frame_id="world", poses=[pose_of(*human) for human in crowd]))
+        schemas.serialize(PosesInFrame(frame_id="world", poses=[pose_of(*human) for human in crowd]))
         for crowd in crowds
     ]
 
 
 def test_a_time_is_the_first_field_of_a_message() -> None:
     stamp = packed.stamp(1_500_000_000)
-    assert stamp == schemas.serialized(CompressedImage(timestamp=schemas.timestamp(1_500_000_000)))
+    assert stamp == schemas.serialize(CompressedImage(timestamp=schemas.timestamp(1_500_000_000)))
 
 
 def test_messages_come_in_the_order_of_their_channels_with_all_that_there_may_be() -> None:

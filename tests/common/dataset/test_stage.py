@@ -15,13 +15,13 @@ from readygo.common.dataset import Dataset, columns, validate
 from readygo.common.dataset import schemas as s
 from readygo.common.dataset.columns import Part, Pieces
 from readygo.common.dataset.packed import Messages
-from readygo.common.dataset.stage import PAUSE_NS, Stage
+from readygo.common.dataset.stage import PAUSE_NS, Scenery
 from readygo.common.frames import matrix_from_quat
 from readygo.common.robot.kinematics import STEP_NS
 from tests.common.dataset.episodes import ROBOT, write_shard
 from tests.common.dataset.maps import make_maps
 
-STAGE = Stage(robot=ROBOT, maps=make_maps())
+STAGE = Scenery(robot=ROBOT, maps=make_maps())
 CHANNELS = {channel.topic: channel for channel in s.staged_channels(s.OPTIONAL_CHANNELS)}
 
 
@@ -126,21 +126,21 @@ def test_people_are_entities_with_labels_and_without(tmp_path) -> None:
 
 
 def test_without_robot_and_maps_there_are_frames_and_ways_only(tmp_path) -> None:
-    shard = write_shard(tmp_path, [1], stage=Stage())
+    shard = write_shard(tmp_path, [1], stage=Scenery())
     assert [len(message.transforms) for _, message in messages_on(shard, "/tf")] == [1] * 12
     assert not [*messages_on(shard, "/map"), *messages_on(shard, "/map/points"), *messages_on(shard, "/robot/outline")]
     assert validate(tmp_path).ok
 
 
 def test_a_frame_that_is_not_at_the_pose_is_a_defect(tmp_path, monkeypatch) -> None:
-    def misplaced(self: Stage, position: Part, orientation: Part) -> Messages:
+    def misplaced(self: Scenery, position: Part, orientation: Part) -> Messages:
         positions = [Vector3.FromString(row) for row in columns.rows_of([position])]
         for seq in (4, 6):
             positions[seq].x += 0.01
         return frames(self, Pieces([moved.SerializeToString() for moved in positions]), orientation)
 
-    frames = Stage.frames
-    monkeypatch.setattr(Stage, "frames", misplaced)
+    frames = Scenery.frames
+    monkeypatch.setattr(Scenery, "frames", misplaced)
     write_shard(tmp_path, [1], stage=STAGE)
     (defect,) = validate(tmp_path).defects
     assert defect.kind == "frame"

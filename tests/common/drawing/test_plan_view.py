@@ -19,14 +19,14 @@ from readygo.common.drawing.plan_view import (
     draw_ring,
     draw_robot,
     draw_scale_bar,
-    faded,
+    fade_view,
     fill_area,
     fill_band,
     map_view,
     map_window,
     put_mark,
     put_text,
-    resized,
+    resize_view,
     text_width_px,
 )
 from readygo.common.maps import GridFrame, OccupancyMap
@@ -123,7 +123,7 @@ def test_caption_with_a_halo_stands_out_from_any_ground(ground) -> None:
 
 def test_plan_is_drawn_as_it_was(occupancy, golden_figures) -> None:
     """Every mark once on a faded window that is no multiple of the cells."""
-    view = faded(map_window(occupancy, np.array([-1.13, 1.9]), np.array([1.21, 3.17]), pixel_m=0.017), share=0.4)
+    view = fade_view(map_window(occupancy, np.array([-1.13, 1.9]), np.array([1.21, 3.17]), pixel_m=0.017), share=0.4)
     picture = view.rgb.copy()
     path = np.array([[-0.8, 2.2], [0.1, 2.7], [0.6, 2.3], [0.9, 2.9]])
     fill_band(picture, view, path, 0.11, RED, share=0.3)
@@ -137,7 +137,7 @@ def test_plan_is_drawn_as_it_was(occupancy, golden_figures) -> None:
     put_mark(picture, view, (0.0, 2.1), "7", (200, 100, 0))
     draw_scale_bar(picture, view)
     golden_figures("drawing/plan", picture.reshape(-1, 3) / 64.0)
-    smaller = resized(view, 41)
+    smaller = resize_view(view, 41)
     golden_figures("drawing/smaller plan", smaller.rgb.reshape(-1, 3) / 64.0)
     expected = np.array(view.world_to_pixel((0.3, 2.4))) * 41 / len(view.rgb)
     assert smaller.world_to_pixel((0.3, 2.4)) == pytest.approx(expected, abs=0.6)

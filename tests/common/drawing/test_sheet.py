@@ -9,7 +9,7 @@ from readygo.common.drawing.sheet import (
     line_swatch,
     ring_swatch,
     sheet,
-    stacked,
+    stack_panels,
 )
 
 
@@ -47,7 +47,7 @@ def test_legend_wraps_where_its_row_is_full():
 
 
 def test_stacked_pictures_have_a_gap_between_them():
-    picture = stacked([plain(5, 8, INK), plain(7, 8, GOAL)])
+    picture = stack_panels([plain(5, 8, INK), plain(7, 8, GOAL)])
     assert picture.shape == (12 + GAP_PX, 8, 3)
     assert (picture[:5] == INK).all()
     assert (picture[5:-7] == 255).all()

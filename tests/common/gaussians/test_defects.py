@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from readygo.common.gaussians import GaussianCloud
-from readygo.common.gaussians.defects import counted, excessive, unusable, unwanted, without
+from readygo.common.gaussians.defects import count_kinds, excessive, unusable, unwanted_masks, without
 
 
 def cloud(count: int = 6) -> GaussianCloud:
@@ -85,10 +85,10 @@ def test_unwanted_gaussians_are_told_apart_by_kind():
     means = (rng.uniform(0, 5, (4000, 3)) * (1, 1, 0.02)).astype(np.float32)
     scales, opacities = np.full((4000, 3), 0.05, np.float32), plain.opacities.copy()
     scales[0], (scales[1], opacities[1]), means[2] = 500.0, (0.4, 0.05), (2.0, 2.0, 9.0)
-    masks = unwanted(dataclasses.replace(plain, means_m=means, scales_m=scales, opacities=opacities))
+    masks = unwanted_masks(dataclasses.replace(plain, means_m=means, scales_m=scales, opacities=opacities))
     assert {kind: np.flatnonzero(mask).tolist() for kind, mask in masks.items()} == {
         "huge": [0],
         "floaters": [2],
         "haze": [1],
     }
-    assert counted(masks) == "huge: 1, floaters: 1, haze: 1"
+    assert count_kinds(masks) == "huge: 1, floaters: 1, haze: 1"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from readygo.common.gaussians import GaussianCloud, concatenate
-from readygo.common.gaussians.defects import told_apart, unwanted, without
+from readygo.common.gaussians.defects import told_apart, unwanted_masks, without
 from readygo.common.gaussians.floaters import floating
 from tests.common.maps.room import box, room
 
@@ -80,9 +80,9 @@ def test_coarse_room_around_a_detailed_corner_is_kept_and_cleaned_only_once() ->
     coarse = dataclasses.replace(coarse, opacities=np.full(600, 0.8, np.float32))
     assert found(furnished(), coarse)[1] < 0.1
     scene = concatenate([furnished(), coarse, dome(60, radius_m=30.0, size_m=2.0)])
-    kept, _ = without(scene, unwanted(scene))
+    kept, _ = without(scene, unwanted_masks(scene))
     assert len(kept) > 0.97 * len(scene)
-    assert unwanted(kept)["floaters"].mean() < 0.01
+    assert unwanted_masks(kept)["floaters"].mean() < 0.01
 
 
 def test_same_gaussians_float_as_did(golden_figures) -> None:

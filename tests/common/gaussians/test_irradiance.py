@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from readygo.common.gaussians.irradiance import HARMONICS, add_radiance, irradiance, irradiance_matrix, turned
+from readygo.common.gaussians.irradiance import HARMONICS, add_radiance, irradiance, irradiance_matrix, rotate_forms
 
 AXES = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
 
@@ -45,7 +45,7 @@ def test_terms_in_a_turned_frame_give_the_same_light() -> None:
     M = projected(np.random.default_rng(1).uniform(0, 1, (500, 3)) * (1 + directions[:, :1]), directions, solid_angle)
     R = Rotation.from_rotvec([0.3, -1.1, 0.7]).as_matrix()
     terms = np.empty((3, 10), dtype=np.float32)
-    turned(M, R, terms)
+    rotate_forms(M, R, terms)
     x, y, z = (AXES @ R.T).T
     monomials = np.stack([np.ones(6), x, y, z, x * x, y * y, z * z, x * y, x * z, y * z], axis=1)
     assert monomials @ terms.T == pytest.approx(irradiance(M, AXES), abs=1e-5)

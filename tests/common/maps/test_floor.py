@@ -6,7 +6,7 @@ import pytest
 from readygo.common.errors import SceneError
 from readygo.common.gaussians import concatenate, load_gaussians
 from readygo.common.maps import estimate_floor
-from readygo.common.maps.floor import walked
+from readygo.common.maps.floor import complete_floor
 from tests.common.maps.crooked import crooked_scene
 from tests.common.maps.room import box, room, sheet
 
@@ -99,17 +99,19 @@ def test_floor_is_complete_where_somebody_walked_who_filmed():
     hidden[row - 8 : row + 8, column - 8 : column + 8] = False
     estimate = dataclasses.replace(estimate, supported=hidden)
     way = np.array([[2.5, 2.5, 1.5], [3.3, 2.5, 1.5]])
-    complete = walked(estimate, way)
+    complete = complete_floor(estimate, way)
     assert complete.supported[row, column - 4 : column + 3].all()
     assert not complete.supported[row + 5, column]
-    assert np.array_equal(walked(estimate, way + np.array([0.0, 0.0, 3.0])).supported, hidden), "filmed from above"
+    assert np.array_equal(complete_floor(estimate, way + np.array([0.0, 0.0, 3.0])).supported, hidden), (
+        "filmed from above"
+    )
     far = np.array([[2.2, 2.5, 1.5], [3.8, 2.5, 1.5]])
-    assert not walked(estimate, far).supported[row, column], "too far apart to be a step"
+    assert not complete_floor(estimate, far).supported[row, column], "too far apart to be a step"
 
 
 def test_floor_of_a_crooked_scene_is_as_it_was(golden_figures):
     for name, cell_m in (("fine", 0.06), ("coarse", 0.15)):
         estimate = estimate_floor(crooked_scene(), cell_m)
         golden_figures(f"maps/{name} estimate", 20.0 * estimate.floor.height_m.reshape(-1))
-        seen = walked(estimate, np.array([[0.1, 5.1, 1.8], [0.5, 5.4, 1.8], [0.9, 5.2, 1.9]]))
+        seen = complete_floor(estimate, np.array([[0.1, 5.1, 1.8], [0.5, 5.4, 1.8], [0.9, 5.2, 1.9]]))
         golden_figures(f"maps/{name} walked", 20.0 * seen.floor.height_m.reshape(-1))

@@ -15,7 +15,7 @@ from readygo.common.messages import (
     Command,
     ControlRequest,
     DoneRequest,
-    Driver,
+    DriverKind,
     EpisodeKey,
     FileRef,
     OfferReply,
@@ -157,6 +157,6 @@ def test_policy_of_what_was_recorded_is_a_hash_or_empty(policy: str) -> None:
     with pytest.raises(ValueError, match="policy must be empty or 64"):
         header(policy=policy)
     with pytest.raises(ValueError, match="policy must be empty or 64"):
-        LiveCommit(**ended, attempt=1, driver=Driver.POLICY, policy=policy, sample_count=1, shard="s")
+        LiveCommit(**ended, attempt=1, driver=DriverKind.POLICY, policy=policy, sample_count=1, shard="s")
     with pytest.raises(ValueError, match="policy must be empty or 64"):
         LiveEvaluation(**ended, task="static", method="policy", policy=policy, duration_s=1.0)

@@ -3,7 +3,7 @@ import zlib
 
 import pytest
 
-from readygo.common.messages import Driver, EpisodeHeader, Outcome, Sample, decode, encode, sample_crc32
+from readygo.common.messages import DriverKind, EpisodeHeader, Outcome, Sample, decode, encode, sample_crc32
 from tests.common.dataset.episodes import make_episode, make_header
 
 
@@ -67,7 +67,7 @@ def test_advice_outcome_and_driver_travel_where_they_say_something_new(sample: S
     plain = make_header(0, 3)
     assert not any(name in encode(plain) for name in (b"outcome", b"driver"))
     assert b"expert_commands" not in encode(sample)
-    failed = dataclasses.replace(plain, outcome=Outcome.HUMAN_COLLISION, driver=Driver.POLICY)
+    failed = dataclasses.replace(plain, outcome=Outcome.HUMAN_COLLISION, driver=DriverKind.POLICY)
     assert decode(EpisodeHeader, encode(failed)) == failed
     advised = dataclasses.replace(sample, expert_commands=((0.5, 0.0), (0.55, 0.1)))
     assert decode(Sample, encode(advised)).expert_commands == advised.expert_commands

@@ -3,7 +3,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
 
-from readygo.common.networks.images import normalised, small_image  # noqa: E402
+from readygo.common.networks.images import normalise_images, small_image  # noqa: E402
 
 
 def test_wide_images_lose_their_sides() -> None:
@@ -22,5 +22,5 @@ def test_narrow_images_keep_theirs() -> None:
 
 def test_images_are_normalised_channel_by_channel() -> None:
     mean = torch.tensor([0.485, 0.456, 0.406])[:, None, None].expand(2, 3, 4, 5)
-    assert float(normalised(mean).abs().max()) < 1e-6
-    assert normalised(torch.ones(3, 4, 5))[2, 0, 0].item() == pytest.approx((1 - 0.406) / 0.225)
+    assert float(normalise_images(mean).abs().max()) < 1e-6
+    assert normalise_images(torch.ones(3, 4, 5))[2, 0, 0].item() == pytest.approx((1 - 0.406) / 0.225)

@@ -42,7 +42,7 @@ def test_waypoints_are_summed_steps_and_headings(networks, name, shape):
 
 def test_steps_are_summed_and_headings_have_unit_length():
     actions = torch.ones(1, 20)
-    summed = models._summed(actions)
+    summed = models._sum_steps(actions)
     assert summed[0, :, 0].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
     assert summed[0, :, 2:].norm(dim=-1).tolist() == pytest.approx([1.0] * 5)
 

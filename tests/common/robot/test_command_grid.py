@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.command_grid import COMMAND_COUNT, command_grid, mirrored, speed_shares
+from readygo.common.robot.command_grid import COMMAND_COUNT, command_grid, mirror_indices, speed_shares
 
 
 def test_grid_holds_every_pair_of_speed_and_turn_once():
@@ -18,7 +18,7 @@ def test_grid_holds_every_pair_of_speed_and_turn_once():
 
 def test_mirror_image_turns_the_other_way_at_the_same_speed():
     grid = command_grid()
-    np.testing.assert_array_equal(grid[mirrored()], grid * [1, -1])
+    np.testing.assert_array_equal(grid[mirror_indices()], grid * [1, -1])
 
 
 def test_grid_of_a_robot_that_reverses_has_further_speeds_as_far_apart() -> None:
@@ -27,7 +27,7 @@ def test_grid_of_a_robot_that_reverses_has_further_speeds_as_far_apart() -> None
     grid = command_grid(robot)
     assert grid.shape == (63, 2)
     np.testing.assert_array_equal(grid[18:], command_grid())
-    np.testing.assert_array_equal(grid[mirrored(robot)], grid * [1, -1])
+    np.testing.assert_array_equal(grid[mirror_indices(robot)], grid * [1, -1])
 
 
 @pytest.mark.parametrize(

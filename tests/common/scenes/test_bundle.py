@@ -193,7 +193,9 @@ def test_robot_stays_where_it_sees_what_was_filmed(tmp_path):
     views = cameras()
     plain = save_scene(small_room(), None, tmp_path / "plain")
     filmed = save_scene(small_room(), None, tmp_path / "filmed", views=views)
-    elsewhere = save_scene(small_room(), None, tmp_path / "elsewhere", views=views.moved(np.eye(3), (40.0, 0.0, 0.0)))
+    elsewhere = save_scene(
+        small_room(), None, tmp_path / "elsewhere", views=views.transform(np.eye(3), (40.0, 0.0, 0.0))
+    )
     open_config = MapConfig(close_unfilmed=False)
     kept = save_scene(small_room(), None, tmp_path / "kept", views=views, map_config=open_config)
     verify_scene(filmed)

@@ -4,7 +4,7 @@ import pytest
 from readygo.common.errors import NoGroundError, SceneError
 from readygo.common.frames import matrix_from_axis_angle, matrix_from_quat
 from readygo.common.gaussians import GaussianCloud, concatenate, sh_basis, transform_cloud
-from readygo.common.scenes.edit import Box, cleaned, crop_box, cropped, levelling, mirrored, room_scale
+from readygo.common.scenes.edit import Box, clean_cloud, crop_box, crop_cloud, levelling, mirror_cloud, room_scale
 from tests.common.maps.room import box, room, sheet
 
 
@@ -14,13 +14,13 @@ def furnished():
 
 def test_crop_keeps_what_lies_in_the_box_and_names_it():
     part = crop_box((0.5, 0.5, 2.5, 2.0), (0.0, 1.0))
-    kept = cropped(furnished(), part)
+    kept = crop_cloud(furnished(), part)
     assert kept.means_m.min(axis=0) == pytest.approx([0.5, 0.5, 0.0], abs=0.1)
     assert kept.means_m[:, 2].max() <= 1.0
     assert str(part) == "x 0.5..2.5 m, y 0.5..2 m, z 0..1 m"
     assert crop_box(None, None) is None
     with pytest.raises(SceneError, match=r"Nothing is left .* it lies at x 0"):
-        cropped(furnished(), crop_box((50, 50, 60, 60), None))
+        crop_cloud(furnished(), crop_box((50, 50, 60, 60), None))
     with pytest.raises(SceneError, match="low corner below"):
         crop_box((1, 1, 0, 2), None)
 
@@ -29,11 +29,11 @@ def test_clean_removes_and_counts_each_kind():
     far = box((30, 30, 20), (30.1, 30.1, 20.1))
     huge = box((0, 0, 0), (0.3, 0.3, 0.3)).select(np.arange(3))
     huge = type(huge)(**{**vars_of(huge), "scales_m": np.full((3, 3), 500, np.float32)})
-    cloud, words = cleaned(concatenate([furnished(), far, huge]), ("huge", "floaters"))
+    cloud, words = clean_cloud(concatenate([furnished(), far, huge]), ("huge", "floaters"))
     assert len(cloud) == len(furnished())
     assert words == f"huge: 3, floaters: {len(far)}"
     with pytest.raises(SceneError, match="Unknown kind"):
-        cleaned(cloud, ("dust",))
+        clean_cloud(cloud, ("dust",))
 
 
 def vars_of(cloud):
@@ -56,11 +56,11 @@ def test_mirror_image_has_mirrored_places_shapes_and_colours_and_mirrors_back():
     rng = np.random.default_rng(0)
     cloud = furnished()
     cloud = type(cloud)(**{**vars_of(cloud), "sh": rng.normal(size=(len(cloud), 16, 3)).astype(np.float32)})
-    image, flip = mirrored(cloud), np.array([-1.0, 1.0, 1.0])
+    image, flip = mirror_cloud(cloud), np.array([-1.0, 1.0, 1.0])
     direction = np.array([[0.6, -0.64, 0.48]])
     colour, seen = sh_basis(direction, 3)[0] @ cloud.sh[7], sh_basis(direction * flip, 3)[0] @ image.sh[7]
     np.testing.assert_allclose(seen, colour, atol=1e-5)
-    back = mirrored(image)
+    back = mirror_cloud(image)
     for name, array in vars_of(cloud).items():
         np.testing.assert_array_equal(getattr(back, name), array)
     assert image.means_m[:, 0].max() <= 0.0
@@ -77,7 +77,7 @@ def test_mirror_image_of_turned_gaussians_has_their_mirrored_covariances(coeffic
         opacities=rng.random(30).astype(np.float32),
         sh=rng.normal(size=(30, coefficients, 3)).astype(np.float32),
     )
-    image, flip = mirrored(cloud), np.diag([-1.0, 1.0, 1.0])
+    image, flip = mirror_cloud(cloud), np.diag([-1.0, 1.0, 1.0])
     np.testing.assert_array_equal(image.means_m, cloud.means_m @ flip.astype(np.float32))
     before, after = (
         np.einsum("nij,nj,nkj->nik", R, one.scales_m**2, R)
@@ -100,7 +100,7 @@ def test_crop_is_closed_at_its_corners_and_open_where_no_side_is_given():
         (crop_box((1, 2, 5, 8), None), [1, 2, 3, 4]), (crop_box(None, (-6, -2)), [2, 3, 4, 5, 6]),
         (crop_box((2, -9, 9, 99), (-4, 9)), [2, 3, 4]), (Box(low=(5.5, -99, -99)), [6, 7]),
     ):  # fmt: skip
-        assert cropped(cloud, part).means_m[:, 0].tolist() == kept
+        assert crop_cloud(cloud, part).means_m[:, 0].tolist() == kept
     assert str(crop_box(None, (0, 2.5))) == "z 0..2.5 m"
     with pytest.raises(SceneError, match="low corner below"):
         Box(low=(0.0, 0.0, 1.0), high=(1.0, 1.0, 1.0))

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from readygo.common.dataset import schemas
-from readygo.common.dataset.stage import Stage
+from readygo.common.dataset.stage import Scenery
 from tests.common.dataset.episodes import ROBOT, write_shard
 
 VIEWERS = Path(__file__).parents[3] / "deploy" / "viewers"
@@ -37,7 +37,7 @@ def test_reruns_view_names_topics_of_shards() -> None:
 
 def test_reruns_view_is_written(tmp_path) -> None:
     pytest.importorskip("rerun", reason="needs rerun-sdk, which readygo does not depend on")
-    shard, out = write_shard(tmp_path, [0], stage=Stage(robot=ROBOT)), tmp_path / "view.rrd"
+    shard, out = write_shard(tmp_path, [0], stage=Scenery(robot=ROBOT)), tmp_path / "view.rrd"
     command = [sys.executable, str(VIEWERS / "rerun_view.py"), str(shard), "--save", str(out)]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
     assert out.stat().st_size > 20_000

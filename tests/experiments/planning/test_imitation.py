@@ -6,14 +6,16 @@ import pytest
 
 from experiments.planning.imitation import RAYS, Eyes, fitted, mirrored, samples_of, study, successful_runs, text
 from readygo.benchmarks.planning.maps import MapSource
-from readygo.benchmarks.planning.runs import Course, Job
+from readygo.benchmarks.planning.runs import Course, PlanningJob
 
 torch = pytest.importorskip("torch", reason="needs the extra train")
 
 
 @pytest.fixture(scope="module")
 def course():
-    return Course(Job(source=MapSource(name="embedded", path="embedded"), modes=("paper",), tasks=("dynamic",), seed=3))
+    return Course(
+        PlanningJob(source=MapSource(name="embedded", path="embedded"), modes=("paper",), tasks=("dynamic",), seed=3)
+    )
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from readygo.common.messages import Stage, VerdictStatus
-from readygo.services.coordinator.protocol import Episode, Holder, Protocol, State, Written
+from readygo.services.coordinator.protocol import EpisodeRow, Holder, Protocol, StageState, Written
 
 PLAN, FILM = Stage(name="plan", role="planner"), Stage(name="film", role="camera", records=True)
 RECORDERS = ("r0", "r1")
@@ -31,7 +31,7 @@ Message = tuple[str, str, int, int]
 class World:
     """What everyone knows, and what was sent."""
 
-    episodes: tuple[Episode, ...]
+    episodes: tuple[EpisodeRow, ...]
     sent: frozenset[Message]
     """Messages of recorders that are on their way, or were delivered and may be again."""
     disks: tuple[frozenset[tuple[int, int]], ...]
@@ -98,25 +98,25 @@ def explore(protocol: Protocol, bounds: Bounds, *, violations_max: int = 1) -> F
     return Found(len(seen), transitions, finished, tuple(violations), stuck)
 
 
-def _opened(protocol: Protocol, episodes: tuple[Episode, ...], bounds: Bounds) -> tuple[Episode, ...]:
+def _opened(protocol: Protocol, episodes: tuple[EpisodeRow, ...], bounds: Bounds) -> tuple[EpisodeRow, ...]:
     """Indices are opened until the wanted number of them is not rejected, as by `Ledger.open_episodes`."""
-    while sum(episode.state is not State.REJECTED for episode in episodes) < bounds.wanted:
-        episodes = (*episodes, Episode(index=len(episodes), stage=protocol.first))
+    while sum(episode.state is not StageState.REJECTED for episode in episodes) < bounds.wanted:
+        episodes = (*episodes, EpisodeRow(index=len(episodes), stage=protocol.first))
     return episodes
 
 
 def _is_finished(world: World, bounds: Bounds) -> bool:
-    return sum(episode.state is State.COMMITTED for episode in world.episodes) >= bounds.wanted
+    return sum(episode.state is StageState.COMMITTED for episode in world.episodes) >= bounds.wanted
 
 
 def _violations(world: World, bounds: Bounds) -> Iterator[str]:
     for episode in world.episodes:
-        if episode.state is State.COMMITTED:
+        if episode.state is StageState.COMMITTED:
             if episode.index not in bounds.expected:
                 yield f"{episode.index} is committed in place of one of {sorted(bounds.expected)}"
             if not _has(world, episode.recorder, episode.index):
                 yield f"{episode.index} is committed and not in a shard of {episode.recorder}"
-        if episode.state is State.REJECTED and episode.index not in REJECTED:
+        if episode.state is StageState.REJECTED and episode.index not in REJECTED:
             yield f"{episode.index} is given up: {episode.reason}"
     if _is_finished(world, bounds):
         for index in bounds.expected:
@@ -129,7 +129,7 @@ def _steps(protocol: Protocol, world: World, bounds: Bounds) -> Iterator[World]:
     if not _is_finished(world, bounds):
         yield from _claims(protocol, world, bounds)
     for episode in world.episodes:
-        if episode.state is State.LEASED:
+        if episode.state is StageState.LEASED:
             yield from _work(protocol, world, episode, bounds)
             yield from _forged_departures(protocol, world, episode, bounds)
     yield from _recorders(protocol, world, bounds)
@@ -138,7 +138,7 @@ def _steps(protocol: Protocol, world: World, bounds: Bounds) -> Iterator[World]:
     yield from _forged_reports(protocol, world, bounds)
 
 
-def _changed(protocol: Protocol, bounds: Bounds, world: World, episode: Episode | None) -> Iterator[World]:
+def _changed(protocol: Protocol, bounds: Bounds, world: World, episode: EpisodeRow | None) -> Iterator[World]:
     """The world with a changed episode; nothing where the protocol refused."""
     if episode is not None:
         episodes = (*world.episodes[: episode.index], episode, *world.episodes[episode.index + 1 :])
@@ -148,7 +148,7 @@ def _changed(protocol: Protocol, bounds: Bounds, world: World, episode: Episode 
 def _claims(protocol: Protocol, world: World, bounds: Bounds) -> Iterator[World]:
     """Each worker may claim the smallest waiting episode of a stage; the reply may be lost, then the lease expires."""
     for stage in (PLAN, FILM):
-        waiting = (e for e in world.episodes if e.state is State.WAITING and e.stage == stage.name)
+        waiting = (e for e in world.episodes if e.state is StageState.WAITING and e.stage == stage.name)
         episode = next(waiting, None)
         if episode is None or episode.attempt >= bounds.attempts:
             continue
@@ -157,7 +157,7 @@ def _claims(protocol: Protocol, world: World, bounds: Bounds) -> Iterator[World]
             yield from _changed(protocol, bounds, world, protocol.lease(episode, holder, recorder))
 
 
-def _work(protocol: Protocol, world: World, episode: Episode, bounds: Bounds) -> Iterator[World]:
+def _work(protocol: Protocol, world: World, episode: EpisodeRow, bounds: Bounds) -> Iterator[World]:
     """The holder completes, sends its samples, or ends; the lease may run out at any time."""
     if episode.stage == protocol.first:
         yield _send(world, ("complete", "", episode.index, episode.attempt))
@@ -170,7 +170,7 @@ def _work(protocol: Protocol, world: World, episode: Episode, bounds: Bounds) ->
             yield _after_death(protocol, bounds, replace(after, deaths=world.deaths + 1), episode.index)
 
 
-def _forged_departures(protocol: Protocol, world: World, episode: Episode, bounds: Bounds) -> Iterator[World]:
+def _forged_departures(protocol: Protocol, world: World, episode: EpisodeRow, bounds: Bounds) -> Iterator[World]:
     """Another role's process of the same name ends, and so does an earlier life of the worker."""
     holder = episode.holder
     for forged in (replace(holder, role="other"), replace(holder, session="0"), replace(holder, session="")):
@@ -218,7 +218,7 @@ def _recorders(protocol: Protocol, world: World, bounds: Bounds) -> Iterator[Wor
 
 def _trouble(protocol: Protocol, world: World, recorder: str) -> Iterator[World]:
     """A recorder's disk takes nothing: others take over what it has not reported; it forgets what it was granted."""
-    committed = {e.index for e in world.episodes if e.state is State.COMMITTED and e.recorder == recorder}
+    committed = {e.index for e in world.episodes if e.state is StageState.COMMITTED and e.recorder == recorder}
     if any(index not in committed for index, _ in _disk(world, recorder)):
         # It reports what is durable first.
         return
@@ -265,7 +265,7 @@ def _delivered(protocol: Protocol, bounds: Bounds, world: World, message: Messag
 def _forged_reports(protocol: Protocol, world: World, bounds: Bounds) -> Iterator[World]:
     """A recorder reports as durable what it was never granted."""
     for recorder, episode, attempt in itertools.product(RECORDERS, world.episodes, range(1, bounds.attempts + 1)):
-        if (episode.state, episode.recorder, episode.attempt) != (State.GRANTED, recorder, attempt):
+        if (episode.state, episode.recorder, episode.attempt) != (StageState.GRANTED, recorder, attempt):
             written = Written(recorder=recorder, attempt=attempt, shard="s", samples=5)
             yield from _changed(protocol, bounds, world, protocol.commit(episode, written))
 

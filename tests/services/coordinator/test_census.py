@@ -31,18 +31,22 @@ def ledger(tmp_path: Path) -> Ledger:
 def test_episodes_are_counted_by_where_they_are(ledger: Ledger) -> None:
     census = ledger.census
     assert census.waiting() == {"animate": 1, "human-plan": 1}
-    assert (census.waiting_at(ANIMATE), census.waiting_at(RENDER), census.begun()) == (1, 0, 2)
-    assert (census.leased(), census.loads(), census.leases()) == (
+    assert (census.waiting_at(ANIMATE), census.waiting_at(RENDER), census.begun_count()) == (1, 0, 2)
+    assert (census.leased_by_stage(), census.loads(), census.leases()) == (
         {"render": 1},
         {"rec1": 1},
         [("", "camera", "render", 1, 4)],
     )
-    assert (census.committed(), census.shards(), census.driven_by()) == ((1, 10), {"shard": {0: 10}}, {0: "policy"})
+    assert (census.committed_counts(), census.shards(), census.driven_by()) == (
+        (1, 10),
+        {"shard": {0: 10}},
+        {0: "policy"},
+    )
 
 
 def test_reasons_are_told_of_what_is_left_out_and_of_what_is_kept(ledger: Ledger) -> None:
-    assert ledger.census.rejected() == {2: "no path"}
-    assert ledger.census.kept() == {"slow": 1}
+    assert ledger.census.rejection_reasons() == {2: "no path"}
+    assert ledger.census.continued_by_reason() == {"slow": 1}
     assert ledger.census.aside() == 0
     ledger.set_aside(4, "stage render failed")
     assert (ledger.census.aside(), ledger.census.set_aside()) == (1, {4: "stage render failed"})
@@ -53,15 +57,15 @@ def test_episode_is_asked_for_by_its_index(ledger: Ledger) -> None:
     census = ledger.census
     assert [census.recorder_of(index) for index in (0, 1, 4, 9)] == ["rec0", "rec1", "", ""]
     assert [ledger.holder(1, attempt).worker for attempt in (3, 4)] == ["", "camera"]
-    verdicts = [ledger.expected(*episode) for episode in ((0, 4), (1, 4), (1, 3), (2, 1), (9, 1))]
+    verdicts = [ledger.append_verdict(*episode) for episode in ((0, 4), (1, 4), (1, 3), (2, 1), (9, 1))]
     stale = VerdictStatus.STALE
     assert verdicts == [VerdictStatus.DONE, VerdictStatus.OK, stale, stale, stale]
 
 
 def test_granted_episodes_are_told_by_recorder(ledger: Ledger) -> None:
-    assert (ledger.census.granted("rec1"), ledger.census.granted_recorders()) == ({}, set())
+    assert (ledger.census.granted_attempts("rec1"), ledger.census.granted_recorders()) == ({}, set())
     ledger.grant(1, 4, "rec1")
-    assert (ledger.census.granted("rec1"), ledger.census.granted_recorders()) == ({1: 4}, {"rec1"})
+    assert (ledger.census.granted_attempts("rec1"), ledger.census.granted_recorders()) == ({1: 4}, {"rec1"})
 
 
 def test_results_are_those_that_are_needed_yet(ledger: Ledger) -> None:

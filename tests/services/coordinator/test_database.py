@@ -21,7 +21,7 @@ def test_statements_give_rows_one_row_or_a_number(database: Database) -> None:
     assert database.all("SELECT value FROM run ORDER BY key") == [("1",), ("2",)]
     assert database.one("SELECT key FROM run WHERE value = ?", "2") == ("b",)
     assert database.count("SELECT count(*) FROM run") == 2
-    assert [database.held("SELECT 1 FROM run WHERE key = ?", key) for key in "bc"] == [True, False]
+    assert [database.has_row("SELECT 1 FROM run WHERE key = ?", key) for key in "bc"] == [True, False]
 
 
 def test_what_is_done_together_is_done_whole_or_not_at_all(database: Database) -> None:

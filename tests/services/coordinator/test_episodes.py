@@ -7,12 +7,12 @@ import pytest
 from readygo.common.messages.stages import EXPERT_LINE, RENDER
 from readygo.services.coordinator.database import Database
 from readygo.services.coordinator.episodes import Episodes
-from readygo.services.coordinator.protocol import Episode, Holder, State
+from readygo.services.coordinator.protocol import EpisodeRow, Holder, StageState
 
-WHOLE = Episode(
+WHOLE = EpisodeRow(
     index=3,
     stage=RENDER.name,
-    state=State.LEASED,
+    state=StageState.LEASED,
     attempt=4,
     failures=1,
     deaths=2,
@@ -39,7 +39,7 @@ def test_every_field_comes_back_and_no_other_row_changes(episodes: Episodes) -> 
     episodes.store(WHOLE)
     assert episodes.get(3) == WHOLE
     assert [episodes.get(index) for index in (2, 4)] == others
-    assert others[0] == Episode(index=2, stage=EXPERT_LINE[0].name)
+    assert others[0] == EpisodeRow(index=2, stage=EXPERT_LINE[0].name)
     assert episodes.get(5) is None
 
 
@@ -47,7 +47,7 @@ def test_open_episodes_stay_as_they_are(episodes: Episodes) -> None:
     episodes.store(WHOLE)
     episodes.open([3, 5], "animate")
     assert episodes.get(3) == WHOLE
-    assert episodes.get(5) == Episode(index=5, stage="animate")
+    assert episodes.get(5) == EpisodeRow(index=5, stage="animate")
 
 
 def test_smallest_waiting_index_of_a_stage_comes_first(episodes: Episodes) -> None:
@@ -61,7 +61,7 @@ def test_smallest_waiting_index_of_a_stage_comes_first(episodes: Episodes) -> No
 
 def test_episodes_are_found_by_holder_recorder_shard_and_deadline(episodes: Episodes) -> None:
     episodes.store(WHOLE)
-    episodes.store(dataclasses.replace(WHOLE, index=4, state=State.COMMITTED))
+    episodes.store(dataclasses.replace(WHOLE, index=4, state=StageState.COMMITTED))
     episodes.begin_lease(3, 10.0, with_policy=False)
     assert episodes.held_by(WHOLE.holder) == [WHOLE]
     for other in ({"worker": "desk-2"}, {"role": "animator"}, {"session": "second"}):
@@ -69,9 +69,9 @@ def test_episodes_are_found_by_holder_recorder_shard_and_deadline(episodes: Epis
     assert {episode.index for episode in episodes.of_recorder("rec0")} == {3, 4}
     assert episodes.of_recorder("rec1") == []
     assert [episode.index for episode in episodes.in_shard(WHOLE.shard)] == [4]
-    assert episodes.leased() == episodes.leased(before_s=10.5) == [WHOLE]
-    assert episodes.leased(before_s=10.0) == []
+    assert episodes.leased_episodes() == episodes.leased(before_s=10.5) == [WHOLE]
+    assert episodes.leased_episodes(before_s=10.0) == []
     assert episodes.renew(3, 4, 20.0)
     assert not episodes.renew(3, 5, 30.0)
     assert not episodes.renew(4, 4, 30.0), "committed"
-    assert episodes.leased(before_s=19.0) == []
+    assert episodes.leased_episodes(before_s=19.0) == []

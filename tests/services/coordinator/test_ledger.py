@@ -42,7 +42,7 @@ def test_lost_after_done_leaves_the_episode_durable(ledger: Ledger) -> None:
     assert ledger.grant(0, attempt, "rec0") is VerdictStatus.OK
     assert ledger.commit(0, _written(attempt)) is not None
     assert not ledger.take_back(0, "rec0", attempt)
-    assert ledger.census.committed() == (1, 10)
+    assert ledger.census.committed_counts() == (1, 10)
     assert ledger.claim(RENDER, Holder(worker="w"), 20.0) is None
 
 
@@ -53,9 +53,9 @@ def test_grant_is_taken_back_by_its_own_recorder_only(ledger: Ledger) -> None:
     ledger.grant(0, attempt, "rec0")
     assert not ledger.take_back(0, "rec1", attempt)
     assert not ledger.take_back(0, "rec0", attempt - 1)
-    assert ledger.census.granted("rec0") == {0: attempt}
+    assert ledger.census.granted_attempts("rec0") == {0: attempt}
     assert ledger.take_back(0, "rec0", attempt)
-    assert ledger.census.granted("rec0") == {}
+    assert ledger.census.granted_attempts("rec0") == {}
     again = ledger.claim(RENDER, Holder(worker="w"), 20.0)
     assert again is not None
     assert again.attempt == attempt + 1
@@ -103,7 +103,7 @@ def test_leases_end_by_time_and_grants_do_not(ledger: Ledger) -> None:
     ledger.grant(0, attempt, "rec0")
     assert ledger.requeue_expired(11.0) == 0
     assert ledger.requeue_expired(13.0) == 1
-    assert ledger.census.granted("rec0") == {0: attempt}
+    assert ledger.census.granted_attempts("rec0") == {0: attempt}
     assert not ledger.renew(other.index, other.attempt, 20.0)
 
 
@@ -124,15 +124,15 @@ def test_durable_episodes_of_a_lost_shard_begin_anew_and_those_of_a_damaged_one_
     for index in range(3):
         ledger.adopt(index, _written(1, shard="lost" if index == 0 else "damaged", samples=10 + index))
     assert ledger.census.shards() == {"lost": {0: 10}, "damaged": {1: 11, 2: 12}}
-    assert ledger.census.committed() == (3, 33)
+    assert ledger.census.committed_counts() == (3, 33)
     ledger.miss([0])
     ledger.doubt("damaged")
-    assert ledger.census.granted("rec0") == {1: 0, 2: 0}
+    assert ledger.census.granted_attempts("rec0") == {1: 0, 2: 0}
     assert ledger.commit(1, _written(0, shard="saved", samples=11)) is not None
     assert ledger.take_back(2, "rec0", 0)
     assert ledger.census.waiting() == {"human-plan": 2}
     assert ledger.census.shards() == {"saved": {1: 11}}
-    assert ledger.census.committed() == (1, 11)
+    assert ledger.census.committed_counts() == (1, 11)
 
 
 @pytest.mark.parametrize(("wanted", "waiting"), [(4, {"human-plan": 2}), (3, {"human-plan": 2}), (2, {})])
@@ -144,10 +144,10 @@ def test_ledger_made_anew_opens_what_is_unknown_unless_all_was_recorded(
         ledger.adopt(index, _written(1))
     ledger.fill_gaps(3, wanted)
     assert ledger.census.waiting() == waiting
-    assert ledger.census.committed() == (2, 20)
+    assert ledger.census.committed_counts() == (2, 20)
     assert ledger.wanted_min() == min(wanted, 4)
     ledger.drop_episodes(wanted)
-    assert ledger.census.committed() == (2, 20), "whatever was rejected before them, these are durable"
+    assert ledger.census.committed_counts() == (2, 20), "whatever was rejected before them, these are durable"
     ledger.close()
 
 

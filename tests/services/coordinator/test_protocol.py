@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from readygo.services.coordinator.protocol import Episode, Holder, Protocol, State, Written
+from readygo.services.coordinator.protocol import EpisodeRow, Holder, Protocol, StageState, Written
 from tests.services.coordinator.recording_model import FILM, PLAN, Bounds, Found, explore
 
 LINE = (PLAN, FILM)
@@ -13,15 +13,15 @@ LINE = (PLAN, FILM)
 class EndsLeasesByName(Protocol):
     """A token of any role and session ends the leases of its name."""
 
-    def lose_holder(self, episode: Episode, holder: Holder) -> Episode | None:
+    def lose_holder(self, episode: EpisodeRow, holder: Holder) -> EpisodeRow | None:
         return super().lose_holder(episode, episode.holder)
 
 
 class BelievesAnyDone(Protocol):
     """Any recorder may report any episode as durable, unless another one has."""
 
-    def commit(self, episode: Episode, written: Written) -> Episode | None:
-        if episode.state is State.COMMITTED:
+    def commit(self, episode: EpisodeRow, written: Written) -> EpisodeRow | None:
+        if episode.state is StageState.COMMITTED:
             return super().commit(episode, written)
         return self.adopt(episode, written)
 
@@ -29,14 +29,14 @@ class BelievesAnyDone(Protocol):
 class BelievesLateDone(Protocol):
     """The granted recorder may report an earlier attempt."""
 
-    def commit(self, episode: Episode, written: Written) -> Episode | None:
+    def commit(self, episode: EpisodeRow, written: Written) -> EpisodeRow | None:
         return super().commit(episode, dataclasses.replace(written, attempt=episode.attempt))
 
 
 class TakesBackAnyAttempt(Protocol):
     """A repeated report of an earlier attempt takes back the present grant."""
 
-    def take_back(self, episode: Episode, recorder: str, attempt: int) -> Episode | None:
+    def take_back(self, episode: EpisodeRow, recorder: str, attempt: int) -> EpisodeRow | None:
         return super().take_back(episode, recorder, episode.attempt)
 
 

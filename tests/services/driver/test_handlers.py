@@ -8,7 +8,7 @@ from readygo.common.episode import EpisodeConfig, EpisodeSimulation
 from readygo.common.episode.loop import DriverFailure, Observer
 from readygo.common.errors import PolicyError
 from readygo.common.maps import GridFrame, OccupancyMap
-from readygo.common.messages import Driver, EpisodeKey, EpisodeMotions, Outcome, Scenario, Split
+from readygo.common.messages import DriverKind, EpisodeKey, EpisodeMotions, Outcome, Scenario, Split
 from readygo.common.robot import RobotConfig
 from readygo.services.driver import Disturbance, drive, driver_of
 
@@ -201,9 +201,9 @@ def test_disturbed_expert_says_what_it_would_do_at_the_states_that_it_comes_to(
 def test_share_of_the_policys_episodes_is_the_mix_and_depends_on_the_key_alone() -> None:
     keys = [EpisodeKey(seed=1, split=Split.TRAIN, index=index) for index in range(400)]
     drivers = [driver_of(key, 0.25) for key in keys]
-    assert 70 <= drivers.count(Driver.POLICY) <= 130
+    assert 70 <= drivers.count(DriverKind.POLICY) <= 130
     assert drivers == [driver_of(key, 0.25) for key in keys]
-    assert {driver_of(key, 0.0) for key in keys} == {Driver.EXPERT}
-    assert {driver_of(key, 1.0) for key in keys} == {Driver.POLICY}
-    of_the_smaller = [key for key, driver in zip(keys, drivers, strict=True) if driver is Driver.POLICY]
-    assert {driver_of(key, 0.5) for key in of_the_smaller} == {Driver.POLICY}
+    assert {driver_of(key, 0.0) for key in keys} == {DriverKind.EXPERT}
+    assert {driver_of(key, 1.0) for key in keys} == {DriverKind.POLICY}
+    of_the_smaller = [key for key, driver in zip(keys, drivers, strict=True) if driver is DriverKind.POLICY]
+    assert {driver_of(key, 0.5) for key in of_the_smaller} == {DriverKind.POLICY}

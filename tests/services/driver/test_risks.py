@@ -10,7 +10,7 @@ from readygo.common.episode import EpisodeConfig, EpisodeSimulation
 from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanMotion, HumanTrajectory, Motion, Scenario, Split
 from readygo.common.robot import RobotConfig, limit_command, step_unicycle
-from readygo.common.robot.command_grid import HUMAN, OBSTACLE, command_grid, mirrored
+from readygo.common.robot.command_grid import HUMAN, OBSTACLE, command_grid, mirror_indices
 from readygo.services.driver import RiskMap
 from readygo.services.driver.risks import HOLD_S, HORIZON_S, HUMAN_MARGIN_M, OBSTACLE_MARGIN_M
 
@@ -83,7 +83,7 @@ def test_mirrored_scene_has_mirrored_risks():
     left, right = risks_at(human_xy_m=[(2.6, 3.5)]), risks_at(human_xy_m=[(2.6, 2.5)])
     assert left.any()
     assert not left.all()
-    np.testing.assert_array_equal(left, right[mirrored()])
+    np.testing.assert_array_equal(left, right[mirror_indices()])
 
 
 @pytest.mark.parametrize(("control_hz", "camera_hz"), [(10, 20), (25, 25), (10, 30)])

@@ -25,15 +25,15 @@ def claimed(desk: Desk, worker: str) -> int:
 def test_one_worker_has_the_job_until_it_is_gone(desk: Desk) -> None:
     assert claimed(desk, "a") == 1
     assert claimed(desk, "b") == 0
-    desk.seen("b", alive=False)
+    desk.note_worker("b", alive=False)
     assert claimed(desk, "b") == 0
-    desk.seen("a", alive=False)
+    desk.note_worker("a", alive=False)
     assert claimed(desk, "b") == 2
 
 
 def test_only_the_attempt_that_counts_may_report(desk: Desk) -> None:
     claimed(desk, "a")
-    desk.seen("a", alive=False)
+    desk.note_worker("a", alive=False)
     claimed(desk, "b")
     late = ReconstructionReport(worker="a", attempt=1, report="{}")
     assert desk.report(late).status is VerdictStatus.STALE

@@ -5,7 +5,7 @@ from tests.services.reconstructor.synthetic import floor_points, mapped, ring, s
 
 def test_moved_map_sees_the_same() -> None:
     images = mapped(ring(3), floor_points(9), some_similarity())
-    moved = images.moved(some_similarity())
+    moved = images.transform(some_similarity())
 
     def seen(which: object) -> np.ndarray:
         T = which.T_world_camera[1]

@@ -13,7 +13,7 @@ from readygo.common.gaussians import concatenate, save_ply
 from readygo.services.reconstructor import reconstruct as module
 from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.metric.config import MetricConfig
-from readygo.services.reconstructor.reconstruct import CLOUD_FILE, STAGES, Job, reconstruct
+from readygo.services.reconstructor.reconstruct import CLOUD_FILE, STAGES, Job, reconstruct_scene
 from readygo.services.reconstructor.stages import Stages
 from tests.common.scenes.small_room import small_room
 
@@ -50,8 +50,8 @@ def trained(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def test_scene_is_made_once_and_where_it_is_wanted(tmp_path: Path, trained: list[str]) -> None:
     job = Job(source=Path("walk.mp4"), out=tmp_path / "lobby", work=tmp_path / "lobby.work", license="CC0")
-    first = reconstruct(job, CONFIG, lambda progress: None)
-    again = reconstruct(job, CONFIG, lambda progress: None)
+    first = reconstruct_scene(job, CONFIG, lambda progress: None)
+    again = reconstruct_scene(job, CONFIG, lambda progress: None)
     assert trained == ["train"]
     assert first["content_hash"] == again["content_hash"]
     scene = module.load_scene(job.out)
@@ -72,7 +72,7 @@ def test_far_shell_is_the_sky_of_the_scene_and_counted_apart(
     sky = replace(far, means_m=means, scales_m=np.full((12, 3), 8.0, np.float32), opacities=np.ones(12, np.float32))
     monkeypatch.setattr(module, "read_gaussians", lambda _: concatenate([room, sky]))
     job = Job(source=Path("walk.mp4"), out=tmp_path / "lobby", work=tmp_path / "lobby.work")
-    report = reconstruct(job, CONFIG, lambda progress: None)
+    report = reconstruct_scene(job, CONFIG, lambda progress: None)
     scene = module.load_scene(job.out)
     assert report["sky"] == 12
     assert scene.sky is not None
@@ -84,7 +84,7 @@ def test_what_is_there_already_is_not_touched(tmp_path: Path, trained: list[str]
     (tmp_path / "lobby").mkdir()
     job = Job(source=Path("walk.mp4"), out=tmp_path / "lobby", work=tmp_path / "lobby.work")
     with pytest.raises(SceneError, match="exists already"):
-        reconstruct(job, CONFIG, lambda progress: None)
+        reconstruct_scene(job, CONFIG, lambda progress: None)
     assert not trained
     assert not list(job.out.iterdir())
 
@@ -93,7 +93,7 @@ def test_missing_package_is_told_before_anything_is_done(tmp_path: Path, monkeyp
     monkeypatch.setattr(module.importlib.util, "find_spec", lambda name: None if name == "pycolmap" else name)
     job = Job(source=tmp_path / "walk.mp4", out=tmp_path / "lobby", work=tmp_path / "work")
     with pytest.raises(ConfigError, match=r"needs pycolmap and torch; run: .*reconstruct"):
-        reconstruct(job, CONFIG, lambda _: None)
+        reconstruct_scene(job, CONFIG, lambda _: None)
     assert not job.work.exists()
 
 
@@ -104,5 +104,5 @@ def test_missing_gpu_is_told_before_anything_is_done(tmp_path: Path, monkeypatch
     monkeypatch.setattr(module, "require_kernels", none)
     job = Job(source=tmp_path / "walk.mp4", out=tmp_path / "lobby", work=tmp_path / "work")
     with pytest.raises(ConfigError, match="gsplat on cuda: there is none"):
-        reconstruct(job, replace(CONFIG, gaussians=replace(CONFIG.gaussians, device="cuda")), lambda _: None)
+        reconstruct_scene(job, replace(CONFIG, gaussians=replace(CONFIG.gaussians, device="cuda")), lambda _: None)
     assert not job.work.exists()

@@ -20,7 +20,7 @@ JOB = Job(source=Path("v.mp4"), out=Path("lobby"), work=Path("lobby.work"))
 def worked(
     monkeypatch: pytest.MonkeyPatch, do: object, stop: threading.Event, messages: int = 0
 ) -> tuple[Desk, list[ReconstructionProgress]]:
-    monkeypatch.setattr(service, "reconstruct", do)
+    monkeypatch.setattr(service, "reconstruct_scene", do)
     here = InProcessBus()
     there = InProcessBus(here)
     desk = Desk(JOB, ReconstructorConfig())

@@ -8,7 +8,7 @@ from mcap.opcode import Opcode
 
 from readygo.common.dataset import Dataset, ShardWriter, encode_episode, validate
 from readygo.common.dataset.records import Record, chunk_span, iter_messages, iter_records
-from readygo.common.dataset.stage import Stage
+from readygo.common.dataset.stage import Scenery
 from readygo.common.errors import DatasetError
 from readygo.services.recorder import Recorder, RecorderConfig, handle_append
 from readygo.services.recorder.salvage import drop_episodes, next_number, next_start_ns, read_open_shard
@@ -106,7 +106,7 @@ def test_salvaged_shard_has_the_bytes_of_an_undisturbed_one(tmp_path) -> None:
 
 
 def test_an_episode_that_is_left_out_leaves_no_gap_in_time(tmp_path) -> None:
-    stage = Stage()
+    stage = Scenery()
     writer = ShardWriter(tmp_path / PART.removesuffix(".part"), PROVENANCE, stage=stage, fsync=False)
     for index in (0, 1, 2):
         header, samples = make_episode(index, 4)
@@ -245,7 +245,7 @@ def test_outputs_survive_a_crash(tmp_path) -> None:
 
 
 def test_shard_without_its_first_episode_begins_when_it_began_and_shows_the_map(tmp_path) -> None:
-    stage = Stage(maps=make_maps())  # type: ignore[arg-type]
+    stage = Scenery(maps=make_maps())  # type: ignore[arg-type]
     shard = write_shard(tmp_path, (0, 1, 2), stage=stage)
     want = write_shard(tmp_path / "want", (1, 2), stage=stage)
     assert drop_episodes(shard, {0}, stage)

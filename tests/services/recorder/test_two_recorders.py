@@ -122,7 +122,7 @@ class Site:
     def _lie(self) -> None:
         """A recorder, or a process that is none, reports what it likes."""
         index, attempt = self.rng.randrange(WANTED + 4), self.rng.randrange(6)
-        granted = {name: self.line.coordinator.ledger.census.granted(name) for name in RECORDERS}
+        granted = {name: self.line.coordinator.ledger.census.granted_attempts(name) for name in RECORDERS}
         recorder = self.rng.choice((*RECORDERS, "rec2"))
         if granted.get(recorder, {}).get(index) == attempt or index in self._durable(recorder):
             return

@@ -26,7 +26,7 @@ def main() -> None:
     for camera, config in (sensor_phone_like(CameraConfig(**size), RendererConfig()), wide):
         faces = plan_faces([make_lens(extreme) for extreme in config.sensor.extremes(camera)])
         key = (1, 2)
-        drawn = config.sensor.drawn(camera, sensor_rng(key))
+        drawn = config.sensor.draw_camera(camera, sensor_rng(key))
         lens = make_lens(drawn)
         remap = make_remap(lens, faces)
         shutter = make_shutter(drawn, config.sub_frames)

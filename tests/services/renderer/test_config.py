@@ -44,9 +44,11 @@ def test_wrong_settings_are_refused(wrong) -> None:
 
 def test_depth_is_made_of_the_median_unless_the_mean_is_asked_for() -> None:
     kinds = ("rgb", "depth", "median_depth", "mask")
-    assert RendererConfig().rasterized(kinds) == ("rgb", "median_depth", "mask")
-    assert RendererConfig(depth="mean").rasterized(kinds) == kinds
-    assert RendererConfig(backend="gsplat", depth="mean", outputs=("rgb", "depth")).rasterized(("depth",)) == ("depth",)
+    assert RendererConfig().rasterizer_outputs(kinds) == ("rgb", "median_depth", "mask")
+    assert RendererConfig(depth="mean").rasterizer_outputs(kinds) == kinds
+    assert RendererConfig(backend="gsplat", depth="mean", outputs=("rgb", "depth")).rasterizer_outputs(("depth",)) == (
+        "depth",
+    )
 
 
 def test_settings_at_their_limits_are_taken() -> None:

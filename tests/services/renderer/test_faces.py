@@ -96,7 +96,7 @@ def test_plan_for_ranges_holds_every_lens_between_them() -> None:
     phone, config = sensor_phone_like(CAMERA, RendererConfig())
     faces = plan_faces([make_lens(extreme) for extreme in config.sensor.extremes(phone)])
     for seed in range(12):
-        remap = make_remap(make_lens(config.sensor.drawn(phone, np.random.default_rng(seed))), faces)
+        remap = make_remap(make_lens(config.sensor.draw_camera(phone, np.random.default_rng(seed))), faces)
         line, column = np.divmod(remap.source, faces.width_px)
         assert 0 < column.min() < column.max() < faces.width_px - 1
         assert 0 < line.min() < line.max() < faces.height_px - 1

@@ -9,11 +9,11 @@ import pytest
 
 from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.messages import EpisodeKey, Split
-from readygo.common.messages.plan import Driver, Outcome
+from readygo.common.messages.plan import DriverKind, Outcome
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import HUMAN, OBSTACLE, command_grid
 from readygo.services.trainer import TrainConfig, with_overrides
-from readygo.services.trainer.episodes import Episode
+from readygo.services.trainer.episodes import TrainingEpisode
 
 AHEAD = 4
 
@@ -24,7 +24,7 @@ class FakeEpisode:
     first_sample: int
     sample_count: int
     sha256: str
-    driver: Driver = Driver.EXPERT
+    driver: DriverKind = DriverKind.EXPERT
     outcome: Outcome = Outcome.SUCCESS
     policy: str = ""
     drawn: dict = field(default_factory=dict)
@@ -133,7 +133,7 @@ def make_one(name="e", *, samples=40, size=100, **fields):
         "goals_xy_m": rng.uniform(-8, 8, (samples, 2)).astype(np.float32),
         "xyyaw": rng.uniform(-3, 3, (samples, 3)),
     }
-    return Episode(name=name, images=tuple(bytes(size) for _ in range(samples)), **(numbers | fields))
+    return TrainingEpisode(name=name, images=tuple(bytes(size) for _ in range(samples)), **(numbers | fields))
 
 
 @pytest.fixture

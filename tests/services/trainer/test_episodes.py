@@ -6,7 +6,7 @@ import pytest
 from readygo.common.dataset import Dataset
 from readygo.common.errors import DatasetError
 from readygo.common.messages import CommittedEpisode, EpisodeHeader, EpisodeKey, Sample, Split
-from readygo.common.messages.plan import Driver, Outcome
+from readygo.common.messages.plan import DriverKind, Outcome
 from readygo.common.robot.command_grid import UNKNOWN_RISK
 from readygo.services.trainer.episodes import committed_episode, nearest_humans, read_episodes
 from tests import crooked
@@ -46,7 +46,7 @@ def message(samples, **fields):
         "width_px": 8,
         "K_px": (1.0,) * 9,
         "outcome": Outcome.HUMAN_COLLISION,
-        "driver": Driver.POLICY,
+        "driver": DriverKind.POLICY,
         "policy": "ab" * 32,
     }
     return CommittedEpisode(header=EpisodeHeader(**(header | fields)), attempt=1, samples=tuple(samples))
@@ -58,7 +58,7 @@ def test_committed_episode_keeps_what_training_needs():
     assert np.allclose(episode.actions[:, 1], [0, 0.1, 0.2])
     assert episode.xyyaw[0].tolist() == [1, 2, 0]
     assert episode.expert.shape == (3, 2, 2)
-    assert (episode.driver, episode.outcome, episode.static) == (Driver.POLICY, Outcome.HUMAN_COLLISION, False)
+    assert (episode.driver, episode.outcome, episode.static) == (DriverKind.POLICY, Outcome.HUMAN_COLLISION, False)
     assert episode.policy == "ab" * 32
 
 

@@ -13,7 +13,7 @@ from readygo.common.robot import RobotConfig
 from readygo.services.trainer import frames as frames_module
 from readygo.services.trainer.frames import FrameCache, pool, pooling_of
 from readygo.services.trainer.reservoir import Reservoir
-from readygo.services.trainer.samples import Timing, episode_table, join_tables
+from readygo.services.trainer.samples import WindowTiming, episode_table, join_tables
 from tests.services.trainer.conftest import make_one, png
 
 CAMERA = CameraConfig(height_px=16, width_px=32)
@@ -48,7 +48,10 @@ def episode_of(name, images):
 
 def table_of(reservoir):
     return join_tables(
-        [episode_table(episode, RobotConfig(), Timing(spacing_steps=2)) for episode in reservoir.episodes.values()]
+        [
+            episode_table(episode, RobotConfig(), WindowTiming(spacing_steps=2))
+            for episode in reservoir.episodes.values()
+        ]
     )
 
 

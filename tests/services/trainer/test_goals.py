@@ -5,7 +5,7 @@ import pytest
 
 from readygo.common.robot import RobotConfig
 from readygo.services.trainer.goals import hindsight_goals, own_goals
-from readygo.services.trainer.samples import Timing, episode_table, join_tables
+from readygo.services.trainer.samples import WindowTiming, episode_table, join_tables
 from tests.services.trainer.conftest import make_one
 
 
@@ -14,7 +14,9 @@ def straight_drives(**fields):
     tables = []
     for k in range(3):
         xyyaw = np.stack([np.arange(40) * 0.19, np.full(40, 100.0 * k), np.full(40, np.pi / 2)], axis=1)
-        tables.append(episode_table(make_one(f"e{k}", xyyaw=xyyaw, **fields), RobotConfig(), Timing(spacing_steps=10)))
+        tables.append(
+            episode_table(make_one(f"e{k}", xyyaw=xyyaw, **fields), RobotConfig(), WindowTiming(spacing_steps=10))
+        )
     return join_tables(tables)
 
 
@@ -37,7 +39,7 @@ def test_hindsight_goals_end_where_the_expert_was_disturbed():
     expert[20, 0] += 0.3
     xyyaw = np.stack([np.arange(40) * 0.19, np.zeros(40), np.full(40, np.pi / 2)], axis=1)
     table = episode_table(
-        dataclasses.replace(calm, xyyaw=xyyaw, expert=expert), RobotConfig(), Timing(spacing_steps=10)
+        dataclasses.replace(calm, xyyaw=xyyaw, expert=expert), RobotConfig(), WindowTiming(spacing_steps=10)
     )
     samples = np.arange(40)
     for seed in range(20):
@@ -63,7 +65,7 @@ def crooked_drives():
         images = tuple(b"image" if step % 3 == 0 else b"" for step in range(40))
         one = make_one(f"e{k}", xyyaw=np.column_stack([xy_m, yaw_rad]))
         one = dataclasses.replace(one, images=images)
-        tables.append(episode_table(one, RobotConfig(), Timing(spacing_steps=9)))
+        tables.append(episode_table(one, RobotConfig(), WindowTiming(spacing_steps=9)))
     return join_tables(tables)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from readygo.common.errors import BusError, PeerError, PolicyError
 from readygo.common.messages import EpisodeKey, OfferReply, Split
-from readygo.common.messages.plan import Driver, Outcome
+from readygo.common.messages.plan import DriverKind, Outcome
 from readygo.common.policy import load_policy
 from readygo.services.trainer.live import DECAY_FILE, REFUSALS_MAX, STOP_FILE, LiveTrainer
 from tests.services.trainer.conftest import make_source, quick
@@ -29,7 +29,7 @@ def episode(index, **fields):
         sample(k, image=source.image(k), action_v_mps=float(v), action_w_radps=float(w))
         for k, (v, w) in enumerate(source.actions)
     ]
-    header = {"height_px": 32, "width_px": 64, "driver": Driver.EXPERT, "policy": "", "outcome": Outcome.SUCCESS}
+    header = {"height_px": 32, "width_px": 64, "driver": DriverKind.EXPERT, "policy": "", "outcome": Outcome.SUCCESS}
     return message(samples, episode=EpisodeKey(seed=0, split=Split.TRAIN, index=index), **(header | fields))
 
 
@@ -152,8 +152,8 @@ def test_success_of_the_policy_is_told_from_its_own_episodes(make_trainer, tmp_p
     trainer = make_trainer()
     endings = [Outcome.SUCCESS, Outcome.SUCCESS, Outcome.HUMAN_COLLISION, Outcome.TIMEOUT]
     for index, outcome in enumerate(endings):
-        trainer.hear("run", episode(index, driver=Driver.POLICY, policy="ab" * 32, outcome=outcome))
-    trainer.hear("run", episode(9, driver=Driver.POLICY, policy="ab" * 32, avatars=(), encounters=()))
+        trainer.hear("run", episode(index, driver=DriverKind.POLICY, policy="ab" * 32, outcome=outcome))
+    trainer.hear("run", episode(9, driver=DriverKind.POLICY, policy="ab" * 32, avatars=(), encounters=()))
     trainer.hear("run", episode(10))
     trainer.train(threading.Event())
     success = progress(tmp_path)["success"]

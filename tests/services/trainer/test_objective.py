@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from readygo.common.dataset import Dataset
-from readygo.common.messages import Driver
+from readygo.common.messages import DriverKind
 from readygo.common.robot.command_grid import HUMAN, OBSTACLE, UNKNOWN_RISK
-from readygo.common.robot.command_grid import mirrored as mirrored_commands
+from readygo.common.robot.command_grid import mirror_indices as mirrored_commands
 from readygo.services.trainer import objective as objective_module
 from readygo.services.trainer import views, with_overrides
 from readygo.services.trainer.episodes import read_episodes
@@ -20,8 +20,8 @@ from readygo.services.trainer.goals import own_goals
 from readygo.services.trainer.light import draw_light
 from readygo.services.trainer.model import Bins, PolicyNet
 from readygo.services.trainer.objective import Objective, humans_loss, risks_loss
-from readygo.services.trainer.parts import Part, build_parts, timing_of
-from readygo.services.trainer.views import View
+from readygo.services.trainer.parts import EpisodePart, build_parts, timing_of
+from readygo.services.trainer.views import BatchViews
 from tests.crooked import ODD_RATES, TWINS, crooked_episode, write_crooked_shard
 from tests.services.trainer.conftest import QUICK, quick
 
@@ -139,7 +139,7 @@ def test_humans_count_where_there_are_any_and_the_data_say_so():
 @pytest.mark.parametrize("hindsight", [0.0, 1.0])
 def test_each_sample_sees_the_picture_of_its_episodes_goal_or_in_hindsight_a_later_frame(source, hindsight):
     config = quick(**{"goal": "both", "hindsight": hindsight})
-    part = Part(source.robot, config, 1.0)
+    part = EpisodePart(source.robot, config, 1.0)
     for number, episode in enumerate(read_episodes(source)):
         goal = {"goal_image": (episode.images[number], *[b""] * (episode.sample_count - 1))}
         part.reservoir.add(dataclasses.replace(episode, outputs=goal))
@@ -164,10 +164,10 @@ AHEAD_S = 0.1
 def crooked(request, tmp_path_factory):
     """Recorded episodes of a crooked robot, and what is shown of them in a given view."""
     robot, folder = CROOKED[request.param], tmp_path_factory.mktemp("data")
-    changes = {"driver": Driver.EXPERT, "policy": "", "cameras": ()}
+    changes = {"driver": DriverKind.EXPERT, "policy": "", "cameras": ()}
     write_crooked_shard(folder, EPISODES, 60, robot=robot, **changes)
     config = quick(hindsight=0.0, motion="poses", ahead_s=AHEAD_S, frame_spacing_s=0.2, humans_weight=0.4)
-    part = Part(robot, config, 1.0)
+    part = EpisodePart(robot, config, 1.0)
     for episode in read_episodes(Dataset(folder), with_humans=True):
         part.reservoir.add(episode)
     objective = Objective(robot, config, timing_of(robot, config), torch.float32)
@@ -176,7 +176,7 @@ def crooked(request, tmp_path_factory):
     samples = table.usable_samples[3::5]
 
     def show(yaws_rad, mirrored):
-        view = View(
+        view = BatchViews(
             yaws_rad=np.array(yaws_rad), shifts_px=np.zeros((2, 2), np.int64), mirrored=np.array(mirrored),
             light=draw_light(2, 0.0, np.random.default_rng(0)),
         )  # fmt: skip
@@ -265,7 +265,7 @@ def test_mirrored_twice_and_turned_back_is_what_was_recorded(crooked):
 
 def test_pictures_of_goals_are_not_turned_with_the_robot(source, monkeypatch):
     config = quick(hindsight=0.0, goal="both")
-    part = Part(source.robot, config, 1.0)
+    part = EpisodePart(source.robot, config, 1.0)
     for number, episode in enumerate(read_episodes(source)):
         goal = {"goal_image": (episode.images[number + 3], *[b""] * (episode.sample_count - 1))}
         part.reservoir.add(dataclasses.replace(episode, outputs=goal))
@@ -274,7 +274,7 @@ def test_pictures_of_goals_are_not_turned_with_the_robot(source, monkeypatch):
     def show(yaw_rad):
         def views(turnable, *_, mirrors):
             count = len(turnable)
-            return View(
+            return BatchViews(
                 yaws_rad=np.full(count, yaw_rad), shifts_px=np.tile([2, -3], (count, 1)),
                 mirrored=np.arange(count) % 2 == 0, light=draw_light(count, 0.2, np.random.default_rng(3)),
             )  # fmt: skip

@@ -10,12 +10,12 @@ from readygo.common.robot import RobotConfig
 from readygo.services.trainer.outcome import write_outcome
 from readygo.services.trainer.parts import build_parts
 from readygo.services.trainer.run import TrainRun
-from readygo.services.trainer.train import train
+from readygo.services.trainer.train import train_policy
 from tests.services.trainer.conftest import QUICK, quick
 
 
 def test_run_leaves_a_policy_metrics_and_a_curve(source, tmp_path):
-    metrics = train(source, QUICK, tmp_path)
+    metrics = train_policy(source, QUICK, tmp_path)
     assert json.loads((tmp_path / "metrics.json").read_text()) == metrics
     assert (tmp_path / "loss.svg").read_text().startswith("<svg xmlns=")
     training = load_policy(tmp_path).spec.training
@@ -27,7 +27,7 @@ def test_run_leaves_a_policy_metrics_and_a_curve(source, tmp_path):
 def test_policy_carries_the_camera_of_its_data_and_what_varied_of_it(source, tmp_path):
     camera = dataclasses.replace(source.camera, distortion="fisheye", k1=0.01, latency_s=0.1)
     source.robot, source.sensor = RobotConfig(camera=camera), SensorConfig(k1=(0.0, 0.02))
-    train(source, quick(samples=64, yaw_error_rad=0.1), tmp_path)
+    train_policy(source, quick(samples=64, yaw_error_rad=0.1), tmp_path)
     spec = load_policy(tmp_path).spec
     assert spec.robot.camera == camera
     assert spec.sensor == SensorConfig(k1=(0.0, 0.02))
@@ -46,7 +46,7 @@ def test_run_that_holds_nothing_out_says_nothing_of_errors(source, tmp_path):
 
 def test_mean_baseline_is_the_spread_of_held_out_actions_around_the_training_mean(make_data, tmp_path):
     source, held_out = make_data(), make_data(seed=1)
-    metrics = train(source, QUICK, tmp_path, validation=held_out)
+    metrics = train_policy(source, QUICK, tmp_path, validation=held_out)
     expected = np.sqrt(np.mean((held_out.actions - source.actions.mean(0)) ** 2, axis=0))
     assert metrics["mean_baseline_rmse_v_mps"] == pytest.approx(expected[0], rel=1e-5)
     assert metrics["mean_baseline_rmse_w_radps"] == pytest.approx(expected[1], rel=1e-5)

@@ -6,7 +6,7 @@ import pytest
 from readygo.common.errors import DatasetError
 from readygo.common.robot import CameraConfig
 from readygo.services.trainer import TrainConfig, best_recipe
-from readygo.services.trainer.parts import Part, build_parts, robot_of_source, timing_of
+from readygo.services.trainer.parts import EpisodePart, build_parts, robot_of_source, timing_of
 from tests.services.trainer.conftest import make_one
 
 CONFIG = TrainConfig(validation_fraction=0.2)
@@ -30,7 +30,7 @@ def test_each_of_two_sources_keeps_its_own_episodes_numbers_and_frames(make_data
 
 def test_table_follows_the_reservoir(make_data):
     robot = make_data().robot
-    part = Part(robot, TrainConfig(), 1.0)
+    part = EpisodePart(robot, TrainConfig(), 1.0)
     with pytest.raises(DatasetError, match="no episode"):
         _ = part.table
     part.reservoir.add(make_one("a"))
@@ -41,7 +41,7 @@ def test_table_follows_the_reservoir(make_data):
 
 
 def test_memory_for_episodes_is_bounded(make_data):
-    part = Part(make_data().robot, TrainConfig(memory_mb=1), 0.5)
+    part = EpisodePart(make_data().robot, TrainConfig(memory_mb=1), 0.5)
     for k in range(30):
         part.reservoir.add(make_one(f"e{k}", size=1000))
     assert part.reservoir.size_bytes <= 500_000

@@ -22,8 +22,8 @@ leave_ranks()
 def test_alone_there_is_one_process_that_does_everything():
     ranks, network = Ranks(), object()
     assert (ranks.rank, ranks.count, ranks.is_first) == (0, 1, True)
-    assert ranks.wrapped(network) is network
-    assert ranks.agreed(0.25) == 0.25
+    assert ranks.wrap(network) is network
+    assert ranks.broadcast(0.25) == 0.25
 
 
 def test_two_processes_train_one_policy(tmp_path):

@@ -16,11 +16,11 @@ from readygo.common.policy.graph import Given
 from readygo.common.policy.sight import robot_sight
 from readygo.common.robot import CameraConfig, RobotConfig, RobotRanges
 from readygo.services.trainer import TrainConfig, with_overrides
-from readygo.services.trainer.episodes import Episode
+from readygo.services.trainer.episodes import TrainingEpisode
 from readygo.services.trainer.export import export_policy
 from readygo.services.trainer.model import PolicyNet
 from readygo.services.trainer.objective import Objective
-from readygo.services.trainer.parts import Part, timing_of
+from readygo.services.trainer.parts import EpisodePart, timing_of
 
 STEPS = 40
 ONE_ROBOT = RobotRanges()
@@ -40,7 +40,7 @@ def recorded(robot, images=("rgb",), drawn=()):
     camera, walk = robot.camera, np.cumsum(rng.normal(0, 0.1, (STEPS, 2)), axis=0)
     pictures = rng.integers(0, 256, (STEPS, camera.height_px, camera.width_px, 3), np.uint8)
     commands = np.clip(walk + np.array([0.5, 0.0]), (0, -robot.w_max_radps), (robot.v_max_mps, robot.w_max_radps))
-    episode = Episode(
+    episode = TrainingEpisode(
         name="e",
         images=tuple(map(png, pictures)),
         actions=commands.astype(np.float32),
@@ -142,7 +142,7 @@ def check_same_drive(folder, images, ranges=ONE_ROBOT, drawn=(), **settings):
         **{"pooled_height_px": 24, "frame_spacing_s": 0.25, "images": images, **settings},
     )
     pictures, episode = recorded(robot, images, drawn)
-    part = Part(robot, config, 1.0)
+    part = EpisodePart(robot, config, 1.0)
     part.reservoir.add(episode)
     model = network(robot, config)
     objective = Objective(robot, config, timing_of(robot, config), torch.float32)

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from readygo.common.errors import DatasetError
-from readygo.common.messages.plan import Driver
+from readygo.common.messages.plan import DriverKind
 from readygo.common.policy import PolicyMemory
 from readygo.common.policy.motion import odometry
 from readygo.common.robot import Clock, RobotConfig
 from readygo.common.robot.command_grid import UNKNOWN_RISK
 from readygo.common.robot.ranges import RobotRanges
 from readygo.services.trainer.samples import (
-    Timing,
+    WindowTiming,
     draw_samples,
     episode_table,
     held_out_names,
@@ -23,7 +23,7 @@ from readygo.services.trainer.samples import (
 from tests import crooked
 from tests.services.trainer.conftest import make_one
 
-TIMING = Timing(spacing_steps=10)
+TIMING = WindowTiming(spacing_steps=10)
 
 
 @pytest.fixture
@@ -42,7 +42,7 @@ def test_window_repeats_the_first_frame_of_its_own_episode(table):
 
 
 def test_latency_pairs_a_sample_with_older_frames_of_its_own_episode(table):
-    batch = make_batch(np.array([60, 63, 85]), table.first, Timing(spacing_steps=10, latency_steps=2))
+    batch = make_batch(np.array([60, 63, 85]), table.first, WindowTiming(spacing_steps=10, latency_steps=2))
     assert batch.frames[batch.window].tolist() == [[60, 60, 60], [60, 60, 61], [63, 73, 83]]
 
 
@@ -73,7 +73,7 @@ def test_only_samples_whose_window_was_taken_are_drawn():
 
 def test_pictures_that_no_window_meets_are_refused_with_the_setting():
     table = join_tables(
-        [episode_table(sparse(make_one(samples=62), 4), RobotConfig(), Timing(spacing_steps=10, latency_steps=1))]
+        [episode_table(sparse(make_one(samples=62), 4), RobotConfig(), WindowTiming(spacing_steps=10, latency_steps=1))]
     )
     with pytest.raises(DatasetError, match="camera_hz that divides"):
         _ = table.usable_samples
@@ -99,13 +99,13 @@ def test_own_motion_is_that_of_the_executed_commands():
 
 def test_targets_are_the_expert_s_commands_ahead():
     expert = np.arange(40 * 5 * 2, dtype=np.float32).reshape(40, 5, 2)
-    timing = Timing(spacing_steps=10, ahead_steps=3)
+    timing = WindowTiming(spacing_steps=10, ahead_steps=3)
     assert np.array_equal(episode_table(make_one(expert=expert), RobotConfig(), timing).targets, expert[:, 3])
 
 
 def test_without_an_expert_targets_are_what_was_executed_then():
     episode = make_one()
-    targets = episode_table(episode, RobotConfig(), Timing(spacing_steps=10, ahead_steps=3)).targets
+    targets = episode_table(episode, RobotConfig(), WindowTiming(spacing_steps=10, ahead_steps=3)).targets
     assert np.array_equal(targets[:-3], episode.actions[3:])
     assert np.array_equal(targets[-3:], episode.actions[[-1, -1, -1]])
 
@@ -114,7 +114,7 @@ def test_without_an_expert_targets_are_what_was_executed_then():
 @pytest.mark.parametrize("with_expert", [False, True])
 def test_sample_teaches_what_is_executed_at_the_end_of_its_held_command(ahead_steps, with_expert):
     clock = Clock(rate_hz=30, control_every=3, image_every=2)
-    timing = Timing(spacing_steps=10, ahead_steps=ahead_steps, clock=clock)
+    timing = WindowTiming(spacing_steps=10, ahead_steps=ahead_steps, clock=clock)
     expert = np.arange(40 * 9 * 2, dtype=np.float32).reshape(40, 9, 2) if with_expert else None
     episode = make_one(expert=expert)
     table = episode_table(episode, RobotConfig(), timing)
@@ -129,13 +129,13 @@ def test_sample_teaches_what_is_executed_at_the_end_of_its_held_command(ahead_st
 def test_odometry_and_windows_follow_the_robots_clock():
     clock = Clock(rate_hz=30, control_every=3, image_every=2)
     episode = sparse(make_one(samples=60), 2)
-    table = episode_table(episode, RobotConfig(), Timing(spacing_steps=10, latency_steps=3, clock=clock))
+    table = episode_table(episode, RobotConfig(), WindowTiming(spacing_steps=10, latency_steps=3, clock=clock))
     poses = odometry(episode.actions, 1 / 30)
     # Step 33 sees the image of 30, those 10 and 20 steps before it, and moved since then.
     assert table.motion[33, [2, 5]] == pytest.approx(poses[[10, 20], 2] - poses[33, 2], abs=1e-5)
     assert np.array_equal(table.motion[33, -2:], episode.actions[32])
     assert table.pictured_at[[32, 33, 34]].tolist() == [32, 32, 34]
-    batch = make_batch(np.array([33, 36]), table.first, Timing(spacing_steps=10, latency_steps=3, clock=clock))
+    batch = make_batch(np.array([33, 36]), table.first, WindowTiming(spacing_steps=10, latency_steps=3, clock=clock))
     assert batch.frames[batch.window].tolist() == [[10, 20, 30], [12, 22, 32]]
 
 
@@ -182,7 +182,7 @@ def test_expert_has_driven_up_to_where_it_was_disturbed():
     expert[[3, 5], 0] += 0.2
     table = episode_table(make_one(samples=8, expert=expert), RobotConfig(), TIMING)
     assert table.driven_last.tolist() == [3, 3, 3, 3, 5, 5, 7, 7]
-    driven = episode_table(make_one(samples=8, expert=expert, driver=Driver.POLICY), RobotConfig(), TIMING)
+    driven = episode_table(make_one(samples=8, expert=expert, driver=DriverKind.POLICY), RobotConfig(), TIMING)
     assert driven.driven_last.tolist() == list(range(8))
     assert driven.by_policy.all()
 
@@ -236,7 +236,7 @@ def test_driving_sees_the_windows_and_the_motion_that_training_shows(robot, late
     _, recorded = crooked.crooked_episode(3, 40, robot=robot)
     one = make_one(samples=40, actions=np.float32([(s.action_v_mps, s.action_w_radps) for s in recorded]))
     one = dataclasses.replace(one, images=tuple(s.image for s in recorded))
-    timing = Timing(spacing_steps=spacing_steps, latency_steps=late_steps, clock=clock)
+    timing = WindowTiming(spacing_steps=spacing_steps, latency_steps=late_steps, clock=clock)
     table = episode_table(one, robot, timing)
     memory = PolicyMemory(clock.time_ns(spacing_steps), clock.time_ns(late_steps), 3, clock)
     compared = 0

@@ -6,7 +6,7 @@ import torch
 from readygo.common.camera import CameraConfig
 from readygo.common.errors import DatasetError, PolicyError
 from readygo.common.policy import load_policy
-from readygo.services.trainer.train import train
+from readygo.services.trainer.train import train_policy
 from tests.services.trainer.conftest import QUICK, forever, quick
 
 
@@ -18,25 +18,25 @@ def test_policy_learns_what_the_images_tell(source, tmp_path, monkeypatch):
     # Brightness tells v here, so light must not vary.
     monkeypatch.setattr("readygo.services.trainer.views.PHOTOMETRIC", 0.0)
     config = quick(samples=4000, learning_rate=2e-3, ema_decay=0.98)
-    metrics = train(source, config, tmp_path)
+    metrics = train_policy(source, config, tmp_path)
     assert metrics["without_previous_ratio_w"] < 0.6
     assert metrics["without_previous_ratio_v"] < 0.6
 
 
 def test_checkpoint_of_before_the_camera_was_one_section_is_gone_on_with(source, tmp_path):
-    train(source, QUICK, tmp_path)
+    train_policy(source, QUICK, tmp_path)
     state = torch.load(tmp_path / "checkpoint.pt", weights_only=True)
     camera = state["identity"]["robot"]["camera"]
     old = ("height_px", "width_px", "horizontal_fov_deg", "mount_height_m")
     state["identity"]["robot"]["camera"] = {name: camera[name] for name in old}
     torch.save(state, tmp_path / "checkpoint.pt")
-    assert train(source, quick(samples=960), tmp_path)["steps"] == 30
+    assert train_policy(source, quick(samples=960), tmp_path)["steps"] == 30
 
 
 def test_equal_seeds_give_equal_weights(source, tmp_path):
     for name in "ab":
-        train(source, QUICK, tmp_path / name)
-    train(source, quick(seed=1), tmp_path / "c")
+        train_policy(source, QUICK, tmp_path / name)
+    train_policy(source, quick(seed=1), tmp_path / "c")
     assert weights(tmp_path / "a") == weights(tmp_path / "b")
     assert weights(tmp_path / "a") != weights(tmp_path / "c")
 
@@ -44,61 +44,61 @@ def test_equal_seeds_give_equal_weights(source, tmp_path):
 @pytest.mark.parametrize("step", [1, 13])
 def test_interrupted_run_goes_on_as_if_nothing_had_happened(source, tmp_path, monkeypatch, step):
     monkeypatch.setattr("readygo.services.trainer.run.SAVE_EVERY_S", 0.05)
-    train(source, QUICK, tmp_path / "whole")
+    train_policy(source, QUICK, tmp_path / "whole")
 
     def interrupt(progress):
         if progress.step == step:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        train(source, QUICK, tmp_path / "parts", report=interrupt)
-    metrics = train(source, QUICK, tmp_path / "parts")
+        train_policy(source, QUICK, tmp_path / "parts", report=interrupt)
+    metrics = train_policy(source, QUICK, tmp_path / "parts")
     assert weights(tmp_path / "parts") == weights(tmp_path / "whole")
     assert metrics["steps"] == 20
 
 
 def test_finished_run_trains_no_further_and_a_larger_budget_goes_on(source, tmp_path):
-    first = train(source, QUICK, tmp_path)
-    assert train(source, QUICK, tmp_path)["steps"] == first["steps"] == 20
-    assert train(source, quick(samples=960), tmp_path)["steps"] == 30
+    first = train_policy(source, QUICK, tmp_path)
+    assert train_policy(source, QUICK, tmp_path)["steps"] == first["steps"] == 20
+    assert train_policy(source, quick(samples=960), tmp_path)["steps"] == 30
 
 
 def test_minutes_are_processor_time(source, tmp_path):
-    metrics = train(source, dataclasses.replace(forever(QUICK), minutes=0.01), tmp_path)
+    metrics = train_policy(source, dataclasses.replace(forever(QUICK), minutes=0.01), tmp_path)
     assert metrics["elapsed_s"] >= 0.6
     assert metrics["steps"] > 0
 
 
 def test_folder_of_another_run_or_network_is_refused(make_data, tmp_path):
-    train(make_data(), QUICK, tmp_path)
+    train_policy(make_data(), QUICK, tmp_path)
     with pytest.raises(PolicyError, match="training_data"):
-        train(make_data(seed=5), QUICK, tmp_path)
+        train_policy(make_data(seed=5), QUICK, tmp_path)
     with pytest.raises(PolicyError, match="another learning_rate"):
-        train(make_data(), quick(learning_rate=0.1), tmp_path)
+        train_policy(make_data(), quick(learning_rate=0.1), tmp_path)
     with pytest.raises(PolicyError, match="another fusion"):
-        train(make_data(), quick(fusion="early"), tmp_path)
+        train_policy(make_data(), quick(fusion="early"), tmp_path)
 
 
 def test_checkpoint_of_another_architecture_is_refused_in_one_line(source, tmp_path):
-    train(source, QUICK, tmp_path)
+    train_policy(source, QUICK, tmp_path)
     state = torch.load(tmp_path / "checkpoint.pt", weights_only=True)
     state["model"]["head.layer1.weight"] = torch.zeros(3, 3)
     torch.save(state, tmp_path / "checkpoint.pt")
     with pytest.raises(PolicyError, match=r"^The checkpoint in .* is of another network; give another --out") as caught:
-        train(source, quick(samples=960), tmp_path)
+        train_policy(source, quick(samples=960), tmp_path)
     assert "\n" not in str(caught.value)
 
 
 def test_images_of_another_size_are_refused(source, tmp_path):
     source.camera = CameraConfig(height_px=32, width_px=48)
     with pytest.raises(DatasetError, match=r"robot\.toml"):
-        train(source, QUICK, tmp_path)
+        train_policy(source, QUICK, tmp_path)
 
 
 def test_data_without_a_robot_are_refused(source, tmp_path):
     source.robot = None
     with pytest.raises(DatasetError, match="which robot"):
-        train(source, QUICK, tmp_path)
+        train_policy(source, QUICK, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -107,5 +107,5 @@ def test_data_without_a_robot_are_refused(source, tmp_path):
 )
 def test_every_network_can_be_trained_and_loaded(source, tmp_path, network):
     source.has_expert = True
-    train(source, quick(samples=96, ahead_s=0.2, **network), tmp_path)
+    train_policy(source, quick(samples=96, ahead_s=0.2, **network), tmp_path)
     load_policy(tmp_path)

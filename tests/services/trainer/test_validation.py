@@ -7,14 +7,14 @@ from readygo.services.trainer import validation
 from readygo.services.trainer.model import PolicyNet
 from readygo.services.trainer.objective import Objective
 from readygo.services.trainer.parts import build_parts, timing_of
-from readygo.services.trainer.samples import Timing, episode_table
+from readygo.services.trainer.samples import WindowTiming, episode_table
 from readygo.services.trainer.validation import Predictions, error_metrics, predict, validation_loss
 from tests.services.trainer.conftest import make_one, quick
 
 
 def test_errors_stand_beside_those_of_mean_and_copy():
     episode = make_one()
-    table, samples = episode_table(episode, RobotConfig(), Timing(spacing_steps=10)), np.array([5, 10, 20])
+    table, samples = episode_table(episode, RobotConfig(), WindowTiming(spacing_steps=10)), np.array([5, 10, 20])
     actions, previous = episode.actions[samples], episode.actions[samples - 1]
     predictions = Predictions(given=actions + np.float32(0.1), withheld=actions + np.float32(0.4))
     metrics = error_metrics(predictions, table, samples, np.zeros(2, np.float32))
@@ -53,7 +53,7 @@ def test_predictions_in_batches_are_those_of_single_samples(source, monkeypatch,
 
 def test_every_error_is_that_of_its_own_axis():
     episode = make_one()
-    table, samples = episode_table(episode, RobotConfig(), Timing(spacing_steps=10)), np.array([4, 9, 17, 31])
+    table, samples = episode_table(episode, RobotConfig(), WindowTiming(spacing_steps=10)), np.array([4, 9, 17, 31])
     actions = episode.actions[samples]
     predictions = Predictions(given=actions + np.float32([0.1, -0.3]), withheld=actions + np.float32([-0.2, 0.7]))
     mean = np.float32([0.4, -0.1])
@@ -77,7 +77,7 @@ def test_every_error_is_that_of_its_own_axis():
 
 def test_mean_that_is_never_off_gives_a_ratio_of_none():
     episode = make_one(actions=np.full((40, 2), 0.5, np.float32))
-    table, samples = episode_table(episode, RobotConfig(), Timing(spacing_steps=10)), np.array([3, 5])
+    table, samples = episode_table(episode, RobotConfig(), WindowTiming(spacing_steps=10)), np.array([3, 5])
     given = np.zeros((2, 2), np.float32)
     metrics = error_metrics(Predictions(given=given, withheld=given), table, samples, np.full(2, 0.5, np.float32))
     assert (metrics["ratio_v"], metrics["without_previous_ratio_w"]) == (0.0, 0.0)

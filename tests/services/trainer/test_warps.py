@@ -9,14 +9,14 @@ from readygo.common.camera.lens import make_lens
 from readygo.common.robot import RobotConfig
 from readygo.services.trainer.frames import pool
 from readygo.services.trainer.light import draw_light
-from readygo.services.trainer.views import View, plain_view
+from readygo.services.trainer.views import BatchViews, plain_view
 from readygo.services.trainer.warps import RobotWarp, in_mirror, mirror_twins, show_frames
 from tests import crooked
 
 
 def view_of(yaws_rad=(0.0,), shift_px=(0, 0), mirrored=False):
     count = len(yaws_rad)
-    return View(
+    return BatchViews(
         yaws_rad=np.array(yaws_rad),
         shifts_px=np.tile(np.array(shift_px), (count, 1)),
         mirrored=np.full(count, mirrored),

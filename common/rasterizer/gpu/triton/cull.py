@@ -200,9 +200,9 @@ def cull_humans(
         x, rx = _human_axis(A, valid, px, py, pz, hx, hy, hz)
         y, ry = _human_axis(A + 4, valid, px, py, pz, hx, hy, hz)
         z, rz = _human_axis(A + 8, valid, px, py, pz, hx, hy, hz)
-        x_low, x_high = _widened(x_low, x_high, x, rx, valid)
-        y_low, y_high = _widened(y_low, y_high, y, ry, valid)
-        z_low, z_high = _widened(z_low, z_high, z, rz, valid)
+        x_low, x_high = _widen_bounds(x_low, x_high, x, rx, valid)
+        y_low, y_high = _widen_bounds(y_low, y_high, y, ry, valid)
+        z_low, z_high = _widen_bounds(z_low, z_high, z, rz, valid)
     reach = tl.load(reaches + chunk, mask=used, other=0.0)
     camera, slot = human // human_count, human % human_count
     out = camera * instance_count + scene_chunks + slot * human_chunks + local
@@ -213,7 +213,7 @@ def cull_humans(
 
 
 @triton.jit
-def _widened(low, high, middle, half, valid):
+def _widen_bounds(low, high, middle, half, valid):
     """Bounds that take in valid boxes as well."""
     return (
         tl.minimum(low, tl.where(valid, middle - half, _ALL)),

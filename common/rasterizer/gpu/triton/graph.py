@@ -5,7 +5,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from readygo.common.rasterizer.gpu.batch import Batch
+from readygo.common.rasterizer.gpu.batch import ViewBatch
 from readygo.common.rasterizer.gpu.triton.pipeline import TritonPipeline
 
 Shape = tuple[int, int, bool, bool]
@@ -23,9 +23,9 @@ class GraphedPass:
 
     def __init__(self, pipeline: TritonPipeline, most_cameras: int) -> None:
         self._pipeline, self._most = pipeline, most_cameras
-        self._captured: dict[Shape, tuple[Batch, Tensor, Any, int]] = {}
+        self._captured: dict[Shape, tuple[ViewBatch, Tensor, Any, int]] = {}
 
-    def draw(self, batch: Batch, *, depth: bool = False, normals: bool = False) -> Tensor:
+    def draw(self, batch: ViewBatch, *, depth: bool = False, normals: bool = False) -> Tensor:
         """Image planes, as `TritonPipeline.draw`; the next call with a batch of this shape overwrites them."""
         cameras, human_count = batch.avatar.shape
         if not 0 < cameras <= self._most:
@@ -39,13 +39,13 @@ class GraphedPass:
             _copy(batch, inputs)
             self._pipeline.begin()
             graph.replay()
-            if self._pipeline.fitted(normals):
+            if self._pipeline.check_capacity(normals):
                 return planes
 
-    def _capture(self, batch: Batch, depth: bool, normals: bool) -> tuple[Batch, Tensor, Any, int]:
+    def _capture(self, batch: ViewBatch, depth: bool, normals: bool) -> tuple[ViewBatch, Tensor, Any, int]:
         # The first pass compiles kernels and grows buffers, which a capture must not do.
         planes = self._pipeline.draw(batch, depth=depth, normals=normals)
-        inputs = Batch(
+        inputs = ViewBatch(
             T_world_camera=batch.T_world_camera.clone(),
             avatar=batch.avatar.clone(),
             root_m=batch.root_m.clone(),
@@ -58,7 +58,7 @@ class GraphedPass:
         return inputs, planes, graph, self._pipeline.buffers_made
 
 
-def _copy(source: Batch, target: Batch) -> None:
+def _copy(source: ViewBatch, target: ViewBatch) -> None:
     target.T_world_camera.copy_(source.T_world_camera)
     target.avatar.copy_(source.avatar)
     target.root_m.copy_(source.root_m)

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from readygo.common.avatars import Avatar
 from readygo.common.gaussians import GaussianCloud
-from readygo.common.rasterizer.gpu.batch import Batch
+from readygo.common.rasterizer.gpu.batch import ViewBatch
 from readygo.common.rasterizer.gpu.device_clouds import upload
 from readygo.common.rasterizer.gpu.device_images import DeviceImages, mean_depth, unit_normals
 from readygo.common.rasterizer.gpu.triton.blend import COLOUR_PLANES, DEPTH_PLANES
@@ -45,7 +45,7 @@ class TritonKernels:
         self._pipeline = TritonPipeline(clouds, K_px, height_px, width_px, settings, device)
         self._graph = GraphedPass(self._pipeline, settings.cameras_per_pass) if settings.graphs else None
 
-    def draw(self, batch: Batch, wanted: frozenset[str]) -> DeviceImages:
+    def draw(self, batch: ViewBatch, wanted: frozenset[str]) -> DeviceImages:
         """Draw all cameras of a batch.
 
         Args:

@@ -10,7 +10,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from readygo.common.avatars.torch_posing import joint_transforms
-from readygo.common.rasterizer.gpu.batch import Batch
+from readygo.common.rasterizer.gpu.batch import ViewBatch
 from readygo.common.rasterizer.gpu.device_clouds import DeviceClouds
 from readygo.common.rasterizer.gpu.light import TERMS, turned_terms
 from readygo.common.rasterizer.gpu.triton.blend import COLOUR_PLANES, DEPTH_PLANES, NORMAL_PLANES, blend
@@ -93,7 +93,7 @@ class TritonPipeline:
         self.clock: Callable[[str], None] = _no_clock
         """Called with the name of each stage when it begins."""
 
-    def draw(self, batch: Batch, *, depth: bool = False, normals: bool = False) -> Tensor:
+    def draw(self, batch: ViewBatch, *, depth: bool = False, normals: bool = False) -> Tensor:
         """Draw all cameras of a batch.
 
         Args:
@@ -112,14 +112,14 @@ class TritonPipeline:
             self.begin()
             for first in range(0, cameras, step):
                 self.attempt(batch.part(first, first + step), planes[first : first + step], depth, normals)
-            if self.fitted(normals):
+            if self.check_capacity(normals):
                 return planes
 
     def begin(self) -> None:
         """Forget what earlier attempts needed."""
         self._needed.zero_()
 
-    def attempt(self, batch: Batch, planes: Tensor, depth: bool, normals: bool) -> None:
+    def attempt(self, batch: ViewBatch, planes: Tensor, depth: bool, normals: bool) -> None:
         """Draw up to `cameras_per_pass` cameras; what does not fit into the buffers is left out and remembered."""
         planes.zero_()
         planes[:, COLOUR_PLANES - 1] = 1.0
@@ -149,7 +149,7 @@ class TritonPipeline:
                 num_warps=self._settings.blend_warps, **_FUSED,
             )  # fmt: skip
 
-    def _instances(self, batch: Batch) -> int:
+    def _instances(self, batch: ViewBatch) -> int:
         return self._clouds.scene_chunks + batch.avatar.shape[1] * self._clouds.human_chunks
 
     def _tiles(self) -> dict[str, int]:
@@ -160,7 +160,7 @@ class TritonPipeline:
             "ROWS": self._rows,
         }
 
-    def _cull(self, batch: Batch) -> _Seen:
+    def _cull(self, batch: ViewBatch) -> _Seen:
         """Bounds of all instances, and the depths of the slabs."""
         clouds, (cameras, human_count) = self._clouds, batch.avatar.shape
         instances = self._instances(batch)
@@ -287,7 +287,7 @@ class TritonPipeline:
             held = self._make_buffers(pairs, entries, normals)
         return held
 
-    def fitted(self, normals: bool) -> bool:
+    def check_capacity(self, normals: bool) -> bool:
         """False if attempts left something out; the buffers are larger then. Waits for the device."""
         held = self._buffers
         if held is None:
@@ -309,7 +309,7 @@ class TritonPipeline:
         return self._buffers
 
 
-def _camera_transforms(clouds: DeviceClouds, batch: Batch, R_CW: Tensor, p_WC: Tensor) -> Tensor:
+def _camera_transforms(clouds: DeviceClouds, batch: ViewBatch, R_CW: Tensor, p_WC: Tensor) -> Tensor:
     """Transforms of humans' joints from canonical to camera coordinates, float32, shape (B * P, 24, 12)."""
     cameras, human_count = batch.avatar.shape
     if human_count == 0 or clouds.human_chunks == 0:
@@ -324,7 +324,7 @@ def _camera_transforms(clouds: DeviceClouds, batch: Batch, R_CW: Tensor, p_WC: T
     return (R_CW[:, None, None] @ A_WS).float().reshape(cameras * human_count, 24, 12).contiguous()
 
 
-def _camera_lights(batch: Batch, R_CW: Tensor) -> Tensor:
+def _camera_lights(batch: ViewBatch, R_CW: Tensor) -> Tensor:
     """Terms of the light on humans in their camera's frame, float32, shape (B * P, 3, 10); without humans one row."""
     if batch.light.numel() == 0:
         return torch.zeros((1, 3, TERMS), device=R_CW.device)

@@ -15,7 +15,7 @@ from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner.humans.config import Spacing
 from readygo.services.planner.humans.passages import Passage, find_passages
 from readygo.services.planner.humans.paths import HumanPathPlanner
-from readygo.services.planner.humans.robot_task import ExpectedDrive, Point, Task
+from readygo.services.planner.humans.robot_task import ExpectedDrive, Point, RobotTask
 from readygo.services.planner.humans.timing import Walk, first_rows
 
 Float64Array = npt.NDArray[np.float64]
@@ -37,7 +37,7 @@ class Site:
     drive: ExpectedDrive
     find_sight: Callable[[], SightMap]
     """What hides humans from a camera: dear, so only asked for where a family needs it."""
-    _on_way: dict[Task, list[tuple[Point, float]]] = field(default_factory=dict, init=False)
+    _on_way: dict[RobotTask, list[tuple[Point, float]]] = field(default_factory=dict, init=False)
 
     @cached_property
     def sight(self) -> SightMap:
@@ -59,7 +59,7 @@ class Site:
             wider_m=PASSAGE_WIDER_M,
         )
 
-    def passages_on_way(self, task: Task) -> list[tuple[Point, float]]:
+    def passages_on_way(self, task: RobotTask) -> list[tuple[Point, float]]:
         """Middles of the passages that the robot's way leads through, and how far along the way they are [m]."""
         if task not in self._on_way:
             # Every draw of one task asks again; no draw asks about an earlier task.
@@ -67,7 +67,7 @@ class Site:
             self._on_way[task] = self._find_passages_on_way(task)
         return self._on_way[task]
 
-    def _find_passages_on_way(self, task: Task) -> list[tuple[Point, float]]:
+    def _find_passages_on_way(self, task: RobotTask) -> list[tuple[Point, float]]:
         middles = np.array([passage.middle_m for passage in self.passages]).reshape(-1, 1, 2)
         gaps = middles - task.way_m
         squared = gaps[:, :, 0] ** 2 + gaps[:, :, 1] ** 2
@@ -83,7 +83,7 @@ class Site:
         """A speed of the configured range."""
         return rng.uniform(self.episode.human_speed_min_mps, self.episode.human_speed_max_mps)
 
-    def nearest_to_robot(self, task: Task, xy_m: Float64Array) -> tuple[int, float]:
+    def nearest_to_robot(self, task: RobotTask, xy_m: Float64Array) -> tuple[int, float]:
         """The step at which a human comes nearest to the robot's expected place, and how near [m]."""
         count = max(len(xy_m), math.ceil(self.drive.time_s(task.length_m) / DT_S) + 1)
         gap = first_rows(xy_m, count) - self.drive.rows(task, count)
@@ -92,5 +92,5 @@ class Site:
         return step, math.sqrt(float(squared[step]))
 
 
-Draw = Callable[[Site, np.random.Generator, Task, int], Encounter]
+Draw = Callable[[Site, np.random.Generator, RobotTask, int], Encounter]
 """Scene, source of chance, the robot's task, most humans that are wanted -> who comes; empty if there is no room."""

@@ -5,7 +5,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from readygo.common.avatars.importers.assemble import CanonicalHuman, assembled, scale_to_metres, strongest_four
+from readygo.common.avatars.importers.assemble import CanonicalHuman, assemble_avatar, scale_to_metres, strongest_four
 from readygo.common.avatars.importers.joints import JOINT
 from readygo.common.errors import AvatarError
 from readygo.common.gaussians import GaussianCloud
@@ -31,7 +31,7 @@ def human(unit: float = 1.0, lift: float = 0.0) -> CanonicalHuman:
 
 
 def test_human_in_centimetres_above_the_ground_comes_down_in_metres() -> None:
-    avatar, scale = assembled(human(unit=100.0, lift=40.0), name="ann", license_text="CC0", height_m=1.75)
+    avatar, scale = assemble_avatar(human(unit=100.0, lift=40.0), name="ann", license_text="CC0", height_m=1.75)
     assert scale == pytest.approx(0.01, rel=1e-3)
     assert (avatar.name, avatar.license, avatar.height_m) == ("ann", "CC0", 1.75)
     assert avatar.cloud.means_m[:, 1].min() == pytest.approx(0.0, abs=1e-3)
@@ -44,7 +44,7 @@ def test_faint_floaters_do_not_make_a_giant() -> None:
     floating = human()
     floating.cloud.means_m[:5, 1] = 9.0
     floating.cloud.opacities[:5] = 0.1
-    assert assembled(floating, name="a", license_text="")[0].height_m == pytest.approx(1.75, abs=0.01)
+    assert assemble_avatar(floating, name="a", license_text="")[0].height_m == pytest.approx(1.75, abs=0.01)
 
 
 def test_given_height_or_the_metre_decides_the_scale() -> None:
@@ -82,15 +82,15 @@ def without_weight() -> npt.NDArray[np.float64]:
 )
 def test_humans_that_cannot_be_moved_are_refused(change: dict[str, Any], words: str) -> None:
     with pytest.raises(AvatarError, match=words):
-        assembled(dataclasses.replace(human(), **change), name="a", license_text="")
+        assemble_avatar(dataclasses.replace(human(), **change), name="a", license_text="")
 
 
 def test_tpose_is_made_by_turning_bones_unless_it_is_given() -> None:
     R = human().R_tpose_canonical.copy()
     R[JOINT["left_elbow"]] = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    turned = assembled(dataclasses.replace(human(), R_tpose_canonical=R), name="a", license_text="")[0]
+    turned = assemble_avatar(dataclasses.replace(human(), R_tpose_canonical=R), name="a", license_text="")[0]
     forearm = turned.joints_tpose_m[JOINT["left_wrist"]] - turned.joints_tpose_m[JOINT["left_elbow"]]
     np.testing.assert_allclose(forearm, (0.0, 0.25, 0.0), atol=1e-6)
     given = dataclasses.replace(human(), R_tpose_canonical=R, joints_tpose=tpose_joints_m())
-    joints_m = assembled(given, name="a", license_text="")[0].joints_tpose_m
+    joints_m = assemble_avatar(given, name="a", license_text="")[0].joints_tpose_m
     np.testing.assert_allclose(np.ptp(joints_m[:, 0]), np.ptp(tpose_joints_m()[:, 0]), atol=1e-6)

@@ -15,11 +15,11 @@ from readygo.common.avatars.importers.gltf_paint import (
     read_materials,
     srgb_from_linear,
 )
-from readygo.common.avatars.importers.gltf_scene import Part, read_figure
+from readygo.common.avatars.importers.gltf_scene import GltfPart, read_figure
 from readygo.common.errors import AvatarError
 from tests.common.avatars.importers.humans import write_glb
 
-TRIANGLE = Part(
+TRIANGLE = GltfPart(
     positions=np.zeros((3, 3)),
     normals=None,
     uv=np.array([[0.25, 0.5], [0.75, 0.5], [0.25, 0.5]]),
@@ -35,7 +35,7 @@ GLASS = Material(
 CORNERS = np.eye(3)
 
 
-def painted(material: Material, part: Part = TRIANGLE) -> np.ndarray:
+def painted(material: Material, part: GltfPart = TRIANGLE) -> np.ndarray:
     return paint_part(part, material, np.zeros(3, np.int64), CORNERS)
 
 

@@ -8,7 +8,7 @@ from readygo.common.avatars.importers.skeleton import (
     Mapping24,
     axes_to_smpl,
     joint_of_bones,
-    recognised,
+    recognise_joints,
     skeleton_report,
     smpl_joints,
 )
@@ -38,14 +38,14 @@ def skeleton(*extra: tuple[str, str], drop: tuple[str, ...] = ()) -> Bones:
 
 
 def found(bones: Bones) -> Mapping24:
-    return recognised(bones, {}, bones.heads, HEIGHT_M)
+    return recognise_joints(bones, {}, bones.heads, HEIGHT_M)
 
 
 def test_names_decide_before_geometry_and_the_extension_before_names() -> None:
     bones = skeleton()
     assert (found(bones).source, found(bones).bone) == ("names", JOINT)
     swapped = {"VRMC_vrm": {"humanoid": {"humanBones": {"head": {"node": JOINT["neck"]}}}}}
-    mapping = recognised(bones, swapped, bones.heads, HEIGHT_M)
+    mapping = recognise_joints(bones, swapped, bones.heads, HEIGHT_M)
     assert (mapping.source, mapping.bone["head"]) == ("humanoid extension", JOINT["neck"])
 
 

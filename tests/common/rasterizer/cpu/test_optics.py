@@ -3,7 +3,7 @@ import pytest
 from numba import njit
 
 from readygo.common.rasterizer.constants import FOV_MARGIN
-from readygo.common.rasterizer.cpu.optics import clamped, optics_of, rotation_rows
+from readygo.common.rasterizer.cpu.optics import clamp_tangents, optics_of, rotation_rows
 from readygo.common.rasterizer.cpu.view import make_view
 from readygo.common.simd.memory import load_f16, store_f16
 
@@ -14,7 +14,7 @@ VIEW = make_view(np.eye(4), K, HEIGHT, WIDTH)
 
 @njit
 def _clamp(view, tangents, out):
-    u, v = clamped(optics_of(view), load_f16(tangents, 0), load_f16(tangents, 0))
+    u, v = clamp_tangents(optics_of(view), load_f16(tangents, 0), load_f16(tangents, 0))
     store_f16(out, 0, u)
     store_f16(out, 16, v)
 

@@ -1,10 +1,10 @@
 import threading
 import time
 
-from readygo.common.rasterizer.differentiable.released import released
+from readygo.common.rasterizer.differentiable.released import kernel_without_gil
 
 
-@released
+@kernel_without_gil
 def spin(count: int) -> float:
     """Takes some tenths of a second: each number needs the one before."""
     value = 1.0

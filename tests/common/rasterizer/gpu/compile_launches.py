@@ -14,7 +14,7 @@ from triton.compiler import ASTSource
 
 from readygo.common.avatars import load_avatars
 from readygo.common.gaussians import GaussianCloud
-from readygo.common.rasterizer.gpu.batch import Batch
+from readygo.common.rasterizer.gpu.batch import ViewBatch
 from readygo.common.rasterizer.gpu.device_clouds import upload
 from readygo.common.rasterizer.gpu.triton import pipeline as triton_pipeline
 from readygo.common.rasterizer.gpu.triton.settings import TritonSettings
@@ -80,7 +80,7 @@ def main() -> None:
     avatars = list(load_avatars().values())[:1]
     K = np.array([[107.0, 0.0, 128.0], [0.0, 107.0, 72.0], [0.0, 0.0, 1.0]])
     device = torch.device("cpu")
-    batch = Batch(
+    batch = ViewBatch(
         T_world_camera=torch.eye(4, dtype=torch.float64)[None],
         avatar=torch.zeros((1, 1), dtype=torch.int32),
         root_m=torch.zeros((1, 1, 3), dtype=torch.float64),

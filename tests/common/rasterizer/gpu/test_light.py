@@ -3,7 +3,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
 
-from readygo.common.gaussians.irradiance import irradiance, irradiance_matrix, turned  # noqa: E402
+from readygo.common.gaussians.irradiance import irradiance, irradiance_matrix, rotate_forms  # noqa: E402
 from readygo.common.rasterizer.constants import LIGHT_MAX, LIGHT_MIN  # noqa: E402
 from readygo.common.rasterizer.gpu.batch import OWN_COLOURS  # noqa: E402
 from readygo.common.rasterizer.gpu.light import gains, turned_terms  # noqa: E402
@@ -28,7 +28,7 @@ def test_own_colours_stay_as_they_are() -> None:
 def test_terms_are_those_of_the_cpu() -> None:
     R, _ = np.linalg.qr(RNG.normal(size=(3, 3)))
     expected = np.empty((3, 10), dtype=np.float32)
-    turned(LIGHT, R, expected)
+    rotate_forms(LIGHT, R, expected)
     found = turned_terms(torch.from_numpy(np.stack([LIGHT, LIGHT])), torch.from_numpy(R)).numpy()
     assert found.shape == (2, 3, 10)
     assert found[1] == pytest.approx(expected, abs=1e-6)

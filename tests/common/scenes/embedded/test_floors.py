@@ -3,29 +3,29 @@ import pytest
 
 from readygo.common.scenes.embedded.floors import build_floors
 from readygo.common.scenes.embedded.plan import ROOMS, Room
-from readygo.common.scenes.embedded.surfaces import SurfaceSamples
+from readygo.common.scenes.embedded.surfaces import UnlitPoints
 from tests.common.scenes.embedded.parts import rows_of, samples_of
 
 
 @pytest.fixture(scope="module")
-def floors() -> SurfaceSamples:
+def floors() -> UnlitPoints:
     return samples_of(build_floors)
 
 
 @pytest.mark.parametrize("room", ROOMS, ids=lambda room: room.name)
-def test_every_square_of_a_room_has_floor(floors: SurfaceSamples, room: Room) -> None:
+def test_every_square_of_a_room_has_floor(floors: UnlitPoints, room: Room) -> None:
     x, y, _ = floors.position_m.T
     bins = [np.linspace(*edge, round((edge[1] - edge[0]) / 0.4) + 1) for edge in (room.x_m, room.y_m)]
     assert np.histogram2d(x, y, bins=bins)[0].min() >= 4
 
 
-def test_floor_looks_up_from_zero(floors: SurfaceSamples) -> None:
+def test_floor_looks_up_from_zero(floors: UnlitPoints) -> None:
     np.testing.assert_array_equal(floors.normal, np.tile((0.0, 0.0, 1.0), (len(floors.normal), 1)))
     assert floors.position_m[:, 2].min() == 0.0
     assert floors.position_m[:, 2].max() <= 0.002
 
 
-def test_rooms_have_floors_of_their_own_colours(floors: SurfaceSamples) -> None:
+def test_rooms_have_floors_of_their_own_colours(floors: UnlitPoints) -> None:
     x, y, _ = floors.position_m.T
     tones = {}
     for room in ROOMS:
@@ -36,7 +36,7 @@ def test_rooms_have_floors_of_their_own_colours(floors: SurfaceSamples) -> None:
     assert np.ptp(tiles) < 0.15 < np.ptp(oak)
 
 
-def test_tiles_lie_like_a_chessboard(floors: SurfaceSamples) -> None:
+def test_tiles_lie_like_a_chessboard(floors: UnlitPoints) -> None:
     x, y, z = floors.position_m.T
     kitchen = next(room for room in ROOMS if room.floor == "tiles")
     inside = (x > kitchen.x_m[0]) & (x < kitchen.x_m[1]) & (y > kitchen.y_m[0]) & (y < kitchen.y_m[1]) & (z == 0)
@@ -47,5 +47,5 @@ def test_tiles_lie_like_a_chessboard(floors: SurfaceSamples) -> None:
     assert (light == ((i + j) % 2 == 0)).mean() > 0.95
 
 
-def test_floors_are_as_they_were(floors: SurfaceSamples, golden_figures) -> None:
+def test_floors_are_as_they_were(floors: UnlitPoints, golden_figures) -> None:
     golden_figures("embedded/floors", *rows_of(floors))

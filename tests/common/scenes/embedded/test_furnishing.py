@@ -14,28 +14,28 @@ from readygo.common.scenes.embedded.plan import (
     Opening,
     Room,
 )
-from readygo.common.scenes.embedded.surfaces import SurfaceSamples
+from readygo.common.scenes.embedded.surfaces import UnlitPoints
 from tests.common.scenes.embedded.parts import extent, rows_of, samples_of
 
 
 @pytest.fixture(scope="module")
-def furniture() -> SurfaceSamples:
+def furniture() -> UnlitPoints:
     return samples_of(furnish)
 
 
-def within(samples: SurfaceSamples, room: Room) -> np.ndarray:
+def within(samples: UnlitPoints, room: Room) -> np.ndarray:
     x, y, _ = samples.position_m.T
     return (x > room.x_m[0]) & (x < room.x_m[1]) & (y > room.y_m[0]) & (y < room.y_m[1])
 
 
-def test_furniture_stands_inside_of_the_walls(furniture: SurfaceSamples) -> None:
+def test_furniture_stands_inside_of_the_walls(furniture: UnlitPoints) -> None:
     low, high = extent(furniture)
     assert (low >= (WEST_M - 0.01, SOUTH_M - 0.01, -1e-6)).all()
     assert (high <= (EAST_M + 0.01, NORTH_M + 0.01, CEILING_M + 1e-6)).all()
 
 
 @pytest.mark.parametrize("room", ROOMS, ids=lambda room: room.name)
-def test_every_room_is_furnished_and_has_a_lamp(furniture: SurfaceSamples, room: Room) -> None:
+def test_every_room_is_furnished_and_has_a_lamp(furniture: UnlitPoints, room: Room) -> None:
     assert (within(furniture, room) & (furniture.position_m[:, 2] > 0.05)).sum() > 700
     lamps = [lamp for lamp in LAMPS_M if room.x_m[0] < lamp[0] < room.x_m[1] and room.y_m[0] < lamp[1] < room.y_m[1]]
     assert lamps
@@ -46,7 +46,7 @@ def test_every_room_is_furnished_and_has_a_lamp(furniture: SurfaceSamples, room:
 
 
 @pytest.mark.parametrize("door", [opening for opening in OPENINGS if not opening.is_window])
-def test_nothing_stands_in_a_doorway(furniture: SurfaceSamples, door: Opening) -> None:
+def test_nothing_stands_in_a_doorway(furniture: UnlitPoints, door: Opening) -> None:
     wall = WALLS[door.wall]
     x, y, z = furniture.position_m.T
     along, across = (x, y) if wall.axis == "y" else (y, x)
@@ -55,5 +55,5 @@ def test_nothing_stands_in_a_doorway(furniture: SurfaceSamples, door: Opening) -
     assert not (middle & near & (z > 0.05) & (z < 1.9)).any()
 
 
-def test_furniture_is_as_it_was(furniture: SurfaceSamples, golden_figures) -> None:
+def test_furniture_is_as_it_was(furniture: UnlitPoints, golden_figures) -> None:
     golden_figures("embedded/furniture", *rows_of(furniture))

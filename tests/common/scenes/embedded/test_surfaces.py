@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from readygo.common.frames import matrix_from_quat
-from readygo.common.scenes.embedded.surfaces import ALL_FACES, Surfaces, SurfaceSamples, fibonacci_sphere
+from readygo.common.scenes.embedded.surfaces import ALL_FACES, Surfaces, UnlitPoints, fibonacci_sphere
 from tests.common.scenes.embedded.parts import rows_of
 
 GREY = (0.5, 0.5, 0.5)
@@ -69,7 +69,7 @@ def test_solid_fills_voxels_of_five_centimetres_and_stays_inside(build: Surfaces
     assert len(np.unique(np.floor(points / 0.05), axis=0)) == 8 * 2 * 4
 
 
-def radii(samples: SurfaceSamples) -> np.ndarray:
+def radii(samples: UnlitPoints) -> np.ndarray:
     return np.hypot(samples.position_m[:, 0], samples.position_m[:, 1])
 
 

@@ -6,11 +6,11 @@ from readygo.common.scenes.embedded.textures import (
     fabric,
     folds,
     lattice_noise,
-    mixed,
+    mix_colours,
     painting,
     plain,
     rug_pattern,
-    shaded,
+    shade_colour,
     stripes,
     tiles,
     value_noise,
@@ -76,12 +76,12 @@ def test_value_noise_meets_the_lattice_and_is_smooth_between() -> None:
 
 
 def test_mixed_goes_from_the_first_colour_to_the_second_and_no_further() -> None:
-    colours = mixed(RED, BLUE, np.array([-1.0, 0.0, 0.5, 2.0]))
+    colours = mix_colours(RED, BLUE, np.array([-1.0, 0.0, 0.5, 2.0]))
     np.testing.assert_allclose(colours, [RED, RED, (0.45, 0.2, 0.45), BLUE])
 
 
 def test_shade_is_clipped() -> None:
-    np.testing.assert_allclose(shaded(RED, np.array([0.5, 2.0])), [(0.4, 0.1, 0.05), (1.0, 0.4, 0.2)])
+    np.testing.assert_allclose(shade_colour(RED, np.array([0.5, 2.0])), [(0.4, 0.1, 0.05), (1.0, 0.4, 0.2)])
 
 
 def is_red(colours: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.robot import RobotConfig
 from readygo.services.planner import ExpertConfig
 from readygo.services.planner.expert import ground as expert_ground
-from readygo.services.planner.expert.ground import HIGH_FACTOR, SceneGround, cropped
+from readygo.services.planner.expert.ground import HIGH_FACTOR, SceneGround, crop_grid
 from tests.services.planner.worlds import FRAME, rooms
 
 
@@ -27,11 +27,11 @@ def _long_detour():
 
 
 def test_a_window_lies_where_the_map_has_it():
-    part, moved = cropped(FRAME, (200, 240), (0.0, 5.0), (1.0, 6.0), 1.0)
+    part, moved = crop_grid(FRAME, (200, 240), (0.0, 5.0), (1.0, 6.0), 1.0)
     assert moved.cell(0.0, 5.0) == (20, 20)
     assert (part[0].start, part[1].start) == (40, 40)
     assert moved.centre_m(3, 4) == pytest.approx(FRAME.centre_m(43, 44))
-    whole, same = cropped(FRAME, (200, 240), (0.0, 5.0), (1.0, 6.0), math.inf)
+    whole, same = crop_grid(FRAME, (200, 240), (0.0, 5.0), (1.0, 6.0), math.inf)
     assert whole == (slice(0, 200), slice(0, 240))
     assert same.centre_m(0, 0) == FRAME.centre_m(0, 0)
 

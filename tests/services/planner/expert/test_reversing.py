@@ -14,7 +14,7 @@ from readygo.services.planner.expert.config import GEAR_COST_M, REVERSE_COST
 from readygo.services.planner.expert.handlers import drive
 from readygo.services.planner.expert.hybrid_astar import make_primitives
 from readygo.services.planner.expert.records import State, robot_limits
-from readygo.services.planner.expert.rollouts import limited, nearest_ahead, slow_ahead
+from readygo.services.planner.expert.rollouts import limit_command, nearest_ahead, slow_ahead
 from readygo.services.planner.expert.timed_primitives import make_timed_primitives
 from tests.services.planner.worlds import animate, key, maps_of
 
@@ -98,8 +98,8 @@ def test_paths_backwards_are_arcs_too():
 
 def test_commands_backwards_are_within_the_limits():
     state = State(0.0, 0.0, 0.0, -0.48, 0.0)
-    assert limited(-2.0, 0.0, state, robot_limits(BACKWARD)) == pytest.approx((-0.5, 0.0))
-    assert limited(-2.0, 0.0, State(0.0, 0.0, 0.0, 0.0, 0.0), robot_limits(FORWARD)) == (0.0, 0.0)
+    assert limit_command(-2.0, 0.0, state, robot_limits(BACKWARD)) == pytest.approx((-0.5, 0.0))
+    assert limit_command(-2.0, 0.0, State(0.0, 0.0, 0.0, 0.0, 0.0), robot_limits(FORWARD)) == (0.0, 0.0)
 
 
 def test_stretch_that_leads_the_other_way_is_begun_slowly_where_the_one_before_it_ends():

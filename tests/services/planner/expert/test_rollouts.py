@@ -7,7 +7,7 @@ from readygo.services.planner.expert.rollouts import (
     Pursuits,
     choose_evasion,
     choose_pursuit,
-    limited,
+    limit_command,
     meets,
     nearest_ahead,
     slow_ahead,
@@ -55,9 +55,9 @@ def test_nearest_point_is_searched_ahead_and_not_far(path):
 
 
 def test_command_changes_by_what_the_robot_can_do_in_a_step():
-    assert limited(2.0, 5.0, State(0.0, 0.0, 0.0, 0.5, 0.0), LIMITS) == pytest.approx((0.54, 0.1))
-    assert limited(-1.0, -5.0, State(0.0, 0.0, 0.0, 0.5, 0.0), LIMITS) == pytest.approx((0.46, -0.1))
-    assert limited(2.0, 5.0, State(0.0, 0.0, 0.0, 0.99, 1.19), LIMITS) == pytest.approx((1.0, 1.2))
+    assert limit_command(2.0, 5.0, State(0.0, 0.0, 0.0, 0.5, 0.0), LIMITS) == pytest.approx((0.54, 0.1))
+    assert limit_command(-1.0, -5.0, State(0.0, 0.0, 0.0, 0.5, 0.0), LIMITS) == pytest.approx((0.46, -0.1))
+    assert limit_command(2.0, 5.0, State(0.0, 0.0, 0.0, 0.99, 1.19), LIMITS) == pytest.approx((1.0, 1.2))
 
 
 def around(humans=NOBODY, wall_x_m=None, doubt_mps=0.0):

@@ -27,7 +27,7 @@ def test_journal_of_a_run_changes_nothing_and_has_an_entry_per_step(human_planne
     assert np.array_equal(run.trajectory.actions, plain.actions)
     assert len(run.journal.paths_m) == len(run.journal.perceived) == len(plain.xyyaw)
     assert run.journal.searched == plain.replanned.tolist()
-    seen = np.array([run.journal.seen(k) for k in range(len(scenario.humans))])
+    seen = np.array([run.journal.steps_in_view(k) for k in range(len(scenario.humans))])
     assert np.array_equal(seen.any(axis=0), plain.human_visible)
 
 
@@ -63,8 +63,8 @@ def test_way_found_after_none_is_a_change_that_gives_nothing_up():
 
 def test_seen_tells_views_from_memory():
     journal = make_journal([NOTHING] * 4, searches=(), seen={1: (0.0, 0.0), 2: (0.0, 0.0)})
-    assert journal.seen(0).tolist() == [False, True, True, False]
-    assert journal.seen(1).tolist() == [False] * 4
+    assert journal.steps_in_view(0).tolist() == [False, True, True, False]
+    assert journal.steps_in_view(1).tolist() == [False] * 4
 
 
 def test_gap_is_between_centres_and_a_human_stays_where_its_motion_ends():
@@ -111,5 +111,5 @@ def test_expert_is_asked_at_every_step_that_somebody_else_drives(human_planner, 
     assert len(run.journal.paths_m) == len(steps)
     assert any(len(path) for path in run.journal.paths_m)
     assert run.trajectory.actions[10].tolist() == pytest.approx([0.3, 0.1])
-    seen = np.array([run.journal.seen(k) for k in range(len(scenario.humans))])
+    seen = np.array([run.journal.steps_in_view(k) for k in range(len(scenario.humans))])
     assert np.array_equal(seen.any(axis=0), run.trajectory.human_visible)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from readygo.common.messages import Outcome
-from readygo.services.planner.explain.moments import Moment, pick_moments
+from readygo.services.planner.explain.moments import RunMoment, pick_moments
 from tests.services.planner.runs import STEPS, WAY, make_journal, make_run
 
 NEAR, FAR = [(0.0, 5.3)], [(0.0, 9.0)]
@@ -40,7 +40,7 @@ def test_human_far_away_is_not_approached():
 def test_failure_is_always_shown_last():
     for outcome in (Outcome.HUMAN_COLLISION, Outcome.STATIC_COLLISION, Outcome.TIMEOUT):
         last = pick_moments(make_run(NEAR, outcome=outcome))[-1]
-        assert last == Moment(step=STEPS - 1, why=outcome.value.replace("_", " "))
+        assert last == RunMoment(step=STEPS - 1, why=outcome.value.replace("_", " "))
 
 
 def test_moments_are_at_least_half_a_second_apart():

@@ -52,11 +52,11 @@ def test_detour_beyond_its_limit_is_refused():
 def test_point_in_a_wall_settles_on_the_nearest_walkable_cell():
     planner = HumanPathPlanner(hall(), WIDE, iterations=60)
     edge_x = FRAME.origin_x_m + 10 * FRAME.resolution_m
-    settled = planner.settled((edge_x - 0.1, 7.0), 0.6)
+    settled = planner.nearest_walkable((edge_x - 0.1, 7.0), 0.6)
     assert settled[0] == pytest.approx(edge_x + 0.4, abs=0.05)
     assert abs(settled[1] - 7.0) <= 0.05
-    assert planner.settled((edge_x - 0.1, 7.0), 0.3) is None
-    assert planner.settled((2.0, 7.0), 0.0) == (2.0, 7.0)
+    assert planner.nearest_walkable((edge_x - 0.1, 7.0), 0.3) is None
+    assert planner.nearest_walkable((2.0, 7.0), 0.0) == (2.0, 7.0)
 
 
 def test_reach_is_what_is_wanted_or_ends_before_the_wall():
@@ -80,7 +80,9 @@ def test_paths_through_the_flat_are_as_they_were(golden_figures, monkeypatch):
     ways = [AROUND_THE_CORNER, [(-2.1, 3.3), (2.6, 4.4), (5.7, 5.9)], [(6.6, 10.3), (4.1, 8.2), (-1.3, 10.9)]]
     planned = [planner.path(way, detour_max=2.5) for way in ways]
     golden_figures("humans/paths", np.concatenate(planned))
-    golden_figures("humans/settled", [planner.settled(place, 0.9) for place in ((-2.9, 3.1), (0.4, 3.7), (2.95, 8.1))])
+    golden_figures(
+        "humans/settled", [planner.nearest_walkable(place, 0.9) for place in ((-2.9, 3.1), (0.4, 3.7), (2.95, 8.1))]
+    )
     reaches = [planner.reach_m((-1.1, 5.3), (np.cos(a), np.sin(a)), 3.7) for a in np.arange(0.1, 6.3, 0.37)]
     golden_figures("humans/reaches", reaches)
     golden_figures("humans/parts", [planner.component(place) for place in ((-1.0, 5.0), (6.0, 10.0), (0.4, 3.5))])

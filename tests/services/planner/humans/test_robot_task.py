@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from readygo.common.robot import RobotConfig
-from readygo.services.planner.humans.robot_task import ExpectedDrive, Task, apart_m, moved, turned
+from readygo.services.planner.humans.robot_task import ExpectedDrive, RobotTask, apart_m, offset_point, rotate_left
 
 CORNER = np.array([[0.05 * k, 0.0] for k in range(61)] + [[3.0, 0.05 * k] for k in range(1, 41)])
-TASK = Task(start_m=(0.0, 0.0), goal_m=(3.0, 2.0), way_m=CORNER, length_m=5.0)
+TASK = RobotTask(start_m=(0.0, 0.0), goal_m=(3.0, 2.0), way_m=CORNER, length_m=5.0)
 DRIVE = ExpectedDrive.of(RobotConfig(v_max_mps=1.0, a_max_mps2=1.0), 0.8)
 
 
@@ -36,8 +36,8 @@ def test_expected_rows_stay_at_the_start_then_move_and_stay_at_the_goal():
 
 
 def test_left_is_left():
-    assert turned((1.0, 0.0), math.pi / 2) == pytest.approx((0.0, 1.0))
-    assert moved((1.0, 1.0), (0.0, 1.0), 2.0, 0.5) == pytest.approx((0.5, 3.0))
+    assert rotate_left((1.0, 0.0), math.pi / 2) == pytest.approx((0.0, 1.0))
+    assert offset_point((1.0, 1.0), (0.0, 1.0), 2.0, 0.5) == pytest.approx((0.5, 3.0))
     assert apart_m((1.0, 1.0), (4.0, 5.0)) == 5.0
 
 
@@ -46,5 +46,6 @@ def test_expected_drive_on_a_corner_is_as_it_was(golden_figures):
     golden_figures("humans/expected rows", drive.rows(TASK, 190), drive.directions(TASK, 190))
     golden_figures("humans/task", [[*TASK.at(share)[0], *TASK.at(share)[1]] for share in np.linspace(0.0, 1.0, 31)])
     golden_figures(
-        "humans/turned", [[*turned((0.3, -0.8), a), *moved((0.2, 0.7), (0.6, 0.8), a, 0.4)] for a in (-2.5, 0.4, 1.9)]
+        "humans/turned",
+        [[*rotate_left((0.3, -0.8), a), *offset_point((0.2, 0.7), (0.6, 0.8), a, 0.4)] for a in (-2.5, 0.4, 1.9)],
     )

@@ -9,7 +9,7 @@ from readygo.services.planner.humans.timing import (
     first_rows,
     nearest_along,
     nearest_m,
-    timed,
+    time_path,
     timed_to_meet,
 )
 
@@ -21,7 +21,7 @@ def speeds(xy_m):
 
 
 def test_walk_goes_at_its_speed_and_slows_down_for_its_end_within_the_acceleration():
-    xy = timed(LINE, 1.2)
+    xy = time_path(LINE, 1.2)
     v = speeds(xy)
     assert v[:60] == pytest.approx(1.2)
     assert xy[-1] == pytest.approx((6.0, 0.0))
@@ -31,14 +31,14 @@ def test_walk_goes_at_its_speed_and_slows_down_for_its_end_within_the_accelerati
 
 
 def test_pause_is_at_its_place_and_as_long_as_asked():
-    xy = timed(LINE, 1.0, pauses=[(2.5, 2.0)])
+    xy = time_path(LINE, 1.0, pauses=[(2.5, 2.0)])
     still = np.flatnonzero(speeds(xy) < 1e-9)
     assert len(still) == 40
     assert xy[still][:, 0] == pytest.approx(2.5)
 
 
 def test_who_waits_starts_from_rest():
-    xy = timed(LINE, 1.2, wait_s=1.0)
+    xy = time_path(LINE, 1.2, wait_s=1.0)
     v = speeds(xy)
     assert np.flatnonzero(v > 0)[0] == 20
     assert v[20] == pytest.approx(ACCELERATION_MPS2 * DT_S)
@@ -79,7 +79,7 @@ def test_nearest_is_at_the_same_time_and_who_has_arrived_stands():
 
 def test_walks_on_a_bent_path_are_as_they_were(golden_figures):
     path = np.array([[0.3, -0.2], [2.1, 0.4], [2.6, 2.9], [0.7, 4.4], [-1.9, 3.8]])
-    golden_figures("humans/timed", timed(path, 1.13, wait_s=0.7, pauses=[(1.7, 0.85), (5.2, 2.3)]))
+    golden_figures("humans/timed", time_path(path, 1.13, wait_s=0.7, pauses=[(1.7, 0.85), (5.2, 2.3)]))
     for meeting_s in (1.2, 3.7, 6.1, 11.0):
         met = timed_to_meet(path, (2.3, 2.2), meeting_s, 0.87)
         golden_figures(f"humans/met {meeting_s}", np.zeros((1, 2)) if met is None else met)

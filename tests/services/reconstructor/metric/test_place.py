@@ -15,14 +15,14 @@ SEEN = sighted(POSES, marker_at(), 0, 0.05)
 
 def test_floor_marker_makes_the_map_metric_with_z_up_from_the_floor() -> None:
     placed = place_map(IMAGES, SEEN, [], MetricConfig(marker_size_m=0.2))
-    world = IMAGES.moved(placed.world_from_map)
+    world = IMAGES.transform(placed.world_from_map)
     np.testing.assert_allclose(world.T_world_camera[:, :3, 3], POSES[:, :3, 3], atol=0.01)
     assert placed.floor.source == "marker 0 on the floor"
 
 
 def test_scale_alone_takes_up_from_the_floors_points() -> None:
     placed = place_map(IMAGES, [], [], MetricConfig(scale=1.0 / some_similarity().scale))
-    world = IMAGES.moved(placed.world_from_map)
+    world = IMAGES.transform(placed.world_from_map)
     np.testing.assert_allclose(world.T_world_camera[:, 2, 3], 1.4, atol=0.02)
     assert np.isnan(placed.scale.sigma)
 

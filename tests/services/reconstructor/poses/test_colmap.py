@@ -32,7 +32,7 @@ def test_map_is_read_moved_and_undistorted(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     write_undistorted(model, tmp_path / "images", tmp_path / "out", some_similarity(), PosesConfig(threads=1))
     again = read_map(tmp_path / "out" / "sparse" / "0")
-    np.testing.assert_allclose(again.T_world_camera, images.moved(some_similarity()).T_world_camera, atol=1e-6)
+    np.testing.assert_allclose(again.T_world_camera, images.transform(some_similarity()).T_world_camera, atol=1e-6)
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"images", "sparse"}
 
 

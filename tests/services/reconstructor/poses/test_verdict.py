@@ -38,7 +38,7 @@ def test_bad_maps_are_refused_with_advice() -> None:
 
 
 def test_map_that_comes_out_the_same_again_is_believed() -> None:
-    assert disagreement(IMAGES, IMAGES.moved(some_similarity())) is None
+    assert disagreement(IMAGES, IMAGES.transform(some_similarity())) is None
     fewer = replace(IMAGES, names=IMAGES.names[:10], T_world_camera=IMAGES.T_world_camera[:10])
     assert disagreement(IMAGES, fewer) is None
 

@@ -8,7 +8,7 @@ import pytest
 
 from readygo.common.drawing.files import write_png
 from readygo.services.reconstructor.training import density, schedule, train
-from readygo.services.reconstructor.training.drawing import draw, leaves_of, planes_of, quantised
+from readygo.services.reconstructor.training.drawing import draw, leaves_of, planes_of, quantise
 from readygo.services.reconstructor.training.parameters import Gaussians, initial_gaussians
 from readygo.services.reconstructor.training.photos import Photo
 
@@ -52,7 +52,7 @@ def write_posed() -> Callable[[Path], Path]:
     pytest.importorskip("pycolmap", reason="pycolmap is not installed")
     gaussians = true_gaussians()
     leaves = leaves_of(gaussians)
-    pictures = [quantised(planes_of(draw(leaves, camera(number), 0))) for number in range(VIEWS)]
+    pictures = [quantise(planes_of(draw(leaves, camera(number), 0))) for number in range(VIEWS)]
 
     def write(folder: Path) -> Path:
         model = folder / "sparse" / "0"

@@ -14,7 +14,7 @@ from readygo.services.reconstructor.training.density import Sightings
 from readygo.services.reconstructor.training.engine import ViewTask
 from readygo.services.reconstructor.training.parameters import Gaussians
 from readygo.services.reconstructor.training.photos import PhotoStore, open_posed
-from readygo.services.reconstructor.training.schedule import Schedule
+from readygo.services.reconstructor.training.schedule import TrainingSchedule
 from tests.services.reconstructor.training.conftest import VIEWS, true_gaussians
 
 SETTINGS = GaussiansConfig(steps=10, batch=3, sh_degree=0)
@@ -38,7 +38,7 @@ def stepped(photos: PhotoStore, settings: GaussiansConfig = SETTINGS) -> tuple[G
     engine = CpuEngine(settings)
     engine.load(gaussians, Sightings.none(len(gaussians)))
     engine.views(photos, tasks((0, 2, 5)), 0)
-    engine.change(Schedule(settings, 1.0).rates(0))
+    engine.change(TrainingSchedule(settings, 1.0).rates(0))
     engine.close()
     assert engine.arrays()[0] is gaussians
     return engine.arrays()

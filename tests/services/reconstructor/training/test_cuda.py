@@ -17,7 +17,7 @@ from readygo.services.reconstructor.training.density import Sightings, changed_d
 from readygo.services.reconstructor.training.engine import Engine, ViewTask
 from readygo.services.reconstructor.training.parameters import Gaussians
 from readygo.services.reconstructor.training.photos import PhotoStore, open_posed
-from readygo.services.reconstructor.training.schedule import Schedule
+from readygo.services.reconstructor.training.schedule import TrainingSchedule
 from readygo.services.reconstructor.training.train import TrainingProgress, train_gaussians
 from tests.common.rasterizer.gpu.differentiable_rasterization import DifferentiableRasterization
 from tests.services.reconstructor.training.conftest import VIEWS, true_gaussians
@@ -67,7 +67,7 @@ def tasks(settings: GaussiansConfig, step: int = 0) -> list[ViewTask]:
 
 @KINDS
 def test_steps_are_those_of_the_cpu(photos: PhotoStore, settings: GaussiansConfig) -> None:
-    engines, schedule = [loaded(CpuEngine(settings)), loaded(in_cuda(settings))], Schedule(settings, 1.0)
+    engines, schedule = [loaded(CpuEngine(settings)), loaded(in_cuda(settings))], TrainingSchedule(settings, 1.0)
     for step in range(3):
         one, other = (engine.views(photos, tasks(settings, step), 0) for engine in engines)
         for a, b in zip(one, other, strict=True):
@@ -117,7 +117,7 @@ def test_stretched_gaussians_are_shortened(photos: PhotoStore) -> None:
     gaussians.values["log_scales"][3] = [-9.0, 0.0, -6.0]
     engine.load(gaussians, Sightings.none(len(gaussians)))
     engine.views(photos, tasks(PLAIN), 0)
-    engine.change(Schedule(PLAIN, 1.0).rates(0))
+    engine.change(TrainingSchedule(PLAIN, 1.0).rates(0))
     scales = np.sort(engine.arrays()[0].scales_m, axis=1)
     assert (scales[:, 2] <= 20.001 * scales[:, 1]).all()
 

@@ -40,7 +40,7 @@ def sightings(gradients: list[float]) -> Sightings:
 def changed_by(
     gaussians: Gaussians, seen: Sightings, config: DensityConfig, extent_m: float, rng: np.random.Generator
 ) -> Gaussians:
-    return gaussians.changed(changed_density(gaussians.values, seen, config, extent_m, rng))
+    return gaussians.apply(changed_density(gaussians.values, seen, config, extent_m, rng))
 
 
 CONFIG = DensityConfig(count_max=100)

@@ -12,9 +12,9 @@ from readygo.services.reconstructor.training.drawing import (
     ViewGradients,
     draw,
     leaves_of,
-    observed,
+    observe,
     planes_of,
-    quantised,
+    quantise,
     view_gradients,
 )
 from readygo.services.reconstructor.training.parameters import Gaussians
@@ -112,13 +112,13 @@ def test_flattening_pulls_the_shortest_axis_alone() -> None:
 def test_gaussians_behind_the_camera_are_not_observed() -> None:
     gaussians = true_gaussians()
     gaussians.values["means_m"][7] = [0.0, 0.0, -2.0]
-    rows = observed(leaves_of(gaussians), camera(2))
+    rows = observe(leaves_of(gaussians), camera(2))
     assert 7 not in rows
     assert len(rows) > 75
-    assert 0 < len(observed(leaves_of(gaussians), camera(2), 20.0)) < len(rows)
+    assert 0 < len(observe(leaves_of(gaussians), camera(2), 20.0)) < len(rows)
 
 
 def test_pictures_are_rounded_and_clipped() -> None:
     planes = np.array([-0.5, 0.5, 2.0], dtype=np.float32).reshape(3, 1, 1)
-    np.testing.assert_array_equal(quantised(planes)[0, 0], [0, 128, 255])
+    np.testing.assert_array_equal(quantise(planes)[0, 0], [0, 128, 255])
     assert planes_of(draw(leaves_of(true_gaussians()), camera(0), 0)).shape == (3, *SIZE_PX)

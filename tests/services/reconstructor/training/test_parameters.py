@@ -28,7 +28,7 @@ def test_state_of_the_optimiser_follows_selected_gaussians_and_fresh_ones_have_n
     copies = same.select(np.array([1, 0]))
     copies.fresh[:] = True
     copies.logits += 1.0
-    both = chosen.changed(same.joined(copies))
+    both = chosen.apply(same.join(copies))
     np.testing.assert_allclose(both.values["logits"][2:], chosen.values["logits"][::-1] + 1.0)
     np.testing.assert_array_equal(both.values["means_m"][2:], chosen.values["means_m"][::-1])
     np.testing.assert_array_equal(both.updates, [3, 1, 0, 0])

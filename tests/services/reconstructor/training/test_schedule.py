@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from readygo.services.reconstructor.training.config import DensityConfig, GaussiansConfig, GeometryConfig
-from readygo.services.reconstructor.training.schedule import Schedule
+from readygo.services.reconstructor.training.schedule import TrainingSchedule
 
-PLAN = Schedule(GaussiansConfig(steps=1000), 2.0)
+PLAN = TrainingSchedule(GaussiansConfig(steps=1000), 2.0)
 
 
 def test_images_begin_at_a_quarter_and_are_whole_in_the_end() -> None:
@@ -30,11 +30,11 @@ def test_densities_change_between_their_times() -> None:
 
 def test_opacities_are_not_reset_in_the_end_and_never_by_mcmc() -> None:
     assert [step + 1 for step in range(1000) if PLAN.resets_opacities(step)] == [200, 400]
-    mcmc = Schedule(GaussiansConfig(steps=1000, density=DensityConfig(method="mcmc")), 1.0)
+    mcmc = TrainingSchedule(GaussiansConfig(steps=1000, density=DensityConfig(method="mcmc")), 1.0)
     assert not any(mcmc.resets_opacities(step) for step in range(1000))
 
 
 def test_only_surfaces_are_trimmed() -> None:
     surfaces = GaussiansConfig(steps=100, geometry=GeometryConfig(enabled=True))
-    assert [step + 1 for step in range(100) if Schedule(surfaces, 1.0).trims(step)] == [10, 20, 30, 40, 50]
+    assert [step + 1 for step in range(100) if TrainingSchedule(surfaces, 1.0).trims(step)] == [10, 20, 30, 40, 50]
     assert not any(PLAN.trims(step) for step in range(1000))

@@ -6,12 +6,12 @@ torch = pytest.importorskip("torch", reason="torch is not installed")
 
 from readygo.common.networks.models import Nomad  # noqa: E402
 from readygo.services.trainer.networks import losses  # noqa: E402
-from readygo.services.trainer.networks.samples import Batch  # noqa: E402
+from readygo.services.trainer.networks.samples import NetworkBatch  # noqa: E402
 
 
-def batch(*distances: float, other: bool = False, places: int = 5) -> Batch:
+def batch(*distances: float, other: bool = False, places: int = 5) -> NetworkBatch:
     count = len(distances)
-    return Batch(
+    return NetworkBatch(
         images=torch.zeros(count, 4, 3, 96, 96),
         goals=torch.zeros(count, 3, 96, 96),
         distances=torch.tensor(distances),
@@ -27,7 +27,7 @@ class Off:
         return torch.zeros(len(images)), torch.ones(len(images), 5, 4)
 
 
-def loss(name: str, of: Batch) -> float:
+def loss(name: str, of: NetworkBatch) -> float:
     return float(losses.loss_of(name, Off(), of, torch.Generator()))  # type: ignore[arg-type]
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from readygo.common.dataset import Dataset
 from readygo.common.errors import DatasetError
-from readygo.common.messages import Driver
+from readygo.common.messages import DriverKind
 from tests import crooked
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
@@ -97,9 +97,9 @@ def test_places_are_those_of_complex_numbers() -> None:
 
 @pytest.mark.parametrize(("robot", "steps"), [(crooked.ROBOT, 5), (crooked.ODD_RATES, 8)])
 def test_looks_are_the_experts_images_about_a_quarter_second_apart(tmp_path, robot, steps) -> None:
-    writes = ((3, Driver.EXPERT), (5, Driver.POLICY), (8, Driver.EXPERT), (9, Driver.EXPERT))
+    writes = ((3, DriverKind.EXPERT), (5, DriverKind.POLICY), (8, DriverKind.EXPERT), (9, DriverKind.EXPERT))
     for index, driver in writes:
-        changes = {"driver": driver, "policy": "" if driver is Driver.EXPERT else "5a" * 32}
+        changes = {"driver": driver, "policy": "" if driver is DriverKind.EXPERT else "5a" * 32}
         crooked.write_crooked_shard(tmp_path / str(index), (index,), 4 * steps + index, robot=robot, **changes)
     dataset = Dataset([tmp_path / str(index) for index, _ in writes])
     names = {entry.episode.episode_id for entry in dataset.episodes if entry.episode.index != 9}
@@ -117,7 +117,7 @@ def test_looks_are_the_experts_images_about_a_quarter_second_apart(tmp_path, rob
 
 
 def test_trajectory_of_four_looks_teaches_and_a_shorter_one_does_not(tmp_path) -> None:
-    changes = {"driver": Driver.EXPERT, "policy": ""}
+    changes = {"driver": DriverKind.EXPERT, "policy": ""}
     for index, count in ((3, 16), (8, 15), (9, 21)):
         crooked.write_crooked_shard(tmp_path / str(index), (index,), count, **changes)
     dataset = Dataset([tmp_path / str(index) for index in (3, 8, 9)])

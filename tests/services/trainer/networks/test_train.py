@@ -9,7 +9,7 @@ torch = pytest.importorskip("torch", reason="torch is not installed")
 
 from readygo.common.errors import PolicyError  # noqa: E402
 from readygo.common.networks import checkpoint  # noqa: E402
-from readygo.common.networks.models import _summed  # noqa: E402
+from readygo.common.networks.models import _sum_steps  # noqa: E402
 from readygo.services.trainer.networks import train as module  # noqa: E402
 from readygo.services.trainer.networks.config import NetworkTrainConfig  # noqa: E402
 from readygo.services.trainer.networks.samples import Looks  # noqa: E402
@@ -26,7 +26,7 @@ class Small(torch.nn.Module):
 
     def predict(self, images, goals):
         answers = self.layer(torch.cat([images.flatten(1), goals.flatten(1)], dim=1))
-        return answers[:, 0], _summed(answers[:, 1:])
+        return answers[:, 0], _sum_steps(answers[:, 1:])
 
     def waypoints(self, images, goals, generator):
         return self.predict(images, goals)[1]

@@ -1,0 +1,68 @@
+"""Methods of an evaluation that are files: a resumed evaluation requires the same files on every machine."""
+
+import hashlib
+import importlib.util
+from collections.abc import Sequence
+from pathlib import Path
+
+from readygo.common.errors import RunError
+from readygo.runs.methods import NETWORKS, other_policies
+from readygo.runs.policy import policy_sha256
+
+
+def method_hashes(methods: Sequence[str], checkpoints: Path) -> dict[str, str]:
+    """SHA-256 of the weights of networks, of further policies, and of the files of a user's methods.
+
+    A missing file has no hash; the function that makes the method reports it.
+
+    Args:
+        methods: Names of methods.
+        checkpoints: Folder of weights and policies.
+    """
+    hashes = {method: _hash(method, checkpoints) for method in methods}
+    return {method: sha256 for method, sha256 in hashes.items() if sha256}
+
+
+def check_method_files(expected: dict[str, str], methods: Sequence[str], checkpoints: Path) -> None:
+    """Check that the files of methods are the same as where their evaluation began.
+
+    Raises:
+        RunError: If a file is missing or different.
+    """
+    here = method_hashes(methods, checkpoints)
+    for method, sha256 in expected.items():
+        if here.get(method) != sha256:
+            words = "is another one here" if method in here else "is not on this machine"
+            raise RunError(
+                f"The method {method} {words} than where the evaluation began; a scene and a policy travel to the "
+                f"workers, methods do not: copy it, networks and policies to {checkpoints}."
+            )
+
+
+def _hash(method: str, checkpoints: Path) -> str:
+    try:
+        for folder in other_policies([method], checkpoints).values():
+            return policy_sha256(folder)
+        path = checkpoints / NETWORKS[method] if method in NETWORKS else _source(method)
+        return _file_hash(path) if path else ""
+    except OSError:
+        return ""
+
+
+def _source(method: str) -> Path | None:
+    """The file of a user's method."""
+    place, colon, _ = method.rpartition(":")
+    if not colon:
+        return None
+    if place.endswith(".py"):
+        return Path(place)
+    try:
+        spec = importlib.util.find_spec(place)
+    except (ImportError, ValueError):
+        return None
+    return Path(spec.origin) if spec and spec.origin else None
+
+
+def _file_hash(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

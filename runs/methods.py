@@ -1,0 +1,135 @@
+"""Methods of an evaluation by name: experts, baselines, networks and a user's methods."""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from readygo.common.episode.loop import Driver
+from readygo.common.errors import PolicyError
+from readygo.common.maps.occupancy import GROUND_CLEARANCE_M
+from readygo.common.maps.ros_map import load_unknown_cells
+from readygo.common.policy import check_policy_camera, check_policy_limits, load_policy
+from readygo.common.policy.artifact import SPEC_FILE
+from readygo.common.policy.driver import PolicyDriver
+from readygo.common.scenes.scene import ROBOT_MAP_FILE
+from readygo.runs.world import World
+from readygo.services.evaluator import (
+    EXPERT,
+    POLICY,
+    STRAIGHT_LINE,
+    DiscretePlannerDriver,
+    Evaluator,
+    MakeDriver,
+    SocialForceDriver,
+    SplatMap,
+    SplatNavDriver,
+    load_custom_method,
+)
+from readygo.services.planner import ExpertDriver, RobotPlanner, expert_recipe
+
+CHECKPOINTS = Path("checkpoints")
+VID2SIM = "vid2sim"
+BLIND = (EXPERT, "expert-paper", STRAIGHT_LINE, "social-force", "gaussnav", "splat-nav")
+"""Methods that need no images."""
+NETWORKS = {"gnm": "gnm_large.pth", "vint": "vint.pth", "nomad": "nomad.pth"}
+"""Published networks, with their authors' names of the weight files."""
+
+
+def needs_renderer(methods: Sequence[str]) -> bool:
+    """True if one of the methods uses camera images."""
+    return any(method not in BLIND for method in methods)
+
+
+def other_policies(methods: Sequence[str], checkpoints: Path) -> dict[str, Path]:
+    """Folders of the methods that are further policies, by their names in `checkpoints`.
+
+    Args:
+        methods: Names of methods of any kind.
+        checkpoints: Folder of policies, or of runs of `readygo learn` with a policy.
+    """
+    found: dict[str, Path] = {}
+    for name in methods:
+        if name in (*BLIND, POLICY, *NETWORKS) or ":" in name:
+            continue
+        places = [place for place in (checkpoints / name, checkpoints / name / "policy") if _is_policy(place)]
+        found |= {name: places[0]} if places else {}
+    return found
+
+
+def _is_policy(folder: Path) -> bool:
+    return (folder / SPEC_FILE).is_file()
+
+
+def named_methods(
+    world: World, methods: Sequence[str] = (), checkpoints: Path = CHECKPOINTS, hold_steps: int = 1
+) -> dict[str, MakeDriver]:
+    """The methods of an evaluation, besides the policy and the straight line, as functions that load them.
+
+    Args:
+        world: World of the evaluation.
+        methods: Names of requested methods; a user's methods are named `my_package:MyDriver`.
+        checkpoints: Folder of weights and policies.
+        hold_steps: Steps from one decision of a policy to the next.
+    """
+    policies = other_policies((VID2SIM, *methods), checkpoints)
+    known: dict[str, MakeDriver] = {
+        EXPERT: lambda _: ExpertDriver(world.robot_planner.expert),
+        "expert-paper": lambda _: ExpertDriver(_paper_planner(world).expert),
+        "social-force": lambda _: SocialForceDriver(),
+        "gaussnav": lambda _: DiscretePlannerDriver(),
+        "splat-nav": lambda _: SplatNavDriver(_splat_map(world)),
+        VID2SIM: lambda _: _no_mesh_policy(checkpoints / VID2SIM),
+        **{name: _policy(name, folder, hold_steps) for name, folder in policies.items()},
+        **{name: _network(name, checkpoints / file) for name, file in NETWORKS.items()},
+    }
+    return known | {name: _custom(name) for name in methods if ":" in name}
+
+
+def _custom(name: str) -> MakeDriver:
+    return lambda evaluator: load_custom_method(name, evaluator)
+
+
+def _splat_map(world: World) -> SplatMap:
+    maps = world.scene.maps
+    unknown = load_unknown_cells(maps.folder / ROBOT_MAP_FILE)
+    return SplatMap(
+        world.scene.cloud, maps.floor, maps.robot.frame, unknown, world.config.robot.widest, GROUND_CLEARANCE_M
+    )
+
+
+def _paper_planner(world: World) -> RobotPlanner:
+    config = world.config
+    expert = dataclasses.replace(config.expert, mode=expert_recipe("paper").mode)
+    return RobotPlanner(world.scene.maps, world.avatars, config.robot, config.episode, expert)
+
+
+def _no_mesh_policy(folder: Path) -> Driver[Any]:
+    """Raise PolicyError: there is no policy that was trained with a game engine's human meshes."""
+    raise PolicyError(
+        f"The method {VID2SIM} needs a policy that learned among mesh-like people, at {folder}: record and train "
+        'with [renderer] human_look = "mesh" (readygo learn SCENE --config mesh.toml), and copy RUN/policy there.'
+    )
+
+
+def _policy(name: str, folder: Path, hold_steps: int) -> MakeDriver:
+    def make(evaluator: Evaluator) -> Driver[Any]:
+        try:
+            policy = load_policy(folder)
+            check_policy_limits(policy.spec, evaluator.robot)
+            if evaluator.camera == "policy":
+                check_policy_camera(policy.spec, evaluator.robot)
+        except PolicyError as error:
+            raise PolicyError(f"The method {name}: {error}") from error
+        return PolicyDriver(policy, evaluator.eyes(policy.spec.images), hold_steps)
+
+    return make
+
+
+def _network(name: str, path: Path) -> MakeDriver:
+    def make(evaluator: Evaluator) -> Driver[Any]:
+        from readygo.services.evaluator import NetworkDriver
+
+        return NetworkDriver.load(name, path, evaluator)
+
+    return make

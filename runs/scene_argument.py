@@ -1,0 +1,59 @@
+"""The SCENE argument of commands: a bundle's folder, the embedded scene, or a map."""
+
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from readygo.common.errors import SceneError
+from readygo.common.files import cache_folder
+from readygo.common.maps import FloorMap, OccupancyMap, SightMap, load_ros_map, sight_of_occupancy
+from readygo.common.scenes import Scene, load_scene
+from readygo.services.planner import PlanningMaps
+
+LARGEST_SEED = 2**31 - 1
+"""Largest seed of an embedded flat."""
+
+
+def open_scene(scene: str) -> Scene:
+    """Open the scene of a command-line argument.
+
+    "embedded" and "embedded:SEED" are made once and stored in the user's cache.
+
+    Raises:
+        SceneError: If the argument names no scene bundle.
+    """
+    name, colon, seed = scene.partition(":")
+    if name != "embedded":
+        return load_scene(Path(scene))
+    if colon and not (seed.isdecimal() and int(seed) <= LARGEST_SEED):
+        raise SceneError(f"{scene}: give a whole number up to {LARGEST_SEED} as the seed, as in embedded:1.")
+    from readygo.common.scenes.embedded import ensure_embedded_scene, scene_name
+
+    number = int(seed or 0)
+    return ensure_embedded_scene(cache_folder("scenes") / scene_name(number), number)
+
+
+class FlatMaps:
+    """One map on a flat floor: the same cells block robot and humans."""
+
+    def __init__(self, occupancy: OccupancyMap) -> None:
+        self.robot = self.human = occupancy
+        self.floor = FloorMap(frame=self.robot.frame, height_m=np.zeros(self.robot.occupied.shape, np.float32))
+
+    @cached_property
+    def sight(self) -> SightMap:
+        """Visibility map, in which occupied cells hide humans."""
+        return sight_of_occupancy(self.robot)
+
+
+def open_maps(scene: str) -> tuple[PlanningMaps, Scene | None]:
+    """Open the maps of a scene, or a ROS map (.yaml), which has no scene.
+
+    Raises:
+        SceneError: If the argument names neither.
+    """
+    if scene.endswith((".yaml", ".yml")):
+        return FlatMaps(load_ros_map(scene)), None
+    bundle = open_scene(scene)
+    return bundle.maps, bundle

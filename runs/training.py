@@ -1,0 +1,123 @@
+"""Trains policies from settings."""
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from readygo.common.config import section_from_mapping, section_to_mapping
+from readygo.common.dataset import Dataset
+from readygo.common.documents import read_toml
+from readygo.common.errors import ConfigError, PolicyError
+from readygo.common.extras import install_command
+from readygo.runs.methods import NETWORKS
+from readygo.runs.sections import NO_KEYS, Keys, merge_tables, with_keys
+from readygo.services.trainer import RECIPES, NetworkTrainConfig, TrainConfig, with_overrides
+
+if TYPE_CHECKING:
+    from readygo.services.trainer import Evaluate, TrainProgress
+
+
+def make_config(recipe: str, file: Path | None = None, keys: Keys = NO_KEYS, **settings: Any) -> TrainConfig:
+    """The recipe's configuration, overridden by a file, by keys and by the settings that are not None.
+
+    Args:
+        recipe: One of `RECIPES`.
+        file: TOML file with fields of `TrainConfig`.
+        keys: Keys of the command line.
+        settings: Fields of `TrainConfig` or of its sections.
+
+    Raises:
+        ConfigError: If the file cannot be read, or a setting is invalid.
+    """
+    config = RECIPES[recipe]()
+    if file is not None:
+        try:
+            merged = merge_tables(section_to_mapping(config), read_toml(file))
+        except (OSError, ValueError) as error:
+            raise ConfigError(f"Settings {file} cannot be read: {error}.") from error
+        config = section_from_mapping(TrainConfig, {k: v for k, v in merged.items() if v is not None})
+    config = with_keys(config, keys)
+    try:
+        return with_overrides(config, **settings)
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+
+
+def default_recipe(dataset: Dataset) -> str:
+    """Default recipe for a dataset: "best" if it has expert labels at every state, else "fast"."""
+    return "best" if dataset.has_expert else "fast"
+
+
+def run_training(
+    dataset: Dataset,
+    config: TrainConfig,
+    out: Path,
+    *,
+    val: tuple[Path, ...] = (),
+    evaluate: "Evaluate | None" = None,
+    show: "Callable[[TrainProgress], None] | None" = None,
+) -> dict[str, Any]:
+    """Train on recorded episodes; returns the content of `metrics.json`, empty in helper processes of a training.
+
+    Raises:
+        PolicyError: If torch or onnx is not installed, or `out` belongs to another run.
+        DatasetError: If the data cannot be used.
+    """
+    validation = Dataset(val) if val else None
+    with torch_needed():
+        from readygo.services.trainer import join_ranks, leave_ranks, train_policy
+    together = "WORLD_SIZE" in os.environ
+    if together:
+        join_ranks(config.device)
+    metrics = train_policy(dataset, config, out, validation=validation, evaluate=evaluate, report=show)
+    if together:
+        leave_ranks()
+    return metrics
+
+
+def make_network_config(name: str, settings: Mapping[str, Any]) -> NetworkTrainConfig:
+    """The settings of training a published network.
+
+    Args:
+        name: One of `NETWORKS`.
+        settings: Fields of `NetworkTrainConfig`; None keeps the published value.
+
+    Raises:
+        ConfigError: If a setting is invalid.
+    """
+    try:
+        return NetworkTrainConfig(network=name, **{k: v for k, v in settings.items() if v is not None})
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+
+
+def run_network_training(
+    dataset: Dataset, config: NetworkTrainConfig, out: Path, show: "Callable[[TrainProgress], None]"
+) -> dict[str, Any]:
+    """Train a published network, and write its weights to the file that evaluations read from a folder.
+
+    Raises:
+        PolicyError: If torch is not installed, or the folder belongs to another run.
+        DatasetError: If the data cannot be used.
+    """
+    with torch_needed():
+        from readygo.services.trainer import train_network
+    return train_network(dataset, config, out / NETWORKS[config.network], show)
+
+
+@contextmanager
+def torch_needed() -> Iterator[None]:
+    """Context for imports of the trainer's modules that need torch.
+
+    Raises:
+        PolicyError: If torch or onnx is not installed.
+    """
+    # Spinning threads take cores from working ones: on a shared machine training is 2.5 times faster without spinning.
+    # libgomp reads this variable once, when torch loads it.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+    try:
+        yield
+    except ImportError as error:
+        raise PolicyError(f"Training needs {error.name}; run: {install_command('train')}") from error

@@ -1,0 +1,41 @@
+import hashlib
+from pathlib import Path
+
+import pytest
+
+from readygo.common.errors import RunError
+from readygo.runs.method_files import check_method_files, method_hashes
+from readygo.runs.policy import policy_sha256
+from tests.common.policy.artifacts import write_policy
+
+
+def test_files_of_methods_have_hashes_and_built_in_ones_none(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text("class A: ...\n")
+    (tmp_path / "gnm_large.pth").write_bytes(b"weights")
+    mine = f"{tmp_path / 'mine.py'}:A"
+    hashes = method_hashes(
+        ["expert", "straight-line", mine, "gnm", "vint", "vid2sim", "json:loads", "nowhere:A"], tmp_path
+    )
+    assert hashes[mine] == hashlib.sha256(b"class A: ...\n").hexdigest()
+    assert hashes["gnm"] == hashlib.sha256(b"weights").hexdigest()
+    assert set(hashes) == {mine, "gnm", "json:loads"}
+
+
+def test_further_policies_have_the_hash_of_the_policy(tmp_path: Path) -> None:
+    mesh, run = write_policy(tmp_path / "vid2sim"), write_policy(tmp_path / "run" / "policy")
+    assert method_hashes(["vid2sim", "run"], tmp_path) == {"vid2sim": policy_sha256(mesh), "run": policy_sha256(run)}
+    (run / "policy.onnx").write_bytes(b"others")
+    with pytest.raises(RunError, match="run is another one here"):
+        check_method_files({"run": policy_sha256(mesh)}, ["run"], tmp_path)
+
+
+def test_method_that_differs_or_lacks_here_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "gnm_large.pth").write_bytes(b"weights")
+    hashes = method_hashes(["gnm"], tmp_path)
+    check_method_files(hashes, ["gnm", "expert"], tmp_path)
+    (tmp_path / "gnm_large.pth").write_bytes(b"others")
+    with pytest.raises(RunError, match="gnm is another one here"):
+        check_method_files(hashes, ["gnm"], tmp_path)
+    (tmp_path / "gnm_large.pth").unlink()
+    with pytest.raises(RunError, match="gnm is not on this machine"):
+        check_method_files(hashes, ["gnm"], tmp_path)

@@ -1,0 +1,83 @@
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from readygo.common.camera import CameraConfig
+from readygo.common.errors import PolicyError
+from readygo.common.messages import RobotPlanRequest, Split
+from readygo.common.policy import load_policy
+from readygo.runs.config import load_run_config
+from readygo.runs.evaluation import evaluation_world, make_evaluator, make_request
+from readygo.runs.methods import BLIND, named_methods, needs_renderer, other_policies
+from readygo.services.evaluator import handle_evaluate
+from readygo.services.planner import handle_robot_plan
+from tests.common.policy.artifacts import ROBOT, write_policy
+
+
+@pytest.fixture(scope="module")
+def world():
+    config = load_run_config(None)
+    short = dataclasses.replace(config.episode, goal_distance_max_m=4.0, time_limit_s=15.0)
+    return evaluation_world("embedded", dataclasses.replace(config, episode=short), avatars=None, seed=0)
+
+
+def test_blind_methods_drive_without_a_renderer(world):
+    assert not needs_renderer(BLIND)
+    assert needs_renderer(("expert", "gnm"))
+    request = make_request(1, ("static",), BLIND, Split.TEST, 0)
+    reply = handle_evaluate(make_evaluator(world), request)
+    assert [record.method for record in reply.records] == list(BLIND)
+    assert all(record.reason == "" for record in reply.records)
+
+
+def test_expert_drives_as_it_does_for_data(world):
+    reply = handle_evaluate(make_evaluator(world), make_request(1, ("dynamic",), ("expert",), Split.TEST, 0))
+    (episode,), (record,) = reply.episodes, reply.records
+    planned = handle_robot_plan(
+        world.robot_planner, RobotPlanRequest(scenario=episode.scenario, motions=episode.motions)
+    ).trajectory
+    assert record.result.duration_s == pytest.approx(planned.duration_s)
+    assert record.result.outcome is planned.outcome
+    assert record.human_distance_min_m == pytest.approx(planned.human_distance_m.min(), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("gnm", r"put gnm_large\.pth of github\.com/robodhruv/visualnav-transformer at .*gnm_large\.pth"),
+        ("vint", r"vint\.pth"),
+        ("nomad", r"nomad\.pth"),
+        ("vid2sim", r'policy that learned among mesh-like people, at .*vid2sim: .*human_look = "mesh"'),
+    ],
+)
+def test_what_was_trained_elsewhere_and_is_missing_is_named_with_its_place(world, name, said, tmp_path: Path):
+    evaluator = make_evaluator(world, methods=named_methods(world, (name,), tmp_path))
+    with pytest.raises(PolicyError, match=said) as caught:
+        evaluator.driver(name)
+    assert "\n" not in str(caught.value)
+
+
+def test_policies_are_found_by_the_names_of_their_folders_or_runs(tmp_path: Path):
+    flat, run = write_policy(tmp_path / "flat"), write_policy(tmp_path / "run" / "policy")
+    (tmp_path / "empty").mkdir()
+    write_policy(tmp_path / "expert")
+    asked = ("policy", "expert", "gnm", "json:loads", "flat", "run", "empty", "nowhere")
+    assert other_policies(asked, tmp_path) == {"flat": flat, "run": run}
+
+
+def test_further_policy_drives_as_it_does_when_it_is_the_one_at_hand(tmp_path: Path):
+    folder = write_policy(tmp_path / "other")
+    config = load_run_config(None, ROBOT)
+    short = dataclasses.replace(config.episode, goal_distance_max_m=4.0, time_limit_s=3.0)
+    world = evaluation_world("embedded", dataclasses.replace(config, episode=short), avatars=None, seed=0)
+    request = make_request(1, ("static",), ("policy", "other"), Split.TEST, 0, control_hz=4.0)
+    methods = named_methods(world, request.methods, tmp_path, request.hold_steps(world.config.robot.clock))
+    evaluator = make_evaluator(world, renderer=world.renderer(), policy=load_policy(folder), methods=methods)
+    first, second = handle_evaluate(evaluator, request).records
+    assert second.method == "other"
+    assert dataclasses.replace(second, method="policy") == first
+    larger = dataclasses.replace(evaluator.robot, camera=CameraConfig())
+    elsewhere = dataclasses.replace(evaluator, policy=None, robot=larger)
+    with pytest.raises(PolicyError, match="The method other: The policy was trained with another camera"):
+        elsewhere.driver("other")
