@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import IO, Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray
 from readygo.common.errors import ReadygoError
 from readygo.common.files import open_regular, open_zip
 
@@ -61,7 +61,7 @@ def load_npz(
     raises: type[ReadygoError],
     records: Collection[np.dtype[Any]] = (),
     remedy: str = "",
-) -> dict[str, npt.NDArray[Any]]:
+) -> dict[str, AnyArray]:
     """Arrays of an archive; nothing else in it is looked at.
 
     Args:
@@ -84,7 +84,7 @@ def load_npz(
         return {name: _read_entry(archive, name, info, records) for name, info in wanted.items()}
 
 
-def load_npy(path: Path, *, bytes_max: int, raises: type[ReadygoError], remedy: str = "") -> npt.NDArray[Any]:
+def load_npy(path: Path, *, bytes_max: int, raises: type[ReadygoError], remedy: str = "") -> AnyArray:
     """The array of numbers in a file; arguments as of `load_npz`.
 
     Raises:
@@ -97,7 +97,7 @@ def load_npy(path: Path, *, bytes_max: int, raises: type[ReadygoError], remedy: 
         return _read_array(stream, size, ())
 
 
-def map_npy(path: Path, *, raises: type[ReadygoError]) -> npt.NDArray[Any]:
+def map_npy(path: Path, *, raises: type[ReadygoError]) -> AnyArray:
     """The array of numbers in a file, mapped read-only.
 
     Raises:
@@ -122,7 +122,7 @@ def _damage_in_one_line(path: Path, what: str, raises: type[ReadygoError], remed
 
 def _read_entry(
     archive: zipfile.ZipFile, name: str, info: zipfile.ZipInfo, records: Collection[np.dtype[Any]]
-) -> npt.NDArray[Any]:
+) -> AnyArray:
     # What the other methods need in memory is for the archive to say.
     if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise ValueError(f"{name} is compressed by method {info.compress_type}, which NumPy does not use")
@@ -133,10 +133,10 @@ def _read_entry(
         raise ValueError(f"{name}: {error}") from error
 
 
-def _read_array(stream: IO[bytes], size: int, records: Collection[np.dtype[Any]]) -> npt.NDArray[Any]:
+def _read_array(stream: IO[bytes], size: int, records: Collection[np.dtype[Any]]) -> AnyArray:
     """The array in a stream of `size` bytes."""
     layout = _read_layout(stream, size, records)
-    array: npt.NDArray[Any] = np.empty(math.prod(layout.shape), layout.dtype)
+    array: AnyArray = np.empty(math.prod(layout.shape), layout.dtype)
     raw, at = array.view(np.uint8), 0
     while at < len(raw):
         block = stream.read(min(_BLOCK_BYTES, len(raw) - at))

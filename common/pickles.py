@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.common.array_files import dtype_of
+from readygo.common.arrays import AnyArray
 from readygo.common.errors import ReadygoError
 from readygo.common.files import open_regular
 
@@ -68,7 +68,7 @@ class _Dtype(PickledObject):
 class _Array(PickledObject):
     """An array as NumPy pickles it."""
 
-    values: npt.NDArray[Any] | None = None
+    values: AnyArray | None = None
     """The array; None if it holds no plain numbers."""
 
     def __setstate__(self, state: Any) -> None:
@@ -126,7 +126,7 @@ def load_pickle(path: Path, *, bytes_max: int, raises: type[ReadygoError], remed
         raise raises(f"{path} is not a readable pickle: {line.removesuffix('.')}{end}") from error
 
 
-def array_of(value: Any, *, nested: int = _NESTED_MAX) -> npt.NDArray[Any] | None:
+def array_of(value: Any, *, nested: int = _NESTED_MAX) -> AnyArray | None:
     """The numbers of an array, of a chumpy array or of a sparse matrix; None if `value` is none of them.
 
     Args:
@@ -196,7 +196,7 @@ class _Unpickler(pickle.Unpickler):
         return argument
 
 
-def _numbers(shape: Any, dtype: np.dtype[Any], raw: Any, fortran: Any) -> npt.NDArray[Any]:
+def _numbers(shape: Any, dtype: np.dtype[Any], raw: Any, fortran: Any) -> AnyArray:
     """An array of as many bytes as its shape says."""
     if not isinstance(shape, tuple) or not all(type(length) is int and length >= 0 for length in shape):
         raise ValueError(f"an array cannot have the shape {str(shape)[:100]}")
@@ -240,7 +240,7 @@ _KNOWN: Mapping[str, Any] = {
 }
 
 
-def _dense(record: PickledObject) -> npt.NDArray[Any] | None:
+def _dense(record: PickledObject) -> AnyArray | None:
     from scipy import sparse
 
     layout = record.name.rsplit(".", 1)[1][:3]
@@ -260,19 +260,19 @@ def _dense(record: PickledObject) -> npt.NDArray[Any] | None:
             kind = sparse.csc_matrix if layout == "csc" else sparse.csr_matrix
             matrix = kind((fields["data"], fields["indices"], fields["indptr"]), shape=shape)
             matrix.check_format(full_check=True)
-        dense: npt.NDArray[Any] = matrix.toarray()
+        dense: AnyArray = matrix.toarray()
     except Exception:  # SciPy raises almost anything at parts that make no matrix
         return None
     return dense
 
 
-def _select_elements(fields: Mapping[str, Any], nested: int) -> npt.NDArray[Any] | None:
+def _select_elements(fields: Mapping[str, Any], nested: int) -> AnyArray | None:
     """`chumpy.reordering.Select`: elements of another array, by their flat indices."""
     source, index = array_of(fields.get("a"), nested=nested), array_of(fields.get("idxs"), nested=nested)
     if source is None or index is None or index.dtype.kind not in "iu":
         return None
     try:
-        selected: npt.NDArray[Any] = source.reshape(-1)[index].reshape(fields.get("preferred_shape", (-1,)))
+        selected: AnyArray = source.reshape(-1)[index].reshape(fields.get("preferred_shape", (-1,)))
     except (IndexError, TypeError, ValueError, OverflowError, MemoryError):
         return None
     return selected

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from readygo.common.arrays import UInt8Array
 from readygo.common.files import cache_root
 from readygo.common.scenes.embedded import ensure_embedded_scene
 from tests.durations import Durations, load_durations, sort_longest_first
@@ -54,10 +55,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 @pytest.fixture
-def golden_image(request: pytest.FixtureRequest) -> Callable[[str, npt.NDArray[np.uint8]], None]:
+def golden_image(request: pytest.FixtureRequest) -> Callable[[str, UInt8Array], None]:
     """Compares an RGB image with `tests/golden/NAME.png`; up to 2 of 255 may differ per channel."""
 
-    def compare(name: str, rgb: npt.NDArray[np.uint8]) -> None:
+    def compare(name: str, rgb: UInt8Array) -> None:
         import cv2
 
         path = GOLDEN / f"{name}.png"

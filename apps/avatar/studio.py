@@ -6,15 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array, UInt8Array
 from readygo.common.avatars import Avatar, joint_positions
 from readygo.common.frames import axis_angle_from_matrix, matrix_from_axis_angle
 from readygo.common.messages import Motion
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.interface import PosedHuman, View
-
-Array = npt.NDArray[np.float64]
-FloatArray = npt.NDArray[np.float32]
-Image = npt.NDArray[np.uint8]
 
 VIEW_COUNT = 8
 CAMERA_DISTANCE_M, CAMERA_HEIGHT_M = 4.2, 1.2
@@ -33,7 +30,7 @@ class Framing:
     focal_px: float
 
     @property
-    def K_px(self) -> Array:
+    def K_px(self) -> Float64Array:
         """Intrinsics [px], shape (3, 3)."""
         return np.array([[self.focal_px, 0, self.width_px / 2], [0, self.focal_px, self.height_px / 2], [0, 0, 1]])
 
@@ -45,7 +42,7 @@ class Studio:
         self.avatar, self.framing = avatar, framing
         self._rasterizer = CpuRasterizer([], {avatar.name: avatar}, framing.K_px, framing.height_px, framing.width_px)
 
-    def picture(self, T_world_camera: Array, motion: Motion, row: int, joints_m: Array) -> Image:
+    def picture(self, T_world_camera: Float64Array, motion: Motion, row: int, joints_m: Float64Array) -> UInt8Array:
         """The human in one row of a motion.
 
         Args:
@@ -68,7 +65,7 @@ class Studio:
         return np.clip(np.rint(mixed), 0, 255).astype(np.uint8)
 
 
-def look_at(eye_m: npt.ArrayLike, target_m: npt.ArrayLike) -> Array:
+def look_at(eye_m: npt.ArrayLike, target_m: npt.ArrayLike) -> Float64Array:
     """Pose of an upright camera that looks at a target, OpenCV axes, shape (4, 4)."""
     eye = np.asarray(eye_m, dtype=np.float64)
     forward = np.asarray(target_m, dtype=np.float64) - eye
@@ -81,7 +78,7 @@ def look_at(eye_m: npt.ArrayLike, target_m: npt.ArrayLike) -> Array:
     return T
 
 
-def turntable(avatar: Avatar, poses: Sequence[FloatArray]) -> Image:
+def turntable(avatar: Avatar, poses: Sequence[Float32Array]) -> UInt8Array:
     """A sheet with a row of views per pose, the person turning left from image to image.
 
     Args:
@@ -105,7 +102,7 @@ def turntable(avatar: Avatar, poses: Sequence[FloatArray]) -> Image:
     return np.concatenate(rows)
 
 
-def standing_pose() -> FloatArray:
+def standing_pose() -> Float32Array:
     """Joint rotations of standing upright, arms down [rad], shape (24, 3)."""
     pose = np.zeros((24, 3), dtype=np.float32)
     pose[16] = (0.0, -0.15, -1.22)
@@ -114,7 +111,7 @@ def standing_pose() -> FloatArray:
     return pose
 
 
-def stride_pose() -> FloatArray:
+def stride_pose() -> Float32Array:
     """Joint rotations of mid-stride, left foot and right arm ahead [rad], shape (24, 3)."""
     pose = standing_pose()
     pose[1], pose[2] = (-0.42, 0.0, 0.0), (0.30, 0.0, 0.0)
@@ -124,27 +121,27 @@ def stride_pose() -> FloatArray:
     return pose
 
 
-def _after(axis_angle: FloatArray, swing_rad: float) -> FloatArray:
+def _after(axis_angle: Float32Array, swing_rad: float) -> Float32Array:
     """A rotation followed by one about the axis to the body's left."""
     R = matrix_from_axis_angle((swing_rad, 0.0, 0.0)) @ matrix_from_axis_angle(axis_angle)
     return axis_angle_from_matrix(R).astype(np.float32)
 
 
-def _turned(pose: FloatArray, angle_rad: float) -> FloatArray:
+def _turned(pose: Float32Array, angle_rad: float) -> Float32Array:
     turned = pose.copy()
     R = matrix_from_axis_angle((0.0, angle_rad, 0.0)) @ matrix_from_axis_angle(pose[0])
     turned[0] = axis_angle_from_matrix(R)
     return turned
 
 
-def _grounded_root(avatar: Avatar, pose: FloatArray) -> FloatArray:
+def _grounded_root(avatar: Avatar, pose: Float32Array) -> Float32Array:
     """Pelvis position that puts the lower ankle at its height when the person stands on z = 0."""
     motion = Motion(root_m=np.zeros((1, 3), dtype=np.float32), pose_axis_angle=pose[None])
     ankles_m = joint_positions(avatar, motion)[0, [7, 8], 2]
     return np.array([0.0, 0.0, avatar.joints_tpose_m[7, 1] - ankles_m.min()], dtype=np.float32)
 
 
-def _ground(T_world_camera: Array, framing: Framing, feet_m: Array) -> Array:
+def _ground(T_world_camera: Float64Array, framing: Framing, feet_m: Float64Array) -> Float64Array:
     """The backdrop: a floor at z = 0 with lines and the shadows of the feet, and a wall, values 0..255."""
     u, v = np.meshgrid(np.arange(framing.width_px) + 0.5, np.arange(framing.height_px) + 0.5)
     K_px = framing.K_px
@@ -159,11 +156,11 @@ def _ground(T_world_camera: Array, framing: Framing, feet_m: Array) -> Array:
         floor *= 1.0 - _SHADOW_DEPTH * np.exp(-away - max(float(foot[2]), 0.0) / _SHADOW_FADE_M)
     haze = np.clip((distance[..., None] - 6.0) / 8.0, 0.0, 1.0)
     wall = np.array(_WALL)
-    picture: Array = 255.0 * np.where(rays[..., 2:] < -1e-3, (1 - haze) * floor + haze * wall, wall)
+    picture: Float64Array = 255.0 * np.where(rays[..., 2:] < -1e-3, (1 - haze) * floor + haze * wall, wall)
     return picture
 
 
-def _floor_colours(points: Array, distance: Array, eye_height_m: float, focal_px: float) -> Array:
+def _floor_colours(points: Float64Array, distance: Float64Array, eye_height_m: float, focal_px: float) -> Float64Array:
     """Colours of the floor at points, shape (H, W, 2), with their distances along the rays."""
     # A pixel covers this much floor, along the ray more than across it; lines are blurred to it.
     footprint = (distance / focal_px)[..., None] * np.stack(
@@ -173,5 +170,5 @@ def _floor_colours(points: Array, distance: Array, eye_height_m: float, focal_px
     cover = np.clip((0.5 * LINE_WIDTH_M + 0.5 * footprint - offset) / footprint, 0.0, 1.0)
     cover *= np.minimum(1.0, LINE_WIDTH_M / footprint)
     line = cover.max(axis=-1, keepdims=True)
-    colours: Array = (1 - line) * np.array(_FLOOR) + line * np.array(_LINE)
+    colours: Float64Array = (1 - line) * np.array(_FLOOR) + line * np.array(_LINE)
     return colours

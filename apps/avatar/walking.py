@@ -6,19 +6,15 @@ The floor has lines that make foot sliding visible.
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.avatar.studio import Framing, Studio, look_at
+from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.avatars import Avatar, joint_positions
-from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import WHITE, put_text
 from readygo.common.errors import AvatarError
 from readygo.common.maps import FloorMap, GridFrame
 from readygo.common.messages import Motion
 from readygo.services.animator import skeleton_of, walk
-
-Array = npt.NDArray[np.float64]
-Image = npt.NDArray[np.uint8]
 
 FPS = 20
 """Frames per second of the video [Hz], equal to the simulation's rate: it plays in real time."""
@@ -35,7 +31,7 @@ SHEET_DISTANCE_M, SHEET_HEIGHT_M = 4.4, 1.3
 _CAPTION_PX = 22
 
 
-def walk_frames(avatar: Avatar, *, seed: int = 0) -> Iterator[Image]:
+def walk_frames(avatar: Avatar, *, seed: int = 0) -> Iterator[UInt8Array]:
     """Frames of an S-curve walk at 1.2 m/s that ends in standing, seen from the side by a camera that moves along.
 
     Args:
@@ -60,7 +56,7 @@ def s_curve_walk(avatar: Avatar, *, seed: int = 0) -> Motion:
     return level_walk(avatar, way, SPEED_MPS, seed=seed)
 
 
-def level_walk(avatar: Avatar, way_m: Array, speed_mps: float, *, seed: int = 0) -> Motion:
+def level_walk(avatar: Avatar, way_m: Float64Array, speed_mps: float, *, seed: int = 0) -> Motion:
     """A walk over the floor z = 0.
 
     Args:
@@ -78,7 +74,7 @@ def level_walk(avatar: Avatar, way_m: Array, speed_mps: float, *, seed: int = 0)
     return walk(skeleton_of(avatar), trajectory, floor, rng)
 
 
-def contact_sheet(avatar: Avatar, *, seed: int = 0) -> Picture:
+def contact_sheet(avatar: Avatar, *, seed: int = 0) -> UInt8Array:
     """The sheet: a row per view, a column per phase of a straight walk at 1.2 m/s.
 
     Args:
@@ -107,7 +103,7 @@ def contact_sheet(avatar: Avatar, *, seed: int = 0) -> Picture:
     return np.concatenate(strips)
 
 
-def phase_rows(joints_m: Array) -> tuple[int, int, int, int]:
+def phase_rows(joints_m: Float64Array) -> tuple[int, int, int, int]:
     """Rows of `PHASES` in the middle stride of a walk along +x.
 
     A heel strikes where its ankle is furthest ahead of the pelvis.
@@ -127,7 +123,7 @@ def phase_rows(joints_m: Array) -> tuple[int, int, int, int]:
     return first, first + round(0.25 * stride), first + round(0.5 * stride), first + round(0.75 * stride)
 
 
-def _smoothed(xy: Array) -> Array:
+def _smoothed(xy: Float64Array) -> Float64Array:
     """The path of the camera's target: the pelvis, averaged over 1 s before and after."""
     padded = np.concatenate([np.repeat(xy[:1], FPS, axis=0), xy, np.repeat(xy[-1:], FPS, axis=0)])
     kernel = np.hanning(2 * FPS + 3)[1:-1]
@@ -135,7 +131,7 @@ def _smoothed(xy: Array) -> Array:
     return np.stack([np.convolve(padded[:, axis], kernel, mode="valid") for axis in (0, 1)], axis=1)
 
 
-def _camera(target_xy_m: Array, height_m: float) -> Array:
+def _camera(target_xy_m: Float64Array, height_m: float) -> Float64Array:
     """Pose of a camera beside the human, ahead of them by a quarter of its distance; OpenCV axes, shape (4, 4)."""
     x, y = target_xy_m[0] + 0.25 * CAMERA_DISTANCE_M, -AMPLITUDE_M - CAMERA_DISTANCE_M
     return look_at((x, y, CAMERA_HEIGHT_M), (target_xy_m[0], 0.0, 0.48 * height_m))

@@ -8,13 +8,11 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.capture.truth import Truth
+from readygo.common.arrays import Float64Array
 from readygo.common.errors import SceneError
 from readygo.services.reconstructor import Similarity, umeyama
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +43,7 @@ class FoundPoseErrors:
         return {name: value if isinstance(value, int) else round(value, 5) for name, value in asdict(self).items()}
 
 
-def pose_errors(truth: Truth, found: Mapping[str, Floats]) -> FoundPoseErrors:
+def pose_errors(truth: Truth, found: Mapping[str, Float64Array]) -> FoundPoseErrors:
     """Compare found poses with the truth.
 
     Args:
@@ -79,7 +77,7 @@ def pose_errors(truth: Truth, found: Mapping[str, Floats]) -> FoundPoseErrors:
     )
 
 
-def _rms(values: Floats) -> float:
+def _rms(values: Float64Array) -> float:
     return float(np.sqrt(np.mean(values * values)))
 
 

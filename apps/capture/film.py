@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.capture.config import CaptureConfig, phone_camera
 from readygo.apps.capture.ground import WalkableGround, walking_ground
 from readygo.apps.capture.marker import FloorMarker, MarkedRasterizer, lay_down
 from readygo.apps.capture.truth import truth_path, write_truth
 from readygo.apps.capture.walk import CameraWalk, Sway, plan_walk
+from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.camera import CameraConfig
 from readygo.common.drawing.film import CODECS, write_film
 from readygo.common.errors import ConfigError, SceneError
@@ -24,7 +24,6 @@ from readygo.common.scenes import Scene
 from readygo.services.reconstructor import PrintedSheet, draw_marker_sheet, write_jpeg
 from readygo.services.renderer import Renderer, RendererConfig, Shot
 
-Rgb = npt.NDArray[np.uint8]
 _PAGES = ("A3", "A2")
 DRIFT_EV = 0.25
 """Amplitude of the drift of the automatic exposure [stops]."""
@@ -39,11 +38,11 @@ class Filming:
     camera: CameraConfig
     walk: CameraWalk
     marker: FloorMarker | None
-    exposures_ev: npt.NDArray[np.float64]
+    exposures_ev: Float64Array
     """Exposure of each frame [stops], shape (N,)."""
 
     @property
-    def times_s(self) -> npt.NDArray[np.float64]:
+    def times_s(self) -> Float64Array:
         """Time of each frame, the end of its last row's exposure [s], shape (N,)."""
         return (np.arange(self.config.frames) + 0.5) / self.config.fps
 
@@ -93,7 +92,7 @@ def _sheet(config: CaptureConfig) -> PrintedSheet:
     return draw_marker_sheet(config.marker_dictionary, config.marker_id, config.marker_size_m, _PAGES[-1])
 
 
-def pictures(filming: Filming) -> Iterator[Rgb]:
+def pictures(filming: Filming) -> Iterator[UInt8Array]:
     """Frames of the capture, sRGB, shape (H, W, 3) each; deterministic for a plan."""
     robot, config = RobotConfig(camera=filming.camera), filming.config
     settings = RendererConfig(human_light=False, outputs=("rgb", "median_depth"), sub_frames=config.sub_frames or 2)
@@ -113,7 +112,7 @@ def pictures(filming: Filming) -> Iterator[Rgb]:
         yield views[""].rgb
 
 
-def _poses(filming: Filming, number: int, dt_s: float) -> Callable[[object, float], npt.NDArray[np.float64]]:
+def _poses(filming: Filming, number: int, dt_s: float) -> Callable[[object, float], Float64Array]:
     """Poses of the camera around a frame; the shutter counts in steps of the simulation, which last `dt_s` [s]."""
     time_s = float(filming.times_s[number])
     return lambda _, step: filming.walk.pose_at(time_s + (step - number) * dt_s)
@@ -158,7 +157,7 @@ def check_out(out: Path, config: CaptureConfig) -> None:
         raise SceneError(f"{out} must end in {' or '.join(CODECS)} to be a film; --photos writes a folder of JPEGs.")
 
 
-def _count_frames(frames: Iterator[Rgb], heard: Callable[[int], None]) -> Iterator[Rgb]:
+def _count_frames(frames: Iterator[UInt8Array], heard: Callable[[int], None]) -> Iterator[UInt8Array]:
     for number, rgb in enumerate(frames, start=1):
         yield rgb
         heard(number)

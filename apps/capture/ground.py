@@ -5,14 +5,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float64Array
 from readygo.common.errors import SceneError
 from readygo.common.maps import GridFrame, clearance_m, free_components
 from readygo.common.scenes import Scene
-
-Floats = npt.NDArray[np.float64]
-Cells = npt.NDArray[np.bool_]
 
 BODY_RADIUS_M = 0.25
 AREA_MIN_M2 = 2.0
@@ -31,7 +28,7 @@ MARKER_DISTANCE_M = 1.3
 class WalkableGround:
     """Connected cells of a scene that a person can stand on."""
 
-    cells: Cells
+    cells: BoolArray
     """True for walkable cells, shape (H, W)."""
     frame: GridFrame
 
@@ -40,19 +37,19 @@ class WalkableGround:
         """Area of the ground [m2]."""
         return float(self.cells.sum()) * self.frame.resolution_m**2
 
-    def holds(self, xy_m: Floats) -> Cells:
+    def holds(self, xy_m: Float64Array) -> BoolArray:
         """True for points [m] on the ground, shape (N, 2) -> (N,)."""
         corner = (self.frame.origin_x_m, self.frame.origin_y_m)
         column, row = np.floor((xy_m - corner) / self.frame.resolution_m).astype(np.int64).T
         inside = (row >= 0) & (column >= 0) & (row < self.cells.shape[0]) & (column < self.cells.shape[1])
-        held: Cells = inside & self.cells[np.where(inside, row, 0), np.where(inside, column, 0)]
+        held: BoolArray = inside & self.cells[np.where(inside, row, 0), np.where(inside, column, 0)]
         return held
 
     @property
-    def centres_m(self) -> Floats:
+    def centres_m(self) -> Float64Array:
         """Centres of the cells [m], shape (N, 2)."""
         corner = np.array([self.frame.origin_x_m, self.frame.origin_y_m])
-        centres: Floats = corner + (np.argwhere(self.cells)[:, ::-1] + 0.5) * self.frame.resolution_m
+        centres: Float64Array = corner + (np.argwhere(self.cells)[:, ::-1] + 0.5) * self.frame.resolution_m
         return centres
 
 
@@ -100,13 +97,13 @@ def walking_ground(
     return ground
 
 
-def _centres(frame: GridFrame, shape: tuple[int, int]) -> tuple[Floats, Floats]:
-    x_m: Floats = frame.origin_x_m + (np.arange(shape[1], dtype=np.float64) + 0.5) * frame.resolution_m
-    y_m: Floats = frame.origin_y_m + (np.arange(shape[0], dtype=np.float64) + 0.5) * frame.resolution_m
+def _centres(frame: GridFrame, shape: tuple[int, int]) -> tuple[Float64Array, Float64Array]:
+    x_m: Float64Array = frame.origin_x_m + (np.arange(shape[1], dtype=np.float64) + 0.5) * frame.resolution_m
+    y_m: Float64Array = frame.origin_y_m + (np.arange(shape[0], dtype=np.float64) + 0.5) * frame.resolution_m
     return x_m[None, :], y_m[:, None]
 
 
-def _room(standing: Cells, wide: Cells, squared_m2: Floats, cell_m: float) -> Cells:
+def _room(standing: BoolArray, wide: BoolArray, squared_m2: Float64Array, cell_m: float) -> BoolArray:
     """The ground around a place, without the ground behind doors unless the rest is too small.
 
     Args:
@@ -127,17 +124,17 @@ def _room(standing: Cells, wide: Cells, squared_m2: Floats, cell_m: float) -> Ce
     return _part_near(standing, squared_m2)
 
 
-def _part_near(cells: Cells, squared_m2: Floats) -> Cells:
+def _part_near(cells: BoolArray, squared_m2: Float64Array) -> BoolArray:
     """The connected part of the cells that is nearest to a place."""
     labels, _ = free_components(cells)
     if not labels.any():
         return cells
     nearest = int(np.argmin(np.where(labels > 0, squared_m2, np.inf)))
-    part: Cells = labels == labels.reshape(-1)[nearest]
+    part: BoolArray = labels == labels.reshape(-1)[nearest]
     return part
 
 
-def closed_way(ground: WalkableGround) -> Floats:
+def closed_way(ground: WalkableGround) -> Float64Array:
     """A closed, smooth path along the ground's border, counterclockwise, a point each 2 cm [m], shape (N, 2).
 
     Raises:
@@ -154,22 +151,22 @@ def closed_way(ground: WalkableGround) -> Floats:
     raise SceneError(f"The ground of {ground.area_m2:.1f} m2 is too narrow to walk around; choose a larger part.")
 
 
-def _outline(cells: Cells, frame: GridFrame) -> Floats:
+def _outline(cells: BoolArray, frame: GridFrame) -> Float64Array:
     outlines, _ = cv2.findContours(cells.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     if not outlines:
         return np.empty((0, 2))
     longest = max(outlines, key=len).reshape(-1, 2).astype(np.float64)
-    points: Floats = np.array([frame.origin_x_m, frame.origin_y_m]) + (longest + 0.5) * frame.resolution_m
+    points: Float64Array = np.array([frame.origin_x_m, frame.origin_y_m]) + (longest + 0.5) * frame.resolution_m
     x, y = points.T
     clockwise = float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) < 0.0
     return points[::-1] if clockwise else points
 
 
-def _length_m(points: Floats) -> float:
+def _length_m(points: Float64Array) -> float:
     return float(np.hypot(*(np.roll(points, -1, axis=0) - points).T).sum())
 
 
-def _smooth_outline(outline: Floats, ground: WalkableGround) -> Floats:
+def _smooth_outline(outline: Float64Array, ground: WalkableGround) -> Float64Array:
     """The outline, smoothed as far as it stays on the ground."""
     from scipy.ndimage import gaussian_filter1d
 
@@ -181,14 +178,14 @@ def _smooth_outline(outline: Floats, ground: WalkableGround) -> Floats:
     return _evenly(way)
 
 
-def _evenly(points: Floats) -> Floats:
+def _evenly(points: Float64Array) -> Float64Array:
     closed = np.concatenate([points, points[:1]])
     at_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
     wanted = np.linspace(0.0, at_m[-1], max(8, round(at_m[-1] / _STEP_M)), endpoint=False)
     return np.stack([np.interp(wanted, at_m, closed[:, k]) for k in (0, 1)], axis=1)
 
 
-def marker_place(ground: WalkableGround, way: Floats) -> tuple[int, tuple[float, float]]:
+def marker_place(ground: WalkableGround, way: Float64Array) -> tuple[int, tuple[float, float]]:
     """Index of the path's point where the walk begins, and position of the marker [m].
 
     The marker lies on the most open ground, where most of the path sees it; the walk begins where the path is at the
@@ -205,14 +202,14 @@ def marker_place(ground: WalkableGround, way: Floats) -> tuple[int, tuple[float,
     return begin, (float(spot[0]), float(spot[1]))
 
 
-def _squared_to_way(spots: Floats, way: Floats) -> Floats:
+def _squared_to_way(spots: Float64Array, way: Float64Array) -> Float64Array:
     from scipy.spatial import cKDTree
 
     distance, _ = cKDTree(way).query(spots)
     return np.asarray(distance, dtype=np.float64) ** 2
 
 
-def wrapped_rad(angle: Floats) -> Floats:
+def wrapped_rad(angle: Float64Array) -> Float64Array:
     """Angles wrapped to -pi..pi [rad]."""
-    turned: Floats = (angle + math.pi) % math.tau - math.pi
+    turned: Float64Array = (angle + math.pi) % math.tau - math.pi
     return turned

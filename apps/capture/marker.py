@@ -11,16 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.images.images import FIELDS, Images
 from readygo.common.maps import FloorMap
 from readygo.common.rasterizer.interface import PinholeCamera, Rasterizer, View
 from readygo.services.reconstructor import PrintedSheet
 from readygo.services.renderer import LIGHT_ONE, byte_of_light, light_of_byte
-
-Floats = npt.NDArray[np.float64]
 
 PAPER, INK = 0.72, 0.03
 """Linear reflectance of white paper and of black ink, 0..1."""
@@ -43,31 +41,31 @@ class FloorMarker:
     """A sheet with a marker, at a pose in the world."""
 
     sheet: PrintedSheet
-    T_world_sheet: Floats
+    T_world_sheet: Float64Array
     """Pose of the marker's centre, shape (4, 4)."""
     reach_m: float = 0.0
     """Extent of the floor's Gaussians along the floor [m]."""
 
     @property
-    def corners_m(self) -> Floats:
+    def corners_m(self) -> Float64Array:
         """The black square's corners in the world: upper left, upper right, lower right, lower left; shape (4, 3)."""
         offset = self.sheet.corners_m - self._centre
         return offset @ self.T_world_sheet[:3, :2].T + self.T_world_sheet[:3, 3]
 
     @property
-    def outline_m(self) -> Floats:
+    def outline_m(self) -> Float64Array:
         """The paper's corners in the world, shape (4, 3)."""
         width, height = self.sheet.width_m, self.sheet.height_m
         corners = np.array([(0.0, height), (width, height), (width, 0.0), (0.0, 0.0)]) - self._centre
-        outline: Floats = corners @ self.T_world_sheet[:3, :2].T + self.T_world_sheet[:3, 3]
+        outline: Float64Array = corners @ self.T_world_sheet[:3, :2].T + self.T_world_sheet[:3, 3]
         return outline
 
     @property
-    def _centre(self) -> Floats:
-        centre: Floats = self.sheet.corners_m.mean(axis=0)
+    def _centre(self) -> Float64Array:
+        centre: Float64Array = self.sheet.corners_m.mean(axis=0)
         return centre
 
-    def light_at(self, xy_m: Floats) -> tuple[Floats, npt.NDArray[np.bool_]]:
+    def light_at(self, xy_m: Float64Array) -> tuple[Float64Array, BoolArray]:
         """Reflectance of the sheet at points of its frame, and True for those on it, shape (..., 2) -> (...), (...)."""
         x, y = np.moveaxis(xy_m + self._centre, -1, 0)
         inside = (x >= 0.0) & (x < self.sheet.width_m) & (y >= 0.0) & (y < self.sheet.height_m)
@@ -77,7 +75,7 @@ class FloorMarker:
         return np.where(black[row, column], INK, PAPER), inside
 
 
-def _table(sheet: PrintedSheet) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
+def _table(sheet: PrintedSheet) -> tuple[Float64Array, Float64Array, BoolArray]:
     """Edges of a sheet's black fields along x and y, and True for the fields between them that are black."""
     left, bottom, width, height = sheet.black_m.T
     columns, rows = np.unique([left, left + width]), np.unique([bottom, bottom + height])
@@ -92,7 +90,7 @@ def lay_down(
     sheet: PrintedSheet,
     cloud: GaussianCloud,
     floor: FloorMap,
-    ground_m: Floats,
+    ground_m: Float64Array,
     xy_m: tuple[float, float],
     yaw_rad: float,
 ) -> FloorMarker:
@@ -121,7 +119,7 @@ def lay_down(
     return FloorMarker(sheet=sheet, T_world_sheet=T, reach_m=_reach_m(cloud, T[:3, 3]))
 
 
-def _reach_m(cloud: GaussianCloud, centre_m: Floats) -> float:
+def _reach_m(cloud: GaussianCloud, centre_m: Float64Array) -> float:
     off_m = np.abs(cloud.means_m - centre_m)
     near = (np.hypot(off_m[:, 0], off_m[:, 1]) < _BESIDE_M) & (off_m[:, 2] < _HIDES_FROM_M)
     largest_m = cloud.scales_m[near].max(axis=1)
@@ -157,11 +155,11 @@ class MarkedRasterizer:
 
 
 def draw_marker(
-    rgb: npt.NDArray[np.uint8],
-    depth_m: npt.NDArray[np.float32],
+    rgb: UInt8Array,
+    depth_m: Float32Array,
     marker: FloorMarker,
-    T_world_camera: Floats,
-    K_px: Floats,
+    T_world_camera: Float64Array,
+    K_px: Float64Array,
 ) -> None:
     """Draw a marker into a pinhole image of the scene.
 
@@ -196,7 +194,7 @@ def draw_marker(
 
 
 def _window(
-    marker: FloorMarker, T_world_camera: Floats, K_px: Floats, shape: tuple[int, ...]
+    marker: FloorMarker, T_world_camera: Float64Array, K_px: Float64Array, shape: tuple[int, ...]
 ) -> tuple[int, int, int, int] | None:
     """Rows and columns of the image that may show the sheet: top, bottom, left, right; None if it is out of view."""
     points = (marker.outline_m - T_world_camera[:3, 3]) @ T_world_camera[:3, :3]
@@ -212,7 +210,7 @@ def _window(
     return int(low[1]), int(high[1]), int(low[0]), int(high[0])
 
 
-def _rays(window: tuple[int, int, int, int], K_px: Floats) -> Floats:
+def _rays(window: tuple[int, int, int, int], K_px: Float64Array) -> Float64Array:
     """Rays of depth 1 through `_SAMPLES`^2 points of each pixel, shape (h, w, S, S, 3)."""
     top, bottom, left, right = window
     within = (np.arange(_SAMPLES) + 0.5) / _SAMPLES

@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.documents import read_json
 from readygo.common.errors import SceneError
 from readygo.common.files import write_whole
@@ -35,7 +35,7 @@ class Truth:
     """All keys of the file, as listed in the module's docstring."""
 
     @property
-    def poses(self) -> dict[str, npt.NDArray[np.float64]]:
+    def poses(self) -> dict[str, Float64Array]:
         """`T_world_camera`, shape (4, 4), by the names that `readygo scene poses` gives to images."""
         return {_image_name(row["image"]): np.array(row["T_world_camera"]) for row in self.content["frames"]}
 

@@ -8,13 +8,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.capture.ground import WalkableGround, closed_way, marker_place, wrapped_rad
 from readygo.apps.views.sightlines import sight_m
+from readygo.common.arrays import Float64Array
 from readygo.common.scenes import Scene
-
-Floats = npt.NDArray[np.float64]
 
 HEIGHTS_M = (1.4, 1.6)
 SPEED_MPS, SPEED_MAX_MPS = 0.5, 1.0
@@ -42,17 +40,17 @@ class CameraWalk:
     loop_m: float
     """Length of the closed path [m]; a walk shorter than this does not close it."""
     marker_xy_m: tuple[float, float]
-    knots: Floats
+    knots: Float64Array
     """x, y, z [m], yaw, pitch (up), roll [rad] at `_TABLE_HZ`, shape (T, 6); angles are unwrapped."""
 
-    def pose_at(self, time_s: float) -> Floats:
+    def pose_at(self, time_s: float) -> Float64Array:
         """`T_world_camera` at a time, OpenCV axes, shape (4, 4); before and after the walk the camera rests."""
         at = min(max(time_s * _TABLE_HZ, 0.0), len(self.knots) - 1.0)
         values = _cubic(self.knots, at)
         return camera_pose(values[:3], *(float(angle) for angle in values[3:]))
 
 
-def camera_pose(place_m: Floats, yaw_rad: float, pitch_rad: float, roll_rad: float) -> Floats:
+def camera_pose(place_m: Float64Array, yaw_rad: float, pitch_rad: float, roll_rad: float) -> Float64Array:
     """Pose of a camera, OpenCV axes, shape (4, 4).
 
     Args:
@@ -111,7 +109,7 @@ class Sway:
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
 
-    def slow(self, time_s: Floats, amplitude: float, period_s: float) -> Floats:
+    def slow(self, time_s: Float64Array, amplitude: float, period_s: float) -> Float64Array:
         """A movement within +-`amplitude`, about once in `period_s`."""
         out = np.zeros_like(time_s)
         for share, factor in ((0.5, 1.0), (0.3, 0.62), (0.2, 0.41)):
@@ -120,7 +118,7 @@ class Sway:
         return amplitude * out
 
 
-def _walked_distances(time_s: Floats, way_m: float, rng: np.random.Generator) -> Floats:
+def _walked_distances(time_s: Float64Array, way_m: float, rng: np.random.Generator) -> Float64Array:
     """Distance walked at times [m]: slow at the start, where the marker is filmed, and never at a constant speed."""
     pace = 1.0 + Sway(rng).slow(time_s, 0.35, 6.0)
     pace *= 1.0 - 0.7 * _window(time_s, 0.0, LOOK_S)
@@ -128,7 +126,7 @@ def _walked_distances(time_s: Floats, way_m: float, rng: np.random.Generator) ->
     return np.asarray(way_m * gone / gone[-1], dtype=np.float64)
 
 
-def _window(time_s: Floats, begin_s: float, end_s: float, edge_s: float = 1.0) -> Floats:
+def _window(time_s: Float64Array, begin_s: float, end_s: float, edge_s: float = 1.0) -> Float64Array:
     """1 between two times, 0 far from them."""
     rise = np.clip((time_s - begin_s) / edge_s + 1.0, 0.0, 1.0)
     fall = np.clip((end_s - time_s) / edge_s, 0.0, 1.0)
@@ -136,7 +134,7 @@ def _window(time_s: Floats, begin_s: float, end_s: float, edge_s: float = 1.0) -
     return np.asarray(both * both * (3.0 - 2.0 * both), dtype=np.float64)
 
 
-def _along(way: Floats, gone_m: Floats) -> tuple[Floats, Floats]:
+def _along(way: Float64Array, gone_m: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Positions at distances along the closed path [m], shape (T, 2), and its headings there [rad], unwrapped."""
     step_m = float(np.hypot(*(np.roll(way, -1, axis=0) - way).T).mean())
     at = gone_m / step_m
@@ -149,8 +147,8 @@ def _along(way: Floats, gone_m: Floats) -> tuple[Floats, Floats]:
 
 
 def _gaze(
-    scene: Scene, xy_m: Floats, heading_rad: Floats, laps: Floats, time_s: Floats, sway: Sway
-) -> tuple[Floats, Floats]:
+    scene: Scene, xy_m: Float64Array, heading_rad: Float64Array, laps: Float64Array, time_s: Float64Array, sway: Sway
+) -> tuple[Float64Array, Float64Array]:
     """Yaw and pitch of the camera [rad]: a side that changes from lap to lap, with sway, and away from close walls."""
     lap_yaw = np.array(_LAP_YAWS_RAD)[np.floor(laps).astype(np.int64) % len(_LAP_YAWS_RAD)]
     wanted = heading_rad + _smooth(lap_yaw, 1.0) + sway.slow(time_s, _LOOK_AROUND_RAD, 8.0)
@@ -166,12 +164,12 @@ def _gaze(
 
 def _towards_marker(
     scene: Scene,
-    place: tuple[Floats, Floats],
-    gaze: tuple[Floats, Floats],
-    time_s: Floats,
-    laps: Floats,
+    place: tuple[Float64Array, Float64Array],
+    gaze: tuple[Float64Array, Float64Array],
+    time_s: Float64Array,
+    laps: Float64Array,
     marker_xy_m: tuple[float, float],
-) -> tuple[Floats, Floats]:
+) -> tuple[Float64Array, Float64Array]:
     """Yaw and pitch [rad], turned to the marker at the start and each time a lap passes it."""
     (xy_m, z_m), (yaw, pitch) = place, gaze
     off_m = np.array(marker_xy_m) - xy_m
@@ -186,7 +184,7 @@ def _towards_marker(
     return _smooth(np.unwrap(yaw), 0.3), _smooth(pitch, 0.3)
 
 
-def _bobbing(time_s: Floats, heading_rad: Floats, sway: Sway) -> Floats:
+def _bobbing(time_s: Float64Array, heading_rad: Float64Array, sway: Sway) -> Float64Array:
     """Offsets by steps and hands in x, y, z [m], yaw, pitch and roll [rad], shape (T, 6)."""
     step = math.tau * STEPS_HZ * time_s
     side_m = 0.015 * np.sin(0.5 * step) + sway.slow(time_s, 0.02, 2.5)
@@ -202,16 +200,16 @@ def _bobbing(time_s: Floats, heading_rad: Floats, sway: Sway) -> Floats:
     )
 
 
-def _smooth(values: Floats, sigma_s: float) -> Floats:
+def _smooth(values: Float64Array, sigma_s: float) -> Float64Array:
     from scipy.ndimage import gaussian_filter1d
 
     return np.asarray(gaussian_filter1d(values, sigma_s * _TABLE_HZ, mode="nearest"), dtype=np.float64)
 
 
-def _cubic(knots: Floats, at: float) -> Floats:
+def _cubic(knots: Float64Array, at: float) -> Float64Array:
     """Catmull-Rom interpolation between knots at a fractional index."""
     k = min(int(at), len(knots) - 2)
     t = at - k
     a, b, c, d = (knots[min(max(k + shift, 0), len(knots) - 1)] for shift in (-1, 0, 1, 2))
-    value: Floats = b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)))
+    value: Float64Array = b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)))
     return value

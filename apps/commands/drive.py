@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import cv2
-import numpy as np
-import numpy.typing as npt
 from tyro.conf import Positional, UseAppendAction
 
 from readygo.apps.drive.calibration import Rectifier, camera_from_file, camera_from_info, mount_differences
@@ -22,6 +20,7 @@ from readygo.apps.drive.trial import PATIENCE_S, run_trial, trial_end
 from readygo.apps.drive.trial_log import TrialLog
 from readygo.apps.drive.wires import WireName, make_wire
 from readygo.apps.terminal import PlainConsole
+from readygo.common.arrays import UInt8Array
 from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.camera import CameraConfig
 from readygo.common.errors import BusError, ConfigError, RunError
@@ -260,7 +259,7 @@ def _config(policy: Policy, options: DriveOptions) -> DriveConfig:
     return config
 
 
-def _goal_image(policy: Policy, path: Path | None) -> npt.NDArray[np.uint8] | None:
+def _goal_image(policy: Policy, path: Path | None) -> UInt8Array | None:
     """The pixels of the goal image (BGR), shape (H, W, 3); None if the policy does not use one.
 
     Raises:
@@ -288,7 +287,7 @@ def _pilot(
     rectify: Mapping[str, Rectifier],
     config: DriveConfig,
     goal: GoalMessage,
-    goal_image: npt.NDArray[np.uint8] | None,
+    goal_image: UInt8Array | None,
 ) -> Pilot:
     try:
         return Pilot(policy, rectify, config, goal, goal_image)

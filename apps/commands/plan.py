@@ -15,9 +15,10 @@ from tyro.conf import Positional
 from readygo.apps.evaluation.again import kept_episode
 from readygo.apps.options import option_name
 from readygo.apps.terminal import PlainConsole
+from readygo.common.arrays import UInt8Array
 from readygo.common.avatars import Avatar
 from readygo.common.avatars.cast import load_cast
-from readygo.common.drawing.files import Picture, write_png
+from readygo.common.drawing.files import write_png
 from readygo.common.drawing.film import CODECS
 from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeKey, Split
@@ -233,7 +234,7 @@ def _look(take: Take, renderer: Renderer | None, sees: Sequence[str]) -> "RobotV
     return RobotView(renderer, run.scenario, run.motions, run.trajectory, sees=sees)
 
 
-def _picture(take: Take, planner: RobotPlanner, look: Look | None) -> Picture:
+def _picture(take: Take, planner: RobotPlanner, look: Look | None) -> UInt8Array:
     if take.run is not None:
         return draw_run(planner, take.run, look)
     return draw_episode(planner.maps.robot, take.scenario, robot=planner.robot, episode_config=planner.episode_config)

@@ -15,7 +15,8 @@ from readygo.apps.terminal import PlainConsole
 from readygo.apps.views.pictures import clarity_map, views_sheet
 from readygo.apps.views.scene_findings import findings_map
 from readygo.apps.views.views import SceneViews, scene_views, warnings
-from readygo.common.drawing.files import Picture, write_png
+from readygo.common.arrays import UInt8Array
+from readygo.common.drawing.files import write_png
 from readygo.common.errors import NoGroundError, ReadygoError, SceneError
 from readygo.common.gaussians.defects import FLOATERS, HUGE, Masks, count_kinds, unusable, unwanted_masks, without
 from readygo.common.gaussians.files import read_gaussians, with_unit_rotations
@@ -169,7 +170,7 @@ def scene_inspect(options: SceneInspectOptions) -> None:
     _print(bundle, report, seen, [folder / file for file in pictures], json=options.json)
 
 
-def _findings(scene: Scene, plan: ScenePlan, seen: SceneViews, report: dict[str, Any]) -> Picture:
+def _findings(scene: Scene, plan: ScenePlan, seen: SceneViews, report: dict[str, Any]) -> UInt8Array:
     sentences = [*report["findings"], *warnings(seen)]
     return findings_map(plan, seen, sentences, scene.name, float(report["robot"]["radius_m"]))
 

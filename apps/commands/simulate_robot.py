@@ -5,10 +5,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 from tyro.conf import Positional, UseAppendAction
 
 from readygo.apps.drive.calibration import Rectifier, info_of
@@ -20,6 +19,7 @@ from readygo.apps.drive.robot import Topics
 from readygo.apps.drive.simulated import Look, Manners, SimulatedRobot
 from readygo.apps.drive.wires import COMPRESSED_DEPTH_SUFFIX, COMPRESSED_SUFFIX, WireName, make_wire
 from readygo.apps.terminal import PlainConsole
+from readygo.common.arrays import AnyArray
 from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.bus.foreign import ForeignSession
 from readygo.common.bus.zenoh_bus import Router
@@ -127,7 +127,7 @@ def simulate_robot(options: SimulateRobotOptions) -> None:
     eyes, rng = evaluator.eyes(sees), np.random.default_rng(options.seed)
     eyes.look([evaluator.simulation(drawn[0])])
 
-    def look(simulation: EpisodeSimulation) -> dict[str, npt.NDArray[Any]]:
+    def look(simulation: EpisodeSimulation) -> dict[str, AnyArray]:
         return {name: images[0] for name, images in eyes.measure([simulation]).items()}
 
     with ExitStack() as stack:

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.robot_logs.convert import camera_of
 from readygo.apps.robot_logs.reader import LogCamera
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from readygo.common.camera import CameraConfig
 from readygo.common.camera.lens import make_lens
 from readygo.common.errors import ConfigError
@@ -58,7 +58,7 @@ class Rectifier:
         u, v = np.where(inside_of(nearest, robot), np.floor(nearest.transpose(2, 0, 1)), -9.0).astype(np.float32)
         self._nearest, self._ahead = (u, v), ahead.astype(np.float32)
 
-    def __call__(self, bgr: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    def __call__(self, bgr: UInt8Array) -> UInt8Array:
         """An image of the policy's camera.
 
         Args:
@@ -82,7 +82,7 @@ class Rectifier:
             bgr = cv2.resize(large, self._policy_size, interpolation=cv2.INTER_AREA).astype(np.uint8)
         return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
 
-    def depth(self, depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    def depth(self, depth_m: Float32Array) -> Float32Array:
         """Depths that the policy's camera would have measured.
 
         Args:
@@ -111,7 +111,7 @@ class Rectifier:
         return np.asarray(found / self._ahead, np.float32)
 
 
-def inside_of(uv: npt.NDArray[np.float64], camera: CameraConfig) -> npt.NDArray[np.bool_]:
+def inside_of(uv: Float64Array, camera: CameraConfig) -> BoolArray:
     """True for pixel positions inside a camera's image, shape (..., 2) [px] -> (...)."""
     inside = (uv >= 0.0).all(axis=-1) & (uv[..., 0] <= camera.width_px) & (uv[..., 1] <= camera.height_px)
     return np.asarray(inside, np.bool_)
@@ -211,16 +211,14 @@ def _data(storage: cv2.FileStorage, name: str) -> tuple[float, ...]:
     return tuple(data.at(index).real() for index in range(data.size())) if data is not None else ()
 
 
-def _centres(camera: CameraConfig, count: int) -> npt.NDArray[np.float64]:
+def _centres(camera: CameraConfig, count: int) -> Float64Array:
     """Pixels of an image that is `count` times as fine along each side [px], shape (count H, count W, 2)."""
     u = (np.arange(camera.width_px * count) + 0.5) / count
     v = (np.arange(camera.height_px * count) + 0.5) / count
     return np.stack(np.meshgrid(u, v), axis=2)
 
 
-def _places(
-    robot: CameraConfig, policy: CameraConfig, count: int
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def _places(robot: CameraConfig, policy: CameraConfig, count: int) -> tuple[Float64Array, Float64Array]:
     """Pixel positions in the robot's image of the pixels of a finer policy image [px]; NaN outside of the image.
 
     Also returns the depth in the robot's camera of a point at depth 1 m in the policy's camera [m].

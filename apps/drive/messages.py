@@ -5,16 +5,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
-import numpy as np
-import numpy.typing as npt
-
 from readygo.apps.robot_logs.reader import NUMBER_MAX, LogCamera
+from readygo.common.arrays import AnyArray, UInt8Array
 
 
 class Encoded(NamedTuple):
     """A compressed image as received."""
 
-    data: npt.NDArray[np.uint8]
+    data: UInt8Array
     """Bytes of JPEG, PNG or ROS's compressedDepth, shape (N,)."""
     format: str
     """Format field of CompressedImage: "jpeg", "16UC1; compressedDepth png"."""
@@ -26,7 +24,7 @@ class ImageMessage:
 
     stamp_ns: int
     """Capture time, by the robot's clock [ns]; 0 if the robot sends none."""
-    decode: Callable[[], npt.NDArray[Any]] = field(repr=False)
+    decode: Callable[[], AnyArray] = field(repr=False)
     """Returns the pixels: BGR, uint8, shape (H, W, 3); for a depth camera depths [m], inf where nothing was measured,
     float32, shape (H, W). Raises ValueError if they cannot be decoded."""
     encoded: Encoded | None = field(default=None, repr=False)

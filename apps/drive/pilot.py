@@ -7,11 +7,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.drive.calibration import Rectifier
 from readygo.apps.drive.clock import RobotClock
 from readygo.apps.drive.messages import GoalMessage, ImageMessage, OdometryMessage, VelocityMessage
+from readygo.common.arrays import UInt8Array
 from readygo.common.camera.depth import in_range
 from readygo.common.frames import goal_in_robot_frame, wrap_angle
 from readygo.common.images.names import RGB, camera_of, kind_of
@@ -86,7 +86,7 @@ class Pilot:
         rectify: Mapping[str, Rectifier],
         config: DriveConfig,
         goal: GoalMessage,
-        goal_image: npt.NDArray[np.uint8] | None = None,
+        goal_image: UInt8Array | None = None,
     ) -> None:
         """Begin a trial.
 
@@ -228,7 +228,7 @@ class Pilot:
         if not faster or arrived_ns - self._decided_ns > (_PERIOD_SLACK / self._robot.control_hz) * 1e9:
             self._decide(arrived_ns)
 
-    def _log_arrival(self, name: str, picture: ImageMessage) -> npt.NDArray[np.uint8]:
+    def _log_arrival(self, name: str, picture: ImageMessage) -> UInt8Array:
         """An image or depths, rectified to the policy's camera.
 
         Raises:

@@ -7,7 +7,6 @@ from typing import Any
 import cv2
 import msgpack
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.drive.messages import (
     Encoded,
@@ -34,6 +33,7 @@ from readygo.apps.robot_logs.pixels import (
     pixels_of,
 )
 from readygo.apps.robot_logs.reader import INFO_TYPE, JPEG_QUALITY, ODOMETRY_TYPE, LogCamera
+from readygo.common.arrays import AnyArray
 from readygo.common.images.encoded import decode_pixels
 from readygo.common.messages.codec import unpack
 
@@ -118,7 +118,7 @@ def _value(type_name: str, fields: Mapping[str, Any]) -> Value:
     return OdometryMessage(stamp_ns=int(fields.get("stamp_ns", 0)), **{name: float(fields[name]) for name in names})
 
 
-def _pixels(encoding: str, data: bytes, size_px: tuple[int, int]) -> npt.NDArray[Any]:
+def _pixels(encoding: str, data: bytes, size_px: tuple[int, int]) -> AnyArray:
     if is_compressed_depth(encoding):
         return compressed_depth_of(data, encoding)
     if encoding not in _ENCODED:

@@ -6,7 +6,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.drive.messages import (
     Encoded,
@@ -25,6 +24,7 @@ from readygo.apps.robot_logs.pixels import (
     pixels_of,
 )
 from readygo.apps.robot_logs.reader import IMAGE_TYPES, INFO_TYPE, JPEG_QUALITY, ODOMETRY_TYPE, LogCamera, yaw_of
+from readygo.common.arrays import AnyArray
 from readygo.common.errors import ConfigError
 from readygo.common.extras import install_command
 from readygo.common.images.encoded import decode_pixels
@@ -87,7 +87,7 @@ class RosCodec:
         stamp = self._types["builtin_interfaces/msg/Time"](sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
         return self._types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
 
-    def _image(self, pixels: npt.NDArray[Any], stamp_ns: int) -> Any:
+    def _image(self, pixels: AnyArray, stamp_ns: int) -> Any:
         encoding = "bgr8" if pixels.ndim == 3 else "16UC1"
         stored = pixels if pixels.ndim == 3 else millimetres(pixels).astype("<u2")
         data = np.frombuffer(stored.tobytes(), np.uint8)
@@ -101,7 +101,7 @@ class RosCodec:
             data=data,
         )
 
-    def _compressed_message(self, image: npt.NDArray[Any] | Encoded, stamp_ns: int) -> Any:
+    def _compressed_message(self, image: AnyArray | Encoded, stamp_ns: int) -> Any:
         data, image_format = image if isinstance(image, Encoded) else _encode_image(image)
         return self._types[COMPRESSED_TYPE](header=self._header(stamp_ns, "camera"), format=image_format, data=data)
 
@@ -154,7 +154,7 @@ class RosCodec:
         )
 
 
-def _encode_image(pixels: npt.NDArray[Any]) -> Encoded:
+def _encode_image(pixels: AnyArray) -> Encoded:
     if pixels.ndim == 3:
         return Encoded(cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1], "jpeg")
     file, image_format = compressed_depth(pixels)
@@ -191,7 +191,7 @@ def _odometry_of(message: Any, stamp_ns: int) -> OdometryMessage:
     )
 
 
-def _pixels(type_name: str, message: Any) -> npt.NDArray[Any]:
+def _pixels(type_name: str, message: Any) -> AnyArray:
     if type_name == IMAGE_TYPE:
         return pixels_of(
             message.data,

@@ -5,10 +5,8 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.drive.messages import GoalMessage, OdometryMessage
 from readygo.apps.drive.messages import VelocityMessage as RobotCommand
@@ -24,6 +22,7 @@ from readygo.apps.drive.ros_codec import (
 from readygo.apps.drive.ros_keys import SUBSCRIBER
 from readygo.apps.drive.wires import Wire
 from readygo.apps.robot_logs.reader import INFO_TYPE, ODOMETRY_TYPE, LogCamera
+from readygo.common.arrays import AnyArray
 from readygo.common.bus.foreign import ForeignSession
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import Command, DriverFailure, run_episode
@@ -40,7 +39,7 @@ CONSTANT_EVERY_S = 0.5
 """Period of the messages with goal and CameraInfo [s]."""
 LEFT_S = 1.0
 """Time without a command after which the client counts as gone [s]."""
-Look = Callable[[EpisodeSimulation], dict[str, npt.NDArray[Any]]]
+Look = Callable[[EpisodeSimulation], dict[str, AnyArray]]
 """Returns the robot's current images by name (`readygo.common.images.names`): sRGB, shape (H, W, 3), and depths [m],
 inf where nothing is measured, shape (H, W)."""
 
@@ -97,7 +96,7 @@ def odometry_of(simulation: EpisodeSimulation, stamp_ns: int) -> OdometryMessage
     )
 
 
-def to_message_order(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def to_message_order(image: AnyArray) -> AnyArray:
     """An image in the channel order of messages (BGR); depths are unchanged."""
     return np.ascontiguousarray(image[..., ::-1]) if image.ndim == 3 else image
 

@@ -6,12 +6,11 @@ import threading
 from pathlib import Path
 from typing import Any
 
-import numpy.typing as npt
-
 from readygo.apps.drive.messages import Encoded, ImageMessage
 from readygo.apps.drive.ros_codec import COMPRESSED_TYPE, IMAGE_TYPE, RosCodec
 from readygo.apps.drive.wires import COMPRESSED_DEPTH_SUFFIX, COMPRESSED_SUFFIX
 from readygo.apps.robot_logs.pixels import is_compressed_depth
+from readygo.common.arrays import AnyArray
 from readygo.common.dataset.ros_log import RosLogWriter
 
 RECORD = "readygo-trial"
@@ -93,7 +92,7 @@ class TrialLog:
         self._writer.write(topic, payload, time_ns)
 
 
-def _suffix(image: npt.NDArray[Any] | Encoded) -> str:
+def _suffix(image: AnyArray | Encoded) -> str:
     """Suffix of the topic of an image that is stored compressed; empty for raw depths, which stay raw."""
     if isinstance(image, Encoded):
         return COMPRESSED_DEPTH_SUFFIX if is_compressed_depth(image.format) else COMPRESSED_SUFFIX

@@ -6,12 +6,11 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.pictures.plan_film import RobotView, run_film
 from readygo.apps.report.page import StripImage
+from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.drawing import plan_view
-from readygo.common.drawing.files import Picture
 from readygo.common.drawing.film import write_film
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import Command, DriverFailure, run_episode
@@ -35,7 +34,7 @@ class _ReplayDriver:
 
     looks = False
 
-    def __init__(self, record: EpisodeRecord, actions: npt.NDArray[np.float64]) -> None:
+    def __init__(self, record: EpisodeRecord, actions: Float64Array) -> None:
         self._record, self._actions = record, actions
 
     def start(self, simulation: EpisodeSimulation) -> None:
@@ -84,7 +83,7 @@ class Replays:
         self._made_renderer, self._simulate, self._sees = renderer, simulate, sees
         self._walked: dict[RecordKey, EpisodeMotions] = {}
         """Motions of reactive humans in replayed episodes."""
-        self._actions: dict[RecordKey, npt.NDArray[np.float64]] = {}
+        self._actions: dict[RecordKey, Float64Array] = {}
 
     def load(self, records: Sequence[EpisodeRecord]) -> list[EpisodeRecord]:
         """Read the saved commands of some episodes, and return the episodes that have them."""
@@ -110,7 +109,7 @@ class Replays:
             self._walked[record.key] = walked
         return self._check_replay(record, simulation.trajectory())
 
-    def draw(self, record: EpisodeRecord, trajectory: RobotTrajectory) -> Picture:
+    def draw(self, record: EpisodeRecord, trajectory: RobotTrajectory) -> UInt8Array:
         """The map with the trajectories of robot and humans."""
         episode = self.episode(record)
         scenario, motions = episode.scenario, episode.motions

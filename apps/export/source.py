@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, Float32Array, Int64Array
 from readygo.common.dataset import Dataset, EpisodeEntry
 from readygo.common.errors import ConfigError
 from readygo.common.messages import Split
@@ -28,7 +27,7 @@ class ExportedEpisode:
     """Number of its first row in the export."""
     entry: EpisodeEntry
     dataset: Dataset
-    samples: npt.NDArray[np.int64]
+    samples: Int64Array
     """Sample of each row, shape (T,)."""
 
     def __len__(self) -> int:
@@ -58,7 +57,7 @@ class ExportedEpisode:
         return (self.dataset.output(int(sample), output) for sample in self.samples)
 
     @cached_property
-    def columns(self) -> dict[str, npt.NDArray[Any]]:
+    def columns(self) -> dict[str, AnyArray]:
         """The numbers of all rows by name, shape (T,) or (T, n); docs/export.md describes them."""
         dataset, truth = self.dataset, self.dataset.truth[self.samples]
         actions = self._mean_actions()
@@ -76,7 +75,7 @@ class ExportedEpisode:
             "is_last": np.arange(len(self)) == len(self) - 1,
         }
 
-    def _mean_actions(self) -> npt.NDArray[np.float32]:
+    def _mean_actions(self) -> Float32Array:
         """The mean command from each row to the next one, shape (T, 2)."""
         first, end = self.entry.first_sample, self.entry.first_sample + self.entry.sample_count
         starts = self.samples - first
@@ -179,7 +178,7 @@ class ExportSource:
         return int(self.dataset.image_sizes[_samples(self._entries[number], self.stride)].sum())
 
 
-def _samples(entry: EpisodeEntry, stride: int) -> npt.NDArray[np.int64]:
+def _samples(entry: EpisodeEntry, stride: int) -> Int64Array:
     return np.arange(entry.first_sample, entry.first_sample + entry.sample_count, stride, dtype=np.int64)
 
 

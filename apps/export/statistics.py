@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.errors import DatasetError
 from readygo.common.images.encoded import decode_image
 
@@ -44,7 +45,7 @@ def merge_statistics(parts: Sequence[Statistics]) -> Statistics:
     return {name: _merged_feature([part[name] for part in parts]) for name in parts[0]}
 
 
-def _describe_values(values: npt.NDArray[np.float64], shape: tuple[int, ...], count: int) -> dict[str, Any]:
+def _describe_values(values: Float64Array, shape: tuple[int, ...], count: int) -> dict[str, Any]:
     found = {
         "min": values.min(axis=0),
         "max": values.max(axis=0),
@@ -59,7 +60,7 @@ def _describe_values(values: npt.NDArray[np.float64], shape: tuple[int, ...], co
 def _merged_feature(parts: Sequence[dict[str, Any]]) -> dict[str, Any]:
     counts = np.array([part["count"][0] for part in parts], dtype=np.float64)
 
-    def weigh(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def weigh(values: Float64Array) -> Float64Array:
         return np.asarray(np.tensordot(counts / counts.sum(), values, axes=1))
 
     stacked = {name: np.array([part[name] for part in parts]) for name in parts[0] if name != "count"}

@@ -5,16 +5,16 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-import numpy.typing as npt
 from gymnasium import spaces
 
 from readygo.apps.gym.point_nav import NavEpisode, PointNav
+from readygo.common.arrays import AnyArray, Float32Array, UInt8Array
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
 
 FARTHEST_M = 1000.0
 """Bound of the goal's coordinates in the observation space [m]."""
-Observation = dict[str, npt.NDArray[Any]]
+Observation = dict[str, AnyArray]
 
 
 def observation_space(robot: RobotConfig) -> spaces.Space[Any]:
@@ -35,7 +35,7 @@ def action_space(robot: RobotConfig) -> spaces.Space[Any]:
     return spaces.Box(np.array([robot.v_min_mps, -robot.w_max_radps], np.float32), fastest, dtype=np.float32)
 
 
-class PointNavEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
+class PointNavEnv(gymnasium.Env[Observation, Float32Array]):
     """Drive to a goal among pedestrians, in steps of `PointNav.robot.clock`. Arguments as for `PointNav`.
 
     `info` has the costs `cost_collision` and `cost_intrusion` (1 in a step with them, else 0), and with `expert=True`
@@ -52,7 +52,7 @@ class PointNavEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         self.action_space = action_space(self._task.robot)
         self._episode: NavEpisode | None = None
         self._seed, self._indices = 0, itertools.count()
-        self._seen: npt.NDArray[np.uint8] | None = None
+        self._seen: UInt8Array | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -65,14 +65,14 @@ class PointNavEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         self._episode = self._task.begin(self._seed, self._indices)
         return self._observation(), self._task.info(self._episode)
 
-    def step(self, action: npt.NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Float32Array) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for a step of the robot's clock."""
         if self._episode is None:
             raise gymnasium.error.ResetNeeded("call reset() before step().")
         reward, terminated, truncated = self._task.advance(self._episode, action)
         return self._observation(), reward, terminated, truncated, self._task.info(self._episode)
 
-    def render(self) -> npt.NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> UInt8Array | None:  # type: ignore[override]
         """The robot's latest camera image, RGB, shape (H, W, 3)."""
         return self._seen if self.render_mode == "rgb_array" else None
 

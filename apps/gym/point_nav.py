@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, Float32Array
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.conduct import PERSONAL_SPACE_M
 from readygo.common.episode.loop import EpisodeRun, Observer
@@ -156,7 +157,7 @@ class PointNav:
                 return self._start(key, self._evaluator.simulation(as_task(episode, self._task)))
         raise SceneError(f"The last {REJECTED_MAX} scenarios were rejected ({reason}); look at the maps.")
 
-    def observe(self, episodes: Sequence[NavEpisode]) -> dict[str, npt.NDArray[Any]]:
+    def observe(self, episodes: Sequence[NavEpisode]) -> dict[str, AnyArray]:
         """Observations of the robots: `rgb` (B, H, W, 3), `goal` (B, 2) [m], `velocity` (B, 2) [m/s, rad/s]."""
         simulations = [episode.simulation for episode in episodes]
         return {
@@ -199,7 +200,7 @@ class PointNav:
             info["expert_command"] = self._command(episode)
         return info
 
-    def _command(self, episode: NavEpisode) -> npt.NDArray[np.float32]:
+    def _command(self, episode: NavEpisode) -> Float32Array:
         """The expert's command in the current state; zeros after the end of the episode."""
         assert episode.expert is not None
         if episode.simulation.outcome is not None:

@@ -6,20 +6,17 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from readygo.apps.gym.env import Observation, action_space, observation_space
 from readygo.apps.gym.point_nav import NavEpisode, PointNav
+from readygo.common.arrays import AnyArray, BoolArray, Float32Array, Float64Array, UInt8Array
 from readygo.common.errors import ConfigError
 from readygo.common.robot.kinematics import RATE_HZ
 
-Float64Array = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
 
-
-class PointNavVectorEnv(VectorEnv[Observation, npt.NDArray[np.float32], npt.NDArray[Any]]):
+class PointNavVectorEnv(VectorEnv[Observation, Float32Array, AnyArray]):
     """`num_envs` robots in one scene, each in a separate episode. Arguments as for `PointNav`.
 
     A robot whose episode has ended begins the next one in the following step, which ignores its action. With
@@ -54,7 +51,7 @@ class PointNavVectorEnv(VectorEnv[Observation, npt.NDArray[np.float32], npt.NDAr
         self._episodes: list[NavEpisode] = []
         self._seeds = [0] * num_envs
         self._indices = [itertools.count() for _ in range(num_envs)]
-        self._seen: npt.NDArray[np.uint8] | None = None
+        self._seen: UInt8Array | None = None
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -70,7 +67,7 @@ class PointNavVectorEnv(VectorEnv[Observation, npt.NDArray[np.float32], npt.NDAr
         self._episodes = [self._begin(k) for k in range(self.num_envs)]
         return self._observe(), self._infos()
 
-    def step(self, actions: npt.NDArray[np.float32]) -> tuple[Observation, Float64Array, Bools, Bools, dict[str, Any]]:
+    def step(self, actions: Float32Array) -> tuple[Observation, Float64Array, BoolArray, BoolArray, dict[str, Any]]:
         """Drive for a step of the robot's clock."""
         if not self._episodes:
             raise gymnasium.error.ResetNeeded("call reset() before step().")
@@ -84,11 +81,11 @@ class PointNavVectorEnv(VectorEnv[Observation, npt.NDArray[np.float32], npt.NDAr
         final = self._begin_again(terminated | truncated) if self._same_step else {}
         return self._observe(), rewards, terminated, truncated, self._infos() | final
 
-    def render(self) -> tuple[npt.NDArray[np.uint8], ...] | None:  # type: ignore[override]
+    def render(self) -> tuple[UInt8Array, ...] | None:  # type: ignore[override]
         """The robots' latest camera images, RGB, shape (H, W, 3) each."""
         return tuple(self._seen) if self.render_mode == "rgb_array" and self._seen is not None else None
 
-    def _begin_again(self, ended: Bools) -> dict[str, Any]:
+    def _begin_again(self, ended: BoolArray) -> dict[str, Any]:
         """Replace ended episodes by the next ones; returns the last observations and infos in Gymnasium's format."""
         infos: dict[str, Any] = {}
         for k in np.flatnonzero(ended).tolist():

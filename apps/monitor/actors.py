@@ -5,10 +5,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.monitor import shapes
 from readygo.apps.monitor.shapes import ViewerMesh
+from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.camera.config import CameraConfig
 from readygo.common.drawing.plan_view import GOAL, HUMANS
 from readygo.common.frames import quat_from_matrix
@@ -28,7 +28,6 @@ TRAIL_STEP_M = 0.05
 HUMANS_MAX = 8
 _ON_ROBOT = ("body", "label", "view", "fan")
 """Prefixes of the names of nodes that move with the robot."""
-Way = npt.NDArray[np.float64]
 
 
 class Actor:
@@ -69,7 +68,9 @@ class Actor:
         if trail:
             self._leave_trail((x, y, z))
 
-    def plan(self, way: Way, replans: Way, humans: tuple[Way, ...] = (), *, of: object) -> None:
+    def plan(
+        self, way: Float64Array, replans: Float64Array, humans: tuple[Float64Array, ...] = (), *, of: object
+    ) -> None:
         """Draw the paths of robot and humans.
 
         Args:
@@ -89,7 +90,7 @@ class Actor:
             self._line(f"way{number}", shown, HUMANS[number % len(HUMANS)], 0.022, 0.8)
         self._mark(replans)
 
-    def picture(self, camera: str, rgb: npt.NDArray[np.uint8] | None) -> None:
+    def picture(self, camera: str, rgb: UInt8Array | None) -> None:
         """Show the newest image in front of a camera; the first one is called ""."""
         if f"view{camera}" in self._nodes and rgb is not None:
             self._nodes[f"view{camera}"].image = rgb
@@ -204,7 +205,7 @@ class Actor:
             del self._trail[:-400]
             self._line("trail", np.array(self._trail), self._accent, 0.05, 1.0)
 
-    def _line(self, name: str, way: Way, colour: Rgb, thickness_m: float, strength: float) -> None:
+    def _line(self, name: str, way: Float64Array, colour: Rgb, thickness_m: float, strength: float) -> None:
         """Draw a path as a line; a lower strength is darker."""
         points = shapes.segments(way, LIFT_M + 0.02) if len(way) else way
         if not len(points):
@@ -216,7 +217,7 @@ class Actor:
         shade = tuple(round(strength * value) for value in colour)
         self._nodes[name] = self._scene.add_line_segments(f"{self._name}/{name}", points, shade, thickness=thickness_m)
 
-    def _mark(self, places: Way) -> None:
+    def _mark(self, places: Float64Array) -> None:
         self._drop("replans")
         if len(places):
             gems = [
@@ -225,7 +226,7 @@ class Actor:
             self._nodes["replans"] = self._mesh("replans", shapes.join_meshes(gems), REPLAN)
 
 
-def eye_of(camera: CameraConfig, state: LiveState) -> npt.NDArray[np.float64]:
+def eye_of(camera: CameraConfig, state: LiveState) -> Float64Array:
     """Pose of the robot's camera, T_world_camera, shape (4, 4)."""
     x, y, z, yaw = state.robot_xyzyaw
     return camera.T_world_camera(x, y, yaw, z)

@@ -10,10 +10,10 @@ from itertools import cycle
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.monitor.subject import Subject
 from readygo.apps.monitor.track import EpisodeTrack, Pictures, on_floor
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.errors import ReadygoError
 from readygo.common.messages import EpisodeKey
 from readygo.common.messages.live import LiveState
@@ -36,7 +36,7 @@ class LiveMoment:
     images: Pictures = dataclasses.field(default_factory=dict)
     """Images that are new since the previous moment, by name."""
     image_format: str = "jpeg"
-    way: npt.NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.zeros((0, 4)))
+    way: Float64Array = dataclasses.field(default_factory=lambda: np.zeros((0, 4)))
     """The known path of the robot: x, y, z [m], yaw [rad], shape (N, 4)."""
 
 
@@ -146,5 +146,5 @@ def _replay_moments(track: EpisodeTrack) -> Iterator[LiveMoment]:
         before = images
 
 
-def _poses(xyyaw: npt.NDArray[np.float32], height_m: float) -> npt.NDArray[np.float64]:
+def _poses(xyyaw: Float32Array, height_m: float) -> Float64Array:
     return np.column_stack([on_floor(xyyaw[:, :2], height_m), xyyaw[:, 2]])

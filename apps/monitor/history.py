@@ -4,7 +4,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
+
+from readygo.common.arrays import Float64Array
 
 POINTS_MAX = 600
 
@@ -42,7 +43,7 @@ class History:
         self._x.clear()
         self._rows.clear()
 
-    def curve(self, column: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    def curve(self, column: int) -> tuple[Float64Array, Float64Array]:
         """One column over x, shape (N,) each."""
         return np.array(self._x), np.array([row[column] for row in self._rows])
 
@@ -55,7 +56,7 @@ class History:
         first = max(0, min(first, len(self._x) - 2))
         return (self._rows[-1][column] - self._rows[first][column]) / (self._x[-1] - self._x[first])
 
-    def rates(self, column: int, window: float) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    def rates(self, column: int, window: float) -> tuple[Float64Array, Float64Array]:
         """Rates of increase of a monotonic column over the `window` before each row: x and rates, shape (N,) each."""
         x, y = self.curve(column)
         first = np.minimum(np.searchsorted(x, x - window), np.maximum(np.arange(len(x)) - 1, 0))

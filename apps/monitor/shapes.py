@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array, UInt32Array
+
 SIDES = 28
 APART_M = 0.04
 """Smallest distance between points of a line [m]."""
@@ -40,9 +42,9 @@ _LIMBS = (
 class ViewerMesh(NamedTuple):
     """A triangle mesh."""
 
-    vertices_m: npt.NDArray[np.float32]
+    vertices_m: Float32Array
     """Vertices [m], shape (V, 3)."""
-    faces: npt.NDArray[np.uint32]
+    faces: UInt32Array
     """Vertex indices of the triangles, shape (F, 3)."""
 
 
@@ -143,13 +145,13 @@ def move_mesh(mesh: ViewerMesh, x_m: float, y_m: float, z_m: float) -> ViewerMes
     return ViewerMesh(mesh.vertices_m + np.array([x_m, y_m, z_m], np.float32), mesh.faces)
 
 
-def segments(points_m: npt.NDArray[np.float64], lift_m: float = 0.0) -> npt.NDArray[np.float32]:
+def segments(points_m: Float64Array, lift_m: float = 0.0) -> Float32Array:
     """A path of N points as segments of at least `APART_M`, lifted off the floor [m], shape (S, 2, 3) with S < N."""
     raised = _apart(points_m) + np.array([0.0, 0.0, lift_m])
     return np.stack([raised[:-1], raised[1:]], axis=1).astype(np.float32)
 
 
-def _apart(points_m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _apart(points_m: Float64Array) -> Float64Array:
     """The points of a path without repeated positions: viewers cannot draw segments of length 0."""
     kept = [0]
     for row in range(1, len(points_m)):

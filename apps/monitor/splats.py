@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.spherical_harmonics import SH_C0
 from readygo.common.scenes import Scene
@@ -12,20 +12,19 @@ from readygo.common.scenes.top_view import CEILING_M
 
 SPLATS_MAX = 600_000
 """Largest number of Gaussians for a browser, 32 bytes each; those that cover most are retained."""
-Floats = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Splats:
     """N Gaussians in the format of viewers."""
 
-    centers_m: Floats
+    centers_m: Float32Array
     """Centres [m], shape (N, 3)."""
-    covariances_m2: Floats
+    covariances_m2: Float32Array
     """Covariances [m2], shape (N, 3, 3)."""
-    rgb: Floats
+    rgb: Float32Array
     """Direction-independent colours, 0..1, shape (N, 3)."""
-    opacities: Floats
+    opacities: Float32Array
     """Opacities, 0..1, shape (N, 1)."""
 
 
@@ -37,7 +36,7 @@ class DollsHouse:
     """Gaussians lower than `CEILING_M` above the local floor."""
     roof: Splats
     """Gaussians higher than that."""
-    center_m: npt.NDArray[np.float64]
+    center_m: Float64Array
     """Centre of the scene's floor [m], shape (3,)."""
     radius_m: float
     """Extent of the scene from its centre [m]."""
@@ -95,12 +94,12 @@ def splats_of(cloud: GaussianCloud) -> Splats:
     )
 
 
-def _above_floor(scene: Scene, points_m: Floats) -> Floats:
+def _above_floor(scene: Scene, points_m: Float32Array) -> Float32Array:
     """Height above the local floor [m], shape (N,)."""
     floor = scene.maps.floor
     rows, columns = floor.height_m.shape
     frame = floor.frame
     j = np.clip((points_m[:, 0] - frame.origin_x_m) / frame.resolution_m, 0, columns - 1).astype(np.int64)
     i = np.clip((points_m[:, 1] - frame.origin_y_m) / frame.resolution_m, 0, rows - 1).astype(np.int64)
-    heights: Floats = points_m[:, 2] - floor.height_m[i, j]
+    heights: Float32Array = points_m[:, 2] - floor.height_m[i, j]
     return heights

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.fleet.shown import is_shown, state_of
 from readygo.common.frames import wrap_angle
 from readygo.common.images.names import RGB
@@ -36,7 +36,7 @@ class EpisodeTrack:
     """Outcome of the episode; None while it runs."""
     policy: str = ""
     """SHA-256 over the files of the policy that drove; empty for the expert."""
-    replans: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    replans: Float64Array = field(default_factory=lambda: np.zeros((0, 3)))
     """Positions of the expert's replans [m], shape (R, 3)."""
 
     @property
@@ -62,7 +62,7 @@ class EpisodeTrack:
         return self.images[max(0, row - 1)][1] if self.images else {}
 
     @property
-    def way(self) -> npt.NDArray[np.float64]:
+    def way(self) -> Float64Array:
         """The robot's path [m], shape (N, 3)."""
         return np.array([state.robot_xyzyaw[:3] for state in self.states])
 
@@ -108,12 +108,12 @@ def pictures_of(seen: Sample | LivePreview) -> Pictures:
     return {RGB: seen.image} | {name: image for name, image in seen.outputs.items() if is_shown(name)}
 
 
-def on_floor(xy_m: npt.NDArray[np.float32], height_m: float) -> npt.NDArray[np.float64]:
+def on_floor(xy_m: Float32Array, height_m: float) -> Float64Array:
     """Points of the ground [m] at a height, shape (N, 2) -> (N, 3)."""
     return np.column_stack([xy_m, np.full(len(xy_m), height_m)]).astype(np.float64)
 
 
-def replans_of(plan: LivePlan, height_m: float) -> npt.NDArray[np.float64]:
+def replans_of(plan: LivePlan, height_m: float) -> Float64Array:
     """Positions of a plan's replans on a floor of this height [m], shape (R, 3)."""
     return on_floor(plan.robot_xyyaw[plan.replanned, :2], height_m)
 

@@ -6,10 +6,9 @@ from itertools import islice, repeat
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float64Array, UInt8Array
 from readygo.common.drawing import plan_view
-from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, ROBOT, Rgb
 from readygo.common.robot.kinematics import RATE_HZ
 from readygo.common.scenes.top_view import TopView
@@ -24,7 +23,7 @@ _TIMELINE_HEIGHT_PX = 16
 _PAPER: Rgb = (250, 250, 248)
 _TRACK: Rgb = (222, 224, 226)
 
-Underlay = Callable[[Picture, TopView, int], None]
+Underlay = Callable[[UInt8Array, TopView, int], None]
 """Draws additional content of a row of the video on a picture, in a top view."""
 
 
@@ -33,25 +32,25 @@ class EpisodeFilm:
     """One episode, row by row at the simulation's rate."""
 
     title: str
-    xyyaw: npt.NDArray[np.float64]
+    xyyaw: Float64Array
     """Pose of the robot: x [m], y [m], yaw [rad], shape (T, 3)."""
-    actions: npt.NDArray[np.float64]
+    actions: Float64Array
     """Command from each row on: v [m/s], w [rad/s], shape (T, 2)."""
-    goal_xy_m: npt.NDArray[np.float64]
+    goal_xy_m: Float64Array
     """Goal in the world [m], shape (2,)."""
-    camera: Iterable[Picture] | None = None
+    camera: Iterable[UInt8Array] | None = None
     """Images of the robot's camera, T of shape (H, W, 3); read once, in order, so that an iterator may render them."""
     enlarged: bool = True
     """True enlarges the camera's images; False shows them at their size."""
-    humans_xy_m: tuple[npt.NDArray[np.float64], ...] = ()
+    humans_xy_m: tuple[Float64Array, ...] = ()
     """Ground positions of each human, shape (T_h, 2); the last row is held."""
     outcome: str = ""
     """Shown on the last second, for example "success"."""
     underlay: Underlay | None = None
     """Draws content below robot and humans."""
-    human_visible: npt.NDArray[np.bool_] | None = None
+    human_visible: BoolArray | None = None
     """For the time line: True at rows where the robot sees a human, shape (T,)."""
-    replanned: npt.NDArray[np.bool_] | None = None
+    replanned: BoolArray | None = None
     """For the time line: True at rows where the expert replanned, shape (T,)."""
     robot_radius_m: float = 0.25
     human_radius_m: float = 0.25
@@ -74,7 +73,7 @@ class EpisodeFilm:
 
 def film_frames(
     film: EpisodeFilm, view: TopView, *, camera_height_px: int = CAMERA_HEIGHT_PX, step: int = 1
-) -> Iterator[Picture]:
+) -> Iterator[UInt8Array]:
     """The video's frames, every `step`-th row, with even width and height, sRGB.
 
     Args:
@@ -103,13 +102,13 @@ def film_frames(
         raise ValueError(f"the camera has {shown} images for {len(rows)} rows.")
 
 
-def _plan_height_px(film: EpisodeFilm, camera: Picture | None, camera_height_px: int) -> int:
+def _plan_height_px(film: EpisodeFilm, camera: UInt8Array | None, camera_height_px: int) -> int:
     if camera is None:
         return PLAN_HEIGHT_PX
     return len(camera) if film.enlarged else max(len(camera), camera_height_px)
 
 
-def _enlarge(image: Picture, height_px: int) -> Picture:
+def _enlarge(image: UInt8Array, height_px: int) -> UInt8Array:
     scale = max(1, round(height_px / image.shape[0]))
     size = (image.shape[1] * scale, image.shape[0] * scale)
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
@@ -120,7 +119,7 @@ def _fit_plan_view(view: TopView, height_px: int) -> TopView:
     return plan_view.resize_view(view, min(height_px, max(1, PLAN_WIDTH_MAX_PX * rows // columns)))
 
 
-def _frame(film: EpisodeFilm, background: TopView, row: int, camera: Picture | None) -> Picture:
+def _frame(film: EpisodeFilm, background: TopView, row: int, camera: UInt8Array | None) -> UInt8Array:
     parts = [part for part in (camera, _plan(film, background, row)) if part is not None]
     top = max(len(part) for part in parts) + 2 * _MARGIN_PX
     height = top + _BAR_HEIGHT_PX + _TIMELINE_HEIGHT_PX + _MARGIN_PX
@@ -135,7 +134,7 @@ def _frame(film: EpisodeFilm, background: TopView, row: int, camera: Picture | N
     return picture
 
 
-def _plan(film: EpisodeFilm, view: TopView, step: int) -> Picture:
+def _plan(film: EpisodeFilm, view: TopView, step: int) -> UInt8Array:
     picture = view.rgb.copy()
     if film.underlay is not None:
         film.underlay(picture, view, step)
@@ -151,7 +150,7 @@ def _plan(film: EpisodeFilm, view: TopView, step: int) -> Picture:
     return picture
 
 
-def _dashboard(picture: Picture, film: EpisodeFilm, row: int, *, top: int) -> None:
+def _dashboard(picture: UInt8Array, film: EpisodeFilm, row: int, *, top: int) -> None:
     """Title, time, and bars for v and w below the pictures."""
     v, w = (float(value) for value in film.actions[row])
     distance = float(np.hypot(*(film.goal_xy_m - film.xyyaw[row, :2])))
@@ -166,7 +165,7 @@ def _dashboard(picture: Picture, film: EpisodeFilm, row: int, *, top: int) -> No
         plan_view.put_text(picture, film.outcome, (middle + length + 170, top + 32), size=0.7, colour=colour)
 
 
-def _bar(picture: Picture, corner: tuple[int, int], label: str, share: float, *, length: int, signed: bool) -> None:
+def _bar(picture: UInt8Array, corner: tuple[int, int], label: str, share: float, *, length: int, signed: bool) -> None:
     """A labelled bar; a signed one grows from its middle, to the left for left turns."""
     x, y = corner
     plan_view.put_text(picture, label, (x, y + 13))
@@ -179,7 +178,7 @@ def _bar(picture: Picture, corner: tuple[int, int], label: str, share: float, *,
     cv2.line(picture, (zero, y - 2), (zero, y + height + 2), INK, 1)
 
 
-def _timeline(picture: Picture, film: EpisodeFilm, row: int, *, top: int) -> None:
+def _timeline(picture: UInt8Array, film: EpisodeFilm, row: int, *, top: int) -> None:
     """The whole episode as a bar: warm where a human is in view, ticks at replans, a line at the row shown."""
     count, left, right = len(film.xyyaw), _MARGIN_PX + 4, picture.shape[1] - _MARGIN_PX - 4
     places = np.linspace(left, right, count + 1).astype(int).tolist()
@@ -191,6 +190,6 @@ def _timeline(picture: Picture, film: EpisodeFilm, row: int, *, top: int) -> Non
     cv2.rectangle(picture, (places[row] - 1, top), (places[row] + 1, top + 14), ROBOT, cv2.FILLED)
 
 
-def _steps(flags: npt.NDArray[np.bool_] | None) -> Sequence[int]:
+def _steps(flags: BoolArray | None) -> Sequence[int]:
     steps: list[int] = [] if flags is None else np.flatnonzero(flags).tolist()
     return steps

@@ -6,14 +6,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.avatars import SMPL_PARENTS
 from readygo.common.dataset import Calibration, Dataset
-from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, WHITE, Rgb, put_text
 from readygo.common.drawing.sheet import line_swatch, sheet
 from readygo.common.errors import DatasetError
-
-Array = npt.NDArray[np.float64]
 
 COLUMNS, TILES = 2, 8
 WIDTH_PX = 640
@@ -25,7 +23,7 @@ _SUBPIXEL_BITS = 4
 _EDGES = [(a, a ^ bit) for a in range(8) for bit in (1, 2, 4) if not a & bit]
 
 
-def label_overlay(dataset: Dataset) -> Picture:
+def label_overlay(dataset: Dataset) -> UInt8Array:
     """A sheet of up to eight images, spread over the samples in which the robot sees a human.
 
     All humans within the view are drawn, also behind walls: joints and bones, the box, the ground points.
@@ -53,7 +51,7 @@ def label_overlay(dataset: Dataset) -> Picture:
     return sheet(rows, [("labels of people", INK), ("joints, box, footprint; behind walls too", GOAL)], legend)
 
 
-def labelled_image(dataset: Dataset, index: int) -> Picture:
+def labelled_image(dataset: Dataset, index: int) -> UInt8Array:
     """One image, enlarged, with the labels of its sample."""
     if dataset.robot is None:
         raise DatasetError("The metadata names no robot: where its camera is, is unknown.")
@@ -78,7 +76,7 @@ def labelled_image(dataset: Dataset, index: int) -> Picture:
     return picture
 
 
-def corners(box: Array) -> Array:
+def corners(box: Float64Array) -> Float64Array:
     """The corners [m] of a box as in `HumanLabels.box`, shape (8, 3); the bits of an index select the sides."""
     sides = np.array([[(k >> axis & 1) - 0.5 for axis in range(3)] for k in range(8)]) * box[3:6]
     c, s = np.cos(box[6]), np.sin(box[6])
@@ -86,7 +84,7 @@ def corners(box: Array) -> Array:
     return np.asarray(box[:3] + turned, dtype=np.float64)
 
 
-def project(p_WQ: npt.ArrayLike, T_world_camera: Array, calibration: Calibration) -> Array:
+def project(p_WQ: npt.ArrayLike, T_world_camera: Float64Array, calibration: Calibration) -> Float64Array:
     """Pixels (u, v) of world points through the lens of an episode, pixel centres at +0.5.
 
     Args:
@@ -122,13 +120,15 @@ def _ahead_m(dataset: Dataset, index: int) -> float:
     return float(forward[in_view].min(initial=np.inf))
 
 
-def _to_fixed_point(pixel: Array) -> tuple[int, int]:
+def _to_fixed_point(pixel: Float64Array) -> tuple[int, int]:
     """A pixel position in OpenCV's convention (integer centres), in sixteenths of a pixel."""
     u, v = np.clip((pixel - 0.5) * (1 << _SUBPIXEL_BITS), -(2**20), 2**20)
     return round(float(u)), round(float(v))
 
 
-def _lines(picture: Picture, points: Array, pairs: Sequence[tuple[int, int]], colour: Rgb, width_px: int) -> None:
+def _lines(
+    picture: UInt8Array, points: Float64Array, pairs: Sequence[tuple[int, int]], colour: Rgb, width_px: int
+) -> None:
     for a, b in pairs:
         if np.isfinite(points[[a, b]]).all():
             cv2.line(
@@ -142,7 +142,7 @@ def _lines(picture: Picture, points: Array, pairs: Sequence[tuple[int, int]], co
             )
 
 
-def _dots(picture: Picture, points: Array, colour: Rgb, radius_px: float) -> None:
+def _dots(picture: UInt8Array, points: Float64Array, colour: Rgb, radius_px: float) -> None:
     for point in points[np.isfinite(points).all(axis=1)]:
         radius = round(radius_px * (1 << _SUBPIXEL_BITS))
         cv2.circle(picture, _to_fixed_point(point), radius, colour, cv2.FILLED, cv2.LINE_AA, _SUBPIXEL_BITS)

@@ -5,7 +5,7 @@ from functools import partial
 
 from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
 from readygo.apps.pictures.side_by_side import ALONE, CAMERAS_WIDTH_PX, shown_images, side_by_side
-from readygo.common.drawing.files import Picture
+from readygo.common.arrays import UInt8Array
 from readygo.common.drawing.plan_view import draw_scale_bar
 from readygo.common.messages import EpisodeMotions, RobotTrajectory, Scenario
 from readygo.common.scenes.top_view import TopView
@@ -51,7 +51,7 @@ class RobotView:
         self.alone = self._rows == ALONE
         """True for one image at its size; several images are enlarged and have captions."""
 
-    def __call__(self, step: int) -> Picture:
+    def __call__(self, step: int) -> UInt8Array:
         """Render the images of a step."""
         (views,) = self._renderer.render([self._shots[step]], self._names)
         if self.alone:
@@ -60,7 +60,7 @@ class RobotView:
         return side_by_side(images, self._rows, self._renderer.robot, width_px=self._width_px)
 
 
-def run_film(planner: RobotPlanner, run: DrivenRun, look: RobotView | None = None) -> Iterator[Picture]:
+def run_film(planner: RobotPlanner, run: DrivenRun, look: RobotView | None = None) -> Iterator[UInt8Array]:
     """Frames of a run's video, 20 per second.
 
     Args:
@@ -92,7 +92,7 @@ def run_film(planner: RobotPlanner, run: DrivenRun, look: RobotView | None = Non
     return film_frames(film, view)
 
 
-def _underlay(planner: RobotPlanner, run: DrivenRun, picture: Picture, view: TopView, step: int) -> None:
+def _underlay(planner: RobotPlanner, run: DrivenRun, picture: UInt8Array, view: TopView, step: int) -> None:
     draw_knowledge(picture, view, planner, run, step)
     draw_superseded(picture, view, run, range(step - planner.robot.clock.steps(GIVEN_UP_S), step + 1))
     draw_scale_bar(picture, view)

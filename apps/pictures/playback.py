@@ -4,12 +4,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.pictures.episode_film import EpisodeFilm
 from readygo.apps.pictures.side_by_side import ALONE, CAMERAS_WIDTH_PX, recorded_together, shown_images
+from readygo.common.arrays import Float32Array, Float64Array, Int64Array, UInt8Array
 from readygo.common.dataset import Dataset, EpisodeEntry
-from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import map_window
 from readygo.common.errors import ReadygoError
 from readygo.common.maps import GridFrame, OccupancyMap
@@ -22,15 +21,13 @@ MARGIN_M = 2.0
 PIXEL_M = 0.02
 _MAP_CELL_M = 0.25
 
-Way = npt.NDArray[np.float64]
-
 
 def recorded_film(
     dataset: Dataset,
     number: int,
     camera: str = "",
     *,
-    humans_xy_m: Sequence[Way] | None = None,
+    humans_xy_m: Sequence[Float64Array] | None = None,
     width_px: int = CAMERAS_WIDTH_PX,
 ) -> EpisodeFilm:
     """The video of an episode.
@@ -79,7 +76,7 @@ def background(dataset: Dataset, number: int, data: Path) -> TopView:
         return _empty_ground(dataset, number)
 
 
-def latest_pictured(dataset: Dataset, rows: slice) -> npt.NDArray[np.int64]:
+def latest_pictured(dataset: Dataset, rows: slice) -> Int64Array:
     """The sample of the newest image at each sample of an episode, shape (T,)."""
     numbers = np.arange(rows.start, rows.stop)
     return np.maximum.accumulate(np.where(dataset.pictured[rows], numbers, rows.start))
@@ -92,7 +89,7 @@ def rows_of(entry: EpisodeEntry) -> slice:
 
 def _together(
     dataset: Dataset, rows: slice, shown: tuple[tuple[str, ...], ...], robot: RobotConfig, width_px: int
-) -> Iterator[Picture]:
+) -> Iterator[UInt8Array]:
     """The images of several cameras together, sample by sample."""
     before, picture = -1, np.zeros((0, 0, 3), np.uint8)
     for sample in latest_pictured(dataset, rows).tolist():
@@ -111,13 +108,13 @@ def _empty_ground(dataset: Dataset, number: int) -> TopView:
     return map_window(free, low_m, high_m, pixel_m=PIXEL_M)
 
 
-def _goal(pose: npt.NDArray[np.float64], goal_xy_robot_m: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
+def _goal(pose: Float64Array, goal_xy_robot_m: Float32Array) -> Float64Array:
     """A goal in the world, shape (2,), from one in the frame of a robot at x, y, yaw."""
     (forward, left), (x, y, yaw) = goal_xy_robot_m.tolist(), pose.tolist()
     cos, sin = np.cos(yaw), np.sin(yaw)
     return np.array([x + cos * forward - sin * left, y + sin * forward + cos * left])
 
 
-def _ways(humans: tuple[npt.NDArray[np.float64], ...]) -> tuple[Way, ...]:
+def _ways(humans: tuple[Float64Array, ...]) -> tuple[Float64Array, ...]:
     """The path of each human [m], shape (T, 2), from the positions of all humans at each sample."""
     return tuple(np.array([row[human, :2] for row in humans]) for human in range(len(humans[0])))

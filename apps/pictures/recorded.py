@@ -4,11 +4,11 @@ import math
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
-from readygo.apps.pictures.playback import Way, recorded_film, rows_of
+from readygo.apps.pictures.playback import recorded_film, rows_of
 from readygo.apps.pictures.side_by_side import CAMERAS_WIDTH_PX
+from readygo.common.arrays import Float64Array
 from readygo.common.dataset import Dataset, EpisodeEntry
 from readygo.common.drawing.film import write_film
 from readygo.common.drawing.plan_view import DrawnEpisode
@@ -45,7 +45,7 @@ class RecordedEpisodes:
         self._planner, self._animator = world.human_planner(), world.animator()
         self._static, self._map = world.spec.static, world.scene.maps.robot
 
-    def humans(self, entry: EpisodeEntry) -> tuple[Scenario, tuple[Way, ...]]:
+    def humans(self, entry: EpisodeEntry) -> tuple[Scenario, tuple[Float64Array, ...]]:
         """The scenario of an episode, and the paths of its humans [m], shape (T, 2) each."""
         request = HumanPlanRequest(episode=entry.episode, static=self._static)
         scenario = handle_human_plan(self._planner, request).scenario
@@ -76,7 +76,7 @@ class RecordedEpisodes:
         frames = film_frames(self.film(entry, width_px=PAGE_WIDTH_PX), view, camera_height_px=PAGE_HEIGHT_PX, step=step)
         write_film(path, frames, fps=PAGE_HZ)
 
-    def nearness(self, entry: EpisodeEntry) -> npt.NDArray[np.float64]:
+    def nearness(self, entry: EpisodeEntry) -> Float64Array:
         """Visibility score of humans at each sample, best 2 to 3 m away, in view and not hidden; -inf if invisible."""
         _, humans = self.humans(entry)
         scores = np.full(entry.sample_count, -np.inf)
@@ -92,7 +92,7 @@ class RecordedEpisodes:
         """The episode that shows a human well for the longest time."""
         return max(entries, key=lambda entry: float(np.sum(self.nearness(entry) > -1.2)))
 
-    def _sees(self, xy_m: tuple[float, float], offset_m: Way) -> bool:
+    def _sees(self, xy_m: tuple[float, float], offset_m: Float64Array) -> bool:
         """True if there is no obstacle between a point and the point at an offset from it."""
         steps = max(2, int(np.hypot(*offset_m) / self._map.frame.resolution_m))
         cells = [self._map.frame.cell(*(xy_m + offset_m * share)) for share in np.linspace(0.0, 1.0, steps)]

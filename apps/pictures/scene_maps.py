@@ -3,9 +3,8 @@
 import dataclasses
 
 import numpy as np
-import numpy.typing as npt
 
-from readygo.common.drawing.files import Picture
+from readygo.common.arrays import BoolArray, UInt8Array
 from readygo.common.drawing.plan_view import draw_scale_bar
 from readygo.common.maps import OccupancyMap, clearance_m, free_components
 from readygo.common.maps.ros_map import load_unknown_cells
@@ -21,7 +20,7 @@ TOP_PICTURE_MIN_PX, TOP_PICTURE_MAX_PX = 1000, 4000
 """Smallest and largest longer side of the scene's picture [px]."""
 
 
-def scene_pictures(scene: Scene, radius_m: float) -> dict[str, Picture]:
+def scene_pictures(scene: Scene, radius_m: float) -> dict[str, UInt8Array]:
     """The scene, what blocks the robot and what blocks humans, by file name.
 
     Args:
@@ -43,7 +42,7 @@ def top_pixel_m(side_m: float, cell_m: float) -> float:
     return float(np.clip(0.4 * cell_m, side_m / TOP_PICTURE_MAX_PX, side_m / TOP_PICTURE_MIN_PX))
 
 
-def map_picture(occupancy: OccupancyMap, unknown: npt.NDArray[np.bool_], radius_m: float) -> Picture:
+def map_picture(occupancy: OccupancyMap, unknown: BoolArray, radius_m: float) -> UInt8Array:
     """A map with the areas that a disc can move in, and a bar of one metre; row 0 is the largest y.
 
     Args:
@@ -66,7 +65,7 @@ def map_picture(occupancy: OccupancyMap, unknown: npt.NDArray[np.bool_], radius_
     return _with_scale_bar(TopView(rgb=picture, frame=frame))
 
 
-def _with_scale_bar(view: TopView) -> Picture:
+def _with_scale_bar(view: TopView) -> UInt8Array:
     picture = np.ascontiguousarray(view.rgb)
     draw_scale_bar(picture, view)
     return picture

@@ -5,17 +5,14 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from readygo.common.drawing.files import Picture
+from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.drawing.plan_view import HUMANS, INK, ROBOT, WHITE, Rgb, put_text, text_width_px
 from readygo.common.drawing.sheet import line_swatch, sheet
 from readygo.common.gaussians import GaussianCloud, transform_cloud
 from readygo.common.maps import FloorMap, GridFrame
 from readygo.common.scenes.survey import Survey, UpCandidate, survey
 from readygo.common.scenes.top_view import TopView, draw_top_view
-
-Floats = npt.NDArray[np.float64]
 
 VIEW_PX = 560
 MARGIN = 0.12
@@ -28,7 +25,7 @@ VIEWS = ((0, 1, (0, 0, 1)), (0, 2, (0, -1, 0)), (1, 2, (1, 0, 0)))
 """For each view: axis to the right, axis upwards, and direction to the viewer."""
 
 
-def change_picture(before: GaussianCloud, after: GaussianCloud, words: str) -> Picture:
+def change_picture(before: GaussianCloud, after: GaussianCloud, words: str) -> UInt8Array:
     """The change by an edit: the views before it above those after it, each with a separate grid.
 
     Args:
@@ -48,7 +45,7 @@ def change_picture(before: GaussianCloud, after: GaussianCloud, words: str) -> P
     return sheet(rows, [(words, INK), (counts, INK)], [])
 
 
-def survey_picture(cloud: GaussianCloud, found: Survey, headline: str) -> Picture:
+def survey_picture(cloud: GaussianCloud, found: Survey, headline: str) -> UInt8Array:
     """Three views with a grid in units of the file.
 
     Args:
@@ -78,7 +75,7 @@ def _view(
     right: int,
     upwards: int,
     viewer: tuple[int, int, int],
-) -> Picture:
+) -> UInt8Array:
     R = np.stack([np.eye(3)[right], np.eye(3)[upwards], np.array(viewer, dtype=np.float64)])
     low, high = _box(found, right), _box(found, upwards)
     pixel = max(low[1] - low[0], high[1] - high[0]) / VIEW_PX
@@ -104,7 +101,7 @@ def _box(found: Survey, axis: int) -> tuple[float, float]:
     return middle - (0.5 + MARGIN) * size, middle + (0.5 + MARGIN) * size
 
 
-def _draw_grid(picture: Picture, view: TopView, axes: tuple[int, int]) -> None:
+def _draw_grid(picture: UInt8Array, view: TopView, axes: tuple[int, int]) -> None:
     """Lines at round numbers, named at the rim."""
     rows, columns = picture.shape[:2]
     frame = view.frame
@@ -125,7 +122,7 @@ def _round_step(value: float) -> float:
     return next(power * digit for digit in (1, 2, 5, 10) if power * digit >= value)
 
 
-def _draw_floor(picture: Picture, view: TopView, up: Floats, floor: float, colour: Rgb) -> None:
+def _draw_floor(picture: UInt8Array, view: TopView, up: Float64Array, floor: float, colour: Rgb) -> None:
     """A plane that is seen from its side, as a line with an arrow that points up."""
     across = float(np.hypot(up[0], up[1]))
     if across < 0.95:
@@ -144,13 +141,13 @@ def _draw_floor(picture: Picture, view: TopView, up: Floats, floor: float, colou
     cv2.arrowedLine(picture, c, d, colour, 3, cv2.LINE_AA, tipLength=0.3)
 
 
-def _put_label(picture: Picture, text: str, xy_px: tuple[int, int]) -> None:
+def _put_label(picture: UInt8Array, text: str, xy_px: tuple[int, int]) -> None:
     x, y = xy_px
     cv2.rectangle(picture, (x - 2, y - 11), (x + text_width_px(text, size=0.4) + 2, y + 4), WHITE, cv2.FILLED)
     put_text(picture, text, xy_px, size=0.4)
 
 
-def _add_title(picture: Picture, right: int, upwards: int, viewer: Floats) -> Picture:
+def _add_title(picture: UInt8Array, right: int, upwards: int, viewer: Float64Array) -> UInt8Array:
     axis = int(np.argmax(np.abs(viewer)))
     side = "+" if viewer[axis] > 0 else "-"
     text = f"seen from {side}{AXES[axis]}: {AXES[right]} to the right, {AXES[upwards]} upwards"

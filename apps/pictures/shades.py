@@ -1,18 +1,15 @@
 """Depths as colours for display."""
 
-from typing import Any
-
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from readygo.common.drawing.files import Picture
+from readygo.common.arrays import AnyArray, UInt8Array
 
 NEAREST_M, FARTHEST_M = 0.3, 10.0
 """Range of depths with different brightness, on a logarithmic scale [m]."""
 
 
-def shade_depth(depth_m: npt.NDArray[Any]) -> Picture:
+def shade_depth(depth_m: AnyArray) -> UInt8Array:
     """Depths, bright where they are near and black where nothing is measured.
 
     Args:

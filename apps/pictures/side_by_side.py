@@ -1,16 +1,14 @@
 """Images of a robot's cameras at one time as one picture: cameras from left to right, depths below colours."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.pictures.shades import shade_depth
+from readygo.common.arrays import AnyArray, UInt8Array
 from readygo.common.dataset import Dataset
 from readygo.common.drawing import plan_view
-from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import INK, WHITE
 from readygo.common.errors import DatasetError
 from readygo.common.images.names import RGB, SHOWN_KINDS, camera_of, cameras_of, image_name, kind_of
@@ -64,7 +62,7 @@ def caption_of(name: str, robot: RobotConfig) -> str:
 
 def recorded_together(
     dataset: Dataset, sample: int, rows: Sequence[Sequence[str]], robot: RobotConfig, *, width_px: int
-) -> Picture:
+) -> UInt8Array:
     """The cameras' images of a sample as one picture; arguments as in `side_by_side`.
 
     Raises:
@@ -76,8 +74,8 @@ def recorded_together(
 
 
 def side_by_side(
-    images: Mapping[str, npt.NDArray[Any]], rows: Sequence[Sequence[str]], robot: RobotConfig, *, width_px: int
-) -> Picture:
+    images: Mapping[str, AnyArray], rows: Sequence[Sequence[str]], robot: RobotConfig, *, width_px: int
+) -> UInt8Array:
     """Pictures in rows, all of one height, with names below.
 
     Args:
@@ -104,13 +102,13 @@ def side_by_side(
     return whole
 
 
-def _strip(names: Sequence[str], images: Mapping[str, Picture], robot: RobotConfig, height_px: int) -> Picture:
+def _strip(names: Sequence[str], images: Mapping[str, UInt8Array], robot: RobotConfig, height_px: int) -> UInt8Array:
     tiles = [_add_caption(images[name], caption_of(name, robot), height_px) for name in names]
     gap = np.full((len(tiles[0]), GAP_PX, 3), WHITE, np.uint8)
     return np.concatenate([part for tile in tiles for part in (tile, gap)][:-1], axis=1)
 
 
-def _add_caption(picture: Picture, text: str, height_px: int) -> Picture:
+def _add_caption(picture: UInt8Array, text: str, height_px: int) -> UInt8Array:
     method = cv2.INTER_CUBIC if height_px > len(picture) else cv2.INTER_AREA
     size = (_width_at(picture, height_px), height_px)
     image = np.asarray(cv2.resize(picture, size, interpolation=method), np.uint8)
@@ -119,7 +117,7 @@ def _add_caption(picture: Picture, text: str, height_px: int) -> Picture:
     return np.concatenate([image, caption])
 
 
-def _width_at(picture: Picture, height_px: int) -> int:
+def _width_at(picture: UInt8Array, height_px: int) -> int:
     """The width of a picture after scaling to a height [px]."""
     width_px: int = picture.shape[1]
     return round(width_px * height_px / len(picture))

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.report.coverage_numbers import Coverage, Histogram, Visits
 from readygo.apps.report.coverage_run import RunFacts
@@ -19,8 +18,8 @@ from readygo.apps.report.page import (
     rejections,
     small_print,
 )
+from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.drawing.charts import bar_chart, grid_chart, rose_chart
-from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import (
     INK,
     WHITE,
@@ -44,7 +43,7 @@ _SHARPNESS_NOTE = (
 _HEAT = np.array([(255, 237, 160), (254, 178, 76), (240, 59, 32), (128, 0, 38)], dtype=np.float64)
 
 
-def heat_map(visits: Visits, occupancy: OccupancyMap | None) -> Picture:
+def heat_map(visits: Visits, occupancy: OccupancyMap | None) -> UInt8Array:
     """Heat map of the number of episodes that visited each cell, on the map if there is one, with a scale.
 
     Cells that would be too small to see are merged.
@@ -79,14 +78,14 @@ def _is_vast(occupancy: OccupancyMap, visited_m: float) -> bool:
     return float(max(occupancy.occupied.shape)) * occupancy.frame.resolution_m > max(4 * visited_m, 60.0)
 
 
-def _heat_colours(shares: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
+def _heat_colours(shares: Float64Array) -> UInt8Array:
     """Colours of shares in 0..1, shape (N, 3); a square-root scale emphasises rarely visited cells."""
     place = np.sqrt(shares) * (len(_HEAT) - 1)
     channels = [np.interp(place, np.arange(len(_HEAT)), _HEAT[:, channel]) for channel in range(3)]
     return np.asarray(np.rint(np.stack(channels, axis=-1)), dtype=np.uint8)
 
 
-def _heat_scale(width: int, visits: Visits) -> Picture:
+def _heat_scale(width: int, visits: Visits) -> UInt8Array:
     highest = int(visits.episodes.max())
     strip = np.full((30, width, 3), WHITE, np.uint8)
     bar = np.linspace(1 / max(highest, 1), 1.0, 160)
@@ -99,7 +98,7 @@ def _heat_scale(width: int, visits: Visits) -> Picture:
     return strip
 
 
-def coverage_page(coverage: Coverage, facts: RunFacts, heat: Picture, sharp: Picture) -> str:
+def coverage_page(coverage: Coverage, facts: RunFacts, heat: UInt8Array, sharp: UInt8Array) -> str:
     """The page as HTML text.
 
     Args:
@@ -137,7 +136,7 @@ def _tiles(coverage: Coverage, facts: RunFacts) -> list[tuple[str, str]]:
     return tiles
 
 
-def _places(coverage: Coverage, facts: RunFacts, heat: Picture) -> list[Block]:
+def _places(coverage: Coverage, facts: RunFacts, heat: UInt8Array) -> list[Block]:
     note = "How many episodes came by, at the busiest place of each cell"
     note += (
         "; grey blocks the robot." if facts.occupancy else ". The scene's map is not available: name it with --scene."

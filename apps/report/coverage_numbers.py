@@ -6,15 +6,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, Float64Array, Int32Array, Int64Array
 from readygo.common.dataset import Dataset
 from readygo.common.dataset.casts import Cast, read_casts
 from readygo.common.maps import GridFrame, OccupancyMap, clearance_m, free_components
 from readygo.common.robot import Clock, RobotConfig
-
-Array = npt.NDArray[np.float64]
-Counts = npt.NDArray[np.int64]
 
 VISIT_CELL_M = 0.1
 AREA_CELL_M = 0.25
@@ -29,8 +26,8 @@ V_STEP_MPS = 0.1
 class Histogram:
     """Counts of values in bins [edge, next edge)."""
 
-    edges: Array
-    counts: Counts
+    edges: Float64Array
+    counts: Int64Array
     beyond: int
     """Number of finite values at or above the last edge."""
     none: int
@@ -39,7 +36,7 @@ class Histogram:
     """Median of the finite values; None without any."""
 
     @classmethod
-    def of(cls, values: Array, edges: Array) -> "Histogram":
+    def of(cls, values: Float64Array, edges: Float64Array) -> "Histogram":
         """Count values; those below the first edge go to the first bin."""
         finite = values[np.isfinite(values)]
         bins = np.searchsorted(edges, finite, side="right") - 1
@@ -68,7 +65,7 @@ class Visits:
     """Number of episodes that visited each cell of a grid."""
 
     frame: GridFrame
-    episodes: Counts
+    episodes: Int64Array
     """Episodes per cell, shape (H, W); row 0 is the smallest y."""
 
     def coarser(self, factor: int) -> "Visits":
@@ -90,10 +87,10 @@ class Coverage:
     visits: Visits
     headings: Histogram
     """Headings of the robot at each sample in the world [rad]."""
-    actions: Counts
+    actions: Int64Array
     """Samples by v (rows) and w (columns)."""
-    v_edges_mps: Array
-    w_edges_radps: Array
+    v_edges_mps: Float64Array
+    w_edges_radps: Float64Array
     duration_s: Histogram
     closest_m: Histogram
     """Smallest distance of the centres of robot and humans in each episode [m]."""
@@ -180,13 +177,13 @@ def visited_share(visits: Visits, occupancy: OccupancyMap, radius_m: float) -> f
     return len(reachable & visited) / max(len(reachable), 1)
 
 
-def _coarse(cells: npt.NDArray[np.int64], frame: GridFrame) -> set[tuple[int, int]]:
+def _coarse(cells: Int64Array, frame: GridFrame) -> set[tuple[int, int]]:
     centres = (cells + 0.5) * frame.resolution_m + np.array([frame.origin_y_m, frame.origin_x_m])
     coarse = np.unique(np.floor(centres / AREA_CELL_M).astype(np.int64), axis=0)
     return set(map(tuple, coarse.tolist()))
 
 
-def _visits(xy_m: Array, episode: npt.NDArray[np.int32]) -> Visits:
+def _visits(xy_m: Float64Array, episode: Int32Array) -> Visits:
     cells = np.floor(xy_m[:, ::-1] / VISIT_CELL_M).astype(np.int64)
     low, high = cells.min(axis=0), cells.max(axis=0)
     once = np.unique(np.column_stack([episode.astype(np.int64), cells - low]), axis=0)
@@ -197,7 +194,7 @@ def _visits(xy_m: Array, episode: npt.NDArray[np.int32]) -> Visits:
     return Visits(frame=frame, episodes=counts)
 
 
-def _headings(yaw_rad: Array) -> Histogram:
+def _headings(yaw_rad: Float64Array) -> Histogram:
     """Histogram of headings, with bins centred on the axes: driving along +x does not fall on an edge."""
     width = math.tau / HEADING_BINS
     turned = np.mod(yaw_rad + width / 2, math.tau)
@@ -205,14 +202,14 @@ def _headings(yaw_rad: Array) -> Histogram:
     return Histogram(edges=counted.edges - width / 2, counts=counted.counts, beyond=0, none=0, median=None)
 
 
-def _action_edges(actions: Array, robot: RobotConfig) -> tuple[Array, Array]:
+def _action_edges(actions: Float64Array, robot: RobotConfig) -> tuple[Float64Array, Float64Array]:
     first = math.floor(min(0.0, float(actions[:, 0].min())) / V_STEP_MPS + 1e-6)
     last = math.ceil(robot.v_max_mps / V_STEP_MPS - 1e-6)
-    v_edges: Array = np.array([V_STEP_MPS * k for k in range(first, last + 1)])
+    v_edges: Float64Array = np.array([V_STEP_MPS * k for k in range(first, last + 1)])
     return v_edges, np.linspace(-robot.w_max_radps, robot.w_max_radps, W_BINS + 1)
 
 
-def _joint_counts(actions: Array, v_edges: Array, w_edges: Array) -> Counts:
+def _joint_counts(actions: Float64Array, v_edges: Float64Array, w_edges: Float64Array) -> Int64Array:
     """Samples by speed and turn rate; the last bins hold their upper edges, which are the robot's limits."""
     # Commands are stored in single precision: 0.7 must not fall below the edge at 0.7.
     i = np.clip(np.searchsorted(v_edges - 1e-6, actions[:, 0], side="right") - 1, 0, len(v_edges) - 2)
@@ -222,9 +219,9 @@ def _joint_counts(actions: Array, v_edges: Array, w_edges: Array) -> Counts:
     return counts
 
 
-def _least(values: npt.NDArray[Any], starts: npt.NDArray[np.int64]) -> Array:
+def _least(values: AnyArray, starts: Int64Array) -> Float64Array:
     """Smallest value of each episode."""
-    least: Array = np.minimum.reduceat(values.astype(np.float64), starts)
+    least: Float64Array = np.minimum.reduceat(values.astype(np.float64), starts)
     return least
 
 

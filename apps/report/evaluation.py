@@ -20,8 +20,8 @@ from readygo.apps.report.page import (
     percent,
 )
 from readygo.apps.report.tables import TASK_NAMES, DriverScore, success_rates
+from readygo.common.arrays import UInt8Array
 from readygo.common.drawing import plan_view
-from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, ROBOT, Rgb
 from readygo.common.episode.metrics import TaskSummary
 from readygo.common.maps import OccupancyMap
@@ -52,7 +52,7 @@ class Failure:
     record: EpisodeRecord
     goal_distance_m: float
     """Distance to the goal at the end [m]."""
-    picture: Picture
+    picture: UInt8Array
     """The map with the trajectories of robot and humans."""
     strip: Sequence[StripImage]
     film: Path | None = None
@@ -127,7 +127,7 @@ def gallery_html(content: EvaluationContent) -> str:
     )
 
 
-def draw_runs(occupancy: OccupancyMap, runs: Sequence[tuple[EpisodeRecord, RobotTrajectory]]) -> Picture:
+def draw_runs(occupancy: OccupancyMap, runs: Sequence[tuple[EpisodeRecord, RobotTrajectory]]) -> UInt8Array:
     """Paths of many episodes on the whole map; the colour of a dot shows how each ended."""
     view = plan_view.resize_view(plan_view.map_view(occupancy), _MAP_HEIGHT_PX)
     picture = view.rgb.copy()

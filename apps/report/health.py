@@ -6,7 +6,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.report.health_numbers import Sightlines
 from readygo.apps.report.page import (
@@ -21,7 +20,7 @@ from readygo.apps.report.page import (
     photograph,
     small_print,
 )
-from readygo.common.drawing.files import Picture
+from readygo.common.arrays import Float32Array, UInt8Array
 from readygo.common.drawing.plan_view import INK, Rgb, draw_path, draw_scale_bar, put_mark, sample_grid, window_around
 from readygo.common.drawing.sheet import area_swatch, line_swatch, sheet
 from readygo.common.maps import OccupancyMap
@@ -57,7 +56,7 @@ _PSNR: tuple[tuple[float, Rgb, str], ...] = (
 )
 
 
-def health_page(numbers: Mapping[str, Any], pictures: Mapping[str, Picture]) -> str:
+def health_page(numbers: Mapping[str, Any], pictures: Mapping[str, UInt8Array]) -> str:
     """The page as HTML text.
 
     Args:
@@ -87,7 +86,7 @@ def health_page(numbers: Mapping[str, Any], pictures: Mapping[str, Picture]) -> 
     )
 
 
-def sightlines_map(lines: Sightlines, occupancy: OccupancyMap) -> Picture:
+def sightlines_map(lines: Sightlines, occupancy: OccupancyMap) -> UInt8Array:
     """The map with the lines of sight that leave the scene."""
     view = window_around(occupancy, ~occupancy.occupied, side_px=SIDE_PX)
     picture = view.rgb.copy()
@@ -103,7 +102,7 @@ def sightlines_map(lines: Sightlines, occupancy: OccupancyMap) -> Picture:
     return sheet([[picture]], [(words, INK)], [(line_swatch(OUT), "looks out of the scene at the height of eyes")])
 
 
-def filmed_map(share: npt.NDArray[np.float32], occupancy: OccupancyMap) -> Picture:
+def filmed_map(share: Float32Array, occupancy: OccupancyMap) -> UInt8Array:
     """The map with the ground coloured by the share of the view from there that was filmed."""
     view = window_around(OccupancyMap(frame=occupancy.frame, occupied=share <= 0.0), share > 0.0, side_px=SIDE_PX)
     picture = view.rgb.copy()
@@ -116,7 +115,7 @@ def filmed_map(share: npt.NDArray[np.float32], occupancy: OccupancyMap) -> Pictu
     )
 
 
-def held_out_map(images: Sequence[dict[str, Any]], occupancy: OccupancyMap) -> Picture | None:
+def held_out_map(images: Sequence[dict[str, Any]], occupancy: OccupancyMap) -> UInt8Array | None:
     """The map with the places and the quality of held-out images; None if their places are unknown."""
     placed = [row for row in images if row["xyyaw"] is not None]
     if not placed:
@@ -179,7 +178,7 @@ def _origin(numbers: Mapping[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def _held_out(held_out: Mapping[str, Any] | None, pictures: Mapping[str, Picture]) -> list[Block]:
+def _held_out(held_out: Mapping[str, Any] | None, pictures: Mapping[str, UInt8Array]) -> list[Block]:
     if not held_out:
         return []
     rows = [
@@ -190,7 +189,7 @@ def _held_out(held_out: Mapping[str, Any] | None, pictures: Mapping[str, Picture
     return [*_figures(pictures, where), PageTable(("Number", "Image", "PSNR", "SSIM"), rows, text_columns=2)]
 
 
-def _filmed(filmed: Mapping[str, Any] | None, pictures: Mapping[str, Picture]) -> list[Block]:
+def _filmed(filmed: Mapping[str, Any] | None, pictures: Mapping[str, UInt8Array]) -> list[Block]:
     if not filmed:
         return []
     limit = percent(filmed["share_min"])
@@ -217,7 +216,7 @@ def _unwanted(numbers: Mapping[str, Any]) -> list[list[str]]:
     return [*rows, ["fainter than 0.1", "", f"{100 * numbers['opacity_below_0p1_share']:.1f} %"]]
 
 
-def _figures(pictures: Mapping[str, Picture], captions: Mapping[str, str]) -> list[Block]:
+def _figures(pictures: Mapping[str, UInt8Array], captions: Mapping[str, str]) -> list[Block]:
     """The existing pictures with captions, side by side if there is room."""
     given = {name: caption for name, caption in captions.items() if name in pictures}
     return arranged(
@@ -229,7 +228,7 @@ def _figures(pictures: Mapping[str, Picture], captions: Mapping[str, str]) -> li
     )
 
 
-def _shrunk(picture: Picture) -> Picture:
+def _shrunk(picture: UInt8Array) -> UInt8Array:
     """A picture at most `SIDE_MAX_PX` wide and high."""
     share = SIDE_MAX_PX / max(picture.shape[:2])
     if share >= 1.0:

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.views.places import spread_places
 from readygo.apps.views.sightlines import sight_m
 from readygo.apps.views.views import SceneViews, warnings
+from readygo.common.arrays import BoolArray, Float64Array
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.documents import read_json
 from readygo.common.errors import SceneError
@@ -21,8 +21,6 @@ from readygo.common.scenes import Scene
 from readygo.common.scenes.filmed import FILMED_MIN
 from readygo.common.scenes.report import scene_report
 from readygo.common.scenes.scene import HUMAN_MAP_FILE, REPORT_FILE
-
-Floats = npt.NDArray[np.float64]
 
 HOLE_MIN_M2 = 0.05
 """Smallest area of a hole in the floor [m2]; smaller ones are gaps between Gaussians."""
@@ -35,11 +33,11 @@ SIGHT_PLACES, BEARINGS = 16, 72
 class Sightlines:
     """Lines of sight that leave a scene: no obstacle up to the end of its map."""
 
-    places_m: Floats
+    places_m: Float64Array
     """Viewpoints [m], shape (P, 2)."""
-    bearings_rad: Floats
+    bearings_rad: Float64Array
     """Directions [rad], shape (B,)."""
-    open: npt.NDArray[np.bool_]
+    open: BoolArray
     """True for viewpoints and directions without an obstacle, shape (P, B)."""
 
     @property
@@ -48,7 +46,7 @@ class Sightlines:
         return float(self.open.mean())
 
 
-def sightlines(scene: Scene, reachable: npt.NDArray[np.bool_]) -> Sightlines:
+def sightlines(scene: Scene, reachable: BoolArray) -> Sightlines:
     """Compute lines of sight at eye height from viewpoints all over the reachable ground.
 
     Args:
@@ -64,13 +62,13 @@ def sightlines(scene: Scene, reachable: npt.NDArray[np.bool_]) -> Sightlines:
     return Sightlines(places_m=places, bearings_rad=bearings, open=seen_m >= far_m)
 
 
-def reachable_ground(scene: Scene, radius_m: float) -> npt.NDArray[np.bool_]:
+def reachable_ground(scene: Scene, radius_m: float) -> BoolArray:
     """The largest area that a disc of a radius [m] can move in, shape (H, W).
 
     Raises:
         SceneError: If there is no such area.
     """
-    cells: npt.NDArray[np.bool_] = free_components(clearance_m(scene.maps.robot) > radius_m)[0] == 1
+    cells: BoolArray = free_components(clearance_m(scene.maps.robot) > radius_m)[0] == 1
     if not cells.any():
         raise SceneError(f"Nowhere in scene {scene.name} is there room for a disc of radius {radius_m:g} m.")
     return cells
@@ -145,7 +143,7 @@ def _held_out(made: dict[str, Any], views: CapturedViews | None) -> dict[str, An
     return {"psnr_db": training.get("psnr_db"), "ssim": training.get("ssim"), "images": images}
 
 
-def _xyyaw(T_world_camera: Floats | None) -> list[float] | None:
+def _xyyaw(T_world_camera: Float64Array | None) -> list[float] | None:
     if T_world_camera is None:
         return None
     x, y = T_world_camera[:2, 3]

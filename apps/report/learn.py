@@ -4,9 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
 from readygo.apps.report.page import (
     Block,
     ColourLegend,
@@ -27,8 +24,8 @@ from readygo.apps.report.page import (
     small_print,
 )
 from readygo.apps.report.tables import DriverScore, success_rates
+from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.drawing.charts import Curve, line_chart
-from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import (
     HUMANS,
     INK,
@@ -56,7 +53,7 @@ class Ends:
 
     name: str
     """Kind of end, for example "hit a wall"."""
-    xy_m: npt.NDArray[np.float64]
+    xy_m: Float64Array
     """Last positions of the robot [m], shape (N, 2)."""
 
 
@@ -188,7 +185,7 @@ def _failures(content: ReportContent) -> list[Block]:
     return [*blocks, links] if content.pages else blocks
 
 
-def _draw_ends(content: ReportContent, coloured: Sequence[tuple[Ends, Rgb]]) -> Picture:
+def _draw_ends(content: ReportContent, coloured: Sequence[tuple[Ends, Rgb]]) -> UInt8Array:
     view = _plan(content)
     picture = view.rgb.copy()
     for ends, colour in coloured:

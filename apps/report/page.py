@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from readygo.common.drawing.files import Picture, jpeg_bytes, png_bytes
+from readygo.common.arrays import UInt8Array
+from readygo.common.drawing.files import jpeg_bytes, png_bytes
 from readygo.common.drawing.plan_view import Rgb
 
 if TYPE_CHECKING:
@@ -123,7 +124,7 @@ class StripImage:
 
     time_s: float
     """Simulated time since the episode began [s]."""
-    rgb: Picture
+    rgb: UInt8Array
     """Pixels, shape (H, W, 3)."""
 
 
@@ -227,12 +228,12 @@ def arranged(kind: Literal["pair", "strip", "stack"], blocks: Sequence[Block | N
     return [Arrangement(kind=kind, blocks=given)] if given else []
 
 
-def photograph(rgb: Picture, caption: str, *, alt: str = "") -> MediaFigure:
+def photograph(rgb: UInt8Array, caption: str, *, alt: str = "") -> MediaFigure:
     """A figure with a JPEG image inside of the page."""
     return MediaFigure(image=_data_uri("image/jpeg", jpeg_bytes(rgb)), caption=caption, alt=alt or caption)
 
 
-def drawing(rgb: Picture, caption: str, *, alt: str = "") -> MediaFigure:
+def drawing(rgb: UInt8Array, caption: str, *, alt: str = "") -> MediaFigure:
     """A figure with a PNG image inside of the page: a map or a drawing."""
     return MediaFigure(image=_data_uri("image/png", png_bytes(rgb)), caption=caption, alt=alt or caption)
 

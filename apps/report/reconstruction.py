@@ -9,9 +9,9 @@ import numpy as np
 
 from readygo.apps.capture.compare import FoundPoseErrors
 from readygo.apps.report.page import Block, PageTable, arranged, drawing, fact_table, film, page
+from readygo.common.arrays import UInt8Array
 from readygo.common.dataset import Dataset
 from readygo.common.documents import read_json
-from readygo.common.drawing.files import Picture
 from readygo.common.errors import RunError
 from readygo.common.images.encoded import read_pixels
 from readygo.common.scenes import Scene
@@ -78,7 +78,7 @@ def tiles(made: Reconstructed) -> list[tuple[str, str]]:
     ]
 
 
-def photo_and_image(path: Path) -> Picture:
+def photo_and_image(path: Path) -> UInt8Array:
     """The first two of a held-out preview's three pictures, enlarged.
 
     Raises:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.robot_logs.reader import LoggedPoses
+from readygo.common.arrays import BoolArray, Float64Array, Int64Array
 from readygo.common.frames import goal_in_robot_frame
 from readygo.common.robot import Clock, RobotConfig, limit_command, step_unicycle
 from readygo.common.robot.kinematics import DT_S, STEP_NS
@@ -28,9 +28,9 @@ class UnicycleDrive:
 
     start_ns: int
     """Time of the first sample in the log [ns]."""
-    xyyaw: npt.NDArray[np.float64]
+    xyyaw: Float64Array
     """Pose at each sample: x, y [m], yaw [rad], shape (T, 3)."""
-    actions: npt.NDArray[np.float64]
+    actions: Float64Array
     """Command over the next step: v [m/s], w [rad/s], shape (T, 2)."""
     clock: Clock
     """Clock of the samples."""
@@ -38,12 +38,12 @@ class UnicycleDrive:
     """Largest distance from the odometry [m]."""
 
     @property
-    def times_ns(self) -> npt.NDArray[np.int64]:
+    def times_ns(self) -> Int64Array:
         """Time of each sample in the log [ns], shape (T,)."""
         return _ticks(self.start_ns, self.clock, len(self.xyyaw))
 
 
-def spans(odometry: LoggedPoses, image_times_ns: npt.NDArray[np.int64], episode_s: float) -> list[tuple[int, int]]:
+def spans(odometry: LoggedPoses, image_times_ns: Int64Array, episode_s: float) -> list[tuple[int, int]]:
     """First and last times of the episodes of a log [ns].
 
     Args:
@@ -91,8 +91,8 @@ def drive_of(odometry: LoggedPoses, span: tuple[int, int], robot: RobotConfig) -
 
 def _follow(
     pose: tuple[float, float, float],
-    here: npt.NDArray[np.float64],
-    following: npt.NDArray[np.float64],
+    here: Float64Array,
+    following: Float64Array,
     dt_s: float,
 ) -> tuple[float, float]:
     """The command of a controller that tracks the odometry: v [m/s], w [rad/s].
@@ -107,24 +107,24 @@ def _follow(
     return v * math.cos(off_rad) + GAIN_X * ahead_m, turn_rad / dt_s + v * GAIN_Y * left_m + GAIN_YAW * off_rad
 
 
-def _ticks(first_ns: int, clock: Clock, count: int) -> npt.NDArray[np.int64]:
+def _ticks(first_ns: int, clock: Clock, count: int) -> Int64Array:
     return first_ns + np.array([clock.time_ns(step) for step in range(count)], np.int64)
 
 
-def _at(odometry: LoggedPoses, times_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+def _at(odometry: LoggedPoses, times_ns: Int64Array) -> Float64Array:
     """Poses at times, interpolated between the measured ones, shape (T, 3)."""
     columns = [np.interp(times_ns, odometry.time_ns, column) for column in odometry.xyyaw.T]
     return np.stack(columns, axis=1)
 
 
-def _fresh(times_ns: npt.NDArray[np.int64], known_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+def _fresh(times_ns: Int64Array, known_ns: Int64Array) -> BoolArray:
     """True at times within `GAP_NS` after a message whose successor follows within `GAP_NS`, shape (T,)."""
     place = np.searchsorted(known_ns, times_ns, side="right") - 1
     following = known_ns[np.minimum(place + 1, len(known_ns) - 1)]
     return (place >= 0) & (times_ns - known_ns[place] <= GAP_NS) & (following - known_ns[place] <= GAP_NS)
 
 
-def _still(odometry: LoggedPoses, times_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+def _still(odometry: LoggedPoses, times_ns: Int64Array) -> BoolArray:
     """True at times within a standstill of at least `STILL_S`, shape (T,)."""
     poses = _at(odometry, times_ns)
     speed = np.linalg.norm(np.gradient(poses[:, :2], DT_S, axis=0), axis=1) if len(poses) > 1 else np.zeros(len(poses))

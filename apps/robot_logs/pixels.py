@@ -1,12 +1,12 @@
 """Decoding of images of ROS robots' cameras."""
 
 import struct
-from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, Float32Array, UInt16Array
 from readygo.common.images.encoded import decode_pixels
 
 _BGR: dict[str, tuple[int, int | None]] = {
@@ -39,7 +39,7 @@ _DEPTH_HEADER = struct.Struct("<iff")
 
 def depth_of(
     data: npt.ArrayLike, *, encoding: str, height_px: int, width_px: int, row_bytes: int, big_endian: bool = False
-) -> npt.NDArray[np.float32]:
+) -> Float32Array:
     """Depths of a raw image.
 
     Args:
@@ -70,7 +70,7 @@ def depth_of(
 
 def pixels_of(
     data: npt.ArrayLike, *, encoding: str, height_px: int, width_px: int, row_bytes: int, big_endian: bool = False
-) -> npt.NDArray[Any]:
+) -> AnyArray:
     """Depths [m] or BGR pixels of a raw image, by its encoding; arguments as in `depth_of`."""
     size = {"height_px": height_px, "width_px": width_px, "row_bytes": row_bytes}
     if encoding in DEPTHS:
@@ -78,7 +78,7 @@ def pixels_of(
     return bgr_of(data, encoding=encoding, **size)
 
 
-def compressed_depth_of(data: bytes, image_format: str) -> npt.NDArray[np.float32]:
+def compressed_depth_of(data: bytes, image_format: str) -> Float32Array:
     """Depths of a compressed image of ROS's compressedDepth, see `compressed_depth`.
 
     Args:
@@ -113,7 +113,7 @@ def is_compressed_depth(image_format: str) -> bool:
     return "compressedDepth" in image_format
 
 
-def compressed_depth(depth_m: npt.NDArray[np.float32]) -> tuple[bytes, str]:
+def compressed_depth(depth_m: Float32Array) -> tuple[bytes, str]:
     """Encode depths [m] as ROS's compressedDepth of 16UC1; returns the bytes and the format field.
 
     The header's quantisation of inverse depths is unused: 16UC1 has plain millimetres.
@@ -123,14 +123,14 @@ def compressed_depth(depth_m: npt.NDArray[np.float32]) -> tuple[bytes, str]:
     return _DEPTH_HEADER.pack(0, 0.0, 0.0) + png.tobytes(), "16UC1; compressedDepth png"
 
 
-def millimetres(depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:
+def millimetres(depth_m: Float32Array) -> UInt16Array:
     """Depths [m] as 16UC1: millimetres, 0 where nothing was measured."""
     with np.errstate(invalid="ignore"):
         rounded = np.rint(depth_m * np.float32(1000.0))
     return np.where((rounded > 0) & (rounded < 2**16), rounded, 0).astype(np.uint16)
 
 
-def bgr_of(data: npt.ArrayLike, *, encoding: str, height_px: int, width_px: int, row_bytes: int) -> npt.NDArray[Any]:
+def bgr_of(data: npt.ArrayLike, *, encoding: str, height_px: int, width_px: int, row_bytes: int) -> AnyArray:
     """Pixels of a raw image.
 
     Args:

@@ -12,9 +12,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.robot_logs.pixels import bgr_of
+from readygo.common.arrays import Float64Array, Int64Array
 from readygo.common.errors import ConfigError, DatasetError, ReadygoError
 from readygo.common.extras import install_command
 from readygo.common.files import open_regular
@@ -37,9 +37,9 @@ _WORDS_MAX = 200
 class LoggedPoses:
     """Poses of the robot over time."""
 
-    time_ns: npt.NDArray[np.int64]
+    time_ns: Int64Array
     """Times of the poses [ns], rising, shape (T,)."""
-    xyyaw: npt.NDArray[np.float64]
+    xyyaw: Float64Array
     """Poses: x, y [m], yaw [rad, unwrapped], shape (T, 3)."""
 
 
@@ -111,7 +111,7 @@ class RobotLog:
             return LogCamera.of(info)
         raise DatasetError(f"{topic} of {self._path} has no message.")
 
-    def image_times_ns(self, topic: str) -> npt.NDArray[np.int64]:
+    def image_times_ns(self, topic: str) -> Int64Array:
         """Recording times of images [ns], shape (N,); no image is decoded."""
         connections = self._connections(topic, IMAGE_TYPES)
         with _damage_in_one_line(self._path):

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.views.views import SceneViews, ViewPlace
-from readygo.common.drawing.files import Picture
+from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.drawing.plan_view import (
     INK,
     WHITE,
@@ -45,7 +45,7 @@ def sharpness_legend() -> list[tuple[Swatch, str]]:
     return [(area_swatch(colour, 1.0), text) for _, colour, text in _STEPS]
 
 
-def views_sheet(views: SceneViews, name: str) -> Picture:
+def views_sheet(views: SceneViews, name: str) -> UInt8Array:
     """The typical view from each place, with number, place, sharpness and coverage below it.
 
     Args:
@@ -69,7 +69,7 @@ def views_sheet(views: SceneViews, name: str) -> Picture:
     return sheet(rows, headline, [(area_swatch(INK, 1.0), note), (area_swatch(ALARM, 1.0), "too little to learn from")])
 
 
-def clarity_map(views: SceneViews, occupancy: OccupancyMap, radius_m: float) -> Picture:
+def clarity_map(views: SceneViews, occupancy: OccupancyMap, radius_m: float) -> UInt8Array:
     """The map, its reachable ground in the colour of the nearest place's sharpness; numbers are those of the sheet.
 
     Args:
@@ -96,7 +96,7 @@ def clarity_map(views: SceneViews, occupancy: OccupancyMap, radius_m: float) -> 
 
 
 def _nearest(
-    columns: npt.NDArray[np.intp], rows: npt.NDArray[np.intp], places_px: npt.NDArray[np.float64]
+    columns: npt.NDArray[np.intp], rows: npt.NDArray[np.intp], places_px: Float64Array
 ) -> npt.NDArray[np.intp]:
     """Number of the nearest place for each pixel, shape (N,)."""
     owner, least = np.zeros(len(rows), np.intp), np.full(len(rows), np.inf)
@@ -107,7 +107,7 @@ def _nearest(
     return owner
 
 
-def add_caption(rgb: Picture, text: str, colour: Rgb = INK) -> Picture:
+def add_caption(rgb: UInt8Array, text: str, colour: Rgb = INK) -> UInt8Array:
     """A picture at the size of a thumbnail, with a line of text below it."""
     height, width = rgb.shape[:2]
     size = (TILE_WIDTH_PX, round(height * TILE_WIDTH_PX / width))
@@ -119,7 +119,7 @@ def add_caption(rgb: Picture, text: str, colour: Rgb = INK) -> Picture:
     return np.concatenate([image, caption])
 
 
-def _tile(number: int, place: ViewPlace) -> Picture:
+def _tile(number: int, place: ViewPlace) -> UInt8Array:
     look = place.typical
     x_m, y_m, _ = look.xyyaw
     text = f"{number}  ({x_m:.1f}, {y_m:.1f})  sharp {look.sharpness:.0f}  surface {100 * look.coverage:.0f} %"

@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float64Array, Int64Array
 from readygo.common.maps import GridFrame
 
 HEADINGS = 4
@@ -13,7 +13,7 @@ _CELLS_MAX = 20_000
 _ROUNDS = 4
 
 
-def poses_to_look_from(reachable: npt.NDArray[np.bool_], frame: GridFrame, count: int) -> npt.NDArray[np.float64]:
+def poses_to_look_from(reachable: BoolArray, frame: GridFrame, count: int) -> Float64Array:
     """Poses of sample views, `HEADINGS` per place.
 
     Args:
@@ -29,7 +29,7 @@ def poses_to_look_from(reachable: npt.NDArray[np.bool_], frame: GridFrame, count
     return np.concatenate([places, np.broadcast_to(yaws[:, None], (*places.shape[:2], 1))], axis=-1)
 
 
-def spread_places(reachable: npt.NDArray[np.bool_], frame: GridFrame, count: int) -> npt.NDArray[np.float64]:
+def spread_places(reachable: BoolArray, frame: GridFrame, count: int) -> Float64Array:
     """Centres of cells that represent about equal areas [m], shape (places, 2); deterministic for a map.
 
     The places start far from each other; each then moves to the centre of the cells nearest to it (Lloyd, 1982).
@@ -48,11 +48,11 @@ def spread_places(reachable: npt.NDArray[np.bool_], frame: GridFrame, count: int
     # From the largest y down, as people read a map.
     rows = sorted({tuple(cells[k]) for k in chosen}, reverse=True)
     corner = np.array([frame.origin_x_m, frame.origin_y_m])
-    places: npt.NDArray[np.float64] = corner + (np.array(rows)[:, ::-1] + 0.5) * frame.resolution_m
+    places: Float64Array = corner + (np.array(rows)[:, ::-1] + 0.5) * frame.resolution_m
     return places
 
 
-def _square_distances(cells: npt.NDArray[np.int64], cell: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    offset: npt.NDArray[np.float64] = (cells - cell).astype(np.float64)
-    squared: npt.NDArray[np.float64] = offset[:, 0] ** 2 + offset[:, 1] ** 2
+def _square_distances(cells: Int64Array, cell: Float64Array) -> Float64Array:
+    offset: Float64Array = (cells - cell).astype(np.float64)
+    squared: Float64Array = offset[:, 0] ** 2 + offset[:, 1] ** 2
     return squared

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.apps.pictures.side_by_side import has_several, recorded_together, shown_images
 from readygo.apps.views.pictures import (
@@ -16,8 +15,8 @@ from readygo.apps.views.pictures import (
     sharpness_colour,
     sharpness_legend,
 )
+from readygo.common.arrays import Int64Array, UInt8Array
 from readygo.common.dataset import Dataset, RecordedClarity, recorded_clarity
-from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import INK, draw_disc, draw_scale_bar, map_window
 from readygo.common.drawing.sheet import sheet, stack_panels
 from readygo.common.errors import ReadygoError
@@ -100,7 +99,7 @@ def _blurred_places(dataset: Dataset, clarity: RecordedClarity) -> list[str]:
     return named
 
 
-def thumbnails(dataset: Dataset, name: str) -> Picture:
+def thumbnails(dataset: Dataset, name: str) -> UInt8Array:
     """Recorded images, spread over the episodes, with place and sharpness below them.
 
     Args:
@@ -122,7 +121,7 @@ def thumbnails(dataset: Dataset, name: str) -> Picture:
     return sheet(rows, [(f"recorded in {name}", INK), (str(clarity), colour)], [])
 
 
-def camera_moments(dataset: Dataset) -> Picture | None:
+def camera_moments(dataset: Dataset) -> UInt8Array | None:
     """All cameras' images at some moments, depths included; None for a dataset with one image per moment.
 
     Args:
@@ -145,7 +144,7 @@ def camera_moments(dataset: Dataset) -> Picture | None:
     return stack_panels([recorded_together(dataset, sample, rows, robot, width_px=MOMENT_WIDTH_PX) for sample in shown])
 
 
-def recorded_map(dataset: Dataset, clarity: RecordedClarity, occupancy: OccupancyMap | None) -> Picture:
+def recorded_map(dataset: Dataset, clarity: RecordedClarity, occupancy: OccupancyMap | None) -> UInt8Array:
     """Map of the places of the measured images, in the colours of their sharpness.
 
     Args:
@@ -173,13 +172,13 @@ def recorded_map(dataset: Dataset, clarity: RecordedClarity, occupancy: Occupanc
     return sheet([[picture]], [("sharpness of recorded pictures", INK)], sharpness_legend())
 
 
-def _spread(clarity: RecordedClarity, count: int) -> npt.NDArray[np.int64]:
+def _spread(clarity: RecordedClarity, count: int) -> Int64Array:
     """Some of the measured samples, spread evenly."""
     total = len(clarity.samples)
     return clarity.samples[np.arange(min(count, total)) * total // min(count, total)]
 
 
-def _thumbnail(dataset: Dataset, index: int, sharp: float) -> Picture:
+def _thumbnail(dataset: Dataset, index: int, sharp: float) -> UInt8Array:
     entry = dataset.episodes[int(dataset.episode_of_sample[index])]
     x_m, y_m = dataset.poses[index, :2].tolist()
     time_s = int(dataset.time_ns[index]) / 1e9

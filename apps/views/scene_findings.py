@@ -9,7 +9,7 @@ import numpy as np
 from readygo.apps.pictures.scene_maps import OCCUPIED, REACHABLE, SEPARATE, TOO_NARROW, UNKNOWN
 from readygo.apps.views.pictures import ALARM
 from readygo.apps.views.views import SceneViews
-from readygo.common.drawing.files import Picture
+from readygo.common.arrays import UInt8Array
 from readygo.common.drawing.plan_view import (
     GOAL,
     HUMANS,
@@ -33,7 +33,7 @@ HEIGHT_PX, WIDTH_MAX_PX = 900, 1600
 LINE_PX, LETTER_PX = 20, 6.8
 
 
-def findings_map(plan: ScenePlan, seen: SceneViews, sentences: Sequence[str], name: str, radius_m: float) -> Picture:
+def findings_map(plan: ScenePlan, seen: SceneViews, sentences: Sequence[str], name: str, radius_m: float) -> UInt8Array:
     """The robot's map with marks at likely defects.
 
     Args:
@@ -83,7 +83,7 @@ def _map(plan: ScenePlan, radius_m: float) -> TopView:
     return resize_view(view, min(HEIGHT_PX, round(WIDTH_MAX_PX * len(cells) / cells.shape[1])))
 
 
-def _text(sentences: Sequence[str], width: int) -> Picture:
+def _text(sentences: Sequence[str], width: int) -> UInt8Array:
     lines = [
         line
         for sentence in sentences

@@ -1,15 +1,14 @@
 """Lengths of lines of sight in a scene, on its map."""
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float64Array
 from readygo.common.maps import GridFrame
 
-Cells = npt.NDArray[np.bool_]
-Floats = npt.NDArray[np.float64]
 
-
-def sight_m(opaque: Cells, frame: GridFrame, xy_m: Floats, bearings_rad: Floats, *, far_m: float = 4.0) -> Floats:
+def sight_m(
+    opaque: BoolArray, frame: GridFrame, xy_m: Float64Array, bearings_rad: Float64Array, *, far_m: float = 4.0
+) -> Float64Array:
     """Length of the line of sight from places along bearings [m].
 
     Args:

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from readygo.common.arrays import Float64Array
+
 Frame = dict[str, list[float]]
 
 METRES = 0.0254 / 0.45
@@ -25,21 +25,21 @@ BONES: dict[int, str | None] = {
 class Bone(NamedTuple):
     """One bone of an Acclaim skeleton."""
 
-    vector_m: Array
+    vector_m: Float64Array
     """Vector from its near to its far end in the rest pose [m], shape (3,)."""
-    R_axis: Array
+    R_axis: Float64Array
     """Axes of its angles, shape (3, 3)."""
     dof: list[str]
     """Its angles, of rx, ry and rz."""
 
 
-def rotation(degrees: list[float]) -> Array:
+def rotation(degrees: list[float]) -> Float64Array:
     """Acclaim's XYZ order: about x first, then y, then z, all in fixed axes."""
     (cx, cy, cz), (sx, sy, sz) = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     X = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
     Y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
     Z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
-    R: Array = Z @ Y @ X
+    R: Float64Array = Z @ Y @ X
     return R
 
 
@@ -82,7 +82,9 @@ def read_frames(path: Path) -> list[Frame]:
     return frames
 
 
-def pose_of(bones: dict[str, Bone], parents: dict[str, str], frame: Frame) -> tuple[dict[str, Array], dict[str, Array]]:
+def pose_of(
+    bones: dict[str, Bone], parents: dict[str, str], frame: Frame
+) -> tuple[dict[str, Float64Array], dict[str, Float64Array]]:
     """Far end of every bone [m] and its global rotation, y-up; "root" is the pelvis."""
     root = frame.get("root", [0.0] * 6)
     P, G = {"root": np.array(root[:3]) * METRES}, {"root": rotation(root[3:])}
@@ -94,7 +96,7 @@ def pose_of(bones: dict[str, Bone], parents: dict[str, str], frame: Frame) -> tu
     return P, G
 
 
-def smpl_joints(ends: dict[str, Array]) -> Array:
+def smpl_joints(ends: dict[str, Float64Array]) -> Float64Array:
     """Joints 0..21; CMU's clavicles begin at the chest, SMPL's collars a third of the way out and up."""
     P = np.array([ends[BONES[j] or "root"] for j in range(22)])
     for collar, shoulder in ((13, 16), (14, 17)):
@@ -102,7 +104,7 @@ def smpl_joints(ends: dict[str, Array]) -> Array:
     return P
 
 
-def read_clip(folder: Path, clip: str) -> tuple[Array, dict[str, Array]]:
+def read_clip(folder: Path, clip: str) -> tuple[Float64Array, dict[str, Float64Array]]:
     """Joints and bone rotations of a clip at 120 Hz.
 
     Args:
@@ -118,7 +120,7 @@ def read_clip(folder: Path, clip: str) -> tuple[Array, dict[str, Array]]:
     return joints, {name: np.array([G[name] for _, G in poses]) for name in poses[0][1]}
 
 
-def joints_20hz(folder: Path, subject: str, clip: str) -> tuple[Array, Array]:
+def joints_20hz(folder: Path, subject: str, clip: str) -> tuple[Float64Array, Float64Array]:
     """SMPL joints of a clip at 20 Hz in y-up axes [m], shape (T, 22, 3), and those of the rest pose, (22, 3)."""
     bones, parents = read_skeleton(folder / f"{subject}.asf")
     rest, _ = pose_of(bones, parents, {})

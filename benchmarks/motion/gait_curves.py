@@ -11,13 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.benchmarks.motion.cmu import RATE_HZ, read_clip
+from readygo.common.arrays import BoolArray, Float64Array, Int64Array
 from readygo.services.animator.gait.curves import BODY, CHEST_YAW, EVEN, HARMONICS, SAMPLES
 from readygo.services.animator.gait.human import REFERENCE_LEG_M
-
-Array = npt.NDArray[np.float64]
 
 WALKS, RUNS = ("02_01", "02_02"), ("02_03",)
 # A foot strikes when its ankle slows down to this share of the speed, and leaves when its ball is this fast.
@@ -32,24 +30,24 @@ FLAT_SLACK_RAD = np.radians(2.0)
 class Clip:
     """A straight walk or run, heading along +z, its floor level."""
 
-    joints_m: Array
+    joints_m: Float64Array
     """SMPL joints at 120 Hz, shape (T, 22, 3)."""
-    R_bones: dict[str, Array]
+    R_bones: dict[str, Float64Array]
     leg_m: float
     speed_mps: float
-    hip_line_m: Array
+    hip_line_m: Float64Array
     """Where the hips would be at constant speed, shape (T,)."""
-    stances: tuple[Array, Array]
+    stances: tuple[Float64Array, Float64Array]
     """Frames of strike and lift-off of the left and the right foot, each (N, 2), strikes increasing."""
 
 
-def _crossings(above: npt.NDArray[np.bool_], rising: bool) -> Array:
+def _crossings(above: BoolArray, rising: bool) -> Float64Array:
     change = np.diff(above.astype(int))
-    frames: Array = np.flatnonzero(change == (1 if rising else -1)) + 1.0
+    frames: Float64Array = np.flatnonzero(change == (1 if rising else -1)) + 1.0
     return frames
 
 
-def _stances(joints_m: Array, speed_mps: float, strike_share: float) -> tuple[Array, Array]:
+def _stances(joints_m: Float64Array, speed_mps: float, strike_share: float) -> tuple[Float64Array, Float64Array]:
     """Strike and next lift-off of each foot [frames]."""
     found = []
     for ankle, ball in ((7, 10), (8, 11)):
@@ -87,20 +85,20 @@ def load_clip(folder: Path, name: str) -> Clip:
     return Clip(joints_m=P, R_bones=G, leg_m=leg, speed_mps=speed, hip_line_m=slope * time + start, stances=stances)
 
 
-def _flat_frames(pairs: Array, count: int) -> list[npt.NDArray[np.int64]]:
+def _flat_frames(pairs: Float64Array, count: int) -> list[Int64Array]:
     """Frames of each stance in which the sole lies flat."""
     share = np.array(FLAT)
     return [np.arange(*np.rint(a + (b - a) * share).astype(int)).clip(0, count - 1) for a, b in pairs]
 
 
-def _pitch(clip: Clip, foot: int) -> Array:
+def _pitch(clip: Clip, foot: int) -> Float64Array:
     """Pitch of a foot relative to a flat sole [rad], toes down positive, shape (T,)."""
     sole = clip.joints_m[:, 10 + foot] - clip.joints_m[:, 7 + foot]
-    pitch: Array = np.arctan2(-sole[:, 1], sole[:, 2])
+    pitch: Float64Array = np.arctan2(-sole[:, 1], sole[:, 2])
     return pitch - np.median(pitch[np.concatenate(_flat_frames(clip.stances[foot], len(pitch)))])
 
 
-def _spans(clip: Clip, swing: bool) -> list[tuple[int, Array]]:
+def _spans(clip: Clip, swing: bool) -> list[tuple[int, Float64Array]]:
     """Foot and sample times [frames] of all whole stances or swings."""
     spans = []
     for foot, pairs in enumerate(clip.stances):
@@ -109,15 +107,15 @@ def _spans(clip: Clip, swing: bool) -> list[tuple[int, Array]]:
     return spans
 
 
-def _mean_curve(clip: Clip, swing: bool, series: tuple[Array, Array]) -> Array:
+def _mean_curve(clip: Clip, swing: bool, series: tuple[Float64Array, Float64Array]) -> Float64Array:
     """Mean over stances or swings of a series per foot, shape (SAMPLES,)."""
     frames = np.arange(len(clip.joints_m))
     curves = [np.interp(times, frames, series[foot]) for foot, times in _spans(clip, swing)]
-    mean: Array = np.mean(curves, axis=0)
+    mean: Float64Array = np.mean(curves, axis=0)
     return mean
 
 
-def _flat_between(pitch: Array) -> Array:
+def _flat_between(pitch: Float64Array) -> Float64Array:
     """A stance's pitch with the sole exactly flat between heel strike and heel-off."""
     middle = round((SAMPLES - 1) * FLAT[0])
     size = np.abs(pitch)
@@ -125,7 +123,7 @@ def _flat_between(pitch: Array) -> Array:
     # The ends keep their pitch: only what is nearly flat is made so.
     kept = rest + FLAT_SLACK_RAD * np.clip(size / FLAT_SLACK_RAD / 4.0 - 0.5, 0.0, 1.0)
     ahead, behind = np.minimum(np.sign(pitch) * kept, 0.0), np.maximum(np.sign(pitch) * kept, 0.0)
-    flat: Array = np.where(np.arange(SAMPLES) <= middle, ahead, behind)
+    flat: Float64Array = np.where(np.arange(SAMPLES) <= middle, ahead, behind)
     return flat
 
 
@@ -157,7 +155,7 @@ def feet_of(clip: Clip) -> dict[str, Any]:
     }
 
 
-def _cycle(clip: Clip) -> Array:
+def _cycle(clip: Clip) -> Float64Array:
     """Gait phase of every frame [strides]: whole at the left foot's strikes."""
     left, right = (pairs[:, 0] for pairs in clip.stances)
     first = np.round((right[0] - left[0]) / np.mean(np.diff(left) if len(left) > 1 else np.diff(right)) - 0.5)
@@ -168,11 +166,11 @@ def _cycle(clip: Clip) -> Array:
     strikes, phases = strikes[order], phases[order]
     frames = np.arange(len(clip.joints_m))
     beyond = np.clip(frames - strikes[-1], 0, None) + np.clip(frames - strikes[0], None, 0)
-    cycle: Array = np.interp(frames, strikes, phases) + rate * beyond
+    cycle: Float64Array = np.interp(frames, strikes, phases) + rate * beyond
     return cycle
 
 
-def _arm(clip: Clip, side: int) -> tuple[Array, Array, Array]:
+def _arm(clip: Clip, side: int) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Flexion and abduction of an upper arm, relative to hanging, and the bend of the elbow [rad], each (T,)."""
     P, outward = clip.joints_m, 1.0 - 2.0 * side
     upper, lower = P[:, 18 + side] - P[:, 16 + side], P[:, 20 + side] - P[:, 18 + side]
@@ -182,7 +180,7 @@ def _arm(clip: Clip, side: int) -> tuple[Array, Array, Array]:
     return flexion, abduction, np.arccos(cosine)
 
 
-def _fit(series: list[Array], cycles: list[Array], harmonics: list[int], mean: bool) -> Array:
+def _fit(series: list[Float64Array], cycles: list[Float64Array], harmonics: list[int], mean: bool) -> Float64Array:
     """Fourier coefficients (mean, cosines, sines) of series that also may drift, shape (1 + 2 * HARMONICS,)."""
     rows = []
     for k, cycle in enumerate(cycles):
@@ -198,10 +196,10 @@ def _fit(series: list[Array], cycles: list[Array], harmonics: list[int], mean: b
     return coefficients
 
 
-def body_of(clip: Clip) -> Array:
+def body_of(clip: Clip) -> Float64Array:
     """Fourier coefficients of the body's channels, shape (BODY, 1 + 2 * HARMONICS)."""
     cycle, hips = _cycle(clip), 0.5 * (clip.joints_m[:, 1] + clip.joints_m[:, 2])
-    channels: list[list[Array]] = []
+    channels: list[list[Float64Array]] = []
     for bone in ("root", "thorax"):
         R = clip.R_bones[bone]
         yaw, tilt = np.arctan2(R[:, 0, 2], R[:, 2, 2]), np.arctan2(R[:, 2, 1], R[:, 1, 1])

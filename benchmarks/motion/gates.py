@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.benchmarks.motion.mocap import compare_all
 from readygo.benchmarks.motion.paths import circle, dash, floor, line, s_curve, stop_and_go, turn_in_place
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.errors import ConfigError
 from readygo.common.frames import yup_from_zup
@@ -28,8 +28,6 @@ from readygo.services.animator.priormdm.features import (
     encode,
     encode_path,
 )
-
-Array = npt.NDArray[np.float64]
 
 MOCAP = Path(__file__).resolve().parents[3] / "shared" / "data" / "motion" / "cmu"
 PATHS = {
@@ -117,7 +115,7 @@ def _print(gates: list[MotionGate], name: str, mocap_note: str) -> None:
     sys.stdout.write(f"{held} of {len(gates)} gates held by {name!r}.\n")
 
 
-def quality(avatar: Avatar, xy: Array, ground: FloorMap, style: float) -> dict[str, float]:
+def quality(avatar: Avatar, xy: Float64Array, ground: FloorMap, style: float) -> dict[str, float]:
     """Quality of one motion."""
     motion = walk(skeleton_of(avatar), xy, ground, np.random.default_rng(0), style)
     return dataclasses.asdict(measure(motion, avatar, ground, xy))

@@ -4,24 +4,22 @@ import itertools
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.benchmarks.motion.cmu import RATE_HZ
 from readygo.benchmarks.motion.gait_curves import RUNS, WALKS, derive, load_clip
 from readygo.benchmarks.motion.paths import floor, line
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars import Avatar
 from readygo.services.animator import skeleton_of, walk
 from readygo.services.animator.gait.curves import Curves, curves_of
 from readygo.services.animator.gait.quality import joints_of
-
-Array = npt.NDArray[np.float64]
 
 PHASES = 50
 STEADY = slice(60, 240)
 """Rows of a motion of 13 s in which the walk is steady."""
 
 
-def _peaks(values: Array, apart: int) -> list[float]:
+def _peaks(values: Float64Array, apart: int) -> list[float]:
     """Fractional places of the largest values within `apart` samples to both sides."""
     found = []
     for i in range(apart, len(values) - apart):
@@ -31,7 +29,7 @@ def _peaks(values: Array, apart: int) -> list[float]:
     return found
 
 
-def leg_curves_deg(P: Array, rate_hz: float, forward: Array, up: Array) -> Array:
+def leg_curves_deg(P: Float64Array, rate_hz: float, forward: Float64Array, up: Float64Array) -> Float64Array:
     """Mean hip and knee angles over a stride.
 
     Args:
@@ -52,17 +50,17 @@ def leg_curves_deg(P: Array, rate_hz: float, forward: Array, up: Array) -> Array
         for first, last in itertools.pairwise(_peaks(reach, round(0.12 * rate_hz))):
             times = first + (last - first) * np.arange(PHASES) / PHASES
             strides.append([np.interp(times, np.arange(len(P)), angle) for angle in (hip, hip - lower)])
-    mean: Array = np.mean(strides, axis=0)
+    mean: Float64Array = np.mean(strides, axis=0)
     return mean
 
 
-def jerks_mps3(P: Array, rate_hz: float) -> Array:
+def jerks_mps3(P: Float64Array, rate_hz: float) -> Float64Array:
     """Third differences of joints 0..21, shape (T - 3, 22)."""
-    sizes: Array = np.linalg.norm(np.diff(P[:, :22], n=3, axis=0), axis=-1) * rate_hz**3
+    sizes: Float64Array = np.linalg.norm(np.diff(P[:, :22], n=3, axis=0), axis=-1) * rate_hz**3
     return sizes
 
 
-def steady_joints(avatar: Avatar, speed: float, curves: Curves | None = None) -> Array:
+def steady_joints(avatar: Avatar, speed: float, curves: Curves | None = None) -> Float64Array:
     """Joints at 20 Hz of a steady straight walk along +x [m].
 
     Args:

@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from readygo.benchmarks.motion.cmu import Array, joints_20hz
+from readygo.benchmarks.motion.cmu import joints_20hz
 from readygo.benchmarks.motion.paths import circle, floor, s_curve, stop_and_go
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars import load_avatars
 from readygo.common.frames import yup_from_zup
 from readygo.services.animator import skeleton_of, walk
@@ -27,7 +28,7 @@ RUNS = 7
 PATHS = {"s_curve": s_curve, "circle_r1.5": circle, "stop_and_go": stop_and_go}
 
 
-def fit_row(joints_m: Array, offsets_m: Array) -> dict[str, float]:
+def fit_row(joints_m: Float64Array, offsets_m: Float64Array) -> dict[str, float]:
     """Numbers of one motion: joints 0..21 in y-up axes [m], shape (T, 22, 3)."""
     best_s = np.inf
     for _ in range(RUNS + 1):
@@ -44,7 +45,7 @@ def fit_row(joints_m: Array, offsets_m: Array) -> dict[str, float]:
     }
 
 
-def bone_offsets(joints_m: npt.ArrayLike, template_m: npt.ArrayLike, *, rounds: int = 3) -> Array:
+def bone_offsets(joints_m: npt.ArrayLike, template_m: npt.ArrayLike, *, rounds: int = 3) -> Float64Array:
     """A body with the bone lengths of given joints.
 
     Lengths are medians over time. Pelvis and chest carry several bones: their directions are averages in the frame that

@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars import footprint_xy
 from readygo.common.maps import FloorMap
 from readygo.common.robot import RobotConfig
@@ -17,7 +17,7 @@ _STRIDE = 2
 
 
 def gaussian_clearance_m(
-    xyyaw: npt.NDArray[np.float64],
+    xyyaw: Float64Array,
     bodies: Sequence[HumanBody],
     floor: FloorMap,
     robot: RobotConfig,

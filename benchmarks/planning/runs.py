@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 from numba.core.event import install_recorder
 
 from readygo.benchmarks.planning.clearance import gaussian_clearance_m
 from readygo.benchmarks.planning.maps import MapSource, open_maps
+from readygo.common.arrays import BoolArray
 from readygo.common.avatars import FootprintModel, load_avatars
 from readygo.common.camera.view import view_of
 from readygo.common.drawing.files import png_bytes
@@ -206,12 +206,12 @@ class Course:
         gap_m = gaussian_clearance_m(run.xyyaw, bodies, self.maps.floor, self.robot)
         return gap_m if math.isfinite(gap_m) else None
 
-    def _free_steps(self, run: RobotTrajectory) -> npt.NDArray[np.bool_]:
+    def _free_steps(self, run: RobotTrajectory) -> BoolArray:
         frame = self.maps.robot.frame
         cells = np.array([frame.cell(x, y) for x, y in run.xyyaw[:, :2].tolist()])
         wide = self._clearance_m[cells[:, 0], cells[:, 1]] > self.robot.planning_radius_m + FREE_GAP_M
         late = np.arange(len(cells)) >= START_S * RATE_HZ
-        free: npt.NDArray[np.bool_] = wide & late & ~run.human_visible & (run.human_distance_m > FREE_HUMAN_M)
+        free: BoolArray = wide & late & ~run.human_visible & (run.human_distance_m > FREE_HUMAN_M)
         return free
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, RecordArray, UInt8Array
 from readygo.common.camera import SensorConfig
 from readygo.common.episode import EpisodeConfig
 from readygo.common.frames import goal_in_robot_frame
@@ -82,12 +82,12 @@ def _march(occupied, x, y, dx, dy):
 class Rooms:
     """One toy world."""
 
-    occupied: npt.NDArray[np.bool_]
+    occupied: BoolArray
     robot: RobotConfig
-    distance_m: npt.NDArray[np.float64]
+    distance_m: Float64Array
     """Distance of each cell's centre to the nearest occupied cell."""
 
-    def image(self, x: float, y: float, yaw: float) -> npt.NDArray[np.uint8]:
+    def image(self, x: float, y: float, yaw: float) -> UInt8Array:
         """What the robot sees."""
         camera = self.robot.camera
         image = np.empty((camera.height_px, camera.width_px, 3), np.uint8)
@@ -117,7 +117,7 @@ def make_rooms(robot: RobotConfig, *, seed: int = 0, size_m: float = 12.0, boxes
     return Rooms(occupied, robot, CELL_M * distance_transform_edt(~occupied))
 
 
-def cost_to_go(rooms: Rooms, goal: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def cost_to_go(rooms: Rooms, goal: Float64Array) -> Float64Array:
     """Distance to the goal around obstacles, with a price on narrow places, shape of the grid."""
     free = rooms.distance_m > rooms.robot.planning_radius_m + 0.1
     price = 1 + 3 * np.clip(0.7 - rooms.distance_m, 0, None)
@@ -138,7 +138,7 @@ def cost_to_go(rooms: Rooms, goal: npt.NDArray[np.float64]) -> npt.NDArray[np.fl
     return cost
 
 
-def expert_command(cost: npt.NDArray[np.float64], pose: Sequence[float], robot: RobotConfig) -> tuple[float, float]:
+def expert_command(cost: Float64Array, pose: Sequence[float], robot: RobotConfig) -> tuple[float, float]:
     """Pure pursuit down the cost-to-go."""
     x, y, yaw = pose
     i, j = int(y / CELL_M), int(x / CELL_M)
@@ -158,8 +158,8 @@ class ToyTask:
     """Start and goal."""
 
     pose: tuple[float, float, float]
-    goal: npt.NDArray[np.float64]
-    cost: npt.NDArray[np.float64] = field(repr=False)
+    goal: Float64Array
+    cost: Float64Array = field(repr=False)
 
 
 def draw_task(rooms: Rooms, rng: np.random.Generator) -> ToyTask:
@@ -208,10 +208,10 @@ class ToyDataset:
     """Recorded expert episodes, with the face of `readygo.common.dataset.Dataset`."""
 
     episodes: list[ToyEpisode]
-    actions: npt.NDArray[np.float32]
-    goals_xy_m: npt.NDArray[np.float32]
-    poses: npt.NDArray[np.float64]
-    images: list[npt.NDArray[np.uint8]]
+    actions: Float32Array
+    goals_xy_m: Float32Array
+    poses: Float64Array
+    images: list[UInt8Array]
     robot: RobotConfig
     content_hash: str = "toy"
     sensor: SensorConfig = field(default_factory=SensorConfig)
@@ -219,14 +219,14 @@ class ToyDataset:
     has_risks: bool = False
 
     @property
-    def truth(self) -> npt.NDArray[np.void]:
+    def truth(self) -> RecordArray:
         """There are no humans."""
         truth = np.zeros(len(self.actions), [("human_distance_m", np.float64), ("human_visible", np.bool_)])
         truth["human_distance_m"] = np.inf
         return truth
 
     @property
-    def humans_xyzyaw(self) -> list[npt.NDArray[np.float64]]:
+    def humans_xyzyaw(self) -> list[Float64Array]:
         """There are no humans."""
         return [np.empty((0, 4))] * len(self.actions)
 

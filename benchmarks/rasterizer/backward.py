@@ -16,7 +16,6 @@ from contextlib import contextmanager
 from typing import Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 import torch
 import tyro
 
@@ -28,7 +27,6 @@ from readygo.common.rasterizer.differentiable.order import spatial_order
 from readygo.common.rasterizer.differentiable.reference import rasterize_with_torch
 from readygo.common.robot import CameraConfig
 
-Floats = npt.NDArray[np.float64]
 Parameters = dict[str, torch.Tensor]
 
 STAGES = {

@@ -21,11 +21,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 import tyro
 
 from readygo.benchmarks.rasterizer.footprints import Footprints, PixelStack, footprints, pixel_stack
 from readygo.benchmarks.rasterizer.scenery import random_places, scene_scenery, walk_motion
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.avatars import load_avatars, pose_avatar
 from readygo.common.gaussians import GaussianCloud, concatenate
 from readygo.common.rasterizer.constants import ALPHA_MIN
@@ -43,8 +43,6 @@ NEAR_TIE = 1e-6
 ELSE_DIFFERENT = 0.5 / 255
 """What may be different in a pixel apart from its near ties."""
 PSNR_MIN_DB = 60.0
-
-Pose = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,9 +116,7 @@ def scene_errors(scene: Scene, views: int, people: int = 0, seed: int = 0) -> li
     return errors
 
 
-def _posed(
-    name: str, root_m: npt.NDArray[np.float32], pose: npt.NDArray[np.float32], standpoint_m: Sequence[float]
-) -> PosedHuman:
+def _posed(name: str, root_m: Float32Array, pose: Float32Array, standpoint_m: Sequence[float]) -> PosedHuman:
     x_m, y_m, floor_m = standpoint_m
     return PosedHuman(avatar=name, root_m=np.array([x_m, y_m, floor_m + root_m[2]]), pose_axis_angle=pose)
 
@@ -131,7 +127,7 @@ def in_packed_order(cloud: GaussianCloud) -> GaussianCloud:
     return kept.select(np.argsort(morton_codes(kept.means_m), kind="stable"))
 
 
-def view_error(image: npt.NDArray[np.float32], cloud: GaussianCloud, T: Pose, camera: CameraConfig) -> ViewError:
+def view_error(image: Float32Array, cloud: GaussianCloud, T: Float64Array, camera: CameraConfig) -> ViewError:
     """Compare an image with the reference's image of a cloud.
 
     Args:
@@ -158,13 +154,13 @@ def view_error(image: npt.NDArray[np.float32], cloud: GaussianCloud, T: Pose, ca
 
 
 def _lies_at_near_tie(
-    prints: Footprints, cloud: GaussianCloud, T: Pose, error: npt.NDArray[np.float64], row: int, column: int
+    prints: Footprints, cloud: GaussianCloud, T: Float64Array, error: Float64Array, row: int, column: int
 ) -> bool:
     reorder = largest_change_by_order(pixel_stack(prints, cloud, T, row, column))
     return bool((np.abs(error[row, column]) <= reorder + ELSE_DIFFERENT).all())
 
 
-def largest_change_by_order(stack: PixelStack) -> npt.NDArray[np.float64]:
+def largest_change_by_order(stack: PixelStack) -> Float64Array:
     """Bound on how far a pixel's colour moves if Gaussians of nearly equal depth change places, shape (3,).
 
     Exchanging neighbours i and j changes it by T a_i a_j (c_i - c_j), T being the transmittance before them, and any

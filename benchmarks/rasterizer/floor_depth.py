@@ -11,17 +11,16 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 import tyro
 
 from readygo.benchmarks.rasterizer.scenery import Scenery
 from readygo.benchmarks.rasterizer.setting import Measurement, open_setting
+from readygo.common.arrays import BoolArray, Float64Array
 from readygo.common.maps import OccupancyMap
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.interface import View
 from readygo.common.robot import CameraConfig
 
-Floats = npt.NDArray[np.float64]
 STEP_M = 0.02
 """Step along a ray, in depth."""
 NEAREST_M = 0.2
@@ -55,7 +54,7 @@ def main(
     setting = open_setting(job)
     camera, scenery = setting.camera, setting.scenery
     rasterizer = CpuRasterizer(scenery.layers(), {}, camera.K_px, height_px, width_px)
-    found: dict[str, list[Floats]] = {"mean": [], "median": []}
+    found: dict[str, list[Float64Array]] = {"mean": [], "median": []}
     for place in setting.places:
         pose = place.T_world_camera(camera, 0)
         true_m = floor_depths(scenery, camera, pose, reach)
@@ -73,13 +72,13 @@ def main(
         print(f"{row['depth']:6}  {row['pixels']:,} floor pixels, {off}")
 
 
-def errors(relative: Floats) -> dict[str, Any]:
+def errors(relative: Float64Array) -> dict[str, Any]:
     """Shares of relative errors of depth, shape (N,), that are off [%]; what is not finite is off."""
     bad = {f"off_{round(100 * off)}_percent": ~(np.abs(relative) <= off) for off in OFF}
     return {"pixels": len(relative), **{name: float(100 * np.mean(off)) for name, off in bad.items()}}
 
 
-def floor_depths(scenery: Scenery, camera: CameraConfig, T_world_camera: Floats, reach_m: float) -> Floats:
+def floor_depths(scenery: Scenery, camera: CameraConfig, T_world_camera: Float64Array, reach_m: float) -> Float64Array:
     """Depth of the floor map along pixels' rays [m], shape (H, W); NaN where that is not free floor within reach."""
     K = camera.K_px
     u, v = np.meshgrid(np.arange(camera.width_px) + 0.5, np.arange(camera.height_px) + 0.5)
@@ -98,13 +97,13 @@ def floor_depths(scenery: Scenery, camera: CameraConfig, T_world_camera: Floats,
     return depth_m.reshape(camera.height_px, camera.width_px)
 
 
-def is_free(occupancy: OccupancyMap, xy_m: Floats) -> npt.NDArray[np.bool_]:
+def is_free(occupancy: OccupancyMap, xy_m: Float64Array) -> BoolArray:
     """Whether points lie in free cells, shape (N,)."""
     frame, (rows, columns) = occupancy.frame, occupancy.occupied.shape
     j = np.floor((xy_m[:, 0] - frame.origin_x_m) / frame.resolution_m).astype(np.int64)
     i = np.floor((xy_m[:, 1] - frame.origin_y_m) / frame.resolution_m).astype(np.int64)
     inside = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
-    free: npt.NDArray[np.bool_] = inside & ~occupancy.occupied[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)]
+    free: BoolArray = inside & ~occupancy.occupied[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)]
     return free
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, Int64Array
 from readygo.common.gaussians import GaussianCloud, sh_basis
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.rasterizer.constants import (
@@ -20,9 +21,6 @@ from readygo.common.rasterizer.constants import (
     TRANSMITTANCE_MIN,
 )
 
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
-
 CENTRE_X, CENTRE_Y, CONIC_XX, CONIC_XY, CONIC_YY, OPACITY, DEPTH = range(7)
 
 
@@ -30,11 +28,11 @@ CENTRE_X, CENTRE_Y, CONIC_XX, CONIC_XY, CONIC_YY, OPACITY, DEPTH = range(7)
 class Footprints:
     """The Gaussians whose box holds a pixel's centre, nearest first; equal depths in the order of the cloud."""
 
-    index: Integers
+    index: Int64Array
     """Their numbers in the cloud, shape (N,)."""
-    shape: Floats
+    shape: Float64Array
     """Columns `CENTRE_X` to `DEPTH` [px, px^-2, m], shape (N, 7)."""
-    box: Integers
+    box: Int64Array
     """First and last column, first and last row of pixels, shape (N, 4)."""
 
 
@@ -93,13 +91,13 @@ def count_work(prints: Footprints, scene_count: int, height_px: int, width_px: i
 class PixelStack:
     """The Gaussians that add to one pixel before it is finished, nearest first."""
 
-    index: Integers
+    index: Int64Array
     """Numbers in the cloud, shape (M,)."""
-    depth_m: Floats
-    alpha: Floats
-    transmittance: Floats
+    depth_m: Float64Array
+    alpha: Float64Array
+    transmittance: Float64Array
     """What is left in front of each."""
-    rgb: Floats
+    rgb: Float64Array
     """Colours towards the camera, shape (M, 3)."""
 
 
@@ -132,18 +130,18 @@ def pixel_stack(
 
 @kernel_with_cache(error_model="numpy")
 def _project(
-    means: npt.NDArray[np.float32],
-    quats: npt.NDArray[np.float32],
-    scales: npt.NDArray[np.float32],
-    opacities: npt.NDArray[np.float32],
-    R: Floats,
-    p_WC: Floats,
-    lens: Floats,
+    means: Float32Array,
+    quats: Float32Array,
+    scales: Float32Array,
+    opacities: Float32Array,
+    R: Float64Array,
+    p_WC: Float64Array,
+    lens: Float64Array,
     height: int,
     width: int,
-    index: Integers,
-    shape: Floats,
-    box: Integers,
+    index: Int64Array,
+    shape: Float64Array,
+    box: Int64Array,
 ) -> int:
     fx, fy, cx, cy = lens
     margin_x, margin_y = FOV_MARGIN * 0.5 * width / fx, FOV_MARGIN * 0.5 * height / fy
@@ -192,7 +190,7 @@ def _project(
 
 @kernel_with_cache(error_model="numpy")
 def _blend(
-    shape: Floats, box: Integers, is_human: npt.NDArray[np.bool_], transmittance: Floats, counts: Integers
+    shape: Float64Array, box: Int64Array, is_human: BoolArray, transmittance: Float64Array, counts: Int64Array
 ) -> None:
     """Count drawn Gaussians, those of people, tile entries, block entries and pixel pairs, in this order."""
     for n in range(len(shape)):

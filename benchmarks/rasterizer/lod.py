@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import numpy.typing as npt
 import tyro
 
 from readygo.benchmarks.rasterizer.runs import make_cpu
 from readygo.benchmarks.rasterizer.setting import Measurement, Placement, Setting, open_setting
+from readygo.common.arrays import UInt8Array
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.warm import warm
 
@@ -94,7 +94,7 @@ def _likeness(setting: Setting, exact: CpuRasterizer, lod: CpuRasterizer) -> dic
     return {"psnr_lowest_db": float(lowest), "psnr_p5_db": float(p5), "psnr_median_db": float(median)}
 
 
-def _psnr_db(a: npt.NDArray[np.uint8], b: npt.NDArray[np.uint8]) -> float:
+def _psnr_db(a: UInt8Array, b: UInt8Array) -> float:
     error = ((a.astype(np.float64) - b) ** 2).mean()
     return 10 * math.log10(255**2 / max(float(error), 1e-6))
 

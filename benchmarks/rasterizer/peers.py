@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.benchmarks.rasterizer.runs import make_backend, make_gpu
 from readygo.benchmarks.rasterizer.setting import Setting
+from readygo.common.arrays import UInt8Array
 from readygo.common.errors import ReadygoError
 from readygo.common.rasterizer.interface import Rasterizer
 
@@ -55,7 +55,7 @@ def _gsplat(setting: Setting, rasterizer: Rasterizer, gaussians: int) -> PeerRes
     return PeerResult(images_per_s=1 / spent_s, psnr_db=_psnr_db(image, rasterizer.render([view]).rgb[0]))
 
 
-def _psnr_db(image: npt.NDArray[np.uint8], other: npt.NDArray[np.uint8]) -> float:
+def _psnr_db(image: UInt8Array, other: UInt8Array) -> float:
     error = float(((image.astype(np.float64) - other) ** 2).mean())
     return 10 * math.log10(255**2 / max(error, 1e-9))
 

@@ -14,9 +14,9 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.benchmarks.rasterizer.setting import Measurement, Setting, open_setting
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars.file import avatar_hash
 from readygo.common.errors import ConfigError
 from readygo.common.files import cache_folder
@@ -29,8 +29,6 @@ from readygo.common.rasterizer.lod.files import load_or_build_avatar_tree, load_
 from readygo.common.rasterizer.packed.scene import PackedScene
 from readygo.common.rasterizer.reference import ReferenceRasterizer
 from readygo.common.rasterizer.warm import warm
-
-Seconds = npt.NDArray[np.float64]
 
 STAGES: dict[str, tuple[tuple[ModuleType, str], ...]] = {
     "cull": tuple(
@@ -51,9 +49,9 @@ RUNS = 4
 class Timing:
     """What one process measured; the images are the same in every run."""
 
-    cpu_s: Seconds
+    cpu_s: Float64Array
     """CPU time of the thread, shape (runs, views, images)."""
-    wall_s: Seconds
+    wall_s: Float64Array
     """Wall time [s], shape (runs, views, images)."""
 
 

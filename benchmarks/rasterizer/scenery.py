@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.benchmarks.rasterizer import synthetic_room
+from readygo.common.arrays import BoolArray, Float64Array, Int64Array
 from readygo.common.avatars import Avatar
 from readygo.common.errors import ConfigError
 from readygo.common.files import cache_folder
@@ -59,7 +59,7 @@ class Standpoint:
     humans_m: tuple[tuple[float, float, float], ...]
     """Point on the floor of each person at the first image."""
 
-    def T_world_camera(self, camera: CameraConfig, image: int) -> npt.NDArray[np.float64]:
+    def T_world_camera(self, camera: CameraConfig, image: int) -> Float64Array:
         """Pose at image number `image`."""
         return camera.T_world_camera(self.x_m, self.y_m, self.yaw_rad + TURN_RAD * image, self.floor_m)
 
@@ -156,7 +156,7 @@ def random_places(scenery: Scenery, humans: int, count: int, seed: int, *, in_si
     return places
 
 
-def _place(scenery: Scenery, cell: npt.NDArray[np.int64], yaw_rad: float, humans: int) -> Standpoint:
+def _place(scenery: Scenery, cell: Int64Array, yaw_rad: float, humans: int) -> Standpoint:
     x_m, y_m = scenery.occupancy.frame.centre_m(int(cell[0]), int(cell[1]))
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     points = [(x_m + c * forward - s * left, y_m + s * forward + c * left) for forward, left in AHEAD[:humans]]
@@ -169,9 +169,7 @@ def _place(scenery: Scenery, cell: npt.NDArray[np.int64], yaw_rad: float, humans
     )
 
 
-def _in_sight(
-    occupancy: OccupancyMap, clear: npt.NDArray[np.bool_], place: Standpoint, point: tuple[float, float, float]
-) -> bool:
+def _in_sight(occupancy: OccupancyMap, clear: BoolArray, place: Standpoint, point: tuple[float, float, float]) -> bool:
     """True if the straight way to a point is not blocked, and the point itself is clear."""
     rows, columns = occupancy.occupied.shape
     for step in range(1, 41):

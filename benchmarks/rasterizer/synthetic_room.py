@@ -10,13 +10,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.gaussians import GaussianCloud, sh_of_rgb
 from readygo.common.maps import FloorMap, GridFrame, OccupancyMap
-
-Floats = npt.NDArray[np.float64]
-Singles = npt.NDArray[np.float32]
 
 SIZE_M = (12.0, 9.0, 2.7)
 ROOMS = (3, 2)
@@ -44,8 +41,8 @@ class RoomBox:
 class GaussianSheet:
     """A rectangle that is covered with Gaussians."""
 
-    corner_m: Floats
-    sides_m: Floats
+    corner_m: Float64Array
+    sides_m: Float64Array
     """Two edges at right angles from the corner, along the axes, shape (2, 3)."""
     rgb: tuple[float, float, float]
     pattern_m: float
@@ -227,7 +224,7 @@ def _cover(sheet: GaussianSheet, count: int, spacing_m: float, rng: np.random.Ge
     )
 
 
-def _colours(sheet: GaussianSheet, means_m: Floats, rng: np.random.Generator) -> Singles:
+def _colours(sheet: GaussianSheet, means_m: Float64Array, rng: np.random.Generator) -> Float32Array:
     """Spherical harmonics: a wavy texture, grain, and a little shine that depends on the direction."""
     wave = np.sin(means_m * (2.0 * math.pi / sheet.pattern_m)).sum(axis=1)
     grain = 0.04 * rng.standard_normal((len(means_m), 3))

@@ -4,8 +4,8 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, UInt8Array
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.messages.checks import check_array
 
@@ -26,15 +26,15 @@ class Avatar:
     """Height from the soles to the top of the head [m]."""
     cloud: GaussianCloud
     """Gaussians in the canonical pose [m], SMPL axes."""
-    lbs_index: npt.NDArray[np.uint8]
+    lbs_index: UInt8Array
     """Joints that move each Gaussian, shape (N, 4)."""
-    lbs_weight: npt.NDArray[np.float32]
+    lbs_weight: Float32Array
     """Their weights, rows sum to 1, shape (N, 4)."""
-    joints_canonical_m: npt.NDArray[np.float32]
+    joints_canonical_m: Float32Array
     """Joints in the canonical pose [m], shape (24, 3)."""
-    joints_tpose_m: npt.NDArray[np.float32]
+    joints_tpose_m: Float32Array
     """Joints in SMPL's T-pose [m], shape (24, 3): forward kinematics starts here."""
-    R_tpose_canonical: npt.NDArray[np.float32]
+    R_tpose_canonical: Float32Array
     """Rotation of each joint from the canonical pose to the T-pose, shape (24, 3, 3)
     (the file's `R_canonical_to_tpose`)."""
 

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.common.array_files import load_npz
+from readygo.common.arrays import AnyArray, Float32Array, Float64Array
 from readygo.common.avatars.avatar import SMPL_PARENTS, Avatar
 from readygo.common.errors import AvatarError
 from readygo.common.files import write_then_rename
@@ -43,9 +43,6 @@ _TEXT_MAX = 2000
 _HALF_PRECISION = ("means",)
 _EIGHT_BIT = ("quats_wxyz", "scales", "opacities", "sh", "lbs_weight")
 _KEYS = (*_TEXTS, "height_m", *(f"{key}{end}" for key in _ARRAY_SHAPES for end in ("", "_min", "_max")))
-
-Float32Array = npt.NDArray[np.float32]
-Float64Array = npt.NDArray[np.float64]
 
 
 def load_avatar(path: str | Path) -> Avatar:
@@ -171,11 +168,11 @@ def avatar_hash(avatar: Avatar) -> str:
     return digest.hexdigest()
 
 
-def _text(entries: Mapping[str, npt.NDArray[Any]], key: str) -> str:
+def _text(entries: Mapping[str, AnyArray], key: str) -> str:
     return str(entries[key])
 
 
-def _check_texts(path: Path, entries: Mapping[str, npt.NDArray[Any]]) -> None:
+def _check_texts(path: Path, entries: Mapping[str, AnyArray]) -> None:
     for key in _TEXTS:
         text = entries[key]
         if text.shape != () or text.dtype.kind != "U" or len(str(text)) > _TEXT_MAX:
@@ -184,7 +181,7 @@ def _check_texts(path: Path, entries: Mapping[str, npt.NDArray[Any]]) -> None:
         raise AvatarError(f"Avatar file {path} has format {_text(entries, 'format')[:40]!r}, expected {FORMAT!r}.")
 
 
-def _values(path: Path, entries: Mapping[str, npt.NDArray[Any]], key: str) -> npt.NDArray[Any]:
+def _values(path: Path, entries: Mapping[str, AnyArray], key: str) -> AnyArray:
     array = entries[key]
     if key in _INTEGER_ARRAYS:
         if array.dtype.kind not in "iu":
@@ -214,7 +211,7 @@ def _fits(ends: tuple[int, ...], shape: tuple[int, ...]) -> bool:
         return False
 
 
-def _check_shapes(path: Path, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+def _check_shapes(path: Path, arrays: Mapping[str, AnyArray]) -> None:
     count = len(arrays["means"]) if arrays["means"].ndim else 0
     degrees = arrays["sh"].shape[1] if arrays["sh"].ndim == 3 else 0
     for key, shape in _ARRAY_SHAPES.items():
@@ -229,7 +226,7 @@ def _check_shapes(path: Path, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
         raise AvatarError(f"Avatar file {path}: sh must have 1, 4, 9 or 16 coefficients, got {degrees}.")
 
 
-def _check_values(path: Path, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+def _check_values(path: Path, arrays: Mapping[str, AnyArray]) -> None:
     endless = [key for key, array in arrays.items() if not np.isfinite(array).all()]
     if endless:
         raise AvatarError(f"Avatar file {path}: {', '.join(endless)} hold values that are not finite.")
@@ -248,7 +245,7 @@ def _check_values(path: Path, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
             raise AvatarError(f"Avatar file {path}: {fault}.")
 
 
-def _avatar(path: Path, entries: Mapping[str, npt.NDArray[Any]], arrays: Mapping[str, npt.NDArray[Any]]) -> Avatar:
+def _avatar(path: Path, entries: Mapping[str, AnyArray], arrays: Mapping[str, AnyArray]) -> Avatar:
     height = entries["height_m"]
     if height.shape != () or height.dtype.kind not in "fiu" or not 0.2 < float(height) < 3.0:
         raise AvatarError(f"Avatar file {path}: height_m must be one number in 0.2..3 m, got {height}.")
@@ -279,7 +276,7 @@ def _single(array: Float64Array) -> Float32Array:
     return np.ascontiguousarray(array, dtype=np.float32)
 
 
-def _encode_array(key: str, array: Float32Array, quantise: bool) -> dict[str, npt.NDArray[Any]]:
+def _encode_array(key: str, array: Float32Array, quantise: bool) -> dict[str, AnyArray]:
     if not quantise:
         return {key: array}
     if key in _HALF_PRECISION:

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array, Int64Array, UInt8Array
 from readygo.common.avatars.avatar import Avatar
 from readygo.common.avatars.kinematics import fill_joint_transforms, posed_point
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.messages.checks import check_array
 from readygo.common.messages.motion import Motion
-
-Float64Array = npt.NDArray[np.float64]
 
 _TRACE_PERCENTILE = 75.0
 
@@ -25,8 +24,8 @@ class FootprintModel:
     """Canonical positions [m], SMPL axes, shape (P, 3)."""
     weights: Float64Array
     """Opacity that each point stands for, shape (P,)."""
-    lbs_index: npt.NDArray[np.uint8]
-    lbs_weight: npt.NDArray[np.float32]
+    lbs_index: UInt8Array
+    lbs_weight: Float32Array
 
     def __post_init__(self) -> None:
         check_array("points_m", self.points_m, np.float64, (None, 3))
@@ -107,7 +106,7 @@ def _solid(avatar: Avatar) -> npt.NDArray[np.intp]:
     return np.flatnonzero(trace <= np.percentile(trace, _TRACE_PERCENTILE))
 
 
-def _voxel_of(points: Float64Array, voxel_m: float) -> npt.NDArray[np.int64]:
+def _voxel_of(points: Float64Array, voxel_m: float) -> Int64Array:
     """Number of each point's voxel; voxels are numbered in the order of their x, y, z cells."""
     cells = np.floor(points / voxel_m).astype(np.int64)
     cells -= cells.min(axis=0)
@@ -117,7 +116,7 @@ def _voxel_of(points: Float64Array, voxel_m: float) -> npt.NDArray[np.int64]:
 
 
 def _representatives(
-    points: Float64Array, opacities: Float64Array, voxels: npt.NDArray[np.int64]
+    points: Float64Array, opacities: Float64Array, voxels: Int64Array
 ) -> tuple[Float64Array, npt.NDArray[np.intp]]:
     """Opacity sum of each voxel, and the index of the point nearest to its opacity-weighted mean."""
     weights: Float64Array = np.bincount(voxels, weights=opacities).astype(np.float64)
@@ -134,12 +133,12 @@ def _representatives(
 def _fill_footprint(
     root: Float64Array,
     pose: Float64Array,
-    joints_tpose: npt.NDArray[np.float32],
-    joints_canonical: npt.NDArray[np.float32],
-    R_tpose_canonical: npt.NDArray[np.float32],
+    joints_tpose: Float32Array,
+    joints_canonical: Float32Array,
+    R_tpose_canonical: Float32Array,
     points: Float64Array,
-    lbs_index: npt.NDArray[np.uint8],
-    lbs_weight: npt.NDArray[np.float32],
+    lbs_index: UInt8Array,
+    lbs_weight: Float32Array,
     z_max: float,
     out: Float64Array,
 ) -> int:

@@ -9,11 +9,10 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array, UInt8Array
 from readygo.common.avatars.avatar import SMPL_PARENTS, Avatar
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.messages.motion import Motion
-
-Float64Array = npt.NDArray[np.float64]
 
 _PARENTS = tuple(int(parent) for parent in SMPL_PARENTS)
 
@@ -55,7 +54,7 @@ def joint_positions(avatar: Avatar, motion: Motion) -> Float64Array:
 
 @kernel_with_cache
 def fill_globals(
-    root: Float64Array, pose: Float64Array, joints_tpose: npt.NDArray[np.float32], G: Float64Array, P: Float64Array
+    root: Float64Array, pose: Float64Array, joints_tpose: Float32Array, G: Float64Array, P: Float64Array
 ) -> None:
     """Write global rotations G (24, 3, 3) and positions P (24, 3) of all joints in the z-up world."""
     R = np.empty((3, 3))
@@ -84,9 +83,9 @@ def fill_globals(
 def fill_joint_transforms(
     root: Float64Array,
     pose: Float64Array,
-    joints_tpose: npt.NDArray[np.float32],
-    joints_canonical: npt.NDArray[np.float32],
-    R_tpose_canonical: npt.NDArray[np.float32],
+    joints_tpose: Float32Array,
+    joints_canonical: Float32Array,
+    R_tpose_canonical: Float32Array,
     A: Float64Array,
 ) -> None:
     """Write `joint_transforms` into A (24, 3, 4), for callers that are compiled themselves."""
@@ -111,8 +110,8 @@ def fill_joint_transforms(
 def posed_point(
     A: Float64Array,
     points: Float64Array,
-    lbs_index: npt.NDArray[np.uint8],
-    lbs_weight: npt.NDArray[np.float32],
+    lbs_index: UInt8Array,
+    lbs_weight: Float32Array,
     n: int,
 ) -> tuple[float, float, float]:
     """Where joints with transforms A (24, 3, 4) carry the canonical point n, for callers that are compiled."""

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array, UInt8Array
 from readygo.common.avatars.avatar import Avatar
 from readygo.common.avatars.footprint import FootprintModel, footprint_xy
 from readygo.common.avatars.kinematics import fill_globals, fill_joint_transforms, posed_point
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.messages.motion import Motion
 from readygo.common.messages.samples import HumanLabels
-
-Float64Array = npt.NDArray[np.float64]
 
 FOOTPRINT_CELL_M = 0.05
 """One ground point per cell of this size, that of the maps."""
@@ -35,11 +34,11 @@ class LabelModel:
     skeleton: Avatar
     """Skeleton of the avatar, without Gaussians."""
     footprint: FootprintModel
-    hull: npt.NDArray[np.float64]
+    hull: Float64Array
     """Canonical points [m] that are the outermost of some joint's in some direction, shape (P, 3), P <= 912."""
-    lbs_index: npt.NDArray[np.uint8]
+    lbs_index: UInt8Array
     """Joints that move the points of the hull, shape (P, 4)."""
-    lbs_weight: npt.NDArray[np.float32]
+    lbs_weight: Float32Array
 
     @classmethod
     def from_avatar(cls, avatar: Avatar) -> "LabelModel":
@@ -108,8 +107,8 @@ def _outermost(avatar: Avatar) -> npt.NDArray[np.intp]:
 def _fill_joints_and_box(
     root: Float64Array,
     pose: Float64Array,
-    skeleton: tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.float32]],
-    hull: tuple[Float64Array, npt.NDArray[np.uint8], npt.NDArray[np.float32]],
+    skeleton: tuple[Float32Array, Float32Array, Float32Array],
+    hull: tuple[Float64Array, UInt8Array, Float32Array],
     yaw: float,
     joints: Float64Array,
     box: Float64Array,

@@ -3,8 +3,8 @@
 import dataclasses
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars.avatar import Avatar
 from readygo.common.gaussians.irradiance import HARMONICS, add_radiance, irradiance_matrix
 from readygo.common.gaussians.spherical_harmonics import rgb_of_sh, sh_of_rgb
@@ -26,7 +26,7 @@ LAMP, AMBIENT = 1.2, 0.6
 """Light on what faces the lamp, and on everything, next to which colours are as they are at 1."""
 
 
-def fixed_light() -> npt.NDArray[np.float64]:
+def fixed_light() -> Float64Array:
     """The lamp's Lambertian light, as in `irradiance_matrix`, shape (3, 4, 4)."""
     sh = np.zeros((HARMONICS, 3))
     lamp = np.full((1, 3), LAMP)

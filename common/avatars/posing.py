@@ -3,12 +3,11 @@
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars.avatar import Avatar
 from readygo.common.avatars.kinematics import joint_transforms
 from readygo.common.frames import quat_from_matrix, quat_multiply
 from readygo.common.gaussians import GaussianCloud
-
-Float64Array = npt.NDArray[np.float64]
 
 
 def pose_avatar(avatar: Avatar, root_m: npt.ArrayLike, pose_axis_angle: npt.ArrayLike) -> GaussianCloud:

@@ -7,13 +7,10 @@ the Gaussian is flat and the two agree; which way the axis points does not matte
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.avatars.avatar import SMPL_PARENTS
 from readygo.common.kernels import kernel_with_cache
-
-Floats = npt.NDArray[np.float64]
-Singles = npt.NDArray[np.float32]
 
 AXIS_SHARE = 4.0
 """Weight of the axis of a flat Gaussian next to the direction from the bones."""
@@ -22,7 +19,9 @@ _NEXT = (3, 4, 5, 6, 7, 8, 9, 10, 11, 12, -1, -1, 15, 16, 17, -1, 18, 19, 20, 21
 _PARENTS = tuple(int(parent) for parent in SMPL_PARENTS)
 
 
-def outward_normals(means_m: Floats, axes: Floats, flatness: Floats, weights: Singles, joints_m: Singles) -> Floats:
+def outward_normals(
+    means_m: Float64Array, axes: Float64Array, flatness: Float64Array, weights: Float32Array, joints_m: Float32Array
+) -> Float64Array:
     """Normals of an avatar's Gaussians in its canonical pose.
 
     Args:
@@ -41,15 +40,21 @@ def outward_normals(means_m: Floats, axes: Floats, flatness: Floats, weights: Si
     return normals
 
 
-def _bone_end(joint: int, joints_m: Floats) -> Floats:
+def _bone_end(joint: int, joints_m: Float64Array) -> Float64Array:
     further = _NEXT[joint]
-    end: Floats = joints_m[further] if further >= 0 else 2.0 * joints_m[joint] - joints_m[_PARENTS[joint]]
+    end: Float64Array = joints_m[further] if further >= 0 else 2.0 * joints_m[joint] - joints_m[_PARENTS[joint]]
     return end
 
 
 @kernel_with_cache
 def _fill_normals(
-    means: Floats, axes: Floats, flatness: Floats, weights: Singles, begins: Floats, ends: Floats, out: Floats
+    means: Float64Array,
+    axes: Float64Array,
+    flatness: Float64Array,
+    weights: Float32Array,
+    begins: Float64Array,
+    ends: Float64Array,
+    out: Float64Array,
 ) -> None:
     for n in range(len(means)):
         ox, oy, oz = 0.0, 0.0, 0.0

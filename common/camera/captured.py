@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int64Array
 from readygo.common.documents import read_json
 from readygo.common.errors import SceneError
 
@@ -18,8 +19,6 @@ AGREE_MIN = 0.3
 """Cameras whose ups have a shorter mean look every way, and tell nothing of up."""
 _ROTATION_ERROR_MAX = 1e-3
 
-Floats = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CapturedViews:
@@ -27,11 +26,11 @@ class CapturedViews:
 
     images: tuple[str, ...]
     """Names of their images."""
-    sizes_px: npt.NDArray[np.int64]
+    sizes_px: Int64Array
     """Width and height [px], shape (N, 2)."""
-    K_px: Floats
+    K_px: Float64Array
     """Intrinsics [px], pixel centres at +0.5, shape (N, 3, 3)."""
-    T_world_camera: Floats
+    T_world_camera: Float64Array
     """Poses; maps camera coordinates (OpenCV axes) to the frame, shape (N, 4, 4)."""
 
     def __post_init__(self) -> None:
@@ -45,9 +44,9 @@ class CapturedViews:
         return len(self.images)
 
     @property
-    def mean_up(self) -> Floats | None:
+    def mean_up(self) -> Float64Array | None:
         """Unit vector, the mean of the cameras' own up directions, shape (3,); None where they look every way."""
-        mean: Floats = -self.T_world_camera[:, :3, 1].mean(axis=0) if len(self) else np.zeros(3)
+        mean: Float64Array = -self.T_world_camera[:, :3, 1].mean(axis=0) if len(self) else np.zeros(3)
         length = float(np.sqrt(mean @ mean))
         return mean / length if length >= AGREE_MIN else None
 

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
+
+from readygo.common.arrays import Float64Array
 
 Distortion = Literal["none", "brown_conrady", "fisheye"]
 
@@ -206,7 +207,7 @@ class CameraConfig:
         return half_rad if self.distortion == "fisheye" else math.tan(half_rad)
 
     @property
-    def K_px(self) -> npt.NDArray[np.float64]:
+    def K_px(self) -> Float64Array:
         """Intrinsics of the image, behind its lens [px], pixel centres at +0.5, shape (3, 3)."""
         if self.fx_px is not None:
             return np.array([[self.fx_px, 0.0, self.cx_px], [0.0, self.fy_px, self.cy_px], [0.0, 0.0, 1.0]])
@@ -238,7 +239,7 @@ class CameraConfig:
         """
         return *self.place_m(x_m, y_m, yaw_rad), yaw_rad + math.radians(self.mount_yaw_deg)
 
-    def T_world_camera(self, x_m: float, y_m: float, yaw_rad: float, floor_m: float) -> npt.NDArray[np.float64]:
+    def T_world_camera(self, x_m: float, y_m: float, yaw_rad: float, floor_m: float) -> Float64Array:
         """Pose of the camera of a robot on the floor, OpenCV axes, shape (4, 4).
 
         Args:

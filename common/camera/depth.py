@@ -3,16 +3,14 @@
 import hashlib
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, UInt8Array
 from readygo.common.camera.config import CameraConfig
 
-Depths = npt.NDArray[np.float32]
-Bytes = npt.NDArray[np.uint8]
 _NEAREST_BYTE = 255
 
 
-def measured_depth(depth_m: Depths, camera: CameraConfig, rng: np.random.Generator) -> Depths:
+def measured_depth(depth_m: Float32Array, camera: CameraConfig, rng: np.random.Generator) -> Float32Array:
     """Depths as the robot's camera measures them: noisy, some of them not at all.
 
     The error of stereo and of structured light grows with the square of the distance; see `CameraConfig.depth_noise`.
@@ -37,14 +35,14 @@ def measured_depth(depth_m: Depths, camera: CameraConfig, rng: np.random.Generat
     return in_range(measured, camera)
 
 
-def in_range(depth_m: Depths, camera: CameraConfig) -> Depths:
+def in_range(depth_m: Float32Array, camera: CameraConfig) -> Float32Array:
     """Depths [m]; inf where a camera measures nothing because that is too near or too far, or no number."""
     with np.errstate(invalid="ignore"):
         seen = (depth_m >= camera.depth_min_m) & (depth_m <= camera.depth_max_m)
     return np.where(seen, depth_m, np.float32(np.inf)).astype(np.float32)
 
 
-def depth_bytes(depth_m: Depths, camera: CameraConfig) -> Bytes:
+def depth_bytes(depth_m: Float32Array, camera: CameraConfig) -> UInt8Array:
     """Depths as policies take them: 255 at the camera, 1 at the end of its range, 0 where nothing is measured.
 
     Args:

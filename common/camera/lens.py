@@ -14,14 +14,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.camera.config import COEFFICIENT_NAMES, CameraConfig
 from readygo.common.camera.sensor import SensorConfig
 from readygo.common.errors import ConfigError
 from readygo.common.kernels import kernel_with_cache
-
-Floats = npt.NDArray[np.float64]
 
 ANGLE_MAX_RAD = math.radians(88.0)
 """Rays further from the optical axis are refused: depth along the axis stays positive."""
@@ -41,7 +39,7 @@ class Lens:
     """p1, p2 of Brown-Conrady."""
     s_max: float
     """Up to here the radial polynomial grows."""
-    K_px: Floats
+    K_px: Float64Array
     """Intrinsics of the distorted image [px], shape (3, 3)."""
     height_px: int
     width_px: int
@@ -50,7 +48,7 @@ class Lens:
     coefficients: tuple[float, ...]
     """In OpenCV's order: k1, k2, p1, p2, k3 (Brown-Conrady) or k1 to k4 (fisheye)."""
 
-    def rays(self, uv_px: Floats) -> Floats:
+    def rays(self, uv_px: Float64Array) -> Float64Array:
         """Points on the plane z = 1 that pixels see, NaN where the lens sees nothing.
 
         Args:
@@ -61,7 +59,7 @@ class Lens:
         """
         return _rays(np.ascontiguousarray(uv_px, dtype=np.float64), *self._numbers())
 
-    def pixels(self, xy: Floats) -> Floats:
+    def pixels(self, xy: Float64Array) -> Float64Array:
         """Pixels that see points on the plane z = 1, shape (N, 2) -> (N, 2)."""
         return _pixels(np.ascontiguousarray(xy, dtype=np.float64), *self._numbers())
 
@@ -70,7 +68,7 @@ class Lens:
         """Largest distance from the optical axis, on the plane z = 1, of a point that the lens can show."""
         return math.tan(self.s_max) if self.fisheye else self.s_max
 
-    def _numbers(self) -> tuple[bool, Floats, float, tuple[float, float, float, float]]:
+    def _numbers(self) -> tuple[bool, Float64Array, float, tuple[float, float, float, float]]:
         c, K = np.array([*self.radial, *self.tangential]), self.K_px
         return self.fisheye, c, self.s_max, (float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2]))
 
@@ -122,7 +120,7 @@ def _folds(camera: CameraConfig, why: str) -> str:
     )
 
 
-def _border(height_px: int, width_px: int) -> Floats:
+def _border(height_px: int, width_px: int) -> Float64Array:
     """The outer border of an image at every half pixel, shape (N, 2)."""
     u, v = 0.5 * np.arange(2 * width_px + 1), 0.5 * np.arange(2 * height_px + 1)
     top = np.stack([u, np.zeros_like(u)], axis=1)
@@ -132,21 +130,21 @@ def _border(height_px: int, width_px: int) -> Floats:
 
 
 @kernel_with_cache(error_model="numpy")
-def _growth(c: Floats, s: float) -> float:
+def _growth(c: Float64Array, s: float) -> float:
     """The growth of the lens function, g(s) / s."""
     t = s * s
     return float(1.0 + t * (c[0] + t * (c[1] + t * (c[2] + t * c[3]))))
 
 
 @kernel_with_cache(error_model="numpy")
-def _slope(c: Floats, s: float) -> float:
+def _slope(c: Float64Array, s: float) -> float:
     """Derivative of the lens function g at s."""
     t = s * s
     return float(1.0 + t * (3.0 * c[0] + t * (5.0 * c[1] + t * (7.0 * c[2] + t * 9.0 * c[3]))))
 
 
 @kernel_with_cache(error_model="numpy")
-def _grows_until(c: Floats, s_limit: float) -> float:
+def _grows_until(c: Float64Array, s_limit: float) -> float:
     """The largest s up to `s_limit` before which g grows everywhere."""
     for step in range(1, FOLD_STEPS + 1):
         if _slope(c, s_limit * step / FOLD_STEPS) <= 0.0:
@@ -155,7 +153,7 @@ def _grows_until(c: Floats, s_limit: float) -> float:
 
 
 @kernel_with_cache(error_model="numpy")
-def _inverse(c: Floats, s_max: float, q: float) -> float:
+def _inverse(c: Float64Array, s_max: float, q: float) -> float:
     """The s with g(s) = q, by Newton's method between bounds; NaN beyond `s_max`."""
     low, high = 0.0, s_max
     if q > s_max * _growth(c, s_max):
@@ -179,7 +177,7 @@ def _inverse(c: Floats, s_max: float, q: float) -> float:
 
 
 @kernel_with_cache(error_model="numpy")
-def _distort(c: Floats, x: float, y: float) -> tuple[float, float, float, float, float]:
+def _distort(c: Float64Array, x: float, y: float) -> tuple[float, float, float, float, float]:
     """Brown-Conrady: image point over focal length of (x, y), and its derivatives xx, xy (= yx), yy."""
     r2, p1, p2 = x * x + y * y, c[4], c[5]
     r = math.sqrt(r2)
@@ -196,7 +194,7 @@ def _distort(c: Floats, x: float, y: float) -> tuple[float, float, float, float,
 
 
 @kernel_with_cache(error_model="numpy")
-def _ray(fisheye: bool, c: Floats, s_max: float, xd: float, yd: float) -> tuple[float, float]:
+def _ray(fisheye: bool, c: Float64Array, s_max: float, xd: float, yd: float) -> tuple[float, float]:
     """The ray (x, y) behind an image point over the focal length; NaN where there is none."""
     q = math.sqrt(xd * xd + yd * yd)
     s = _inverse(c, s_max, q)
@@ -223,7 +221,9 @@ def _ray(fisheye: bool, c: Floats, s_max: float, xd: float, yd: float) -> tuple[
 
 
 @kernel_with_cache(error_model="numpy")
-def _rays(uv: Floats, fisheye: bool, c: Floats, s_max: float, intrinsics: tuple[float, float, float, float]) -> Floats:
+def _rays(
+    uv: Float64Array, fisheye: bool, c: Float64Array, s_max: float, intrinsics: tuple[float, float, float, float]
+) -> Float64Array:
     fx, fy, cx, cy = intrinsics
     out = np.empty_like(uv)
     for i in range(len(uv)):
@@ -233,8 +233,8 @@ def _rays(uv: Floats, fisheye: bool, c: Floats, s_max: float, intrinsics: tuple[
 
 @kernel_with_cache(error_model="numpy")
 def _pixels(
-    xy: Floats, fisheye: bool, c: Floats, s_max: float, intrinsics: tuple[float, float, float, float]
-) -> Floats:
+    xy: Float64Array, fisheye: bool, c: Float64Array, s_max: float, intrinsics: tuple[float, float, float, float]
+) -> Float64Array:
     fx, fy, cx, cy = intrinsics
     out = np.empty_like(xy)
     for i in range(len(xy)):

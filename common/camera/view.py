@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.camera.config import CameraConfig
 from readygo.common.camera.lens import make_lens
 
@@ -79,16 +79,16 @@ def in_view(
     return across and view.shows_body(distance_m)
 
 
-def _bearing_rad(camera: CameraConfig, border_px: npt.NDArray[np.float64]) -> float:
+def _bearing_rad(camera: CameraConfig, border_px: Float64Array) -> float:
     """Bearing to the left of a border, where it is nearest to the horizon [rad]."""
     rays = _level_rays(camera, border_px)
     ahead, left, _ = rays[np.argmin(np.abs(rays[:, 2]) / np.hypot(rays[:, 0], rays[:, 1]))].tolist()
     return math.atan2(left, ahead)
 
 
-def _level_rays(camera: CameraConfig, uv_px: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _level_rays(camera: CameraConfig, uv_px: Float64Array) -> Float64Array:
     """Rays of pixels with x along the camera's heading, y left, z up, shape (N, 2) -> (N, 3)."""
     x, y = make_lens(camera).rays(uv_px).T
     R_robot_camera = camera.T_world_camera(0.0, 0.0, -math.radians(camera.mount_yaw_deg), 0.0)[:3, :3]
-    rays: npt.NDArray[np.float64] = np.stack([x, y, np.ones_like(x)], axis=1) @ R_robot_camera.T
+    rays: Float64Array = np.stack([x, y, np.ones_like(x)], axis=1) @ R_robot_camera.T
     return rays

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, RecordArray
 from readygo.common.dataset.entries import EpisodePlace
 from readygo.common.dataset.index import ShardIndex
 from readygo.common.errors import DatasetError
@@ -22,7 +22,7 @@ class Calibration:
     """Image height [px]."""
     width_px: int
     """Image width [px]."""
-    K_px: npt.NDArray[np.float64]
+    K_px: Float64Array
     """Intrinsics [px] with pixel centres at +0.5, shape (3, 3)."""
     distortion_model: str
     """One of `readygo.common.messages.samples.DISTORTION_MODELS`; "" is a pinhole camera."""
@@ -34,9 +34,9 @@ class Calibration:
 class Calibrations:
     """Every camera in every episode."""
 
-    first: npt.NDArray[np.void]
+    first: RecordArray
     """Calibrations of the first camera, a row per episode."""
-    further: Mapping[str, npt.NDArray[np.void]]
+    further: Mapping[str, RecordArray]
     """Calibrations of the other cameras by name, a row per episode."""
 
     @classmethod

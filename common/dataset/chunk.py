@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from google.protobuf.message import DecodeError
 
+from readygo.common.arrays import RecordArray, UInt64Array
 from readygo.common.dataset import schemas
 from readygo.common.dataset.canonical import (
     HALF_PX,
@@ -66,9 +66,9 @@ class EpisodeChunk:
     distortion_model: str
     distortion: tuple[float, ...]
     """Coefficients of the distortion model, at most 8."""
-    message_offsets: dict[int, npt.NDArray[np.uint64]]
+    message_offsets: dict[int, UInt64Array]
     """Rows of (log time [ns], offset in `data`) of the messages of each channel, shape (M, 2)."""
-    samples: npt.NDArray[np.void]
+    samples: RecordArray
     """Rows of `SAMPLE_DTYPE`; `image_offset` counts from the beginning of `data`."""
     ending: schemas.Ending
     """Known where there are the expert's commands; without them an episode is a success of the expert."""
@@ -78,7 +78,7 @@ class EpisodeChunk:
     """The cameras besides the first one; intrinsics with pixel centres at +0.5."""
     drawn: dict[str, float] = field(default_factory=dict)
     """Values that the episode's robot drew from its ranges, by the names of `RobotRanges`."""
-    outputs: dict[str, npt.NDArray[np.void]] = field(default_factory=dict)
+    outputs: dict[str, RecordArray] = field(default_factory=dict)
     """Place of each output besides rgb (images, labels, the expert's commands): rows of `OUTPUT_DTYPE`, one per sample;
     `offset` counts from the beginning of `data`."""
 
@@ -276,7 +276,7 @@ def _sample_rows(
     outputs: tuple[schemas.Channel, ...],
     base_ns: int,
     image_every: int,
-) -> npt.NDArray[np.void]:
+) -> RecordArray:
     poses = by_channel[schemas.ROBOT_POSE.number]
     times_ns = [message.log_time_ns for message in poses]
     for channel in (*schemas.SAMPLE_CHANNELS, *outputs):
@@ -319,9 +319,7 @@ def _sample_row(view: memoryview, messages: tuple[Message, ...], base_ns: int) -
     )
 
 
-def _places(
-    view: memoryview, messages: list[Message], channel: schemas.Channel, sample_count: int
-) -> npt.NDArray[np.void]:
+def _places(view: memoryview, messages: list[Message], channel: schemas.Channel, sample_count: int) -> RecordArray:
     """Where each sample's message is; nowhere, with no length, for samples that have none."""
     places = np.zeros(sample_count, dtype=OUTPUT_DTYPE)
     for message in messages:

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int64Array
 from readygo.common.dataset.reader import Dataset
 from readygo.common.images.clarity import SHARP_FROM, sharpness
 
@@ -17,11 +17,11 @@ PER_EPISODE_MAX = 5
 class RecordedClarity:
     """Sharpness of some pictures, spread evenly over a dataset."""
 
-    samples: npt.NDArray[np.int64]
+    samples: Int64Array
     """The samples that were looked at, shape (K,), episode by episode."""
-    sharpness: npt.NDArray[np.float64]
+    sharpness: Float64Array
     """Sharpness of these samples' images, from `readygo.common.images.clarity`, shape (K,)."""
-    of_episode: npt.NDArray[np.float64]
+    of_episode: Float64Array
     """Median sharpness of each episode that was looked at, shape (E,)."""
 
     @property

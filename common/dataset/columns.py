@@ -9,16 +9,12 @@ from functools import cached_property
 from itertools import chain
 
 import numpy as np
-import numpy.typing as npt
 from mcap.opcode import Opcode
 
+from readygo.common.arrays import BoolArray, Float64Array, Int64Array, UInt8Array, UInt64Array
 from readygo.common.dataset.records import MESSAGE_DTYPE, MESSAGE_FIELDS_SIZE
 from readygo.common.dataset.schemas import NS_PER_S
 
-Mask = npt.NDArray[np.bool_]
-Counts = npt.NDArray[np.int64]
-Doubles = npt.NDArray[np.float64]
-Times = npt.NDArray[np.uint64]
 _DOUBLE, _LENGTH = 1, 2
 """How a field is encoded, beside its number in its tag: eight bytes; a length, and so many bytes."""
 _TAGGED_DOUBLE = np.dtype([("tag", "u1"), ("value", "<f8")])
@@ -28,16 +24,16 @@ _TAGGED_DOUBLE = np.dtype([("tag", "u1"), ("value", "<f8")])
 class Column:
     """Some bytes of each of N rows: of `rows` those that are `there`, both of shape (N, W)."""
 
-    rows: npt.NDArray[np.uint8]
-    there: Mask
+    rows: UInt8Array
+    there: BoolArray
 
     @cached_property
-    def sizes(self) -> Counts:
+    def sizes(self) -> Int64Array:
         """Bytes of each row, shape (N,)."""
-        counts: Counts = np.count_nonzero(self.there, axis=1)
+        counts: Int64Array = np.count_nonzero(self.there, axis=1)
         return counts
 
-    def where(self, mask: Mask | None) -> "Column":
+    def where(self, mask: BoolArray | None) -> "Column":
         """The column with no bytes in the rows where `mask`, shape (N,), is False; None keeps all rows."""
         return self if mask is None else Column(self.rows, self.there & mask[:, None])
 
@@ -49,11 +45,11 @@ class Pieces:
     rows: Sequence[bytes]
 
     @cached_property
-    def sizes(self) -> Counts:
+    def sizes(self) -> Int64Array:
         """Bytes of each row, shape (N,)."""
         return np.fromiter(map(len, self.rows), dtype=np.int64, count=len(self.rows))
 
-    def where(self, mask: Mask | None) -> "Pieces":
+    def where(self, mask: BoolArray | None) -> "Pieces":
         """The pieces with no bytes in the rows where `mask`, shape (N,), is False; None keeps all rows."""
         if mask is None:
             return self
@@ -86,17 +82,17 @@ def fold_rows(column: Column, count: int) -> Column:
     return Column(column.rows.reshape(count, -1), column.there.reshape(count, -1))
 
 
-def whole_numbers(number: int, values: npt.NDArray[np.uint64]) -> Column:
+def whole_numbers(number: int, values: UInt64Array) -> Column:
     """A field that is a whole number, shape (N,); nothing where it is zero."""
     return _encode_varints(number << 3, values).where(values != 0)
 
 
-def flags(number: int, values: Mask) -> Column:
+def flags(number: int, values: BoolArray) -> Column:
     """A field that is true or false, shape (N,); nothing where it is false."""
     return constant(bytes((number << 3, 1)), len(values)).where(values)
 
 
-def doubles(number: int, *values: Doubles) -> Column:
+def doubles(number: int, *values: Float64Array) -> Column:
     """Fields from `number` on that are numbers, shape (N,) each; nothing where one is zero."""
     table = np.empty((len(values[0]), len(values)), dtype=_TAGGED_DOUBLE)
     table["tag"] = [field << 3 | _DOUBLE for field in range(number, number + len(values))]
@@ -118,13 +114,13 @@ def field(number: int, content: Column) -> Column:
     return join_columns(field_head(number, content), content)
 
 
-def stamps(times_ns: Times) -> Column:
+def stamps(times_ns: UInt64Array) -> Column:
     """The first field of a message, with its time [ns], shape (N,)."""
     seconds, nanos = np.divmod(times_ns, np.uint64(NS_PER_S))
     return field(1, join_columns(whole_numbers(1, seconds), whole_numbers(2, nanos)))
 
 
-def record_heads(channel: int, payload_sizes: Counts, times_ns: Times) -> Column:
+def record_heads(channel: int, payload_sizes: Int64Array, times_ns: UInt64Array) -> Column:
     """What goes before the payloads in the records of messages 0, 1, 2, ... of a channel."""
     table = np.empty((len(times_ns), 1), dtype=MESSAGE_DTYPE)
     head = table[:, 0]
@@ -135,7 +131,7 @@ def record_heads(channel: int, payload_sizes: Counts, times_ns: Times) -> Column
     return _whole(table.view(np.uint8))
 
 
-def sizes_of(parts: Iterable[Part]) -> Counts:
+def sizes_of(parts: Iterable[Part]) -> Int64Array:
     """Bytes of each row in all `parts`, shape (N,)."""
     total, *others = [part.sizes for part in parts]
     for sizes in others:
@@ -167,11 +163,11 @@ def rows_of(parts: Sequence[Part]) -> list[bytes]:
     return [together[begin:end] for begin, end in zip([0, *ends], ends, strict=False)]
 
 
-def _whole(rows: npt.NDArray[np.uint8]) -> Column:
+def _whole(rows: UInt8Array) -> Column:
     return Column(rows, np.ones(rows.shape, dtype=np.bool_))
 
 
-def _encode_varints(tag: int, values: npt.NDArray[np.uint64]) -> Column:
+def _encode_varints(tag: int, values: UInt64Array) -> Column:
     """A tag and whole numbers, seven bits to a byte, all of whose bytes but the last have their highest bit."""
     width = max(1, -(-int(values.max()).bit_length() // 7))
     rest = values[:, None] >> np.arange(0, 7 * width, 7, dtype=np.uint64)

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Int64Array, RecordArray, UInt64Array
 from readygo.common.dataset import columns, markers, packed, schemas
 from readygo.common.dataset.canonical import EPISODE_SLOT_NS, HALF_PX, record_head, with_pixels_moved
 from readygo.common.dataset.chunk import OUTPUT_DTYPE, SAMPLE_DTYPE, EpisodeChunk, constants
-from readygo.common.dataset.columns import Column, Counts, Part
+from readygo.common.dataset.columns import Column, Part
 from readygo.common.dataset.packed import Messages
 from readygo.common.dataset.poses import stored_yaw_rad
 from readygo.common.dataset.records import MESSAGE_HEADER
@@ -81,7 +81,7 @@ class _Records:
     def __init__(self, start_ns: int) -> None:
         self.start_ns = start_ns
         self.parts: list[bytes | memoryview] = []
-        self.offsets: defaultdict[int, list[npt.NDArray[np.uint64]]] = defaultdict(
+        self.offsets: defaultdict[int, list[UInt64Array]] = defaultdict(
             list, {channel.number: [] for channel in schemas.CHANNELS}
         )
         """Rows of (log time [ns], offset) of the messages of each channel."""
@@ -95,9 +95,7 @@ class _Records:
         self.offsets[channel.number].append(np.array([[log_ns, self.size]], dtype=np.uint64))
         self.size += MESSAGE_HEADER.size + len(payload)
 
-    def add_samples(
-        self, messages: Sequence[Messages], times_ns: Sequence[int]
-    ) -> dict[schemas.Channel, npt.NDArray[np.void]]:
+    def add_samples(self, messages: Sequence[Messages], times_ns: Sequence[int]) -> dict[schemas.Channel, RecordArray]:
         """Add the messages of samples at their times since the episode began; where each channel has its contents.
 
         These are images' files or else whole messages, rows of `OUTPUT_DTYPE`.
@@ -123,7 +121,7 @@ class _Records:
         return found
 
 
-def _places(messages: Messages, stamps: Column, begin: Counts, end: Counts) -> npt.NDArray[np.void]:
+def _places(messages: Messages, stamps: Column, begin: Int64Array, end: Int64Array) -> RecordArray:
     """Offset and length of each sample's image file, or else of its whole message, from `begin` to `end`."""
     places = np.zeros(len(begin), dtype=OUTPUT_DTYPE)
     if messages.channel.number in schemas.IMAGE_NUMBERS:
@@ -194,7 +192,7 @@ class _Encoder:
         started = schemas.EPISODE_START.message.FromString(start)
         return constants(started, channel.message.FromString(calibration), channel)
 
-    def _add_samples(self) -> dict[schemas.Channel, npt.NDArray[np.void]]:
+    def _add_samples(self) -> dict[schemas.Channel, RecordArray]:
         """Add the messages of the samples, and what viewers need beside them; see `_Records.add_samples`."""
         messages = packed.messages(self._samples, self._header, self._numbers)
         times_ns = [sample.time_ns for sample in self._samples]
@@ -232,7 +230,7 @@ def _sha256(parts: Sequence[bytes | memoryview]) -> str:
     return sha256.hexdigest()
 
 
-def _rows(samples: Sequence[Sample], numbers: npt.NDArray[np.void]) -> npt.NDArray[np.void]:
+def _rows(samples: Sequence[Sample], numbers: RecordArray) -> RecordArray:
     """Rows of `SAMPLE_DTYPE` but for the places of images."""
     rows = np.zeros(len(samples), dtype=SAMPLE_DTYPE)
     for name in packed.NUMBERS_DTYPE.names or ():

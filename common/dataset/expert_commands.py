@@ -4,12 +4,12 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, BoolArray, Float32Array
 from readygo.common.errors import DatasetError
 
 
-def commands_of(messages: Iterable[Any]) -> npt.NDArray[np.float32]:
+def commands_of(messages: Iterable[Any]) -> Float32Array:
     """The commands in messages on /robot/expert_commands: v [m/s], w [rad/s], shape (N, 1 + K, 2).
 
     Raises:
@@ -24,7 +24,7 @@ def commands_of(messages: Iterable[Any]) -> npt.NDArray[np.float32]:
         ) from error
 
 
-def spread(rows: npt.NDArray[Any], asked: npt.NDArray[np.bool_], missing: float) -> npt.NDArray[Any]:
+def spread(rows: AnyArray, asked: BoolArray, missing: float) -> AnyArray:
     """Rows of the samples at which the expert was asked, as rows of all samples.
 
     Args:

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from mcap.opcode import Opcode
 
+from readygo.common.arrays import Float64Array
 from readygo.common.dataset.chunk import parse
 from readygo.common.dataset.index import map_file
 from readygo.common.dataset.poses import pose_xyzyaw
@@ -14,13 +14,13 @@ from readygo.common.dataset.schemas import HUMANS
 from readygo.common.errors import DatasetError
 
 
-def humans_of_shard(shard: Path) -> list[list[npt.NDArray[np.float64]]]:
+def humans_of_shard(shard: Path) -> list[list[Float64Array]]:
     """Humans at every sample of every episode, in the order of the shard: x, y, z [m], yaw [rad], shape (H, 4) each.
 
     Raises:
         DatasetError: If the shard is damaged.
     """
-    episodes: list[list[npt.NDArray[np.float64]]] = []
+    episodes: list[list[Float64Array]] = []
     with map_file(shard) as view:
         for record in iter_records(view):
             if record.opcode != Opcode.CHUNK:

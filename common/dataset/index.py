@@ -19,13 +19,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Metadata
 
 from readygo.common.array_files import load_npz
+from readygo.common.arrays import RecordArray
 from readygo.common.dataset.chunk import OUTPUT_DTYPE, SAMPLE_DTYPE, EpisodeChunk, read_chunk
 from readygo.common.dataset.provenance import RECORD_NAME, Provenance, provenance_from_strings
 from readygo.common.dataset.records import MAGIC, RECORD_HEADER, Record, chunk_span, is_intact, iter_records
@@ -83,20 +83,20 @@ class ShardIndex:
     """What a shard holds and where."""
 
     provenance: Provenance
-    episodes: npt.NDArray[np.void]
+    episodes: RecordArray
     """Rows of `EPISODE_DTYPE`, in the order of the shard."""
-    samples: npt.NDArray[np.void]
+    samples: RecordArray
     """Rows of `SAMPLE_DTYPE`; `image_offset` counts from the beginning of the file."""
     size_bytes: int
     tail_sha256: str
     """SHA-256 of the shard from its end-of-data record on."""
-    endings: npt.NDArray[np.void]
+    endings: RecordArray
     """Rows of `ENDING_DTYPE`, one per episode."""
-    cameras: npt.NDArray[np.void]
+    cameras: RecordArray
     """The cameras besides the first one, rows of `CAMERA_DTYPE`, shape (E, N)."""
     drawn: tuple[dict[str, float], ...] = ()
     """`EpisodeHeader.drawn` of each episode; empty where no robot has ranges."""
-    outputs: dict[str, npt.NDArray[np.void]] = field(default_factory=dict)
+    outputs: dict[str, RecordArray] = field(default_factory=dict)
     """Place of each output besides rgb (images, labels, the expert's commands): rows of `OUTPUT_DTYPE`, one per sample;
     `offset` counts from the beginning of the file."""
 
@@ -131,11 +131,11 @@ class IndexRows:
 
     def __init__(self) -> None:
         self._episodes: list[tuple[Any, ...]] = []
-        self._samples: list[npt.NDArray[np.void]] = []
+        self._samples: list[RecordArray] = []
         self._endings: list[tuple[bytes, ...]] = []
         self._cameras: list[list[tuple[Any, ...]]] = []
         self._drawn: list[dict[str, float]] = []
-        self._outputs: list[dict[str, npt.NDArray[np.void]]] = []
+        self._outputs: list[dict[str, RecordArray]] = []
         self._sample_count = 0
 
     def add(self, chunk: EpisodeChunk, body_offset: int) -> None:
@@ -193,7 +193,7 @@ class IndexRows:
         )
 
 
-def _shift_offsets(rows: npt.NDArray[np.void], field_name: str, offset: int) -> npt.NDArray[np.void]:
+def _shift_offsets(rows: RecordArray, field_name: str, offset: int) -> RecordArray:
     """A copy of `rows` with `offset` added to one of their fields."""
     shifted = rows.copy()
     shifted[field_name] += np.uint64(offset)
@@ -368,11 +368,11 @@ def _eight(coefficients: Sequence[float]) -> tuple[float, ...]:
     return (*coefficients, *[0.0] * (8 - len(coefficients)))
 
 
-def _no_cameras(episodes: Sized) -> npt.NDArray[np.void]:
+def _no_cameras(episodes: Sized) -> RecordArray:
     return np.zeros((len(episodes), 0), dtype=CAMERA_DTYPE)
 
 
-def _usual_endings(count: int) -> npt.NDArray[np.void]:
+def _usual_endings(count: int) -> RecordArray:
     return np.array([_ending_row(Ending())] * count, dtype=ENDING_DTYPE)
 
 

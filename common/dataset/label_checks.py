@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, Float32Array, Float64Array
 from readygo.common.dataset.labels import boxes_of, footprints_of, joints_of
 from readygo.common.errors import DatasetError
 
@@ -29,7 +29,7 @@ def wrong_labels(humans: Any, joints: Any, boxes: Any, footprints: Any) -> Itera
         if len(labels) != count:
             yield f"there are {name} of {len(labels)} humans, not {count}"
             return
-    arrays: tuple[npt.NDArray[Any], ...] = (joints_m, boxes_m, *ground_m)
+    arrays: tuple[AnyArray, ...] = (joints_m, boxes_m, *ground_m)
     if not all(np.isfinite(array).all() for array in arrays):
         yield "a label is not finite"
         return
@@ -43,7 +43,7 @@ def wrong_labels(humans: Any, joints: Any, boxes: Any, footprints: Any) -> Itera
             yield "the footprint is not below the human"
 
 
-def _box_holds(box: npt.NDArray[np.float64], joints_m: npt.NDArray[np.float32]) -> bool:
+def _box_holds(box: Float64Array, joints_m: Float32Array) -> bool:
     """True if the box is as large as a human at most, and all joints are in it or close."""
     size_m, yaw_rad = box[3:6], box[6]
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)

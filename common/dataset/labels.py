@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from foxglove_schemas_protobuf.Color_pb2 import Color
 from foxglove_schemas_protobuf.CubePrimitive_pb2 import CubePrimitive
 from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
@@ -18,6 +17,7 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.duration_pb2 import Duration
 
+from readygo.common.arrays import Float32Array, Float64Array, RecordArray
 from readygo.common.dataset.poses import pose_of, pose_xyzyaw
 from readygo.common.errors import DatasetError
 from readygo.common.messages.samples import HumanLabels
@@ -50,7 +50,7 @@ def messages(labels: Sequence[HumanLabels], stamp: Any, frame_id: str, *, floor_
     ]
 
 
-def joints_of(message: Any) -> npt.NDArray[np.float32]:
+def joints_of(message: Any) -> Float32Array:
     """Joints [m] in a message on /humans/joints, shape (H, 24, 3).
 
     Raises:
@@ -63,7 +63,7 @@ def joints_of(message: Any) -> npt.NDArray[np.float32]:
     return np.stack([points[axis] for axis in "xyz"], axis=-1).reshape(count, JOINT_COUNT, 3)
 
 
-def boxes_of(message: Any) -> npt.NDArray[np.float64]:
+def boxes_of(message: Any) -> Float64Array:
     """Boxes in a message on /humans/boxes, as in `HumanLabels.box`, shape (H, 7).
 
     Raises:
@@ -79,7 +79,7 @@ def boxes_of(message: Any) -> npt.NDArray[np.float64]:
     return boxes
 
 
-def footprints_of(message: Any) -> tuple[npt.NDArray[np.float32], ...]:
+def footprints_of(message: Any) -> tuple[Float32Array, ...]:
     """Ground points [m] of every human in a message on /humans/footprints, shape (P, 2) each.
 
     Raises:
@@ -91,7 +91,7 @@ def footprints_of(message: Any) -> tuple[npt.NDArray[np.float32], ...]:
     return tuple(xy_m[points["human"] == k] for k in range(count))
 
 
-def _pack_points(points_m: Sequence[npt.NDArray[np.float32]], dtype: np.dtype[np.void]) -> npt.NDArray[np.void]:
+def _pack_points(points_m: Sequence[Float32Array], dtype: np.dtype[np.void]) -> RecordArray:
     packed = np.zeros(sum(map(len, points_m)), dtype=dtype)
     first = 0
     for human, points in enumerate(points_m):
@@ -103,7 +103,7 @@ def _pack_points(points_m: Sequence[npt.NDArray[np.float32]], dtype: np.dtype[np
     return packed
 
 
-def _cloud(points: npt.NDArray[np.void], stamp: Any, frame_id: str, z_m: float) -> Any:
+def _cloud(points: RecordArray, stamp: Any, frame_id: str, z_m: float) -> Any:
     return PointCloud(
         timestamp=stamp,
         frame_id=frame_id,
@@ -123,14 +123,14 @@ def layout(dtype: np.dtype[np.void]) -> list[Any]:
     ]
 
 
-def _unpack_points(message: Any, dtype: np.dtype[np.void]) -> npt.NDArray[np.void]:
+def _unpack_points(message: Any, dtype: np.dtype[np.void]) -> RecordArray:
     same = message.point_stride == dtype.itemsize and list(message.fields) == layout(dtype)
     if not same or len(message.data) % dtype.itemsize:
         raise DatasetError(f"a point cloud is not packed as {dtype}")
     return np.frombuffer(message.data, dtype=dtype)
 
 
-def _entity(number: int, box: npt.NDArray[np.float64], stamp: Any, frame_id: str) -> Any:
+def _entity(number: int, box: Float64Array, stamp: Any, frame_id: str) -> Any:
     x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad = box.tolist()
     cube = CubePrimitive(
         pose=pose_of(x_m, y_m, z_m, yaw_rad),

@@ -23,9 +23,10 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.duration_pb2 import Duration
 
+from readygo.common.arrays import BoolArray, Float64Array, RecordArray
 from readygo.common.camera.config import CameraConfig
 from readygo.common.dataset import labels, schemas
-from readygo.common.dataset.columns import Mask, Part, constant, doubles, field, field_head, join_columns, nothing
+from readygo.common.dataset.columns import Part, constant, doubles, field, field_head, join_columns, nothing
 from readygo.common.dataset.packed import Messages, Timed
 from readygo.common.dataset.poses import pose_of
 from readygo.common.frames import quat_from_matrix
@@ -46,8 +47,6 @@ POST_HEIGHT_M = 1.0
 """Start and goal are posts of this height in point clouds."""
 POINT_SPACING_M = 0.05
 DISC_HEIGHT_M = 0.02
-
-Poses = npt.NDArray[np.float64]
 
 
 def camera_frames(robot: RobotConfig) -> tuple[bytes, ...]:
@@ -90,7 +89,7 @@ def frames(position: Part, orientation: Part, cameras: Sequence[bytes]) -> Messa
     return Messages(channel=schemas.TRANSFORMS, timed=Timed.IN_TRANSFORMS, groups=[robot, *carried])
 
 
-def markers(poses_xyzyaw: Poses, goal_xy_m: Sequence[float], robot: RobotConfig | None, stamp: Any) -> Any:
+def markers(poses_xyzyaw: Float64Array, goal_xy_m: Sequence[float], robot: RobotConfig | None, stamp: Any) -> Any:
     """The message on /episode/markers: start, goal, the robot's way, and the robot, which moves with its frame.
 
     Args:
@@ -115,7 +114,7 @@ def markers(poses_xyzyaw: Poses, goal_xy_m: Sequence[float], robot: RobotConfig 
     return SceneUpdate(entities=entities)
 
 
-def bodies(xyzyaw: Poses, there: Mask) -> Messages:
+def bodies(xyzyaw: Float64Array, there: BoolArray) -> Messages:
     """The messages on /humans/bodies: everybody as a cylinder; viewers drop it when no later sample moves it.
 
     Args:
@@ -133,7 +132,7 @@ def bodies(xyzyaw: Poses, there: Mask) -> Messages:
     return Messages(channel=schemas.BODIES, timed=Timed.IN_ENTITIES, groups=groups or [[nothing(count)]])
 
 
-def path_cloud(poses_xyzyaw: Poses, goal_xy_m: Sequence[float], stamp: Any) -> Any:
+def path_cloud(poses_xyzyaw: Float64Array, goal_xy_m: Sequence[float], stamp: Any) -> Any:
     """The message on /episode/path: the way of `markers` as points, start and goal as posts."""
     end_m = np.array([*goal_xy_m, poses_xyzyaw[-1, 2]])
     parts = [
@@ -153,7 +152,7 @@ def robot_outline(robot: RobotConfig, stamp: Any) -> Any:
     return cloud(coloured_points(points, ROBOT_RGB), stamp, frame_id=schemas.ROBOT_FRAME)
 
 
-def coloured_points(points_m: npt.ArrayLike, rgb: Rgb) -> npt.NDArray[np.void]:
+def coloured_points(points_m: npt.ArrayLike, rgb: Rgb) -> RecordArray:
     """Points [m], shape (N, 3), of one colour, rows of `POINT_DTYPE`."""
     points_m = np.asarray(points_m)
     rows = np.zeros(len(points_m), dtype=POINT_DTYPE)
@@ -163,7 +162,7 @@ def coloured_points(points_m: npt.ArrayLike, rgb: Rgb) -> npt.NDArray[np.void]:
     return rows
 
 
-def cloud(points: npt.NDArray[np.void], stamp: Any, frame_id: str = schemas.WORLD_FRAME) -> Any:
+def cloud(points: RecordArray, stamp: Any, frame_id: str = schemas.WORLD_FRAME) -> Any:
     """A point cloud of rows of `POINT_DTYPE`."""
     return PointCloud(
         timestamp=stamp,
@@ -175,9 +174,9 @@ def cloud(points: npt.NDArray[np.void], stamp: Any, frame_id: str = schemas.WORL
     )
 
 
-def _post(foot_m: Poses) -> Poses:
+def _post(foot_m: Float64Array) -> Float64Array:
     heights_m = np.arange(0.0, POST_HEIGHT_M, POINT_SPACING_M)
-    points_m: Poses = foot_m + heights_m[:, None] * np.array([0.0, 0.0, 1.0])
+    points_m: Float64Array = foot_m + heights_m[:, None] * np.array([0.0, 0.0, 1.0])
     return points_m
 
 

@@ -11,15 +11,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
+from readygo.common.arrays import BoolArray, Float64Array, RecordArray
 from readygo.common.dataset import columns, labels, schemas
 from readygo.common.dataset.canonical import HALF_PX, with_pixels_moved
-from readygo.common.dataset.columns import Column, Doubles, Mask, Part, Pieces
+from readygo.common.dataset.columns import Column, Part, Pieces
 from readygo.common.images.files import FILE_FORMAT
 from readygo.common.images.names import GOAL_IMAGE, RGB, camera_of, kind_of
 from readygo.common.messages.proto.driving_pb2 import ExpertCommands
@@ -64,7 +64,7 @@ class Messages:
     groups: Sequence[Sequence[Part]]
     """One, or with times inside one for each transform or entity, which is not there where it has no bytes; an image
     has those of its file in the second part."""
-    there: Mask | None = None
+    there: BoolArray | None = None
     """True for samples that have a message on this channel, shape (N,); None if all have."""
 
     def at(self, stamps: Column) -> list[Part]:
@@ -90,7 +90,7 @@ def stamp(time_ns: int) -> bytes:
     return columns.rows_of([columns.stamps(np.array([time_ns], dtype=np.uint64))])[0]
 
 
-def numbers_of(samples: Sequence[Sample]) -> npt.NDArray[np.void]:
+def numbers_of(samples: Sequence[Sample]) -> RecordArray:
     """Rows of `NUMBERS_DTYPE`, one per sample."""
     rows = [
         (
@@ -109,9 +109,7 @@ def numbers_of(samples: Sequence[Sample]) -> npt.NDArray[np.void]:
     return np.array(rows, dtype=np.float64).view(NUMBERS_DTYPE)[:, 0]
 
 
-def messages(
-    samples: Sequence[Sample], header: EpisodeHeader, numbers: npt.NDArray[np.void] | None = None
-) -> list[Messages]:
+def messages(samples: Sequence[Sample], header: EpisodeHeader, numbers: RecordArray | None = None) -> list[Messages]:
     """The messages of samples, in the order of `SAMPLE_CHANNELS` and `optional_channels`.
 
     Args:
@@ -144,7 +142,7 @@ def calibrations(header: EpisodeHeader) -> list[tuple[schemas.Channel, bytes]]:
     return [(channel, with_pixels_moved(message, -HALF_PX)) for channel, message in found]
 
 
-def people(rows: Sequence[Sequence[Upright]]) -> tuple[Doubles, Mask]:
+def people(rows: Sequence[Sequence[Upright]]) -> tuple[Float64Array, BoolArray]:
     """The humans of N samples, shape (N, H, 4), and which of them are there, shape (N, H)."""
     counts = np.array([len(row) for row in rows])
     most = int(counts.max())
@@ -155,7 +153,7 @@ def people(rows: Sequence[Sequence[Upright]]) -> tuple[Doubles, Mask]:
     return np.array(rows, dtype=np.float64).reshape(len(rows), most, 4), there
 
 
-def pose(xyzyaw: Doubles) -> tuple[Column, Column]:
+def pose(xyzyaw: Float64Array) -> tuple[Column, Column]:
     """Positions and orientations of what turns about z only.
 
     Args:
@@ -167,13 +165,13 @@ def pose(xyzyaw: Doubles) -> tuple[Column, Column]:
     return columns.doubles(1, *xyzyaw[:, :3].T), columns.doubles(3, z, w)
 
 
-def _poses(number: int, xyzyaw: Doubles) -> Column:
+def _poses(number: int, xyzyaw: Float64Array) -> Column:
     """A field with a foxglove.Pose."""
     position, orientation = pose(xyzyaw)
     return columns.field(number, columns.join_columns(columns.field(1, position), columns.field(2, orientation)))
 
 
-def _dense(samples: Sequence[Sample], numbers: npt.NDArray[np.void]) -> list[Messages]:
+def _dense(samples: Sequence[Sample], numbers: RecordArray) -> list[Messages]:
     """The messages that each sample has besides images."""
     humans, there = people([sample.humans_xyzyaw for sample in samples])
     bodies = _poses(3, humans.reshape(-1, 4)).where(there.ravel()) if humans.size else None

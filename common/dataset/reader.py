@@ -9,6 +9,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import (
+    AnyArray,
+    BoolArray,
+    Float32Array,
+    Float64Array,
+    Int32Array,
+    Int64Array,
+    RecordArray,
+    UInt8Array,
+    UInt32Array,
+)
 from readygo.common.camera import SensorConfig
 from readygo.common.dataset.agreement import check_alike
 from readygo.common.dataset.calibration import Calibration, Calibrations
@@ -77,21 +88,21 @@ class Dataset:
         self.has_expert: bool = EXPERT in channels
         """True if the expert was asked wherever there is an image: `expert_actions` and `expert_ahead` are there."""
         self._calibrations = Calibrations.of(indexes, self._order, further_cameras(self.outputs))
-        self.episode_of_sample: npt.NDArray[np.int32] = self._table.episode
+        self.episode_of_sample: Int32Array = self._table.episode
         """Row in `episodes` of each sample, shape (S,)."""
-        self.pictured: npt.NDArray[np.bool_] = self._table.rows["image_length"] > 0
+        self.pictured: BoolArray = self._table.rows["image_length"] > 0
         """True where a sample has an image, shape (S,): everywhere, but for episodes whose camera was slower."""
 
     def __len__(self) -> int:
         return len(self._table.rows)
 
     @cached_property
-    def actions(self) -> npt.NDArray[np.float32]:
+    def actions(self) -> Float32Array:
         """Commands executed after each sample: v [m/s], w [rad/s], shape (S, 2)."""
         return np.ascontiguousarray(self._table.rows["action"])
 
     @property
-    def expert_actions(self) -> npt.NDArray[np.float32]:
+    def expert_actions(self) -> Float32Array:
         """What the expert would have executed after each sample: v [m/s], w [rad/s], shape (S, 2).
 
         NaN at samples without an image.
@@ -102,7 +113,7 @@ class Dataset:
         return self._expert_commands[:, 0]
 
     @property
-    def expert_ahead(self) -> npt.NDArray[np.float32]:
+    def expert_ahead(self) -> Float32Array:
         """The expert's commands at the K steps after the next: v [m/s], w [rad/s], shape (S, K, 2).
 
         NaN at samples without an image.
@@ -113,7 +124,7 @@ class Dataset:
         return self._expert_commands[:, 1:]
 
     @cached_property
-    def risks(self) -> npt.NDArray[np.uint8]:
+    def risks(self) -> UInt8Array:
         """What would have become of the robot under each command of `readygo.common.robot.command_grid`, shape (S, C).
 
         0 nothing, 1 a collision with an obstacle, 2 one with a human, `UNKNOWN_RISK` at samples without an image.
@@ -140,12 +151,12 @@ class Dataset:
         return [message.risks for message in self._expert_messages()]
 
     @cached_property
-    def _asked(self) -> npt.NDArray[np.bool_]:
+    def _asked(self) -> BoolArray:
         """True for samples that have a message of the expert, shape (S,)."""
         return np.asarray(self._table.payloads[EXPERT]["length"] > 0)
 
     @cached_property
-    def _expert_commands(self) -> npt.NDArray[np.float32]:
+    def _expert_commands(self) -> Float32Array:
         """The expert's commands v [m/s], w [rad/s] at this and K further steps, shape (S, 1 + K, 2); NaN: not asked."""
         if not self.has_expert:
             raise DatasetError(
@@ -159,27 +170,27 @@ class Dataset:
         return (self._message(index, EXPERT) for index in np.flatnonzero(self._asked).tolist())
 
     @property
-    def image_sizes(self) -> npt.NDArray[np.uint32]:
+    def image_sizes(self) -> UInt32Array:
         """Size of each sample's encoded image [bytes], shape (S,); 0 where it has none."""
         return np.asarray(self._table.rows["image_length"])
 
     @cached_property
-    def goals_xy_m(self) -> npt.NDArray[np.float32]:
+    def goals_xy_m(self) -> Float32Array:
         """Goal in the robot's frame at each sample [m], shape (S, 2)."""
         return np.ascontiguousarray(self._table.rows["goal_xy_m"])
 
     @cached_property
-    def time_ns(self) -> npt.NDArray[np.int64]:
+    def time_ns(self) -> Int64Array:
         """Simulated time since the episode began [ns], shape (S,)."""
         return np.ascontiguousarray(self._table.rows["time_ns"])
 
     @cached_property
-    def poses(self) -> npt.NDArray[np.float64]:
+    def poses(self) -> Float64Array:
         """Robot on the floor: x, y, z [m], yaw [rad] in [-pi, pi], shape (S, 4)."""
         return np.ascontiguousarray(self._table.rows["pose"])
 
     @property
-    def truth(self) -> npt.NDArray[np.void]:
+    def truth(self) -> RecordArray:
         """What the robot does not know, shape (S,).
 
         Fields human_distance_m, time_to_collision_s, expert_cost, human_visible, replanned.
@@ -221,7 +232,7 @@ class Dataset:
         row = self._table.rows[index]
         return self._read(index, int(row["image_offset"]), int(row["image_length"]))
 
-    def decode(self, index: int) -> npt.NDArray[np.uint8]:
+    def decode(self, index: int) -> UInt8Array:
         """The image of a sample, sRGB, shape (H, W, 3).
 
         Args:
@@ -256,7 +267,7 @@ class Dataset:
             return self.image(index)
         return self._payload(index, name)
 
-    def decode_output(self, index: int, name: str) -> npt.NDArray[Any]:
+    def decode_output(self, index: int, name: str) -> AnyArray:
         """The image of a sample's output.
 
         Args:
@@ -274,7 +285,7 @@ class Dataset:
         if name == RGB:
             return self.decode(index)
         data, kind, of = self.output(index, name), kind_of(name), self.calibration(index, camera_of(name))
-        image: npt.NDArray[Any] | None = decode_image(data) if kind == RGB else decode_output(kind, data)
+        image: AnyArray | None = decode_image(data) if kind == RGB else decode_output(kind, data)
         if image is None or image.shape[:2] != (of.height_px, of.width_px):
             raise DatasetError(f"The {name} image of sample {index} in {self._shard_of(index)} is damaged.")
         return image
@@ -295,7 +306,7 @@ class Dataset:
             )
         return self._payload(self.episodes[number].first_sample, GOAL_IMAGE)
 
-    def joints_m(self, index: int) -> npt.NDArray[np.float32]:
+    def joints_m(self, index: int) -> Float32Array:
         """Joints of SMPL of everybody in the world at a sample [m], the pelvis first, shape (H, 24, 3).
 
         Args:
@@ -306,7 +317,7 @@ class Dataset:
         """
         return joints_of(self._label(index, "joints"))
 
-    def boxes(self, index: int) -> npt.NDArray[np.float64]:
+    def boxes(self, index: int) -> Float64Array:
         """Boxes around everybody at a sample: centre x, y, z, length, width, height [m], yaw [rad], shape (H, 7).
 
         Args:
@@ -317,7 +328,7 @@ class Dataset:
         """
         return boxes_of(self._label(index, "boxes"))
 
-    def footprints_xy_m(self, index: int) -> tuple[npt.NDArray[np.float32], ...]:
+    def footprints_xy_m(self, index: int) -> tuple[Float32Array, ...]:
         """Ground points below everybody at a sample [m], one array of shape (P, 2) per human.
 
         Args:
@@ -329,7 +340,7 @@ class Dataset:
         return footprints_of(self._label(index, "footprints"))
 
     @cached_property
-    def humans_xyzyaw(self) -> tuple[npt.NDArray[np.float64], ...]:
+    def humans_xyzyaw(self) -> tuple[Float64Array, ...]:
         """Every human at each sample, with labels or without: x, y, z [m], yaw [rad], one array (H, 4) per sample.
 
         All shards are read for it, once.
@@ -340,7 +351,7 @@ class Dataset:
         of_shard = [humans_of_shard(shard) for shard in self.shards]
         return tuple(poses for shard, row in self._order for poses in of_shard[shard][row])
 
-    def humans_of(self, number: int) -> tuple[npt.NDArray[np.float64], ...]:
+    def humans_of(self, number: int) -> tuple[Float64Array, ...]:
         """Every human at each sample of an episode, see `humans_xyzyaw`; only the episode's shard is read.
 
         Args:
@@ -364,7 +375,7 @@ class Dataset:
         """
         return self._calibrations.calibration(int(self.episode_of_sample[index]), camera)
 
-    def windows(self, samples: npt.ArrayLike | None = None, *, spacing_s: float = 0.5) -> npt.NDArray[np.int64]:
+    def windows(self, samples: npt.ArrayLike | None = None, *, spacing_s: float = 0.5) -> Int64Array:
         """Samples whose images a policy sees together; an episode's first image stands in for what was before.
 
         Args:

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Int32Array, Int64Array, RecordArray
 from readygo.common.dataset.entries import EpisodePlace
 from readygo.common.dataset.index import ShardIndex
 
@@ -14,16 +14,16 @@ from readygo.common.dataset.index import ShardIndex
 class SampleTable:
     """Every sample of some episodes, one after the other, and where its bytes are."""
 
-    rows: npt.NDArray[np.void]
+    rows: RecordArray
     """Rows of `readygo.common.dataset.chunk.SAMPLE_DTYPE`, shape (S,)."""
-    payloads: Mapping[str, npt.NDArray[np.void]]
+    payloads: Mapping[str, RecordArray]
     """Places of the samples' outputs, by optional channel that all shards have: rows of
     `readygo.common.dataset.chunk.OUTPUT_DTYPE`, shape (S,)."""
-    shard: npt.NDArray[np.int32]
+    shard: Int32Array
     """Number of each sample's shard, shape (S,)."""
-    episode: npt.NDArray[np.int32]
+    episode: Int32Array
     """Number of each sample's episode, shape (S,)."""
-    first: npt.NDArray[np.int64]
+    first: Int64Array
     """The first sample of each sample's episode, shape (S,)."""
 
     @classmethod
@@ -32,7 +32,7 @@ class SampleTable:
         counts = np.array([int(indexes[shard].episodes[row]["sample_count"]) for shard, row in order])
         common = [name for name in indexes[0].outputs if all(name in index.outputs for index in indexes)]
 
-        def join_rows(arrays: Sequence[npt.NDArray[np.void]]) -> npt.NDArray[np.void]:
+        def join_rows(arrays: Sequence[RecordArray]) -> RecordArray:
             return np.concatenate([arrays[shard][_span(indexes[shard], row)] for shard, row in order])
 
         return cls(

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from foxglove_schemas_protobuf.Grid_pb2 import Grid
 from foxglove_schemas_protobuf.Vector2_pb2 import Vector2
 
+from readygo.common.arrays import BoolArray, Float64Array, RecordArray
 from readygo.common.dataset import labels, schemas
 from readygo.common.dataset.markers import Rgb, cloud, coloured_points
 from readygo.common.dataset.poses import pose_of
@@ -55,7 +56,7 @@ def map_messages(occupancy: "OccupancyMap", floor: "FloorMap") -> MapMessages:
     return MapMessages(_grid(free, blocked, origin_m, cell_m, points[0]), cloud(np.concatenate(points), None))
 
 
-def _pool_cells(occupied: npt.NDArray[np.bool_], size: int) -> npt.NDArray[np.bool_]:
+def _pool_cells(occupied: BoolArray, size: int) -> BoolArray:
     """True for the squares of `size` cells that hold an occupied one; what is outside is occupied."""
     height, width = (-(-length // size) for length in occupied.shape)
     padded = np.ones((height * size, width * size), dtype=np.bool_)
@@ -63,16 +64,14 @@ def _pool_cells(occupied: npt.NDArray[np.bool_], size: int) -> npt.NDArray[np.bo
     return np.asarray(padded.reshape(height, size, width, size).any(axis=(1, 3)))
 
 
-def _dilate(cells: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def _dilate(cells: BoolArray) -> BoolArray:
     """`cells` and their eight neighbours."""
     padded = np.pad(cells, 1)
     rows, columns = cells.shape
     return np.asarray(np.any([padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)], axis=0))
 
 
-def _on_floor(
-    cells: npt.NDArray[np.intp], origin_m: npt.NDArray[np.float64], cell_m: float, floor: "FloorMap"
-) -> npt.NDArray[np.float64]:
+def _on_floor(cells: npt.NDArray[np.intp], origin_m: Float64Array, cell_m: float, floor: "FloorMap") -> Float64Array:
     """Centres of cells (row, column) on the floor [m], shape (N, 3)."""
     xy_m = origin_m + (cells[:, ::-1] + 0.5) * cell_m
     origin = np.array([floor.frame.origin_x_m, floor.frame.origin_y_m])
@@ -83,11 +82,11 @@ def _on_floor(
 
 
 def _grid(
-    free: npt.NDArray[np.bool_],
-    blocked: npt.NDArray[np.bool_],
-    origin_m: npt.NDArray[np.float64],
+    free: BoolArray,
+    blocked: BoolArray,
+    origin_m: Float64Array,
     cell_m: float,
-    floor_points: npt.NDArray[np.void],
+    floor_points: RecordArray,
 ) -> Any:
     """The grid, flat at the floor's median height."""
     cells = np.zeros(free.shape, dtype=CELL_DTYPE)

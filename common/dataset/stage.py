@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from readygo.common.arrays import Float64Array
 from readygo.common.dataset import columns, markers, packed, schemas
 from readygo.common.dataset.canonical import HALF_PX, record_head, shift_times, with_pixels_moved
 from readygo.common.dataset.chunk import EpisodeChunk, messages_of, parse, read_chunk
@@ -66,7 +67,7 @@ class Scenery:
         return read_chunk(b"".join(parts), sha256=chunk.sha256)
 
     def surroundings(
-        self, poses_xyzyaw: markers.Poses, goal_xy_m: Sequence[float], start_ns: int, *, with_map: bool
+        self, poses_xyzyaw: Float64Array, goal_xy_m: Sequence[float], start_ns: int, *, with_map: bool
     ) -> list[tuple[Channel, bytes]]:
         """The messages with what stays where it is over an episode.
 

@@ -17,8 +17,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
@@ -34,6 +32,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from readygo.common.arrays import UInt64Array
 from readygo.common.dataset import schemas
 from readygo.common.dataset.chunk import EpisodeChunk, canonical
 from readygo.common.dataset.index import IndexRows, index_path, write_index
@@ -345,7 +344,7 @@ def _chunk_record(chunk: EpisodeChunk, crc32: int, offset: int) -> tuple[bytes, 
     return header, b"".join(indexes), index
 
 
-def _message_index(number: int, records: npt.NDArray[np.uint64]) -> bytes:
+def _message_index(number: int, records: UInt64Array) -> bytes:
     """The record of a channel's message index."""
     entries = records.astype("<u8").tobytes()
     return _MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 6 + len(entries), number, len(entries)) + entries

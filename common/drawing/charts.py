@@ -11,12 +11,9 @@ from html import escape
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int64Array
 from readygo.common.files import write_whole
-
-Float64Array = npt.NDArray[np.float64]
-Int64Array = npt.NDArray[np.int64]
 
 COLOURS = {"c0": "#0072b2", "c1": "#d55e00", "c2": "#009e73", "c3": "#cc79a7", "rest": "#9aa3ad"}
 """Colours of light pages by class: of the curves in their order, and of bars behind an axis."""

@@ -11,7 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from readygo.common.drawing.files import Picture
+from readygo.common.arrays import UInt8Array
 from readygo.common.errors import ReadygoError
 from readygo.common.files import write_then_rename
 from readygo.common.robot.kinematics import RATE_HZ
@@ -23,7 +23,7 @@ _LOG_ERRORS = cv2.utils.logging.LOG_LEVEL_ERROR
 _INSTALL = "install opencv-python-headless from PyPI"
 
 
-def write_film(path: Path, frames: Iterable[Picture], *, fps: int = RATE_HZ) -> None:
+def write_film(path: Path, frames: Iterable[UInt8Array], *, fps: int = RATE_HZ) -> None:
     """Write a film: VP8 in a .webm, which is quick, or H.264 in a .mp4, VP9 where OpenCV lacks that.
 
     Args:

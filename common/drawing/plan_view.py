@@ -3,13 +3,12 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.drawing.files import Picture
+from readygo.common.arrays import AnyArray, BoolArray, Float64Array, Int32Array, UInt8Array
 from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.scenes.top_view import TopView
 
@@ -35,11 +34,11 @@ class DrawnEpisode:
 
     label: str
     """What the report calls it, for example its id and outcome."""
-    robot_xy_m: npt.NDArray[np.float64]
+    robot_xy_m: Float64Array
     """Path of the robot [m], shape (T, 2)."""
-    goal_xy_m: npt.NDArray[np.float64]
+    goal_xy_m: Float64Array
     """Goal of the robot [m], shape (2,)."""
-    humans_xy_m: tuple[npt.NDArray[np.float64], ...] = ()
+    humans_xy_m: tuple[Float64Array, ...] = ()
     """Paths of the humans while the robot drove [m], shape (T, 2) each."""
 
 
@@ -51,9 +50,7 @@ def map_view(occupancy: OccupancyMap, *, pixels_per_cell: int = 4) -> TopView:
     return map_window(occupancy, low_m, low_m + size_m, pixel_m=frame.resolution_m / pixels_per_cell)
 
 
-def map_window(
-    occupancy: OccupancyMap, low_m: npt.NDArray[np.float64], high_m: npt.NDArray[np.float64], *, pixel_m: float
-) -> TopView:
+def map_window(occupancy: OccupancyMap, low_m: Float64Array, high_m: Float64Array, *, pixel_m: float) -> TopView:
     """A window of an occupancy map as a picture; what lies beyond the map is drawn as occupied.
 
     Args:
@@ -69,9 +66,7 @@ def map_window(
     return window
 
 
-def window_around(
-    occupancy: OccupancyMap, shown: npt.NDArray[np.bool_], *, side_px: int, margin_m: float = 0.5
-) -> TopView:
+def window_around(occupancy: OccupancyMap, shown: BoolArray, *, side_px: int, margin_m: float = 0.5) -> TopView:
     """The window of an occupancy map that holds some cells, as a picture.
 
     Args:
@@ -87,7 +82,7 @@ def window_around(
     return map_window(occupancy, low_m, high_m, pixel_m=float((high_m - low_m).max()) / side_px)
 
 
-def sample_grid(view: TopView, values: npt.NDArray[Any], frame: GridFrame) -> npt.NDArray[Any]:
+def sample_grid(view: TopView, values: AnyArray, frame: GridFrame) -> AnyArray:
     """Values of a grid's cells at the pixels of a picture, 0 beyond the grid.
 
     Args:
@@ -104,9 +99,7 @@ def sample_grid(view: TopView, values: npt.NDArray[Any], frame: GridFrame) -> np
     j = np.floor((x_m - frame.origin_x_m) / frame.resolution_m).astype(np.int64) + 1
     i = np.floor((y_m - frame.origin_y_m) / frame.resolution_m).astype(np.int64) + 1
     padded = np.pad(values, 1)
-    sampled: npt.NDArray[Any] = padded[
-        np.clip(i, 0, padded.shape[0] - 1)[:, None], np.clip(j, 0, padded.shape[1] - 1)[None, :]
-    ]
+    sampled: AnyArray = padded[np.clip(i, 0, padded.shape[0] - 1)[:, None], np.clip(j, 0, padded.shape[1] - 1)[None, :]]
     return sampled
 
 
@@ -130,7 +123,7 @@ def fade_view(view: TopView, share: float = 0.35) -> TopView:
     return TopView(rgb=rgb, frame=view.frame)
 
 
-def draw_episodes(view: TopView, episodes: Sequence[DrawnEpisode]) -> Picture:
+def draw_episodes(view: TopView, episodes: Sequence[DrawnEpisode]) -> UInt8Array:
     """A picture of several episodes: starts as dots, goals as rings, humans in warm colours."""
     picture = view.rgb.copy()
     for episode in episodes:
@@ -146,23 +139,21 @@ def draw_episodes(view: TopView, episodes: Sequence[DrawnEpisode]) -> Picture:
     return picture
 
 
-def draw_path(
-    picture: Picture, view: TopView, xy_m: npt.NDArray[np.float64], colour: Rgb, *, width_px: int = 2
-) -> None:
+def draw_path(picture: UInt8Array, view: TopView, xy_m: Float64Array, colour: Rgb, *, width_px: int = 2) -> None:
     """A polyline of world points."""
     if len(xy_m) >= 2:
         points = _fixed_point(view.world_to_pixel(xy_m))
         cv2.polylines(picture, [points.reshape(-1, 1, 2)], False, colour, width_px, cv2.LINE_AA, _SUBPIXEL_BITS)
 
 
-def draw_disc(picture: Picture, view: TopView, xy_m: npt.ArrayLike, radius_m: float, colour: Rgb) -> None:
+def draw_disc(picture: UInt8Array, view: TopView, xy_m: npt.ArrayLike, radius_m: float, colour: Rgb) -> None:
     """A filled disc with a thin white rim."""
     centre, radius = _circle(view, xy_m, radius_m)
     cv2.circle(picture, centre, radius, colour, cv2.FILLED, cv2.LINE_AA, _SUBPIXEL_BITS)
     cv2.circle(picture, centre, radius, (255, 255, 255), 1, cv2.LINE_AA, _SUBPIXEL_BITS)
 
 
-def draw_goal(picture: Picture, view: TopView, xy_m: npt.ArrayLike, *, radius_m: float) -> None:
+def draw_goal(picture: UInt8Array, view: TopView, xy_m: npt.ArrayLike, *, radius_m: float) -> None:
     """A ring around a dot."""
     centre, radius = _circle(view, xy_m, radius_m)
     cv2.circle(picture, centre, radius, (255, 255, 255), 4, cv2.LINE_AA, _SUBPIXEL_BITS)
@@ -170,7 +161,7 @@ def draw_goal(picture: Picture, view: TopView, xy_m: npt.ArrayLike, *, radius_m:
     cv2.circle(picture, centre, 3 << _SUBPIXEL_BITS, GOAL, cv2.FILLED, cv2.LINE_AA, _SUBPIXEL_BITS)
 
 
-def draw_robot(picture: Picture, view: TopView, xyyaw: npt.NDArray[np.float64], radius_m: float) -> None:
+def draw_robot(picture: UInt8Array, view: TopView, xyyaw: Float64Array, radius_m: float) -> None:
     """The robot's disc with a mark where it looks."""
     draw_disc(picture, view, xyyaw[:2], radius_m, ROBOT)
     heading = np.array([math.cos(xyyaw[2]), math.sin(xyyaw[2])])
@@ -179,7 +170,7 @@ def draw_robot(picture: Picture, view: TopView, xyyaw: npt.NDArray[np.float64], 
     draw_path(picture, view, ends, ROBOT, width_px=2)
 
 
-def draw_arrow_head(picture: Picture, view: TopView, xy_m: npt.NDArray[np.float64], colour: Rgb) -> None:
+def draw_arrow_head(picture: UInt8Array, view: TopView, xy_m: Float64Array, colour: Rgb) -> None:
     """An arrow head at the end of a path; a dot where the path does not move."""
     moved = np.nonzero(np.hypot(*(xy_m - xy_m[-1]).T) > 0.1)[0]
     if not len(moved):
@@ -192,13 +183,13 @@ def draw_arrow_head(picture: Picture, view: TopView, xy_m: npt.NDArray[np.float6
     cv2.fillPoly(picture, [_fixed_point(view.world_to_pixel(corners))], colour, cv2.LINE_AA, _SUBPIXEL_BITS)
 
 
-def draw_ring(picture: Picture, view: TopView, xy_m: npt.ArrayLike, radius_m: float, colour: Rgb) -> None:
+def draw_ring(picture: UInt8Array, view: TopView, xy_m: npt.ArrayLike, radius_m: float, colour: Rgb) -> None:
     """A thin circle."""
     centre, radius = _circle(view, xy_m, radius_m)
     cv2.circle(picture, centre, radius, colour, 1, cv2.LINE_AA, _SUBPIXEL_BITS)
 
 
-def draw_scale_bar(picture: Picture, view: TopView) -> None:
+def draw_scale_bar(picture: UInt8Array, view: TopView) -> None:
     """A bar of a round length, at most a fifth of the picture's width, in the lower left corner."""
     room_m = SCALE_BAR_SHARE * picture.shape[1] * view.frame.resolution_m
     length_m = max((length for length in SCALE_BARS_M if length <= room_m), default=SCALE_BARS_M[0])
@@ -211,9 +202,7 @@ def draw_scale_bar(picture: Picture, view: TopView) -> None:
     put_text(picture, f"{length_m:g} m", (12, bottom - 10 * k), size=0.5 * k, halo=WHITE)
 
 
-def fill_area(
-    picture: Picture, view: TopView, corners_m: npt.NDArray[np.float64], colour: Rgb, *, share: float
-) -> None:
+def fill_area(picture: UInt8Array, view: TopView, corners_m: Float64Array, colour: Rgb, *, share: float) -> None:
     """A polygon that what is below shines through.
 
     Args:
@@ -229,7 +218,7 @@ def fill_area(
 
 
 def fill_band(
-    picture: Picture, view: TopView, xy_m: npt.NDArray[np.float64], radius_m: float, colour: Rgb, *, share: float
+    picture: UInt8Array, view: TopView, xy_m: Float64Array, radius_m: float, colour: Rgb, *, share: float
 ) -> None:
     """All within a radius of a path, with a thin outline; what is below shines through.
 
@@ -253,7 +242,7 @@ def fill_band(
     cv2.drawContours(picture, outlines, -1, colour, 1, cv2.LINE_AA)
 
 
-def _blend(picture: Picture, mask: Picture, colour: Rgb, share: float) -> None:
+def _blend(picture: UInt8Array, mask: UInt8Array, colour: Rgb, share: float) -> None:
     """Mix a colour into the pixels of a mask."""
     x, y, width, height = cv2.boundingRect(mask)
     box = (slice(y, y + height), slice(x, x + width))
@@ -266,7 +255,7 @@ def _blend(picture: Picture, mask: Picture, colour: Rgb, share: float) -> None:
 
 
 def put_text(
-    picture: Picture,
+    picture: UInt8Array,
     text: str,
     xy_px: tuple[int, int],
     *,
@@ -297,7 +286,7 @@ def text_width_px(text: str, *, size: float = 0.45) -> int:
     return int(cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, 1)[0][0])
 
 
-def put_mark(picture: Picture, view: TopView, xy_m: npt.ArrayLike, text: str, colour: Rgb) -> None:
+def put_mark(picture: UInt8Array, view: TopView, xy_m: npt.ArrayLike, text: str, colour: Rgb) -> None:
     """Draw a short text, such as a number, in a disc."""
     u, v = (round(float(value)) for value in view.world_to_pixel(xy_m) - 0.5)
     cv2.circle(picture, (u, v), 10, WHITE, cv2.FILLED, cv2.LINE_AA)
@@ -311,6 +300,6 @@ def _circle(view: TopView, xy_m: npt.ArrayLike, radius_m: float) -> tuple[tuple[
     return (int(u), int(v)), round(radius * (1 << _SUBPIXEL_BITS))
 
 
-def _fixed_point(pixels: npt.NDArray[np.float64]) -> npt.NDArray[np.int32]:
+def _fixed_point(pixels: Float64Array) -> Int32Array:
     # OpenCV puts integer coordinates on pixel centres, ours lie at +0.5.
     return np.rint(np.clip(pixels - 0.5, -9000, 9000) * (1 << _SUBPIXEL_BITS)).astype(np.int32)

@@ -5,11 +5,11 @@ from collections.abc import Callable, Sequence
 import cv2
 import numpy as np
 
+from readygo.common.arrays import UInt8Array
 from readygo.common.drawing import plan_view
-from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import WHITE, Rgb
 
-Swatch = Callable[[Picture, int, int], None]
+Swatch = Callable[[UInt8Array, int, int], None]
 """Draws an item of the legend into a picture, around the point (x, y)."""
 
 GAP_PX = 10
@@ -19,8 +19,8 @@ _LEGEND_ROW_PX = 24
 
 
 def sheet(
-    rows: Sequence[Sequence[Picture]], headline: Sequence[tuple[str, Rgb]], legend: Sequence[tuple[Swatch, str]]
-) -> Picture:
+    rows: Sequence[Sequence[UInt8Array]], headline: Sequence[tuple[str, Rgb]], legend: Sequence[tuple[Swatch, str]]
+) -> UInt8Array:
     """Pictures in rows, below a headline and above a legend.
 
     Args:
@@ -43,7 +43,7 @@ def sheet(
     return np.concatenate([*parts, _legend_strip(width, legend)])
 
 
-def stack_panels(panels: Sequence[Picture]) -> Picture:
+def stack_panels(panels: Sequence[UInt8Array]) -> UInt8Array:
     """Pictures of one width, one below the other."""
     gap = np.full((GAP_PX, panels[0].shape[1], 3), WHITE, np.uint8)
     return np.concatenate([part for panel in panels for part in (panel, gap)][:-1])
@@ -52,7 +52,7 @@ def stack_panels(panels: Sequence[Picture]) -> Picture:
 def line_swatch(colour: Rgb, width_px: int = 2) -> Swatch:
     """A line."""
 
-    def draw(picture: Picture, x: int, y: int) -> None:
+    def draw(picture: UInt8Array, x: int, y: int) -> None:
         cv2.line(picture, (x - 11, y), (x + 11, y), colour, width_px, cv2.LINE_AA)
 
     return draw
@@ -61,7 +61,7 @@ def line_swatch(colour: Rgb, width_px: int = 2) -> Swatch:
 def dotted_swatch(colour: Rgb) -> Swatch:
     """A line with a dot on it."""
 
-    def draw(picture: Picture, x: int, y: int) -> None:
+    def draw(picture: UInt8Array, x: int, y: int) -> None:
         cv2.line(picture, (x - 11, y), (x + 11, y), colour, 3, cv2.LINE_AA)
         cv2.circle(picture, (x, y), 4, colour, cv2.FILLED, cv2.LINE_AA)
 
@@ -71,7 +71,7 @@ def dotted_swatch(colour: Rgb) -> Swatch:
 def ring_swatch(colour: Rgb, *, filled: bool = True) -> Swatch:
     """A ring, around a dot if it is filled."""
 
-    def draw(picture: Picture, x: int, y: int) -> None:
+    def draw(picture: UInt8Array, x: int, y: int) -> None:
         cv2.circle(picture, (x, y), 7, colour, 1, cv2.LINE_AA)
         if filled:
             cv2.circle(picture, (x, y), 2, colour, cv2.FILLED, cv2.LINE_AA)
@@ -83,14 +83,14 @@ def area_swatch(colour: Rgb, share: float) -> Swatch:
     """An area that the map shines through."""
     shade = tuple(round(plan_view.FREE * (1 - share) + value * share) for value in colour)
 
-    def draw(picture: Picture, x: int, y: int) -> None:
+    def draw(picture: UInt8Array, x: int, y: int) -> None:
         cv2.rectangle(picture, (x - 10, y - 6), (x + 10, y + 6), shade, cv2.FILLED)
         cv2.rectangle(picture, (x - 10, y - 6), (x + 10, y + 6), colour, 1)
 
     return draw
 
 
-def _header(width: int, words: Sequence[tuple[str, Rgb]]) -> Picture:
+def _header(width: int, words: Sequence[tuple[str, Rgb]]) -> UInt8Array:
     header = np.full((_HEADER_PX, width, 3), WHITE, np.uint8)
     x = GAP_PX
     for number, (word, colour) in enumerate(words):
@@ -105,7 +105,7 @@ def _header(width: int, words: Sequence[tuple[str, Rgb]]) -> Picture:
     return header
 
 
-def _legend_strip(width: int, items: Sequence[tuple[Swatch, str]]) -> Picture:
+def _legend_strip(width: int, items: Sequence[tuple[Swatch, str]]) -> UInt8Array:
     places, x, row = [], GAP_PX, 0
     for _, text in items:
         length = 32 + plan_view.text_width_px(text) + 18

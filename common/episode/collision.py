@@ -7,18 +7,14 @@ simulation step.
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
+from readygo.common.arrays import BoolArray, Float64Array
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import OccupancyMap
-
-Float64Array = npt.NDArray[np.float64]
 
 
 @kernel_with_cache
 def disc_meets_cells(
-    occupied: npt.NDArray[np.bool_],
+    occupied: BoolArray,
     origin_x_m: float,
     origin_y_m: float,
     resolution_m: float,

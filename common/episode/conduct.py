@@ -5,7 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+
+from readygo.common.arrays import Float64Array
 
 PERSONAL_SPACE_M = 0.5
 """Free space between robot and human below which the robot intrudes [m].
@@ -17,7 +18,6 @@ MOVING_MPS = 0.1
 REACTION_S = 1.0
 """A human who was in view for this long could have been avoided [s]."""
 
-Float64Array = npt.NDArray[np.float64]
 Sees = Callable[[tuple[float, float, float], tuple[float, float]], bool]
 """Whether a camera shows a human: robot's x [m], y [m], yaw [rad]; human's x and y [m]."""
 

@@ -7,8 +7,8 @@ Source: R. Dial, Algorithm 360: Shortest-path forest with topological ordering, 
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int32Array, Int64Array, UInt8Array
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import GridFrame, OccupancyMap, clearance_m
 
@@ -24,8 +24,6 @@ _STRAIGHT, _DIAGONAL = 5, 7
 _BUCKET_COUNT = 512  # above the dearest step (7 * 60) plus the heuristic's change (28)
 _BUCKET_MASK = _BUCKET_COUNT - 1
 
-UInt8Array = npt.NDArray[np.uint8]
-Int32Array = npt.NDArray[np.int32]
 Cell = tuple[int, int]
 
 
@@ -68,7 +66,7 @@ class GridSearch:
         out[:] = self._distance
         return out
 
-    def path(self, factor: UInt8Array, start: Cell, goal: Cell) -> npt.NDArray[np.int64] | None:
+    def path(self, factor: UInt8Array, start: Cell, goal: Cell) -> Int64Array | None:
         """Cheapest 8-connected way from `start` to `goal` (both included), shape (N, 2), or None."""
         reached = self._flood(factor, goal, start, 0, True)
         if not reached:
@@ -116,14 +114,14 @@ def shortest_way_m(
     return _length_until(taut_path_m(cells, factor, frame), goal_xy_m, goal_radius_m)
 
 
-def taut_path_m(cells: npt.NDArray[np.int64], factor: UInt8Array, frame: GridFrame) -> npt.NDArray[np.float64]:
+def taut_path_m(cells: Int64Array, factor: UInt8Array, frame: GridFrame) -> Float64Array:
     """A grid path with the corners that free ground does not need left out: corner points in the world [m], (M, 2)."""
     kept = np.empty(len(cells), np.int64)
     count = _pull_taut(cells, factor, kept)
     return np.array([frame.centre_m(int(i), int(j)) for i, j in cells[kept[:count]]])
 
 
-def _length_until(points_m: npt.NDArray[np.float64], goal_xy_m: tuple[float, float], radius_m: float) -> float:
+def _length_until(points_m: Float64Array, goal_xy_m: tuple[float, float], radius_m: float) -> float:
     """Length of a polyline up to its first point within `radius_m` of the goal, in steps of 1 cm."""
     length, (gx, gy) = 0.0, goal_xy_m
     for (ax, ay), (bx, by) in zip(points_m[:-1].tolist(), points_m[1:].tolist(), strict=True):
@@ -224,7 +222,7 @@ def _flood(
 
 
 @kernel_with_cache
-def _descend(distance: Int32Array, factor: UInt8Array, i: int, j: int, cells: npt.NDArray[np.int64]) -> int:
+def _descend(distance: Int32Array, factor: UInt8Array, i: int, j: int, cells: Int64Array) -> int:
     """Follow the distances down to 0; returns the number of cells."""
     height, width = distance.shape
     count = 0
@@ -260,7 +258,7 @@ def line_is_free(factor: UInt8Array, i0: float, j0: float, i1: float, j1: float,
 
 
 @kernel_with_cache
-def _pull_taut(cells: npt.NDArray[np.int64], factor: UInt8Array, kept: npt.NDArray[np.int64]) -> int:
+def _pull_taut(cells: Int64Array, factor: UInt8Array, kept: Int64Array) -> int:
     """Indices of the cells that remain corners; returns their number."""
     count, anchor = 1, 0
     kept[0] = 0

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.episode.collision import meets_human, meets_obstacle
 from readygo.common.episode.config import EpisodeConfig
 from readygo.common.errors import SceneError
@@ -14,8 +15,6 @@ from readygo.common.messages.episode import Scenario
 from readygo.common.messages.motion import EpisodeMotions
 from readygo.common.messages.plan import Outcome, RobotTrajectory
 from readygo.common.robot import RobotConfig, limit_command, step_unicycle
-
-Float64Array = npt.NDArray[np.float64]
 
 
 class EpisodeSimulation:

@@ -4,13 +4,13 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
+
+from readygo.common.arrays import Float64Array
 
 DRAWS = 2000
 """Resamples of a bootstrap."""
 LEVEL = 0.95
 
-Float64Array = npt.NDArray[np.float64]
 Statistic = Callable[[Float64Array], Float64Array]
 """Means of columns, shape (B, K), to what is wanted of each, shape (B,)."""
 

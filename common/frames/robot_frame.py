@@ -3,11 +3,12 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
+
+from readygo.common.arrays import Float64Array
 
 
 def goal_in_robot_frame(
-    x_m: float, y_m: float, yaw_rad: float, goal_xy_m: npt.NDArray[np.float64] | tuple[float, float]
+    x_m: float, y_m: float, yaw_rad: float, goal_xy_m: Float64Array | tuple[float, float]
 ) -> tuple[float, float]:
     """Goal in the frame of a robot at (x, y, yaw): forward and left [m]; scalars give the same bits everywhere."""
     dx, dy = float(goal_xy_m[0]) - x_m, float(goal_xy_m[1]) - y_m
@@ -15,9 +16,7 @@ def goal_in_robot_frame(
     return c * dx + s * dy, c * dy - s * dx
 
 
-def goals_in_robot_frames(
-    xyyaw: npt.NDArray[np.float64], goals_xy_m: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
+def goals_in_robot_frames(xyyaw: Float64Array, goals_xy_m: Float64Array) -> Float64Array:
     """`goal_in_robot_frame` of many robots.
 
     Args:

@@ -6,10 +6,10 @@ Quaternions are (w, x, y, z). Batches are leading dimensions.
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from readygo.common.arrays import Float64Array
 
 
-def matrix_from_quat(q_wxyz: npt.ArrayLike) -> Array:
+def matrix_from_quat(q_wxyz: npt.ArrayLike) -> Float64Array:
     """Rotation matrices of quaternions that need not be normalised.
 
     Args:
@@ -28,7 +28,7 @@ def matrix_from_quat(q_wxyz: npt.ArrayLike) -> Array:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def quat_from_matrix(R: npt.ArrayLike) -> Array:
+def quat_from_matrix(R: npt.ArrayLike) -> Float64Array:
     """Quaternions (w >= 0) of rotation matrices.
 
     Args:
@@ -56,11 +56,11 @@ def quat_from_matrix(R: npt.ArrayLike) -> Array:
     best = np.argmax(squares, axis=-1)[..., None, None]
     q = np.take_along_axis(candidates, best, axis=-2)[..., 0, :]
     q = q / np.linalg.norm(q, axis=-1, keepdims=True)
-    result: Array = np.where(q[..., :1] < 0, -q, q)
+    result: Float64Array = np.where(q[..., :1] < 0, -q, q)
     return result
 
 
-def quat_multiply(p_wxyz: npt.ArrayLike, q_wxyz: npt.ArrayLike) -> Array:
+def quat_multiply(p_wxyz: npt.ArrayLike, q_wxyz: npt.ArrayLike) -> Float64Array:
     """Hamilton product: the rotation `q` followed by `p`, shapes (..., 4)."""
     p, q = np.asarray(p_wxyz, dtype=np.float64), np.asarray(q_wxyz, dtype=np.float64)
     pw, px, py, pz = np.moveaxis(p, -1, 0)
@@ -76,7 +76,7 @@ def quat_multiply(p_wxyz: npt.ArrayLike, q_wxyz: npt.ArrayLike) -> Array:
     )
 
 
-def matrix_from_axis_angle(axis_angle_rad: npt.ArrayLike) -> Array:
+def matrix_from_axis_angle(axis_angle_rad: npt.ArrayLike) -> Float64Array:
     """Rotation matrices of axis-angle vectors [rad], shape (..., 3) -> (..., 3, 3) (Rodrigues)."""
     v = np.asarray(axis_angle_rad, dtype=np.float64)
     angle = np.linalg.norm(v, axis=-1)[..., None, None]
@@ -89,22 +89,22 @@ def matrix_from_axis_angle(axis_angle_rad: npt.ArrayLike) -> Array:
     # sinc keeps both factors smooth through angle = 0.
     s = np.sinc(angle / np.pi)
     c = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
-    R: Array = np.eye(3) + s * K + c * (K @ K)
+    R: Float64Array = np.eye(3) + s * K + c * (K @ K)
     return R
 
 
-def axis_angle_from_matrix(R: npt.ArrayLike) -> Array:
+def axis_angle_from_matrix(R: npt.ArrayLike) -> Float64Array:
     """Axis-angle vectors [rad] of rotation matrices, shape (..., 3, 3) -> (..., 3), angle in [0, pi]."""
     q = quat_from_matrix(R)
     w, v = q[..., :1], q[..., 1:]
     n = np.linalg.norm(v, axis=-1, keepdims=True)
     small = n < 1e-12
-    scale: Array = np.where(small, 2.0, 2 * np.arctan2(n, w) / np.where(small, 1.0, n))
-    axis_angle: Array = scale * v
+    scale: Float64Array = np.where(small, 2.0, 2 * np.arctan2(n, w) / np.where(small, 1.0, n))
+    axis_angle: Float64Array = scale * v
     return axis_angle
 
 
-def wrap_angle(angle_rad: npt.ArrayLike) -> Array:
+def wrap_angle(angle_rad: npt.ArrayLike) -> Float64Array:
     """Angles [rad] wrapped to [-pi, pi)."""
-    wrapped: Array = (np.asarray(angle_rad, dtype=np.float64) + np.pi) % (2 * np.pi) - np.pi
+    wrapped: Float64Array = (np.asarray(angle_rad, dtype=np.float64) + np.pi) % (2 * np.pi) - np.pi
     return wrapped

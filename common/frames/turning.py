@@ -3,16 +3,13 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.kernels import kernel_with_cache
-
-Floats = npt.NDArray[np.float64]
-Singles = npt.NDArray[np.float32]
 
 
 @kernel_with_cache(error_model="numpy")
-def turn_between(first: Singles, last: Singles, share: float, out: Singles) -> None:
+def turn_between(first: Float32Array, last: Float32Array, share: float, out: Float32Array) -> None:
     """Interpolate rotations along the shorter way (slerp).
 
     Args:
@@ -44,7 +41,7 @@ def turn_between(first: Singles, last: Singles, share: float, out: Singles) -> N
 
 
 @kernel_with_cache(error_model="numpy")
-def _quaternion(rotation: Singles, q: Floats) -> None:
+def _quaternion(rotation: Float32Array, q: Float64Array) -> None:
     """Write the unit quaternion, w first, of an axis-angle vector."""
     x, y, z = float(rotation[0]), float(rotation[1]), float(rotation[2])
     angle = math.sqrt(x * x + y * y + z * z)

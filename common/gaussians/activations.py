@@ -7,11 +7,9 @@ these loops call the scalar functions, in float64, and round once.
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array
 from readygo.common.kernels import kernel_with_cache
-
-Array = npt.NDArray[np.float32]
 
 LOGIT_LIMIT = 40.0
 """Stored logits stay within +-40, where the opacity is 0 or 1 to float32."""
@@ -20,25 +18,25 @@ SCALE_MIN_M = 1e-20
 
 
 @kernel_with_cache
-def _exp(x: npt.NDArray[np.float32], out: npt.NDArray[np.float32]) -> None:
+def _exp(x: Float32Array, out: Float32Array) -> None:
     for i in range(x.size):
         out[i] = math.exp(x[i])
 
 
 @kernel_with_cache
-def _log(x: npt.NDArray[np.float32], minimum: float, out: npt.NDArray[np.float32]) -> None:
+def _log(x: Float32Array, minimum: float, out: Float32Array) -> None:
     for i in range(x.size):
         out[i] = math.log(max(float(x[i]), minimum))
 
 
 @kernel_with_cache
-def _sigmoid(x: npt.NDArray[np.float32], out: npt.NDArray[np.float32]) -> None:
+def _sigmoid(x: Float32Array, out: Float32Array) -> None:
     for i in range(x.size):
         out[i] = 1.0 / (1.0 + math.exp(-x[i]))
 
 
 @kernel_with_cache
-def _logit(p: npt.NDArray[np.float32], limit: float, out: npt.NDArray[np.float32]) -> None:
+def _logit(p: Float32Array, limit: float, out: Float32Array) -> None:
     for i in range(p.size):
         if p[i] <= 0.0:
             out[i] = -limit
@@ -48,7 +46,7 @@ def _logit(p: npt.NDArray[np.float32], limit: float, out: npt.NDArray[np.float32
             out[i] = math.log(p[i] / (1.0 - p[i]))
 
 
-def scales_from_logs(log_scales: Array) -> Array:
+def scales_from_logs(log_scales: Float32Array) -> Float32Array:
     """Scales of stored log scales, any shape; too large ones become inf."""
     stored = np.minimum(np.ascontiguousarray(log_scales, dtype=np.float32), np.float32(200.0))
     out = np.empty_like(stored)
@@ -56,7 +54,7 @@ def scales_from_logs(log_scales: Array) -> Array:
     return out
 
 
-def logs_from_scales(scales_m: Array) -> Array:
+def logs_from_scales(scales_m: Float32Array) -> Float32Array:
     """Log scales to store, any shape."""
     scales_m = np.ascontiguousarray(scales_m, dtype=np.float32)
     out = np.empty_like(scales_m)
@@ -64,7 +62,7 @@ def logs_from_scales(scales_m: Array) -> Array:
     return out
 
 
-def opacities_from_logits(logits: Array) -> Array:
+def opacities_from_logits(logits: Float32Array) -> Float32Array:
     """Opacities 0..1 of stored logits, any shape."""
     stored = np.clip(np.ascontiguousarray(logits, dtype=np.float32), -LOGIT_LIMIT, LOGIT_LIMIT)
     out = np.empty_like(stored)
@@ -72,7 +70,7 @@ def opacities_from_logits(logits: Array) -> Array:
     return out
 
 
-def logits_from_opacities(opacities: Array) -> Array:
+def logits_from_opacities(opacities: Float32Array) -> Float32Array:
     """Logits to store, any shape."""
     opacities = np.ascontiguousarray(opacities, dtype=np.float32)
     out = np.empty_like(opacities)

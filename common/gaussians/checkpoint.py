@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.documents import read_json
 from readygo.common.errors import SceneError
 from readygo.common.extras import install_command
@@ -34,16 +34,13 @@ _SPLATFACTO_PREFIXES = ("_model.gauss_params.", "_model.")
 """Newest first: splatfacto kept its parameters in the model itself before 2024."""
 _JSON_BYTES_MAX = 1 << 20
 
-Array = npt.NDArray[np.float32]
-Floats = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DataTransform:
     """How nerfstudio moved its data for training: x_trained = scale (R x + t)."""
 
-    R: Floats
-    t: Floats
+    R: Float64Array
+    t: Float64Array
     scale: float
 
 
@@ -155,7 +152,7 @@ def _cloud(state: Mapping[str, Any], prefix: str, names: Mapping[str, str], path
     )
 
 
-def _array(state: Mapping[str, Any], name: str, path: Path) -> Array:
+def _array(state: Mapping[str, Any], name: str, path: Path) -> Float32Array:
     tensor = state.get(name)
     if tensor is None or str(getattr(tensor, "layout", "")) != "torch.strided" or not tensor.is_floating_point():
         hint = "; trainings with appearance embeddings have no plain colours" if "colors" in state else ""
@@ -163,5 +160,5 @@ def _array(state: Mapping[str, Any], name: str, path: Path) -> Array:
     # A tensor may repeat few stored numbers without end.
     if tensor.numel() * tensor.element_size() > path.stat().st_size:
         raise SceneError(f"{path} has a tensor {name!r} of {tuple(tensor.shape)}, more than the file holds.")
-    array: Array = tensor.detach().float().numpy().copy()
+    array: Float32Array = tensor.detach().float().numpy().copy()
     return array

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float32Array
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GaussianCloud:
@@ -14,15 +16,15 @@ class GaussianCloud:
     `direction` from the camera centre to the mean.
     """
 
-    means_m: npt.NDArray[np.float32]
+    means_m: Float32Array
     """Centres [m], shape (N, 3)."""
-    quats_wxyz: npt.NDArray[np.float32]
+    quats_wxyz: Float32Array
     """Unit quaternions that map each Gaussian's principal axes to the frame, shape (N, 4)."""
-    scales_m: npt.NDArray[np.float32]
+    scales_m: Float32Array
     """Standard deviations along the principal axes [m], linear, shape (N, 3)."""
-    opacities: npt.NDArray[np.float32]
+    opacities: Float32Array
     """Peak opacity in 0..1, shape (N,)."""
-    sh: npt.NDArray[np.float32]
+    sh: Float32Array
     """SH coefficients, shape (N, K, 3), K = (degree + 1)^2 with degree 0..3."""
 
     def __post_init__(self) -> None:
@@ -45,7 +47,7 @@ class GaussianCloud:
         """Degree of the spherical harmonics, 0..3."""
         return {1: 0, 4: 1, 9: 2, 16: 3}[self.sh.shape[1]]
 
-    def select(self, index: npt.NDArray[np.bool_] | npt.NDArray[np.integer]) -> "GaussianCloud":
+    def select(self, index: BoolArray | npt.NDArray[np.integer]) -> "GaussianCloud":
         """Some of the Gaussians.
 
         Args:

@@ -6,13 +6,13 @@ Source: playcanvas/splat-transform, `decompress-ply.ts` and `write-compressed-pl
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, Float32Array, Float64Array, UInt32Array
 from readygo.common.errors import SceneError
 from readygo.common.gaussians.activations import scales_from_logs
 from readygo.common.gaussians.cloud import GaussianCloud
 from readygo.common.gaussians.ply import sh_from_channels, sh_rest_names
-from readygo.common.gaussians.ply_format import Table, columns, require_fields
+from readygo.common.gaussians.ply_format import columns, require_fields
 from readygo.common.gaussians.spherical_harmonics import sh_of_rgb
 
 CHUNK_SIZE = 256
@@ -20,16 +20,13 @@ CHUNK_SIZE = 256
 _PACKED = ["packed_position", "packed_rotation", "packed_scale", "packed_color"]
 _WHAT = "a PlayCanvas compressed PLY"
 
-Words = npt.NDArray[np.uint32]
-Floats = npt.NDArray[np.float64]
 
-
-def is_compressed_ply(tables: dict[str, Table]) -> bool:
+def is_compressed_ply(tables: dict[str, AnyArray]) -> bool:
     """True for the elements of a PlayCanvas compressed PLY."""
     return "chunk" in tables and "packed_position" in (tables.get("vertex", np.empty(0)).dtype.names or ())
 
 
-def cloud_from_compressed_ply(tables: dict[str, Table], path: Path) -> GaussianCloud:
+def cloud_from_compressed_ply(tables: dict[str, AnyArray], path: Path) -> GaussianCloud:
     """Gaussians of the elements chunk, vertex and optionally sh; not validated.
 
     Older files have no colour range in their chunks: colours are then plain 0..1.
@@ -57,26 +54,26 @@ def cloud_from_compressed_ply(tables: dict[str, Table], path: Path) -> GaussianC
     )
 
 
-def _expand(unit: Floats, chunks: Table, pattern: str, axes: str, path: Path) -> Floats:
+def _expand(unit: Float64Array, chunks: AnyArray, pattern: str, axes: str, path: Path) -> Float64Array:
     """Numbers in 0..1 spread over their chunk's range; `pattern` makes property names of min or max and an axis."""
     low_names, high_names = [[pattern.format(end, axis) for axis in axes] for end in ("min", "max")]
     require_fields(chunks, low_names + high_names, path, _WHAT)
     chunk = np.arange(len(unit)) // CHUNK_SIZE
     low = columns(chunks, low_names).astype(np.float64)[chunk]
     high = columns(chunks, high_names).astype(np.float64)[chunk]
-    spread: Floats = low * (1.0 - unit) + high * unit
+    spread: Float64Array = low * (1.0 - unit) + high * unit
     return spread
 
 
-def _unpack_111011(words: Words) -> Floats:
+def _unpack_111011(words: UInt32Array) -> Float64Array:
     return np.stack([(words >> 21) / 2047.0, ((words >> 11) & 1023) / 1023.0, (words & 2047) / 2047.0], axis=1)
 
 
-def _unpack_8888(words: Words) -> Floats:
+def _unpack_8888(words: UInt32Array) -> Float64Array:
     return np.stack([((words >> shift) & 255) / 255.0 for shift in (24, 16, 8, 0)], axis=1)
 
 
-def _unpack_rotation(words: Words) -> npt.NDArray[np.float32]:
+def _unpack_rotation(words: UInt32Array) -> Float32Array:
     """Quaternions (w, x, y, z): the top two bits name the largest component, which is left out."""
     small = (np.stack([((words >> shift) & 1023) / 1023.0 for shift in (20, 10, 0)], axis=1) - 0.5) * np.sqrt(2.0)
     x, y, z = small.T
@@ -91,7 +88,7 @@ def _unpack_rotation(words: Words) -> npt.NDArray[np.float32]:
     return quats
 
 
-def _sh_rest(table: Table | None, count: int, path: Path) -> npt.NDArray[np.float32]:
+def _sh_rest(table: AnyArray | None, count: int, path: Path) -> Float32Array:
     if table is None:
         return np.empty((count, 0), np.float32)
     if len(table) != count:

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float32Array
 from readygo.common.errors import SceneError
 from readygo.common.gaussians.cloud import GaussianCloud
 from readygo.common.gaussians.floaters import far_shell, floating
@@ -21,7 +21,7 @@ HAZE_OPACITY, HAZE_RATIO = 0.1, 3.0
 """Fainter Gaussians that are this many times as large as usual veil what is behind them."""
 HUGE, FLOATERS, HAZE, BACKGROUND = "huge", "floaters", "haze", "background"
 
-Masks = dict[str, npt.NDArray[np.bool_]]
+Masks = dict[str, BoolArray]
 
 
 def unusable(cloud: GaussianCloud) -> Masks:
@@ -83,7 +83,7 @@ def count_kinds(masks: Masks) -> str:
 
 def without(cloud: GaussianCloud, masks: Masks) -> tuple[GaussianCloud, dict[str, int]]:
     """The cloud without the Gaussians of some masks, and how many have each defect that occurs."""
-    bad: npt.NDArray[np.bool_] = np.logical_or.reduce(list(masks.values()))
+    bad: BoolArray = np.logical_or.reduce(list(masks.values()))
     counts = {kind: int(mask.sum()) for kind, mask in masks.items() if mask.any()}
     return (cloud.select(~bad) if counts else cloud), counts
 
@@ -94,10 +94,10 @@ def refusal(name: str, counts: Mapping[str, int], bad: int, total: int, remedy: 
     return SceneError(f"{name} has {bad} of {total} Gaussians that cannot be drawn ({kinds}); {remedy}.")
 
 
-def _finite(array: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
+def _finite(array: Float32Array) -> BoolArray:
     return np.asarray(np.isfinite(array).all(axis=tuple(range(1, array.ndim))))
 
 
-def _largest(array: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    largest: npt.NDArray[np.float32] = np.abs(array).max(axis=tuple(range(1, array.ndim)), initial=0.0)
+def _largest(array: Float32Array) -> Float32Array:
+    largest: Float32Array = np.abs(array).max(axis=tuple(range(1, array.ndim)), initial=0.0)
     return largest

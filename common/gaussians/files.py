@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.camera.captured import CapturedViews, load_views
 from readygo.common.errors import SceneError
 from readygo.common.files import open_regular
@@ -47,7 +47,7 @@ class GaussianSource:
     """What it is, in words."""
     views: CapturedViews | None = None
     """The cameras that it was filmed with, in the same frame."""
-    up: npt.NDArray[np.float64] | None = None
+    up: Float64Array | None = None
     """Unit vector, up as the cameras were held; None where nothing is known of them."""
 
 
@@ -165,7 +165,7 @@ def with_unit_rotations(cloud: GaussianCloud) -> GaussianCloud:
     """The cloud with quaternions of length 1; none may be zero."""
     q = cloud.quats_wxyz.astype(np.float64)
     length = np.sqrt(q[:, 0] * q[:, 0] + q[:, 1] * q[:, 1] + q[:, 2] * q[:, 2] + q[:, 3] * q[:, 3])
-    unit: npt.NDArray[np.float32] = (q / length[:, None]).astype(np.float32)
+    unit: Float32Array = (q / length[:, None]).astype(np.float32)
     return GaussianCloud(
         means_m=cloud.means_m, quats_wxyz=unit, scales_m=cloud.scales_m, opacities=cloud.opacities, sh=cloud.sh
     )

@@ -3,8 +3,8 @@
 import itertools
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float64Array, Int64Array
 from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians.cloud import GaussianCloud
 
@@ -38,11 +38,8 @@ SHELL_TURNS, SHELL_RINGS, SHELL_MIN = 24, 12, 0.1
 """Parts of the sphere that directions are counted in, all of one solid angle; and the share of it that sky covers with
 its 1 sigma ellipses at least. Floaters around a scene have a hundredth of that."""
 
-Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 
-
-def floating(cloud: GaussianCloud, low: Floats, high: Floats) -> Mask:
+def floating(cloud: GaussianCloud, low: Float64Array, high: Float64Array) -> BoolArray:
     """The Gaussians that float, in any unit of length.
 
     Args:
@@ -66,7 +63,7 @@ def floating(cloud: GaussianCloud, low: Floats, high: Floats) -> Mask:
     return cloudy | _apart(cloud, low, high, max(width / CELLS_ACROSS, CELL_SIZES * usual), sparse=not cloudy.any())
 
 
-def far_shell(cloud: GaussianCloud, among: Mask, low: Floats, high: Floats) -> Mask:
+def far_shell(cloud: GaussianCloud, among: BoolArray, low: Float64Array, high: Float64Array) -> BoolArray:
     """The Gaussians outside of a scene that fill the direction that they are seen in from its middle: sky, mountains.
 
     Args:
@@ -79,7 +76,7 @@ def far_shell(cloud: GaussianCloud, among: Mask, low: Floats, high: Floats) -> M
         Mask, shape (N,).
     """
     outside_m = np.linalg.norm(np.maximum(low - cloud.means_m, 0) + np.maximum(cloud.means_m - high, 0), axis=1)
-    shell: Mask = among & (outside_m > cloud.scales_m.max(axis=1, initial=0.0))
+    shell: BoolArray = among & (outside_m > cloud.scales_m.max(axis=1, initial=0.0))
     far = cloud.select(shell)
     rays = far.means_m.astype(np.float64) - 0.5 * (low + high)
     distance = np.maximum(np.linalg.norm(rays, axis=1), 1e-9)
@@ -91,7 +88,7 @@ def far_shell(cloud: GaussianCloud, among: Mask, low: Floats, high: Floats) -> M
     return shell
 
 
-def _apart(cloud: GaussianCloud, low: Floats, high: Floats, cell: float, *, sparse: bool) -> Mask:
+def _apart(cloud: GaussianCloud, low: Float64Array, high: Float64Array, cell: float, *, sparse: bool) -> BoolArray:
     """Gaussians of small groups of cells without an occupied neighbour, and those far outside of a box.
 
     With `sparse` also those of cells that hold few, where most cells do: of a thin cloud around a scene.
@@ -114,7 +111,7 @@ def _apart(cloud: GaussianCloud, low: Floats, high: Floats, cell: float, *, spar
     return floats
 
 
-def _cloud_mask(cloud: GaussianCloud, low: Floats, high: Floats, cell: float, area_max: float) -> Mask:
+def _cloud_mask(cloud: GaussianCloud, low: Float64Array, high: Float64Array, cell: float, area_max: float) -> BoolArray:
     """Gaussians of clouds: of cells that hold something, but no surface, and fill a place."""
     from scipy import ndimage
 
@@ -135,13 +132,13 @@ def _cloud_mask(cloud: GaussianCloud, low: Floats, high: Floats, cell: float, ar
 
 
 def _cells(
-    xyz: Floats, low: Floats, high: Floats, cell: float
-) -> tuple[npt.NDArray[np.int64], Mask, tuple[int, int, int]]:
+    xyz: Float64Array, low: Float64Array, high: Float64Array, cell: float
+) -> tuple[Int64Array, BoolArray, tuple[int, int, int]]:
     """Flat index of the cell of each point that is inside of a box, which ones that are, and the grid's shape."""
     inside = np.asarray(((xyz >= low) & (xyz <= high)).all(axis=1))
     x, y, z = (np.floor((high - low) / cell).astype(np.int64) + 1).tolist()
     i, j, k = np.floor((xyz[inside] - low) / cell).astype(np.int64).T
-    flat: npt.NDArray[np.int64] = (i * y + j) * z + k
+    flat: Int64Array = (i * y + j) * z + k
     return flat, inside, (x, y, z)
 
 
@@ -153,14 +150,14 @@ def _usual_size(cloud: GaussianCloud) -> float:
     return float(reach[order][np.searchsorted(total, 0.5 * total[-1])])
 
 
-def _areas(cloud: GaussianCloud) -> Floats:
+def _areas(cloud: GaussianCloud) -> Float64Array:
     """What each Gaussian covers with its broad side, 1 sigma, times its opacity, shape (N,)."""
     scales = np.sort(cloud.scales_m.astype(np.float64), axis=1)
-    areas: Floats = np.pi * scales[:, 2] * scales[:, 1] * cloud.opacities
+    areas: Float64Array = np.pi * scales[:, 2] * scales[:, 1] * cloud.opacities
     return areas
 
 
-def _samples(cloud: GaussianCloud, spacing: float) -> tuple[Floats, Floats]:
+def _samples(cloud: GaussianCloud, spacing: float) -> tuple[Float64Array, Float64Array]:
     """Points on the broad sides of Gaussians, and the area that each stands for, shapes (S, 3) and (S,)."""
     order = np.argsort(cloud.scales_m, axis=1)[:, :0:-1]
     rows = np.arange(len(cloud))[:, None]

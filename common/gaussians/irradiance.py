@@ -7,12 +7,9 @@ Source: Ramamoorthi & Hanrahan, An efficient representation for irradiance envir
 """
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.kernels import kernel_with_cache
-
-Floats = npt.NDArray[np.float64]
-Singles = npt.NDArray[np.float32]
 
 HARMONICS = 9
 """Real spherical harmonics up to order 2, in the order (l, m) = (0, 0), (1, -1), .. (2, 2)."""
@@ -22,7 +19,7 @@ _COSINE_LOBE = (1.0, 2.0 / 3.0, 0.25)
 
 
 @kernel_with_cache
-def add_radiance(radiance: Floats, direction: Floats, solid_angle: Floats, sh: Floats) -> None:
+def add_radiance(radiance: Float64Array, direction: Float64Array, solid_angle: Float64Array, sh: Float64Array) -> None:
     """Project radiance to spherical harmonics and add it to `sh`, shape (9, 3).
 
     Args:
@@ -43,7 +40,7 @@ def add_radiance(radiance: Floats, direction: Floats, solid_angle: Floats, sh: F
                 sh[k, channel] += basis[k] * solid_angle[n] * radiance[n, channel]
 
 
-def irradiance_matrix(sh: Floats) -> Floats:
+def irradiance_matrix(sh: Float64Array) -> Float64Array:
     """Irradiance / pi as a quadratic form per channel: E(n) / pi = [n, 1] M [n, 1]^T; the paper's equation 12.
 
     A place in a furnace of radiance 1 has the value 1 for every normal.
@@ -60,7 +57,7 @@ def irradiance_matrix(sh: Floats) -> Floats:
 
 
 @kernel_with_cache
-def _fill_matrix(sh: Floats, M: Floats) -> None:
+def _fill_matrix(sh: Float64Array, M: Float64Array) -> None:
     a0, a1, a2 = _COSINE_LOBE
     for c in range(3):
         M[c, 0, 0], M[c, 1, 1] = a2 * _Y22 * sh[8, c], -a2 * _Y22 * sh[8, c]
@@ -72,15 +69,15 @@ def _fill_matrix(sh: Floats, M: Floats) -> None:
             M[c, i, 3] = M[c, 3, i] = 0.5 * a1 * _Y1 * sh[k, c]
 
 
-def irradiance(M: Floats, normals: Floats) -> Floats:
+def irradiance(M: Float64Array, normals: Float64Array) -> Float64Array:
     """Irradiance / pi of unit normals, (3, 4, 4) and (N, 3) -> (N, 3); see `irradiance_matrix`."""
     n = np.concatenate([normals, np.ones((len(normals), 1))], axis=1)
-    values: Floats = np.einsum("ni,cij,nj->nc", n, M, n)
+    values: Float64Array = np.einsum("ni,cij,nj->nc", n, M, n)
     return values
 
 
 @kernel_with_cache
-def rotate_forms(M: Floats, R: Floats, out: Singles) -> None:
+def rotate_forms(M: Float64Array, R: Float64Array, out: Float32Array) -> None:
     """Write the ten terms 1, x, y, z, xx, yy, zz, xy, xz, yz of quadratic forms in a frame turned by `R`.
 
     Args:

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, Float32Array
 from readygo.common.errors import SceneError
 from readygo.common.files import write_then_rename
 from readygo.common.gaussians.activations import (
@@ -14,7 +14,7 @@ from readygo.common.gaussians.activations import (
     scales_from_logs,
 )
 from readygo.common.gaussians.cloud import GaussianCloud
-from readygo.common.gaussians.ply_format import Table, columns, require_fields
+from readygo.common.gaussians.ply_format import columns, require_fields
 
 POSITION = ["x", "y", "z"]
 SH_DC = ["f_dc_0", "f_dc_1", "f_dc_2"]
@@ -27,7 +27,7 @@ SURFEL_RATIO = 0.01
 one as the third, so that covariances can be inverted and the normal is the shortest axis."""
 
 
-def cloud_from_ply(vertices: Table, path: Path) -> GaussianCloud:
+def cloud_from_ply(vertices: AnyArray, path: Path) -> GaussianCloud:
     """Gaussians of a 3DGS vertex table; not validated.
 
     Raises:
@@ -44,19 +44,19 @@ def cloud_from_ply(vertices: Table, path: Path) -> GaussianCloud:
     )
 
 
-def is_surfels(vertices: Table) -> bool:
+def is_surfels(vertices: AnyArray) -> bool:
     """True for a vertex table of 2DGS, which has two scales."""
     names = vertices.dtype.names or ()
     return all(name in names for name in SCALE[:2]) and SCALE[2] not in names
 
 
-def _with_third(scales: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def _with_third(scales: Float32Array) -> Float32Array:
     if scales.shape[1] == 3:
         return scales
     return np.concatenate([scales, np.float32(SURFEL_RATIO) * scales.min(axis=1, keepdims=True)], axis=1)
 
 
-def sh_rest_names(table: Table, path: Path) -> list[str]:
+def sh_rest_names(table: AnyArray, path: Path) -> list[str]:
     """The f_rest properties of a table in order.
 
     Raises:
@@ -70,7 +70,7 @@ def sh_rest_names(table: Table, path: Path) -> list[str]:
     return names
 
 
-def sh_from_channels(dc: npt.NDArray[np.float32], rest: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def sh_from_channels(dc: Float32Array, rest: Float32Array) -> Float32Array:
     """SH coefficients (N, K, 3) of f_dc (N, 3) and channel-major f_rest (N, 3 (K-1))."""
     count, per_channel = len(dc), rest.shape[1] // 3
     sh = np.empty((count, per_channel + 1, 3), np.float32)

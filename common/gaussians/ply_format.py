@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, Float32Array
 from readygo.common.errors import SceneError
 from readygo.common.files import open_regular
 
@@ -31,9 +31,6 @@ _DTYPES = {
 _HEADER_LINE_LIMIT = 1000
 _LINE_BYTES_LIMIT = 4096
 
-Table = npt.NDArray[Any]
-"""Structured array with one field per property."""
-
 
 @dataclass(frozen=True)
 class PlyElement:
@@ -44,7 +41,7 @@ class PlyElement:
     dtype: np.dtype[Any]
 
 
-def read_ply(path: Path) -> dict[str, Table]:
+def read_ply(path: Path) -> dict[str, AnyArray]:
     """Read every element of a binary little-endian PLY file.
 
     Args:
@@ -112,14 +109,14 @@ def _close_element(last: list[PlyElement], fields: list[tuple[str, str]], path: 
     return [PlyElement(element.name, element.count, np.dtype(fields)) for element in last]
 
 
-def require_fields(table: Table, names: list[str], path: Path, what: str) -> None:
+def require_fields(table: AnyArray, names: list[str], path: Path, what: str) -> None:
     """Raise SceneError naming the first of `names` that a table lacks."""
     missing = [name for name in names if name not in (table.dtype.names or ())]
     if missing:
         raise SceneError(f"{path} lacks the property {missing[0]!r}: it is not {what}.")
 
 
-def columns(table: Table, names: list[str]) -> npt.NDArray[np.float32]:
+def columns(table: AnyArray, names: list[str]) -> Float32Array:
     """Some properties side by side as float32, shape (N, len(names))."""
     out = np.empty((len(table), len(names)), np.float32)
     for i, name in enumerate(names):

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from readygo.common.arrays import AnyArray, Float32Array, Float64Array
 
 SH_C0 = 0.28209479177387814
 SH_C1 = 0.4886025119029199
@@ -19,17 +19,17 @@ SH_C32 = 1.445305721320277
 """Factors of the basis polynomials: of degree 0, 1, 2 and 3; the second digit is the order where orders differ."""
 
 
-def rgb_of_sh(sh: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def rgb_of_sh(sh: AnyArray) -> AnyArray:
     """Colours, 0..1, of coefficients of degree 0, not clipped; any shape."""
     return 0.5 + SH_C0 * sh
 
 
-def sh_of_rgb(rgb: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def sh_of_rgb(rgb: AnyArray) -> AnyArray:
     """Coefficients of degree 0 of colours, 0..1; any shape."""
     return (rgb - 0.5) / SH_C0
 
 
-def sh_basis(directions: npt.ArrayLike, degree: int) -> Floats:
+def sh_basis(directions: npt.ArrayLike, degree: int) -> Float64Array:
     """Basis functions of all degrees up to `degree`.
 
     Args:
@@ -67,7 +67,7 @@ def sh_polynomials(x: Any, y: Any, z: Any) -> list[Any]:
 
 
 @cache
-def _sample_directions() -> Floats:
+def _sample_directions() -> Float64Array:
     """64 unit vectors on a Fibonacci spiral: enough to determine every degree with a small condition number."""
     k = np.arange(64) + 0.5
     z = 1 - 2 * k / 64
@@ -76,7 +76,7 @@ def _sample_directions() -> Floats:
     return np.stack([ring * np.cos(angle), ring * np.sin(angle), z], axis=1)
 
 
-def rotate_sh(sh: npt.NDArray[np.float32], R: npt.ArrayLike) -> npt.NDArray[np.float32]:
+def rotate_sh(sh: Float32Array, R: npt.ArrayLike) -> Float32Array:
     """Coefficients of colours that are rotated with their Gaussians: seen along R d, the colour is the old one along d.
 
     Each degree is a separate representation: its matrix follows from the basis at a fixed set of directions.

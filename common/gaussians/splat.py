@@ -4,11 +4,10 @@ Source: antimatter15/splat, `convert.py` and `main.js` (MIT).
 """
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, Float32Array
 from readygo.common.gaussians.cloud import GaussianCloud
 from readygo.common.gaussians.spherical_harmonics import sh_of_rgb
 
@@ -48,5 +47,5 @@ def cloud_from_splat(path: Path) -> GaussianCloud:
     )
 
 
-def _quats(rows: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
+def _quats(rows: AnyArray) -> Float32Array:
     return (rows["wxyz"].astype(np.float32) - np.float32(128.0)) / np.float32(128.0)

@@ -23,8 +23,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, UInt8Array
 from readygo.common.errors import SceneError
 from readygo.common.files import read_regular
 from readygo.common.gaussians.activations import scales_from_logs
@@ -43,8 +43,6 @@ _SLACK_BYTES = 1 << 20
 _EXTENSION_BYTES_MAX = 1 << 20
 _ZSTD_HEADER_BYTES = 32
 _ZSTD_WINDOW_MAX = 1 << 27
-
-Bytes = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
@@ -87,7 +85,7 @@ def cloud_from_spz(path: Path) -> GaussianCloud:
     )
 
 
-def _gzip_attributes(data: bytes, path: Path) -> tuple[_Header, list[Bytes]]:
+def _gzip_attributes(data: bytes, path: Path) -> tuple[_Header, list[UInt8Array]]:
     inflate = zlib.decompressobj(16 + zlib.MAX_WBITS)
     try:
         start = inflate.decompress(data, _HEADER.size)
@@ -107,7 +105,7 @@ def _gzip_attributes(data: bytes, path: Path) -> tuple[_Header, list[Bytes]]:
     return header, [part.reshape(header.count, size) for part, size in zip(parts, header.row_bytes, strict=True)]
 
 
-def _zstd_attributes(data: bytes, path: Path) -> tuple[_Header, list[Bytes]]:
+def _zstd_attributes(data: bytes, path: Path) -> tuple[_Header, list[UInt8Array]]:
     """Version 4: a plain header of 32 bytes, a table of sizes, and a zstd stream for each attribute."""
     header = _header(data, (4,), len(data), path)
     if len(data) < _ZSTD_HEADER_BYTES:
@@ -127,7 +125,7 @@ def _zstd_attributes(data: bytes, path: Path) -> tuple[_Header, list[Bytes]]:
     return header, attributes
 
 
-def _zstd(packed: bytes, expected: int, path: Path) -> Bytes:
+def _zstd(packed: bytes, expected: int, path: Path) -> UInt8Array:
     import zstandard
 
     try:
@@ -153,7 +151,7 @@ def _header(start: bytes, versions: tuple[int, ...], file_bytes: int, path: Path
     return header
 
 
-def _positions(stored: Bytes, header: _Header) -> npt.NDArray[np.float32]:
+def _positions(stored: UInt8Array, header: _Header) -> Float32Array:
     if header.version == 1:
         return np.ascontiguousarray(stored).view("<f2").astype(np.float32)
     low, middle, high = (stored[:, k::3].astype(np.int32) for k in range(3))
@@ -161,14 +159,14 @@ def _positions(stored: Bytes, header: _Header) -> npt.NDArray[np.float32]:
     return (fixed / float(1 << header.fractional_bits)).astype(np.float32)
 
 
-def _first_three(stored: Bytes) -> npt.NDArray[np.float32]:
+def _first_three(stored: UInt8Array) -> Float32Array:
     quats = np.empty((len(stored), 4), np.float32)
     quats[:, 1:] = stored / 127.5 - 1.0
     quats[:, 0] = np.sqrt(np.maximum(0.0, 1.0 - (quats[:, 1:].astype(np.float64) ** 2).sum(axis=1)))
     return quats
 
 
-def _smallest_three(stored: Bytes) -> npt.NDArray[np.float32]:
+def _smallest_three(stored: UInt8Array) -> Float32Array:
     """Quaternions of words whose top two bits name the largest of x, y, z, w; the others follow from the top.
 
     Words are little-endian. Each other component has a sign bit and nine bits of magnitude / 511 * sqrt(1/2). The

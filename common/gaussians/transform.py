@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.errors import SceneError
 from readygo.common.frames import quat_from_matrix, quat_multiply
 from readygo.common.gaussians.cloud import GaussianCloud
@@ -21,7 +22,7 @@ R_UP = {
 """Rotations that map each axis to +z and keep one of the others."""
 
 
-def R_from_up(up: str) -> npt.NDArray[np.float64]:
+def R_from_up(up: str) -> Float64Array:
     """Rotation that maps a file's up axis to +z, turning no further than it must.
 
     Args:
@@ -44,7 +45,7 @@ def R_from_up(up: str) -> npt.NDArray[np.float64]:
     return np.array(R_UP[axis], dtype=np.float64)
 
 
-def _R_from_direction(text: str, up: str) -> npt.NDArray[np.float64]:
+def _R_from_direction(text: str, up: str) -> Float64Array:
     """The rotation of the nearest axis, and then the smallest one."""
     try:
         direction = np.array([float(word) for word in text.split(",")])
@@ -60,7 +61,7 @@ def _R_from_direction(text: str, up: str) -> npt.NDArray[np.float64]:
     tilt = np.array(
         [[1 - x * x / (1 + z), -x * y / (1 + z), -x], [-x * y / (1 + z), 1 - y * y / (1 + z), -y], [x, y, z]]
     )
-    turned: npt.NDArray[np.float64] = tilt @ R_axis
+    turned: Float64Array = tilt @ R_axis
     return turned
 
 

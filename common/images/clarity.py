@@ -18,8 +18,8 @@ Single pictures of good scenes may be as dull as fog (a wall, the side of a sofa
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import UInt8Array
 from readygo.common.images.images import Images
 
 SHARP_FROM = 150.0
@@ -35,7 +35,7 @@ _OPAQUE = 0.5
 _DEPTH_SPREAD = 0.25
 
 
-def sharpness(rgb: npt.NDArray[np.uint8]) -> float:
+def sharpness(rgb: UInt8Array) -> float:
     """Variance of the Laplacian of a picture's grey values [grey levels squared]; 0 in a picture of one colour.
 
     Pictures of more than 9,216 pixels (72x128) are averaged down to that many first, so that the same view gives the

@@ -2,11 +2,10 @@
 
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, UInt8Array
 from readygo.common.files import read_regular
 from readygo.common.images.claims import ImageFormat, claim_of, plain_png
 
@@ -33,7 +32,7 @@ def decode_pixels(
     *,
     formats: Collection[ImageFormat] = RECORDED,
     pixels_max: int = PIXELS_MAX,
-) -> npt.NDArray[Any] | None:
+) -> AnyArray | None:
     """Pixels of an encoded image as OpenCV gives them; None if it is of no such format, damaged, or claims too many.
 
     Args:
@@ -56,7 +55,7 @@ def decode_pixels(
         return None
 
 
-def read_pixels(path: Path, flags: int) -> npt.NDArray[Any] | None:
+def read_pixels(path: Path, flags: int) -> AnyArray | None:
     """Pixels of a photo as OpenCV gives them; None if there is no such file, or it is none that can be decoded."""
     try:
         data = read_regular(path, bytes_max=_FILE_BYTES_MAX)
@@ -65,7 +64,7 @@ def read_pixels(path: Path, flags: int) -> npt.NDArray[Any] | None:
     return decode_pixels(data, flags, formats=PICTURES, pixels_max=PHOTO_PIXELS_MAX)
 
 
-def decode_image(data: bytes) -> npt.NDArray[np.uint8] | None:
+def decode_image(data: bytes) -> UInt8Array | None:
     """An encoded image as sRGB, shape (H, W, 3); None if it cannot be decoded."""
     import cv2
 

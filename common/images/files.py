@@ -18,13 +18,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, Float32Array, UInt8Array, UInt16Array
 from readygo.common.images.encoded import decode_pixels
 from readygo.common.images.images import FIELDS, Images
-
-Singles = npt.NDArray[np.float32]
-Bytes = npt.NDArray[np.uint8]
 
 FILE_FORMAT = "png"
 
@@ -41,40 +38,40 @@ class _Format:
     channel_count: int
     flat: bool
     """True if most pixels equal their neighbours, False if they only resemble them."""
-    to_pixels: Callable[[npt.NDArray[Any]], npt.NDArray[Any]]
-    from_pixels: Callable[[npt.NDArray[Any]], npt.NDArray[Any]]
+    to_pixels: Callable[[AnyArray], AnyArray]
+    from_pixels: Callable[[AnyArray], AnyArray]
 
 
-def _millimetres(depth_m: Singles) -> npt.NDArray[np.uint16]:
+def _millimetres(depth_m: Float32Array) -> UInt16Array:
     rounded = np.rint(depth_m * _MM_PER_M)
     return np.where((rounded > 0) & (rounded <= _MM_MAX), rounded, 0).astype(np.uint16)
 
 
-def _metres(pixels: npt.NDArray[np.uint16]) -> Singles:
+def _metres(pixels: UInt16Array) -> Float32Array:
     return np.where(pixels == 0, np.float32(np.inf), pixels.astype(np.float32) / _MM_PER_M)
 
 
-def _bytes_of_unit(alpha: Singles) -> Bytes:
+def _bytes_of_unit(alpha: Float32Array) -> UInt8Array:
     return np.asarray(np.rint(np.clip(alpha, 0.0, 1.0) * np.float32(255.0)), dtype=np.uint8)
 
 
-def _unit_of_bytes(pixels: Bytes) -> Singles:
+def _unit_of_bytes(pixels: UInt8Array) -> Float32Array:
     return pixels.astype(np.float32) / np.float32(255.0)
 
 
-def _bytes_of_normal(normal: Singles) -> Bytes:
+def _bytes_of_normal(normal: Float32Array) -> UInt8Array:
     shifted = np.clip(normal, -1.0, 1.0) + np.float32(1.0)
     return np.asarray(np.rint(shifted * np.float32(127.5)), dtype=np.uint8)
 
 
-def _normal_of_bytes(pixels: Bytes) -> Singles:
+def _normal_of_bytes(pixels: UInt8Array) -> Float32Array:
     nothing = (pixels == _NO_NORMAL).all(axis=2, keepdims=True)
     normal = np.where(nothing, np.float32(0.0), pixels.astype(np.float32) / np.float32(127.5) - np.float32(1.0))
     length = np.sqrt((normal * normal).sum(axis=2, keepdims=True))
     return np.asarray(normal / np.where(nothing, np.float32(1.0), length), dtype=np.float32)
 
 
-def _same(pixels: Bytes) -> Bytes:
+def _same(pixels: UInt8Array) -> UInt8Array:
     return pixels
 
 
@@ -105,7 +102,7 @@ def encode_output(images: Images, name: str) -> bytes:
     return _encode_png(pixels[..., ::-1] if form.channel_count == 3 else pixels, form.flat)
 
 
-def decode_output(name: str, data: bytes | memoryview) -> npt.NDArray[Any] | None:
+def decode_output(name: str, data: bytes | memoryview) -> AnyArray | None:
     """The image in an output's file, None if it is damaged or another output's.
 
     Returns:
@@ -121,7 +118,7 @@ def decode_output(name: str, data: bytes | memoryview) -> npt.NDArray[Any] | Non
     return form.from_pixels(pixels[..., ::-1] if form.channel_count == 3 else pixels)
 
 
-def _encode_png(pixels: npt.NDArray[Any], flat: bool) -> bytes:
+def _encode_png(pixels: AnyArray, flat: bool) -> bytes:
     """A PNG file; OpenCV's order of channels."""
     import cv2
 

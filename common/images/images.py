@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+
+from readygo.common.arrays import AnyArray, Float32Array, UInt8Array
 
 FIELDS: Mapping[str, str] = {
     "rgb": "rgb",
@@ -39,18 +39,18 @@ class Images:
     A pixel's median Gaussian is the one that brings its transmittance below one half.
     """
 
-    rgb: npt.NDArray[np.uint8]
+    rgb: UInt8Array
     """sRGB for scenes trained on sRGB images, shape (H, W, 3)."""
-    depth_m: npt.NDArray[np.float32] | None = None
+    depth_m: Float32Array | None = None
     """Mean depth along the optical axis, weighted as colours are [m]; inf where nothing is drawn, shape (H, W)."""
-    median_depth_m: npt.NDArray[np.float32] | None = None
+    median_depth_m: Float32Array | None = None
     """Depth of the median Gaussian [m]; inf where there is none, shape (H, W)."""
-    alpha: npt.NDArray[np.float32] | None = None
+    alpha: Float32Array | None = None
     """One minus the transmittance that is left, shape (H, W)."""
-    mask: npt.NDArray[np.uint8] | None = None
+    mask: UInt8Array | None = None
     """Whose the median Gaussian is: k for the k-th human that was asked for, counted from 1; 0 for the scene and
     where there is none, shape (H, W)."""
-    normal: npt.NDArray[np.float32] | None = None
+    normal: Float32Array | None = None
     """Mean of the Gaussians' shortest axes that look towards the camera, weighted as colours are, of length 1, in the
     camera's frame; 0 where nothing is drawn, shape (H, W, 3)."""
 
@@ -58,7 +58,7 @@ class Images:
         """The images of one of V views."""
         return Images(**{name: array[view] for name, array in self.arrays().items()})
 
-    def arrays(self) -> dict[str, npt.NDArray[Any]]:
+    def arrays(self) -> dict[str, AnyArray]:
         """The images that are there, by field."""
         return {name: getattr(self, name) for name in FIELDS.values() if getattr(self, name) is not None}
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.common.array_files import load_npz
+from readygo.common.arrays import Float64Array
 from readygo.common.errors import ReadygoError, SceneError
 from readygo.common.files import write_then_rename
 from readygo.common.gaussians.irradiance import HARMONICS, add_radiance, irradiance_matrix
@@ -25,8 +25,6 @@ from readygo.common.maps.fill import fill_smoothly
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.interface import View
 from readygo.common.rasterizer.packed.scene import PackedScene
-
-Floats = npt.NDArray[np.float64]
 
 FORMAT = "readygo-light/1"
 """Format of a file of probes; it changes with everything that changes their values."""
@@ -61,10 +59,10 @@ class LightProbes:
 
     frame: GridFrame
     """Frame of the grid's cells in the world."""
-    sh: Floats
+    sh: Float64Array
     """Radiance in a cell relative to the scene's mean, shape (H, W, 9, 3); cells without a probe are filled in."""
 
-    def at(self, x_m: float, y_m: float) -> Floats:
+    def at(self, x_m: float, y_m: float) -> Float64Array:
         """Light at a point, bilinear between cell centres, held constant beyond the grid.
 
         Args:
@@ -80,7 +78,9 @@ class LightProbes:
 
 
 @kernel_with_cache
-def _mix(grid: Floats, origin_x: float, origin_y: float, resolution: float, x: float, y: float, sh: Floats) -> None:
+def _mix(
+    grid: Float64Array, origin_x: float, origin_y: float, resolution: float, x: float, y: float, sh: Float64Array
+) -> None:
     """Write the coefficients at a point, shape (9, 3)."""
     height, width = grid.shape[:2]
     u = min(max((x - origin_x) / resolution - 0.5, 0.0), width - 1.0)
@@ -122,7 +122,7 @@ def _load(path: Path) -> LightProbes | None:
     try:
         arrays = load_npz(path, ("frame", "sh", "format"), bytes_max=_BYTES_MAX, raises=SceneError)
         x_m, y_m, resolution_m = (float(value) for value in arrays["frame"])
-        sh: Floats = arrays["sh"]
+        sh: Float64Array = arrays["sh"]
         form = str(arrays["format"])
     except (SceneError, ValueError, TypeError, KeyError):
         return None
@@ -154,7 +154,7 @@ def make_probes(clouds: Sequence[PackedScene], human: OccupancyMap, floor: Floor
 
 def _standpoints(
     human: OccupancyMap, floor: FloorMap
-) -> tuple[GridFrame, tuple[int, int], list[tuple[int, int]], list[Floats]]:
+) -> tuple[GridFrame, tuple[int, int], list[tuple[int, int]], list[Float64Array]]:
     """The grid of probes, its shape, the cells that have a probe, and where these are [m]."""
     free = clearance_m(human) > CLEARANCE_M
     edge_m = human.frame.resolution_m
@@ -176,7 +176,7 @@ def _standpoints(
     return frame, shape, cells, places
 
 
-def _relative(shown: Floats, cells: Sequence[tuple[int, int]], shape: tuple[int, int]) -> Floats:
+def _relative(shown: Float64Array, cells: Sequence[tuple[int, int]], shape: tuple[int, int]) -> Float64Array:
     """Harmonics of what cubes show, relative to their mean, on the grid, shape (H, W, 9, 3)."""
     grid = np.zeros((*shape, HARMONICS, 3))
     if not cells:
@@ -194,7 +194,7 @@ def _relative(shown: Floats, cells: Sequence[tuple[int, int]], shape: tuple[int,
     return grid
 
 
-def _mean_radiance(sh: Floats) -> Floats:
+def _mean_radiance(sh: Float64Array) -> Float64Array:
     """Mean over probes and directions per channel, shape (3,); not 0."""
     total = np.zeros(3)
     for probe in sh:
@@ -202,18 +202,18 @@ def _mean_radiance(sh: Floats) -> Floats:
     return np.maximum(total / (len(sh) * math.sqrt(4.0 * math.pi)), 1e-6)
 
 
-def _face_K_px() -> Floats:
+def _face_K_px() -> Float64Array:
     half = 0.5 * FACE_PX
     return np.array([[half, 0.0, half], [0.0, half, half], [0.0, 0.0, 1.0]])
 
 
-def _pose(R: Floats, place_m: Floats) -> Floats:
+def _pose(R: Float64Array, place_m: Float64Array) -> Float64Array:
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = R, place_m
     return pose
 
 
-def _face_directions() -> tuple[Floats, Floats]:
+def _face_directions() -> tuple[Float64Array, Float64Array]:
     """Directions of a cube's pixels in the world (6 P, 3), and their solid angles [sr] (6 P,), 4 pi in all."""
     across = (np.arange(FACE_PX) + 0.5) / (0.5 * FACE_PX) - 1.0
     v, u = np.meshgrid(across, across, indexing="ij")

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float64Array
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.maps.grid import FloorMap
 from readygo.common.maps.surface import sample_surfaces
@@ -27,15 +27,15 @@ WIDTH_M = 1.0
 class GroundDetail:
     """How fine the Gaussians are that the ground consists of; masks have the floor's grid, shape (H, W)."""
 
-    coarse: npt.NDArray[np.bool_]
+    coarse: BoolArray
     """Cells that were not filmed from near."""
-    blurred: npt.NDArray[np.bool_]
+    blurred: BoolArray
     """Cells of Gaussians above BLURRED_M; coarse ones may be among them."""
     size_m: float
     """Usual size of all that the ground consists of: median of the largest standard deviations [m]."""
 
 
-def ground_detail(cloud: GaussianCloud, floor: FloorMap, known: npt.NDArray[np.bool_]) -> GroundDetail:
+def ground_detail(cloud: GaussianCloud, floor: FloorMap, known: BoolArray) -> GroundDetail:
     """Find the cells whose ground consists of large Gaussians.
 
     Args:
@@ -51,9 +51,7 @@ def ground_detail(cloud: GaussianCloud, floor: FloorMap, known: npt.NDArray[np.b
     return GroundDetail(coarse=coarse, blurred=blurred, size_m=usual_m)
 
 
-def _mostly_larger(
-    ground: GaussianCloud, limit_m: float, floor: FloorMap, known: npt.NDArray[np.bool_]
-) -> npt.NDArray[np.bool_]:
+def _mostly_larger(ground: GaussianCloud, limit_m: float, floor: FloorMap, known: BoolArray) -> BoolArray:
     """Cells around which Gaussians above a size have SHARE_MIN of the ground."""
     from scipy import ndimage
 
@@ -64,11 +62,11 @@ def _mostly_larger(
     size = max(3, round(WIDTH_M / floor.frame.resolution_m))
     weights = ndimage.uniform_filter(known.astype(np.float64), size)
     mean = ndimage.uniform_filter(np.where(known, share, 0.0), size)
-    larger: npt.NDArray[np.bool_] = known & (mean >= SHARE_MIN * weights)
+    larger: BoolArray = known & (mean >= SHARE_MIN * weights)
     return larger
 
 
-def _covered_m2(cloud: GaussianCloud, floor: FloorMap) -> npt.NDArray[np.float64]:
+def _covered_m2(cloud: GaussianCloud, floor: FloorMap) -> Float64Array:
     """Area that lying Gaussians cover in each cell of the floor [m2]."""
     samples = sample_surfaces(cloud, floor.frame.resolution_m)
     rows, columns = floor.height_m.shape
@@ -76,5 +74,5 @@ def _covered_m2(cloud: GaussianCloud, floor: FloorMap) -> npt.NDArray[np.float64
     i = np.floor((samples.xyz_m[:, 1] - floor.frame.origin_y_m) / floor.frame.resolution_m).astype(np.int64)
     inside = (i >= 0) & (j >= 0) & (i < rows) & (j < columns)
     flat = np.bincount((i * columns + j)[inside], samples.area_m2[inside], rows * columns)
-    covered: npt.NDArray[np.float64] = flat.reshape(rows, columns).astype(np.float64)
+    covered: Float64Array = flat.reshape(rows, columns).astype(np.float64)
     return covered

@@ -1,8 +1,8 @@
 """Clearance of cells, and the areas that a disc can reach."""
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float32Array, Int32Array, Int64Array
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps.grid import OccupancyMap
 
@@ -11,7 +11,7 @@ _FAR = np.int32(1 << 15)
 
 
 @kernel_with_cache
-def _column_distance(occupied: npt.NDArray[np.bool_], far: int, out: npt.NDArray[np.int32]) -> None:
+def _column_distance(occupied: BoolArray, far: int, out: Int32Array) -> None:
     """Distance to the nearest occupied edge in the same column [half cells]; beyond the grid is occupied."""
     rows, columns = occupied.shape
     for j in range(columns):
@@ -26,7 +26,7 @@ def _column_distance(occupied: npt.NDArray[np.bool_], far: int, out: npt.NDArray
 
 
 @kernel_with_cache
-def _clearance(vertical: npt.NDArray[np.int32], half_cell_m: float, out: npt.NDArray[np.float32]) -> None:
+def _clearance(vertical: Int32Array, half_cell_m: float, out: Float32Array) -> None:
     rows, columns = vertical.shape
     for i in range(rows):
         for j in range(columns):
@@ -42,7 +42,7 @@ def _clearance(vertical: npt.NDArray[np.int32], half_cell_m: float, out: npt.NDA
             out[i, j] = np.sqrt(float(best)) * half_cell_m
 
 
-def clearance_m(occupancy: OccupancyMap) -> npt.NDArray[np.float32]:
+def clearance_m(occupancy: OccupancyMap) -> Float32Array:
     """Distance from each cell's centre to the nearest point of an occupied cell [m]; 0 inside occupied cells.
 
     Exact for the cells as squares (not for their centres): a disc of radius r on a cell's centre touches an occupied
@@ -62,7 +62,7 @@ def clearance_m(occupancy: OccupancyMap) -> npt.NDArray[np.float32]:
     return out
 
 
-def free_components(free: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64]]:
+def free_components(free: BoolArray) -> tuple[Int32Array, Int64Array]:
     """Connected areas of free cells (neighbours share an edge).
 
     Args:
@@ -81,7 +81,7 @@ def free_components(free: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.int32],
     return rank[labels], np.concatenate([sizes[:1], sizes[1:][order]]).astype(np.int64)
 
 
-def farthest_m(labels: npt.NDArray[np.int32], resolution_m: float) -> float:
+def farthest_m(labels: Int32Array, resolution_m: float) -> float:
     """The longest straight distance of two cells of one area [m], up to 1 %.
 
     Args:
@@ -102,7 +102,7 @@ def farthest_m(labels: npt.NDArray[np.int32], resolution_m: float) -> float:
     return longest * resolution_m
 
 
-def largest_free_area(occupancy: OccupancyMap, radius_m: float) -> tuple[npt.NDArray[np.bool_], float]:
+def largest_free_area(occupancy: OccupancyMap, radius_m: float) -> tuple[BoolArray, float]:
     """The largest connected set of cells on whose centres a disc stands clear of everything.
 
     Args:

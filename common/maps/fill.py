@@ -1,14 +1,13 @@
 """Smooth extrapolation of a grid beyond the cells that are known."""
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from readygo.common.arrays import BoolArray, Float64Array
 
 _BLUR_PASSES = 4
 
 
-def fill_smoothly(values: Floats, known: npt.NDArray[np.bool_]) -> Floats:
+def fill_smoothly(values: Float64Array, known: BoolArray) -> Float64Array:
     """Continue a grid into its unknown cells: coarser and coarser averages, then smoothed; known cells stay.
 
     Args:
@@ -24,15 +23,15 @@ def fill_smoothly(values: Floats, known: npt.NDArray[np.bool_]) -> Floats:
     return filled
 
 
-def box_mean(values: Floats) -> Floats:
+def box_mean(values: Float64Array) -> Float64Array:
     """Mean of the 3x3 cells around each cell; the border repeats."""
     padded = np.pad(values, 1, mode="edge")
     rows = padded[:-2] + padded[1:-1] + padded[2:]
-    mean: Floats = (rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:]) / 9.0
+    mean: Float64Array = (rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:]) / 9.0
     return mean
 
 
-def _pull_push(values: Floats, weights: Floats) -> Floats:
+def _pull_push(values: Float64Array, weights: Float64Array) -> Float64Array:
     if values.shape == (1, 1) or weights.all():
         return values
     height, width = values.shape
@@ -45,7 +44,7 @@ def _pull_push(values: Floats, weights: Floats) -> Floats:
     return np.where(weights > 0, values, _double_grid(coarse)[:height, :width])
 
 
-def _double_grid(values: Floats) -> Floats:
+def _double_grid(values: Float64Array) -> Float64Array:
     """A grid of twice the size, linear between cell centres."""
     for axis in (0, 1):
         lower = np.concatenate([values.take([0], axis), values.take(range(values.shape[axis] - 1), axis)], axis)

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array
 from readygo.common.errors import NoGroundError
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.kernels import kernel_with_cache
@@ -44,12 +44,12 @@ class FloorEstimate:
     """Height of the floor, and where the scene shows one."""
 
     floor: FloorMap
-    supported: npt.NDArray[np.bool_]
+    supported: BoolArray
     """True where floor is seen, or hidden by a small gap only; same grid as the floor, shape (H, W)."""
-    relief_m: npt.NDArray[np.float64]
+    relief_m: Float64Array
     """World z of what is seen of the floor before it is smoothed [m]: its bulges too, where they rise no faster than
     SLOPE_MAX, never below the floor, shape (H, W)."""
-    step_m: npt.NDArray[np.float64]
+    step_m: Float64Array
     """By how much what is seen is higher than that, mean of 3x3 cells [m]: little on rough ground, much at the sharp
     edges of low boxes, shape (H, W)."""
 
@@ -95,7 +95,7 @@ def estimate_floor(cloud: GaussianCloud, cell_m: float) -> FloorEstimate:
     )
 
 
-def complete_floor(estimate: FloorEstimate, cameras_m: npt.NDArray[np.float64]) -> FloorEstimate:
+def complete_floor(estimate: FloorEstimate, cameras_m: Float64Array) -> FloorEstimate:
     """An estimate whose floor is complete where the person who filmed walked: cameras seldom see what is below them.
 
     Args:
@@ -121,7 +121,7 @@ def complete_floor(estimate: FloorEstimate, cameras_m: npt.NDArray[np.float64]) 
     return replace(estimate, supported=estimate.supported | trodden)
 
 
-def _arrays(samples: SurfaceSamples) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+def _arrays(samples: SurfaceSamples) -> tuple[Float32Array, Float32Array]:
     return samples.xyz_m, samples.area_m2
 
 
@@ -141,7 +141,7 @@ def _fine_grid(coarse: CoarseFloor, cell_m: float) -> tuple[GridFrame, tuple[int
     return frame, (height, width)
 
 
-def _prior(coarse: CoarseFloor, frame: GridFrame, shape: tuple[int, int]) -> npt.NDArray[np.float64]:
+def _prior(coarse: CoarseFloor, frame: GridFrame, shape: tuple[int, int]) -> Float64Array:
     """The coarse floor, without gaps, at the centres of a finer grid."""
     filled = fill_smoothly(coarse.height_m, np.isfinite(coarse.height_m))
     surface = FloorMap(frame=coarse.frame, height_m=filled.astype(np.float32))
@@ -153,13 +153,13 @@ def _prior(coarse: CoarseFloor, frame: GridFrame, shape: tuple[int, int]) -> npt
 
 @kernel_with_cache
 def _histogram(
-    xyz: npt.NDArray[np.float32],
-    area: npt.NDArray[np.float32],
-    prior: npt.NDArray[np.float64],
+    xyz: Float32Array,
+    area: Float32Array,
+    prior: Float64Array,
     origin_x: float,
     origin_y: float,
     cell: float,
-    masses: npt.NDArray[np.float32],
+    masses: Float32Array,
 ) -> None:
     for n in range(len(area)):
         i, j = math.floor((xyz[n, 1] - origin_y) / cell), math.floor((xyz[n, 0] - origin_x) / cell)
@@ -171,9 +171,7 @@ def _histogram(
 
 
 @kernel_with_cache
-def _visible_offset(
-    masses: npt.NDArray[np.float32], cell_m2: float
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def _visible_offset(masses: Float32Array, cell_m2: float) -> tuple[Float64Array, Float64Array]:
     """Visible height above the prior in 3x3 cells [m], and the area covered near it, per cell [m2].
 
     Visible is the height at which half of the light from above is absorbed, or half of all there is.
@@ -204,26 +202,26 @@ def _visible_offset(
     return offset, covered
 
 
-def _smooth_heights(height_m: npt.NDArray[np.float64], known: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
+def _smooth_heights(height_m: Float64Array, known: BoolArray) -> Float64Array:
     from scipy import ndimage
 
     filled = fill_smoothly(height_m, known)
-    median: npt.NDArray[np.float64] = ndimage.median_filter(filled, size=5, mode="nearest")
+    median: Float64Array = ndimage.median_filter(filled, size=5, mode="nearest")
     return box_mean(median)
 
 
-def _gentle(height_m: npt.NDArray[np.float64], cell_m: float) -> npt.NDArray[np.float64]:
+def _gentle(height_m: Float64Array, cell_m: float) -> Float64Array:
     """The highest surface below this one that is nowhere steeper than SLOPE_MAX: bulges stay, steps become ramps."""
     from scipy import ndimage
 
     reach = max(1, round(BAND_M / SLOPE_MAX / cell_m))
     i, j = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     cone = -SLOPE_MAX * cell_m * np.sqrt(i * i + j * j)
-    gentle: npt.NDArray[np.float64] = ndimage.grey_erosion(height_m, structure=cone, mode="nearest")
+    gentle: Float64Array = ndimage.grey_erosion(height_m, structure=cone, mode="nearest")
     return gentle
 
 
-def _close_gaps(known: npt.NDArray[np.bool_], cell_m: float) -> npt.NDArray[np.bool_]:
+def _close_gaps(known: BoolArray, cell_m: float) -> BoolArray:
     """Morphological closing by a disc."""
     from scipy import ndimage
 
@@ -231,5 +229,5 @@ def _close_gaps(known: npt.NDArray[np.bool_], cell_m: float) -> npt.NDArray[np.b
     i, j = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     disc = i * i + j * j <= reach * reach
     padded = np.pad(known, reach)
-    closed: npt.NDArray[np.bool_] = ndimage.binary_closing(padded, disc)[reach:-reach, reach:-reach]
+    closed: BoolArray = ndimage.binary_closing(padded, disc)[reach:-reach, reach:-reach]
     return closed

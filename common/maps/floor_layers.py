@@ -4,8 +4,8 @@ import heapq
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float64Array, Int64Array
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps.grid import GridFrame
 from readygo.common.maps.surface import SurfaceSamples
@@ -33,7 +33,7 @@ class CoarseFloor:
     """The floor in columns of COLUMN_M."""
 
     frame: GridFrame
-    height_m: npt.NDArray[np.float64]
+    height_m: Float64Array
     """World z [m], shape (H, W); NaN where no floor was found."""
     area_m2: float
     """Area of the floor that is covered by Gaussians [m2]."""
@@ -63,15 +63,15 @@ def find_coarse_floor(samples: SurfaceSamples) -> CoarseFloor | None:
     return CoarseFloor(frame=frame, height_m=grid, area_m2=covered)
 
 
-def _columns_of(starts: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def _columns_of(starts: Int64Array) -> Int64Array:
     """The column of each layer."""
     return np.repeat(np.arange(len(starts) - 1), np.diff(starts))
 
 
 @kernel_with_cache
 def _extract_layers(
-    column: npt.NDArray[np.int64], z: npt.NDArray[np.float64], area: npt.NDArray[np.float64], column_count: int
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    column: Int64Array, z: Float64Array, area: Float64Array, column_count: int
+) -> tuple[Int64Array, Float64Array, Float64Array]:
     """Layers of every column, from samples sorted by column and height.
 
     Returns:
@@ -111,12 +111,12 @@ def _extract_layers(
 
 
 def _choose_surface(
-    starts: npt.NDArray[np.int64],
-    layer_z: npt.NDArray[np.float64],
-    coverage: npt.NDArray[np.float64],
+    starts: Int64Array,
+    layer_z: Float64Array,
+    coverage: Float64Array,
     height: int,
     width: int,
-) -> npt.NDArray[np.int64]:
+) -> Int64Array:
     """Indices of the floor's layers, at most one per column."""
     group = _join_layers(starts, layer_z, height, width)
     solid = np.minimum(coverage, 1.0)
@@ -133,9 +133,7 @@ def _choose_surface(
 
 
 @kernel_with_cache
-def _join_layers(
-    starts: npt.NDArray[np.int64], layer_z: npt.NDArray[np.float64], height: int, width: int
-) -> npt.NDArray[np.int64]:
+def _join_layers(starts: Int64Array, layer_z: Float64Array, height: int, width: int) -> Int64Array:
     """The connected surface of each layer: the smallest index of its layers."""
     parent = np.arange(len(layer_z))
     for c in range(height * width):
@@ -164,13 +162,13 @@ def _join_layers(
 
 @kernel_with_cache
 def _grow(
-    starts: npt.NDArray[np.int64],
-    layer_z: npt.NDArray[np.float64],
-    group: npt.NDArray[np.int64],
+    starts: Int64Array,
+    layer_z: Float64Array,
+    group: Int64Array,
     seed: int,
     height: int,
     width: int,
-) -> npt.NDArray[np.int64]:
+) -> Int64Array:
     """One layer per column, grown from a seed over the smallest steps first, so that shrubs and furniture come last."""
     column_count = height * width
     taken = np.full(column_count, -1, np.int64)
@@ -194,7 +192,7 @@ def _grow(
     return taken[taken >= 0]
 
 
-def _rises_above_neighbours(height_m: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+def _rises_above_neighbours(height_m: Float64Array) -> BoolArray:
     """Columns that differ from the median of their 5x5 neighbourhood by more than a step."""
     padded = np.pad(height_m, 2, constant_values=np.nan)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (5, 5)).reshape(*height_m.shape, 25)

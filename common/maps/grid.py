@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.messages.checks import check_array
 
@@ -55,7 +55,7 @@ class OccupancyMap:
 
     frame: GridFrame
     """Frame of the grid's cells in the world."""
-    occupied: npt.NDArray[np.bool_]
+    occupied: BoolArray
     """True where something stands or no floor is known, shape (H, W); row 0 is the smallest y."""
 
     def __post_init__(self) -> None:
@@ -68,7 +68,7 @@ class FloorMap:
 
     frame: GridFrame
     """Frame of the grid's cells in the world."""
-    height_m: npt.NDArray[np.float32]
+    height_m: Float32Array
     """World z of the floor at cell centres [m], shape (H, W), finite everywhere (extrapolated beyond known floor)."""
 
     def __post_init__(self) -> None:
@@ -83,7 +83,7 @@ class FloorMap:
         """
         return float(self.at_many(np.array([[x_m, y_m]]))[0])
 
-    def at_many(self, xy_m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def at_many(self, xy_m: Float64Array) -> Float64Array:
         """Floor heights [m] at points, shape (N,); see `at`.
 
         Args:
@@ -99,13 +99,13 @@ class FloorMap:
         z = self.height_m
         low = (1 - a) * z[i, j].astype(np.float64) + a * z[i, j1]
         high = (1 - a) * z[i1, j].astype(np.float64) + a * z[i1, j1]
-        heights: npt.NDArray[np.float64] = (1 - b) * low + b * high
+        heights: Float64Array = (1 - b) * low + b * high
         return heights
 
 
 @kernel_with_cache
 def bilinear(
-    height_m: npt.NDArray[np.float32], origin_x_m: float, origin_y_m: float, resolution_m: float, x_m: float, y_m: float
+    height_m: Float32Array, origin_x_m: float, origin_y_m: float, resolution_m: float, x_m: float, y_m: float
 ) -> float:
     """Floor height [m] at a point as `FloorMap.at`, for callers that are compiled themselves.
 

@@ -8,8 +8,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float64Array
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.maps.coarse_ground import ground_detail
 from readygo.common.maps.floor import FloorEstimate, complete_floor, estimate_floor
@@ -76,19 +76,19 @@ class ScenePlan:
     robot: OccupancyMap
     human: OccupancyMap
     floor: FloorMap
-    unknown: npt.NDArray[np.bool_]
+    unknown: BoolArray
     """Cells that are occupied only because no floor, or a too steep one, is seen there, shape (H, W)."""
-    phantoms: npt.NDArray[np.bool_]
+    phantoms: BoolArray
     """Cells where only the floor's own Gaussians stick out of it; they are free, shape (H, W)."""
-    coarse: npt.NDArray[np.bool_]
+    coarse: BoolArray
     """Cells whose ground was not filmed from near, shape (H, W)."""
-    blurred: npt.NDArray[np.bool_]
+    blurred: BoolArray
     """Cells whose ground consists of Gaussians so large that images of it are blurred, shape (H, W)."""
     ground_size_m: float
     """Usual size of the Gaussians that the ground consists of [m]."""
 
 
-def plan_scene(cloud: GaussianCloud, config: MapConfig, cameras_m: npt.NDArray[np.float64] | None = None) -> ScenePlan:
+def plan_scene(cloud: GaussianCloud, config: MapConfig, cameras_m: Float64Array | None = None) -> ScenePlan:
     """Floor and occupancy maps of a scene.
 
     Args:
@@ -132,7 +132,7 @@ def plan_scene(cloud: GaussianCloud, config: MapConfig, cameras_m: npt.NDArray[n
     )
 
 
-def _walkable(estimate: FloorEstimate) -> npt.NDArray[np.bool_]:
+def _walkable(estimate: FloorEstimate) -> BoolArray:
     """Map cells with floor that is not too steep."""
     height, cell_m = estimate.floor.height_m.astype(np.float64), estimate.floor.frame.resolution_m
     padded = np.pad(height, 1, mode="edge")
@@ -149,15 +149,15 @@ def _above_floor(cloud: GaussianCloud, floor: FloorMap) -> GaussianCloud:
     return replace(cloud, means_m=means)
 
 
-def _stand(cloud: GaussianCloud, estimate: FloorEstimate, config: MapConfig) -> npt.NDArray[np.bool_]:
+def _stand(cloud: GaussianCloud, estimate: FloorEstimate, config: MapConfig) -> BoolArray:
     """The Gaussians that stand on the floor: their centres are higher over what is seen of it than counts as floor."""
     relief = FloorMap(frame=estimate.floor.frame, height_m=estimate.relief_m.astype(np.float32))
     height_m = cloud.means_m[:, 2] - relief.at_many(cloud.means_m[:, :2].astype(np.float64))
-    standing: npt.NDArray[np.bool_] = height_m > GROUND_CLEARANCE_M
+    standing: BoolArray = height_m > GROUND_CLEARANCE_M
     return standing
 
 
-def _phantoms(occupied: npt.NDArray[np.bool_], standing: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def _phantoms(occupied: BoolArray, standing: BoolArray) -> BoolArray:
     """Islands without a cell in which something stands: rough ground made of thick Gaussians, not obstacles."""
     from scipy import ndimage
 
@@ -165,7 +165,7 @@ def _phantoms(occupied: npt.NDArray[np.bool_], standing: npt.NDArray[np.bool_]) 
     real = np.zeros(count + 1, np.bool_)
     real[np.unique(labels[standing])] = True
     real[0] = True
-    phantoms: npt.NDArray[np.bool_] = ~real[labels]
+    phantoms: BoolArray = ~real[labels]
     return phantoms
 
 
@@ -173,13 +173,13 @@ def _phantoms(occupied: npt.NDArray[np.bool_], standing: npt.NDArray[np.bool_]) 
 class _Bands:
     """Cells with an occupied voxel in a range of heights above the floor, shape (H, W) each."""
 
-    low: npt.NDArray[np.bool_]
+    low: BoolArray
     """Occupied from the ground clearance over LOW_BAND_M: where noise of the floor reaches."""
-    robot: npt.NDArray[np.bool_]
+    robot: BoolArray
     """Occupied above `low`, up to the robot's height."""
-    waist: npt.NDArray[np.bool_]
+    waist: BoolArray
     """Above the robot, up to RAIL_TOP_M."""
-    human: npt.NDArray[np.bool_]
+    human: BoolArray
     """Above `low`, up to the human's height."""
 
 
@@ -207,16 +207,16 @@ def _occupied_bands(cloud: GaussianCloud, frame: GridFrame, shape: tuple[int, in
     return _Bands(low=bands[0], robot=bands[1], waist=bands[2], human=bands[3])
 
 
-def _with_compact_low(low: npt.NDArray[np.bool_], high: npt.NDArray[np.bool_], cell_m: float) -> npt.NDArray[np.bool_]:
+def _with_compact_low(low: BoolArray, high: BoolArray, cell_m: float) -> BoolArray:
     """Cells of `high`, and those of `low` that belong to something at least LOW_WIDTH_M wide."""
     from scipy import ndimage
 
     width = max(2, round(LOW_WIDTH_M / cell_m))
-    compact: npt.NDArray[np.bool_] = ndimage.binary_opening(low | high, np.ones((width, width), np.bool_))
+    compact: BoolArray = ndimage.binary_opening(low | high, np.ones((width, width), np.bool_))
     return high | (low & compact)
 
 
-def _railings(waist: npt.NDArray[np.bool_], below: npt.NDArray[np.bool_], cell_m: float) -> npt.NDArray[np.bool_]:
+def _railings(waist: BoolArray, below: BoolArray, cell_m: float) -> BoolArray:
     """Narrow, long things at waist height over free ground: handrails, whose glass or thin bars the scene lacks."""
     from scipy import ndimage
 
@@ -227,5 +227,5 @@ def _railings(waist: npt.NDArray[np.bool_], below: npt.NDArray[np.bool_], cell_m
     long = np.zeros(count + 1, np.bool_)
     for label, (rows, columns) in enumerate(ndimage.find_objects(labels), start=1):
         long[label] = math.hypot(rows.stop - rows.start, columns.stop - columns.start) * cell_m >= RAIL_LENGTH_M
-    railings: npt.NDArray[np.bool_] = long[labels]
+    railings: BoolArray = long[labels]
     return railings

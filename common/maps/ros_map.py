@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float64Array, UInt8Array
 from readygo.common.documents import read_yaml
 from readygo.common.errors import SceneError
 from readygo.common.files import read_regular, write_whole
@@ -52,7 +52,7 @@ def load_ros_map(path: str | Path) -> OccupancyMap:
     return _place_map(np.ascontiguousarray(~free[::-1]), header, path)
 
 
-def load_unknown_cells(path: str | Path) -> npt.NDArray[np.bool_]:
+def load_unknown_cells(path: str | Path) -> BoolArray:
     """The cells that a map says nothing about, in the rows and columns of `load_ros_map`.
 
     Raises:
@@ -65,7 +65,7 @@ def load_unknown_cells(path: str | Path) -> npt.NDArray[np.bool_]:
     return _place_map(np.ascontiguousarray((between | transparent)[::-1]), header, path).occupied
 
 
-def _place_map(occupied: npt.NDArray[np.bool_], header: RosMapHeader, path: Path) -> OccupancyMap:
+def _place_map(occupied: BoolArray, header: RosMapHeader, path: Path) -> OccupancyMap:
     x, y, yaw = header.origin
     turns = round(yaw / (math.pi / 2))
     if abs(yaw - turns * math.pi / 2) > _QUARTER_TURN_TOLERANCE_RAD:
@@ -82,7 +82,7 @@ def save_ros_map(
     occupancy: OccupancyMap,
     path: str | Path,
     *,
-    unknown: npt.NDArray[np.bool_] | None = None,
+    unknown: BoolArray | None = None,
     picture_format: Literal["png", "pgm"] = "png",
 ) -> None:
     """Write a map_server yaml and, beside it, its picture.
@@ -115,7 +115,7 @@ def save_ros_map(
     write_whole(path, "\n".join(lines) + "\n", raises=SceneError)
 
 
-def _encode_pixels(pixels: npt.NDArray[np.uint8], suffix: str) -> bytes:
+def _encode_pixels(pixels: UInt8Array, suffix: str) -> bytes:
     import cv2
 
     ok, encoded = cv2.imencode(suffix, pixels)
@@ -157,7 +157,7 @@ def _read_header(path: Path) -> RosMapHeader:
     return header
 
 
-def _read_picture(path: Path, negate: bool) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
+def _read_picture(path: Path, negate: bool) -> tuple[Float64Array, BoolArray]:
     """Occupancy 0..1 per pixel and where the picture is transparent, first row on top, shape (H, W) each."""
     import cv2
 

@@ -8,8 +8,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, UInt32Array
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps.grid import FloorMap, GridFrame, OccupancyMap
@@ -22,8 +22,6 @@ BITS = 32
 TARGET_HEIGHTS_M = (0.5, 1.0, 1.5)
 TARGET_OFFSETS_M = (0.0, -0.2, 0.2)
 """Points of a human's body that are looked for: heights above the floor, and across the line of sight [m]."""
-
-UInt32Array = npt.NDArray[np.uint32]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,11 +47,11 @@ class SightMap:
         place = (frame.origin_x_m, frame.origin_y_m, frame.resolution_m, self.layer_m)
         return bool(_sees_human(self.opaque, place, (x_m, y_m, camera_m), human_m))
 
-    def opaque_between(self, low_m: float, high_m: float) -> npt.NDArray[np.bool_]:
+    def opaque_between(self, low_m: float, high_m: float) -> BoolArray:
         """Cells with something opaque between two heights above the floor [m], shape (H, W)."""
         first, last = (math.floor((height_m - BOTTOM_M) / self.layer_m) for height_m in (low_m, high_m))
         bits = np.uint32(sum(1 << bit for bit in range(max(first, 0), min(last, BITS - 1) + 1)))
-        cells: npt.NDArray[np.bool_] = (self.opaque & bits) != 0
+        cells: BoolArray = (self.opaque & bits) != 0
         return cells
 
 

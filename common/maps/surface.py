@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.covariance import rotation_of
 from readygo.common.kernels import kernel_with_cache
@@ -23,21 +23,21 @@ SAMPLES_PER_AXIS_MAX = 16
 class SurfaceSamples:
     """Points on lying Gaussians, each standing for a piece of covered ground."""
 
-    xyz_m: npt.NDArray[np.float32]
+    xyz_m: Float32Array
     """Positions [m], shape (N, 3)."""
-    area_m2: npt.NDArray[np.float32]
+    area_m2: Float32Array
     """Horizontal area inside 1 sigma times opacity that the sample stands for [m2], shape (N,)."""
 
 
 @kernel_with_cache
 def _sample(
-    means: npt.NDArray[np.float32],
-    quats: npt.NDArray[np.float32],
-    scales: npt.NDArray[np.float32],
-    opacities: npt.NDArray[np.float32],
+    means: Float32Array,
+    quats: Float32Array,
+    scales: Float32Array,
+    opacities: Float32Array,
     spacing: float,
-    xyz: npt.NDArray[np.float32],
-    area: npt.NDArray[np.float32],
+    xyz: Float32Array,
+    area: Float32Array,
 ) -> int:
     """Write the samples and return their number; with empty arrays, only count them."""
     count = 0

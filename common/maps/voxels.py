@@ -7,8 +7,8 @@ voxel is tested on its own and the result is exact.
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.covariance import covariance_of
 from readygo.common.kernels import kernel_with_cache
@@ -78,13 +78,13 @@ def _slab_reach(
 
 @kernel_with_cache
 def _accumulate(
-    means: npt.NDArray[np.float32],
-    quats: npt.NDArray[np.float32],
-    scales: npt.NDArray[np.float32],
-    opacities: npt.NDArray[np.float32],
+    means: Float32Array,
+    quats: Float32Array,
+    scales: Float32Array,
+    opacities: Float32Array,
     origin: tuple[float, float, float],
     h: float,
-    sums: npt.NDArray[np.float32],
+    sums: Float32Array,
 ) -> None:
     nz, ny, nx = sums.shape
     for n in range(means.shape[0]):
@@ -124,9 +124,7 @@ def _accumulate(
                     sums[k, j, i] += opacities[n]
 
 
-def opacity_sums(
-    cloud: GaussianCloud, frame: GridFrame, bottom_m: float, shape: tuple[int, int, int]
-) -> npt.NDArray[np.float32]:
+def opacity_sums(cloud: GaussianCloud, frame: GridFrame, bottom_m: float, shape: tuple[int, int, int]) -> Float32Array:
     """Sum of the opacities of all Gaussians whose 1-sigma ellipsoid touches each voxel.
 
     Args:

@@ -15,9 +15,9 @@ from typing import Any, TypeVar
 
 import msgpack
 import numpy as np
-import numpy.typing as npt
 
 from readygo.common.array_files import NUMBERS
+from readygo.common.arrays import AnyArray
 from readygo.common.errors import MessageError
 
 Message = TypeVar("Message")
@@ -133,7 +133,7 @@ def _pack_array(value: Any) -> msgpack.ExtType:
     return msgpack.ExtType(ARRAY_EXT, header + np.ascontiguousarray(value).tobytes())
 
 
-def _unpack_array(code: int, data: bytes) -> npt.NDArray[Any]:
+def _unpack_array(code: int, data: bytes) -> AnyArray:
     if code != ARRAY_EXT:
         raise ValueError(f"unknown extension type {code}")
     dtype = _DTYPES.get(data[:_DTYPE_END])

@@ -4,8 +4,8 @@ import enum
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.messages.checks import check_array
 
 
@@ -50,7 +50,7 @@ class HumanTrajectory:
     encounter: str
     """How the trajectory meets the robot's way: a family such as "crossing", or what a scenario file calls it."""
     speed_mps: float
-    xy_m: npt.NDArray[np.float64]
+    xy_m: Float64Array
     """Ground position at 20 Hz [m], shape (T, 2)."""
 
     def __post_init__(self) -> None:
@@ -62,9 +62,9 @@ class Scenario:
     """Start and goal of the robot, and the trajectories of the humans (none in the static task)."""
 
     episode: EpisodeKey
-    start_xyyaw: npt.NDArray[np.float64]
+    start_xyyaw: Float64Array
     """Robot's start: x [m], y [m], yaw [rad], shape (3,)."""
-    goal_xy_m: npt.NDArray[np.float64]
+    goal_xy_m: Float64Array
     """Goal [m], shape (2,)."""
     humans: tuple[HumanTrajectory, ...]
 

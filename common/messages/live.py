@@ -6,8 +6,8 @@ All of it is lossy, none of it is recorded, and a process makes a message only w
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float32Array
 from readygo.common.messages.checks import check_array, check_printable, check_sha256
 from readygo.common.messages.codec import OMITTED_WHEN_DEFAULT
 from readygo.common.messages.episode import EpisodeKey
@@ -64,11 +64,11 @@ class LivePlan:
     episode: EpisodeKey
     outcome: Outcome
     goal_xy_m: tuple[float, float]
-    robot_xyyaw: npt.NDArray[np.float32]
+    robot_xyyaw: Float32Array
     """Way of the robot, five poses a second: x, y [m], yaw [rad], shape (T, 3)."""
-    replanned: npt.NDArray[np.bool_]
+    replanned: BoolArray
     """True where the expert replanned since the pose before, shape (T,)."""
-    humans_xy_m: tuple[npt.NDArray[np.float32], ...]
+    humans_xy_m: tuple[Float32Array, ...]
     """Ways of the humans, five points a second, shape (T_h, 2) each; they stand at the last one."""
 
     def __post_init__(self) -> None:

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array
 from readygo.common.messages.checks import check_array
 from readygo.common.robot.kinematics import RATE_HZ
 
@@ -13,9 +13,9 @@ from readygo.common.robot.kinematics import RATE_HZ
 class Motion:
     """Pose of a SMPL-24 skeleton over time; after the last row the pose is held."""
 
-    root_m: npt.NDArray[np.float32]
+    root_m: Float32Array
     """Pelvis position in the z-up world [m], shape (T, 3)."""
-    pose_axis_angle: npt.NDArray[np.float32]
+    pose_axis_angle: Float32Array
     """Parent-relative joint rotations [rad] in SMPL's y-up axes, shape (T, 24, 3).
 
     Joint 0 is the full global orientation in the SMPL y-up world; (x, y, z)_zup = (x, -z, y)_yup.

@@ -4,8 +4,8 @@ import enum
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float64Array
 from readygo.common.messages.checks import check_array
 from readygo.common.messages.codec import OMITTED_WHEN_DEFAULT
 from readygo.common.robot.kinematics import RATE_HZ
@@ -32,21 +32,21 @@ class RobotTrajectory:
     """A robot's closed-loop run: T samples at `rate_hz`, from the start to the end of the episode."""
 
     outcome: Outcome
-    xyyaw: npt.NDArray[np.float64]
+    xyyaw: Float64Array
     """Pose at each sample's time: x [m], y [m], yaw [rad] (not wrapped), shape (T, 3)."""
-    actions: npt.NDArray[np.float64]
+    actions: Float64Array
     """Command executed over the next dt: v [m/s], w [rad/s], shape (T, 2)."""
-    replanned: npt.NDArray[np.bool_]
+    replanned: BoolArray
     """True where the expert replanned at this step, shape (T,)."""
-    human_visible: npt.NDArray[np.bool_]
+    human_visible: BoolArray
     """True where the robot perceives a human (field of view and range), shape (T,)."""
-    human_distance_m: npt.NDArray[np.float64]
+    human_distance_m: Float64Array
     """Distance of the centres of robot and nearest human [m], inf without humans, shape (T,)."""
-    time_to_collision_s: npt.NDArray[np.float64]
+    time_to_collision_s: Float64Array
     """Time until the discs of robot and some human touch at constant velocities [s], inf if never, shape (T,)."""
-    expert_cost: npt.NDArray[np.float64]
+    expert_cost: Float64Array
     """Cost of the plan in force, shape (T,)."""
-    replan_times_s: npt.NDArray[np.float64]
+    replan_times_s: Float64Array
     """CPU time of each replan [s], shape (R,); not part of the recorded samples."""
     rate_hz: int = field(default=RATE_HZ, metadata=OMITTED_WHEN_DEFAULT)
     """Samples per second: the steps of the robot's clock."""

@@ -1,11 +1,10 @@
 """Render requests: images of a scene with humans in it."""
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, Float64Array, UInt8Array
 from readygo.common.messages.checks import check_array
 from readygo.common.messages.codec import OMITTED_WHEN_DEFAULT
 from readygo.common.messages.episode import EpisodeKey
@@ -20,7 +19,7 @@ class RenderView:
     """Key of the humans to draw, as given in `RenderRequest.people` now or earlier; empty draws none."""
     step: int
     """Simulation step whose motion rows are drawn."""
-    T_world_camera: npt.NDArray[np.float64]
+    T_world_camera: Float64Array
     """Pose of the robot's first camera, OpenCV axes, shape (4, 4)."""
     episode: EpisodeKey | None = field(default=None, metadata=OMITTED_WHEN_DEFAULT)
     """The episode whose camera looks: what its sensor draws. None: the key of the humans stands for it."""
@@ -57,11 +56,11 @@ class RenderRequest:
 class RenderReply:
     """Images in the order of the request's views."""
 
-    rgb: npt.NDArray[np.uint8]
+    rgb: UInt8Array
     """sRGB images, shape (B, H, W, 3)."""
     unknown_people: tuple[str, ...] = ()
     """Keys that the renderer does not hold (any more): send them along and ask again; `rgb` is then empty."""
-    outputs: dict[str, npt.NDArray[Any]] = field(default_factory=dict, metadata=OMITTED_WHEN_DEFAULT)
+    outputs: dict[str, AnyArray] = field(default_factory=dict, metadata=OMITTED_WHEN_DEFAULT)
     """The images besides rgb that were asked for, as in `readygo.common.images.images.Images`, shapes (B, H, W, ...)
     each."""
 

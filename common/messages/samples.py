@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.messages.checks import check_array, check_sha256
 from readygo.common.messages.codec import OMITTED_WHEN_DEFAULT
 from readygo.common.messages.episode import EpisodeKey
@@ -26,12 +26,12 @@ Source: foxglove.CameraCalibration, https://docs.foxglove.dev/docs/sdk/schemas/c
 class HumanLabels:
     """Labels of a human's body at one time, in the world."""
 
-    joints_m: npt.NDArray[np.float32]
+    joints_m: Float32Array
     """The 24 joints of SMPL, the pelvis first [m], shape (24, 3)."""
-    box: npt.NDArray[np.float64]
+    box: Float64Array
     """Box around the body: centre x, y, z [m], length (where the human looks), width, height [m], yaw [rad],
     shape (7,)."""
-    footprint_xy_m: npt.NDArray[np.float32]
+    footprint_xy_m: Float32Array
     """The ground below the body: one point per occupied cell of 0.05 m [m], shape (P, 2)."""
 
     def __post_init__(self) -> None:

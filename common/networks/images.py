@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 import torch
+
+from readygo.common.arrays import UInt8Array
 
 MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 """Mean and standard deviation of the colours of ImageNet's images, 0..1."""
@@ -12,7 +13,7 @@ ASPECT = 4 / 3
 """Aspect ratio of the images that the networks learned from; wider images lose their sides."""
 
 
-def small_image(image: npt.NDArray[np.uint8], width_px: int, height_px: int) -> torch.Tensor:
+def small_image(image: UInt8Array, width_px: int, height_px: int) -> torch.Tensor:
     """The middle of an image at a network's size.
 
     Args:

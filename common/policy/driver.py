@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import UInt8Array
 from readygo.common.episode.loop import Command, DriverFailure
 from readygo.common.episode.simulation import EpisodeSimulation
 from readygo.common.policy.memory import PolicyMemory
@@ -20,11 +20,11 @@ class PolicyCamera(Protocol):
         """True if an image reaches the policy at the present step; at the first step one does."""
         ...
 
-    def look(self, simulations: Sequence[EpisodeSimulation]) -> npt.NDArray[np.uint8]:
+    def look(self, simulations: Sequence[EpisodeSimulation]) -> UInt8Array:
         """The images that reach the policy at the present steps, see `PolicySpec.images`, shape (B, H, W, C)."""
         ...
 
-    def goal_image(self, simulation: EpisodeSimulation) -> npt.NDArray[np.uint8]:
+    def goal_image(self, simulation: EpisodeSimulation) -> UInt8Array:
         """What the robot would see at its goal without humans, sRGB, shape (H, W, 3)."""
         ...
 

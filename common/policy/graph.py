@@ -42,8 +42,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, UInt8Array
 from readygo.common.images.names import RGB, cameras_of, image_name, kinds_of
 from readygo.common.policy.sight import check_images
 from readygo.common.policy.windows import FRAME_COUNT
@@ -151,15 +151,15 @@ class Port:
     dtype: type[np.generic]
     shape: tuple[int | str | None, ...]
 
-    def zeros(self) -> npt.NDArray[Any]:
+    def zeros(self) -> AnyArray:
         """What a state begins with."""
         return np.zeros(self._sizes(), self.dtype)
 
-    def rows(self, rows: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
+    def rows(self, rows: Sequence[AnyArray]) -> AnyArray:
         """Rows of a cache, one below the other; there may be none."""
         return np.stack(rows) if rows else np.empty((0, *self._sizes()[1:]), self.dtype)
 
-    def images(self, frames: npt.NDArray[np.uint8], *, together: bool = True) -> npt.NDArray[Any]:
+    def images(self, frames: UInt8Array, *, together: bool = True) -> AnyArray:
         """Frames as the graph takes them.
 
         Args:
@@ -167,7 +167,7 @@ class Port:
             together: True for one window of them all, False for each frame by itself.
         """
         count, height, width, channels = frames.shape
-        values: npt.NDArray[Any] = frames
+        values: AnyArray = frames
         if self.dtype is not np.uint8:
             values = (frames / np.float32(255.0)).astype(self.dtype)
         if together and len(self.shape) != 5:

@@ -2,11 +2,10 @@
 
 from bisect import bisect_right
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, Float32Array, UInt8Array
 from readygo.common.policy.motion import own_motion
 from readygo.common.policy.windows import FRAME_COUNT, window_at
 from readygo.common.robot import Clock, step_unicycle
@@ -18,9 +17,9 @@ Pose = tuple[float, float, float]
 class Frame:
     """What came of the images of one time."""
 
-    image: npt.NDArray[np.uint8] | None
+    image: UInt8Array | None
     """The images themselves, as the policy sees them, shape (H, W, C); None once they are encoded."""
-    cached: dict[str, npt.NDArray[Any]] = field(default_factory=dict)
+    cached: dict[str, AnyArray] = field(default_factory=dict)
     """What the policy's graph answered for them, by the names of its cache's inputs; empty before."""
 
 
@@ -28,9 +27,9 @@ class Frame:
 class Kept:
     """What a policy keeps between its decisions."""
 
-    state: dict[str, npt.NDArray[Any]] = field(default_factory=dict)
+    state: dict[str, AnyArray] = field(default_factory=dict)
     """State of its graph, by the names of the graph's inputs; empty at the start."""
-    decision: npt.NDArray[np.float32] | None = None
+    decision: Float32Array | None = None
     """The latest command: v [m/s], w [rad/s], shape (2,)."""
     due_ns: int = 0
     """Simulated time of its next decision [ns]."""
@@ -65,7 +64,7 @@ class PolicyMemory:
         self.kept = Kept()
         """What the policy carries from a decision to the next."""
 
-    def see(self, image: npt.NDArray[np.uint8], time_ns: int | None = None) -> None:
+    def see(self, image: UInt8Array, time_ns: int | None = None) -> None:
         """Remember a frame.
 
         Args:
@@ -78,7 +77,7 @@ class PolicyMemory:
         stale = max(bisect_right(self._seen_ns, self._seen_ns[-1] - self._span_ns) - 1, 0)
         del self._seen_ns[:stale], self._seen[:stale]
 
-    def show_goal(self, image: npt.NDArray[np.uint8]) -> None:
+    def show_goal(self, image: UInt8Array) -> None:
         """Remember what the robot would see at the goal.
 
         Args:
@@ -112,7 +111,7 @@ class PolicyMemory:
         stale = max(bisect_right(self._poses_ns, oldest_ns) - 1, 0)
         del self._poses_ns[:stale], self._poses[:stale]
 
-    def advance(self, command: npt.NDArray[np.float32]) -> None:
+    def advance(self, command: Float32Array) -> None:
         """Remember that a simulated robot made a step; the first call is the episode's begin.
 
         Args:
@@ -126,7 +125,7 @@ class PolicyMemory:
         pose = step_unicycle(*self._poses[-1], v_mps, w_radps, self._clock.dt_s)
         self.move(self._clock.time_ns(self._steps), pose)
 
-    def own_motion(self, command: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    def own_motion(self, command: Float32Array) -> Float32Array:
         """Ego-motion of the window, see `readygo.common.policy.motion.own_motion`, shape (3 (frame_count - 1) + 2,).
 
         Args:
@@ -134,7 +133,7 @@ class PolicyMemory:
         """
         rows = window_at(self._seen_ns, self._spacing_ns, self._count)[:-1]
         older = np.array([[self._pose_at(self._seen_ns[row]) for row in rows]]).reshape(1, -1, 3)
-        features: npt.NDArray[np.float32] = own_motion(older, np.array([self._poses[-1]]), command[None])[0]
+        features: Float32Array = own_motion(older, np.array([self._poses[-1]]), command[None])[0]
         return features
 
     @property

@@ -1,15 +1,13 @@
 """A robot's own motion, from the commands that it executed: the one definition for training and driving."""
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.frames import goals_in_robot_frames
 from readygo.common.robot import step_unicycle
 
-Array = npt.NDArray[np.float64]
 
-
-def odometry(commands: npt.NDArray[np.float32], dt_s: float) -> Array:
+def odometry(commands: Float32Array, dt_s: float) -> Float64Array:
     """Where a robot is at every step of an episode, by the commands that it executed.
 
     Args:
@@ -27,7 +25,7 @@ def odometry(commands: npt.NDArray[np.float32], dt_s: float) -> Array:
     return np.array(poses[: len(commands)], np.float64).reshape(-1, 3)
 
 
-def own_motion(older: Array, present: Array, commands: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def own_motion(older: Float64Array, present: Float64Array, commands: Float32Array) -> Float32Array:
     """Ego-motion since the older frames: their poses in the present robot frame (dx, dy [m], dyaw [rad]), then v, w.
 
     Args:
@@ -40,11 +38,11 @@ def own_motion(older: Array, present: Array, commands: npt.NDArray[np.float32]) 
     """
     seen = [_seen_from(present, older[:, frame]) for frame in range(older.shape[1])]
     parts = [*seen, commands.astype(np.float64)]
-    features: npt.NDArray[np.float32] = np.concatenate(parts, axis=1).astype(np.float32)
+    features: Float32Array = np.concatenate(parts, axis=1).astype(np.float32)
     return features
 
 
-def _seen_from(present: Array, pose: Array) -> Array:
+def _seen_from(present: Float64Array, pose: Float64Array) -> Float64Array:
     """Poses in the robot's frame now: dx, dy [m], dyaw [rad], shape (N, 3)."""
     dyaw = (pose[:, 2] - present[:, 2])[:, None]
     return np.concatenate([goals_in_robot_frames(present, pose[:, :2]), dyaw], axis=1)

@@ -2,15 +2,14 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
+from readygo.common.arrays import UInt8Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Observation:
     """One step of an episode, seen from the robot."""
 
-    rgb: npt.NDArray[np.uint8]
+    rgb: UInt8Array
     """The camera's image, sRGB, shape (H, W, 3)."""
     goal_xy_m: tuple[float, float]
     """Goal in the robot's frame: x forward, y left [m]."""

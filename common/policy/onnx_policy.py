@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, Float32Array, UInt8Array
 from readygo.common.errors import PolicyError
 from readygo.common.extras import install_command
 from readygo.common.policy.artifact import SPEC_FILE, PolicySpec, load_spec
@@ -72,9 +72,9 @@ class OnnxPolicy(Policy):
     def decide(
         self,
         memories: Sequence[PolicyMemory],
-        commands: npt.NDArray[np.float32],
-        goals_xy_m: npt.NDArray[np.float32],
-    ) -> npt.NDArray[np.float32]:
+        commands: Float32Array,
+        goals_xy_m: Float32Array,
+    ) -> Float32Array:
         """Commands v [m/s], w [rad/s], shape (B, 2); a graph with a rate holds its last one in between.
 
         Raises:
@@ -86,9 +86,7 @@ class OnnxPolicy(Policy):
         ]
         return np.stack(rows) if rows else np.empty((0, 2), np.float32)
 
-    def _decide(
-        self, memory: PolicyMemory, command: npt.NDArray[np.float32], goal_xy_m: npt.NDArray[np.float32]
-    ) -> npt.NDArray[np.float32]:
+    def _decide(self, memory: PolicyMemory, command: Float32Array, goal_xy_m: Float32Array) -> Float32Array:
         if self._graph.rate_hz is None:
             return self._run(memory, command, goal_xy_m)
         kept, now_ns = memory.kept, memory.seen_ns
@@ -101,9 +99,7 @@ class OnnxPolicy(Policy):
         kept.due_ns = (now_ns if late else kept.due_ns) + period_ns
         return kept.decision
 
-    def _run(
-        self, memory: PolicyMemory, command: npt.NDArray[np.float32], goal_xy_m: npt.NDArray[np.float32]
-    ) -> npt.NDArray[np.float32]:
+    def _run(self, memory: PolicyMemory, command: Float32Array, goal_xy_m: Float32Array) -> Float32Array:
         """Run the graph once; state and cache are brought up to date."""
         graph, kept, frames = self._graph, memory.kept, memory.window()
         goal = [self._goal_frame(memory)] if self.spec.wants_goal_image else []
@@ -136,7 +132,7 @@ class OnnxPolicy(Policy):
                 frame.cached[name], frame.image = row, None
         return self._limited(action, memory.traits[LIMITS_AT:])
 
-    def _stacked(self, frames: Sequence[Frame]) -> npt.NDArray[np.uint8]:
+    def _stacked(self, frames: Sequence[Frame]) -> UInt8Array:
         """Images of frames that are not encoded yet, shape (N, H, W, C)."""
         images, camera = [frame.image for frame in frames if frame.image is not None], self.spec.robot.camera
         shape = (0, camera.height_px, camera.width_px, channels_of(self.spec.images))
@@ -150,7 +146,7 @@ class OnnxPolicy(Policy):
             )
         return memory.kept.goal
 
-    def _limited(self, action: npt.NDArray[Any], limits: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    def _limited(self, action: AnyArray, limits: Float32Array) -> Float32Array:
         if action.size != 2:
             raise PolicyError(f"The policy's {self._graph.action} must be v and w, got {action.size} numbers.")
         (v, w), (v_max, w_max) = action.reshape(2).tolist(), limits.tolist()

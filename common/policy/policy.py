@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, UInt8Array
 from readygo.common.camera import SensorConfig
 from readygo.common.config import section_differences
 from readygo.common.errors import PolicyError
@@ -74,10 +74,10 @@ class Policy(abc.ABC):
     def step(
         self,
         memories: Sequence[PolicyMemory],
-        images: npt.NDArray[np.uint8],
-        previous_actions: npt.NDArray[np.float32],
-        goals_xy_m: npt.NDArray[np.float32],
-    ) -> npt.NDArray[np.float32]:
+        images: UInt8Array,
+        previous_actions: Float32Array,
+        goals_xy_m: Float32Array,
+    ) -> Float32Array:
         """One control step of several episodes: see, then decide.
 
         Args:
@@ -97,9 +97,7 @@ class Policy(abc.ABC):
         self.see(memories, images)
         return self.decide(memories, previous_actions, goals_xy_m)
 
-    def see(
-        self, memories: Sequence[PolicyMemory], images: npt.NDArray[np.uint8], times_ns: Sequence[int | None] = ()
-    ) -> None:
+    def see(self, memories: Sequence[PolicyMemory], images: UInt8Array, times_ns: Sequence[int | None] = ()) -> None:
         """Have each robot remember an image.
 
         Args:
@@ -118,9 +116,9 @@ class Policy(abc.ABC):
     def decide(
         self,
         memories: Sequence[PolicyMemory],
-        commands: npt.NDArray[np.float32],
-        goals_xy_m: npt.NDArray[np.float32],
-    ) -> npt.NDArray[np.float32]:
+        commands: Float32Array,
+        goals_xy_m: Float32Array,
+    ) -> Float32Array:
         """Commands v [m/s], w [rad/s] within the robot's limits, by what is remembered, shape (B, 2).
 
         Args:
@@ -129,7 +127,7 @@ class Policy(abc.ABC):
             goals_xy_m: Goals in the robots' frames (x forward, y left) [m], shape (B, 2).
         """
 
-    def _check_images(self, images: npt.NDArray[np.uint8]) -> None:
+    def _check_images(self, images: UInt8Array) -> None:
         names, camera = self.spec.images, self.spec.robot.camera
         check_array("images", images, np.uint8, (None, None, None, None))
         if images.shape[3] != (channels := channels_of(names)):

@@ -10,19 +10,16 @@ cameras that a policy sees with have images of one size.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, UInt8Array
 from readygo.common.camera.config import CameraConfig
 from readygo.common.camera.depth import depth_bytes, depth_rng, measured_depth
 from readygo.common.images.names import DEPTH, RGB, camera_of, cameras_of, image_name, kind_of, kinds_of
 from readygo.common.robot.config import RobotConfig
 
 _CHANNELS: Mapping[str, int] = {RGB: 3, DEPTH: 1}
-
-Sight = npt.NDArray[np.uint8]
 
 
 def check_images(names: Sequence[str]) -> None:
@@ -71,7 +68,7 @@ def channels_by_image(names: Sequence[str], frame_count: int = 1) -> dict[str, l
     return found
 
 
-def side_by_side(images: Mapping[str, Sight], names: Sequence[str]) -> Sight:
+def side_by_side(images: Mapping[str, UInt8Array], names: Sequence[str]) -> UInt8Array:
     """One array of some images, shape (..., H, W, C).
 
     Args:
@@ -85,7 +82,7 @@ def side_by_side(images: Mapping[str, Sight], names: Sequence[str]) -> Sight:
     return np.concatenate(parts, axis=-1)
 
 
-def as_measured(image: npt.NDArray[Any], name: str, robot: RobotConfig, episode: str, step: int) -> npt.NDArray[Any]:
+def as_measured(image: AnyArray, name: str, robot: RobotConfig, episode: str, step: int) -> AnyArray:
     """An image that was drawn as the robot's camera gives it: depths as it measures them, colours as they are.
 
     Args:
@@ -101,7 +98,7 @@ def as_measured(image: npt.NDArray[Any], name: str, robot: RobotConfig, episode:
     return measured_depth(image, camera_on(robot, camera), depth_rng(image_name(camera, episode), step))
 
 
-def in_bytes(image: npt.NDArray[Any], name: str, robot: RobotConfig) -> Sight:
+def in_bytes(image: AnyArray, name: str, robot: RobotConfig) -> UInt8Array:
     """A measured image as policies take it.
 
     Args:
@@ -113,8 +110,8 @@ def in_bytes(image: npt.NDArray[Any], name: str, robot: RobotConfig) -> Sight:
 
 
 def robot_sight(
-    drawn: Mapping[str, npt.NDArray[Any]], names: Sequence[str], robot: RobotConfig, episode: str, step: int
-) -> Sight:
+    drawn: Mapping[str, AnyArray], names: Sequence[str], robot: RobotConfig, episode: str, step: int
+) -> UInt8Array:
     """What a policy sees of images that were drawn, shape (H, W, C); see `as_measured`.
 
     Args:

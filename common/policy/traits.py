@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.robot.config import RobotConfig
 
 TRAITS = ("mount_height_m", "tan_half_fov", "mount_pitch_rad", "radius_m", "v_max_mps", "w_max_radps")
@@ -15,7 +15,7 @@ LIMITS_AT = 4
 """Index of the first limit in the robot parameters; commands are in units of the limits."""
 
 
-def traits_of(robot: RobotConfig) -> npt.NDArray[np.float64]:
+def traits_of(robot: RobotConfig) -> Float64Array:
     """The numbers of `TRAITS` of a robot, shape (TRAIT_COUNT,)."""
     camera = robot.camera
     tan_half_fov = 0.5 * camera.width_px / float(camera.K_px[0, 0])
@@ -25,7 +25,7 @@ def traits_of(robot: RobotConfig) -> npt.NDArray[np.float64]:
     )
 
 
-def trait_units(robot: RobotConfig) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def trait_units(robot: RobotConfig) -> tuple[Float64Array, Float64Array]:
     """Factor and offset that bring the traits of all robots of some ranges to [-1, 1], each shape (TRAIT_COUNT,)."""
     ends = [traits_of(robot.with_values({n: e[side] for n, e in robot.ranges.items() if e})) for side in (0, 1)]
     middle, half = 0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0])

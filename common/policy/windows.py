@@ -6,6 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import Int64Array
+
 FRAME_COUNT = 3
 """Images that a policy sees together, where it does not say."""
 
@@ -16,7 +18,7 @@ def window_rows(
     spacing_steps: int,
     frame_count: int = FRAME_COUNT,
     image_every: int = 1,
-) -> npt.NDArray[np.int64]:
+) -> Int64Array:
     """The rows of a window, oldest first; an episode's first row stands in for what was before it.
 
     Args:
@@ -31,7 +33,7 @@ def window_rows(
     """
     back = spacing_steps * np.arange(frame_count - 1, -1, -1)
     since = np.maximum(np.asarray(newest) - np.asarray(first), 0) // image_every * image_every
-    rows: npt.NDArray[np.int64] = np.maximum(since[..., None] - back, 0) + np.asarray(first)[..., None]
+    rows: Int64Array = np.maximum(since[..., None] - back, 0) + np.asarray(first)[..., None]
     return rows
 
 

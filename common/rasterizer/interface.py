@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array, FloatingArray
 from readygo.common.errors import AvatarError
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.images.images import Images, require_outputs
 from readygo.common.rasterizer.constants import FEET_M
 
-Singles = npt.NDArray[np.float32]
 MAX_HUMANS = 255
 """Humans that a mask of bytes can tell apart."""
 
@@ -24,11 +23,11 @@ class PosedHuman:
 
     avatar: str
     """Name of the avatar."""
-    root_m: npt.NDArray[np.floating]
+    root_m: FloatingArray
     """Pelvis in the z-up world [m], shape (3,)."""
-    pose_axis_angle: npt.NDArray[np.floating]
+    pose_axis_angle: FloatingArray
     """Joint rotations [rad] as in `Motion`, shape (24, 3)."""
-    light: npt.NDArray[np.float64] | None = None
+    light: Float64Array | None = None
     """Light that falls on them, as in `readygo.common.gaussians.irradiance.irradiance_matrix`, shape (3, 4, 4); None
     draws them in the avatar's own colours."""
     ground_m: float = 0.0
@@ -53,13 +52,13 @@ class PosedHuman:
 class View:
     """What one image shows: the scene from somewhere, with these humans in it."""
 
-    T_world_camera: npt.NDArray[np.float64]
+    T_world_camera: Float64Array
     """Camera pose, OpenCV axes, shape (4, 4)."""
     humans: Sequence[PosedHuman] = ()
     """Whom it shows; the mask numbers them from 1 in this order."""
     shadows: GaussianCloud | None = None
     """A few more Gaussians, made for this view; they are in its colours and in no other image of it."""
-    K_px: npt.NDArray[np.float64] | None = None
+    K_px: Float64Array | None = None
     """Intrinsics [px] that replace the rasterizer's, for an image of the same size, shape (3, 3)."""
 
 
@@ -67,7 +66,7 @@ class PinholeCamera(Protocol):
     """What all views of a rasterizer are taken with; `CameraConfig` is one."""
 
     @property
-    def K_px(self) -> npt.NDArray[np.float64]:
+    def K_px(self) -> Float64Array:
         """Intrinsics [px] without skew, shape (3, 3)."""
         ...
 
@@ -108,7 +107,7 @@ class Rasterizer(Protocol):
         ...
 
 
-def lead_terms(human: PosedHuman, R_CW: npt.NDArray[np.float64], p_WC: npt.NDArray[np.float64]) -> Singles:
+def lead_terms(human: PosedHuman, R_CW: Float64Array, p_WC: Float64Array) -> Float32Array:
     """By how much a human's Gaussians are sorted as nearer [m]: max(0, min(a x + b y + c z + d, e)) of camera axes.
 
     Args:

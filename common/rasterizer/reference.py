@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array, UInt8Array
 from readygo.common.avatars import Avatar, pose_avatar
 from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import GaussianCloud, concatenate, sh_basis
@@ -26,24 +27,22 @@ from readygo.common.rasterizer.constants import (
 from readygo.common.rasterizer.interface import PinholeCamera, PosedHuman, View, checked_outputs, lead_terms
 from readygo.common.rasterizer.packed.avatar import avatar_normals
 
-Floats = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReferenceImages:
     """Images over a black background."""
 
-    rgb: npt.NDArray[np.float32]
+    rgb: Float32Array
     """Colour as stored in the cloud (sRGB for trained scenes), not clipped above 1, shape (H, W, 3)."""
-    alpha: npt.NDArray[np.float32]
+    alpha: Float32Array
     """One minus the transmittance that is left, shape (H, W)."""
-    depth_m: npt.NDArray[np.float32]
+    depth_m: Float32Array
     """Mean depth along the optical axis, weighted as colours are [m]; inf where nothing is drawn, shape (H, W)."""
-    median_depth_m: npt.NDArray[np.float32]
+    median_depth_m: Float32Array
     """Depth of the Gaussian that brings the transmittance below one half [m]; inf where there is none, shape (H, W)."""
-    mask: npt.NDArray[np.uint8]
+    mask: UInt8Array
     """The instance of that Gaussian; 0 where there is none, shape (H, W)."""
-    normal: npt.NDArray[np.float32]
+    normal: Float32Array
     """Mean of the shortest axes that look towards the camera, weighted as colours are, of length 1, in the camera's
     frame; 0 where nothing is drawn, shape (H, W, 3)."""
 
@@ -52,17 +51,17 @@ class ReferenceImages:
 class _Splats:
     """Gaussians in the image, nearest first."""
 
-    centre_px: Floats
-    conic: Floats
+    centre_px: Float64Array
+    conic: Float64Array
     """Inverse covariance: xx, xy, yy, shape (N, 3)."""
-    half_px: Floats
+    half_px: Float64Array
     """Half size of the box outside of which alpha is below the threshold, shape (N, 2)."""
-    opacity: Floats
-    rgb: Floats
-    depth_m: Floats
-    normal: Floats
+    opacity: Float64Array
+    rgb: Float64Array
+    depth_m: Float64Array
+    normal: Float64Array
     """Shortest axis, towards the camera, in its frame, shape (N, 3)."""
-    instance: npt.NDArray[np.uint8]
+    instance: UInt8Array
 
 
 class ReferenceRasterizer:
@@ -115,11 +114,11 @@ class ReferenceRasterizer:
         )
 
 
-def _leads_m(posed: GaussianCloud, human: PosedHuman, T_world_camera: Floats) -> Floats:
+def _leads_m(posed: GaussianCloud, human: PosedHuman, T_world_camera: Float64Array) -> Float64Array:
     """By how much a human's Gaussians are sorted as nearer [m], shape (N,)."""
     R_CW, p_WC = T_world_camera[:3, :3].T, T_world_camera[:3, 3]
     a, b, c, d, most = lead_terms(human, R_CW, p_WC).astype(np.float64)
-    leads: Floats = np.clip((posed.means_m - p_WC) @ R_CW.T @ np.array([a, b, c]) + d, 0.0, most)
+    leads: Float64Array = np.clip((posed.means_m - p_WC) @ R_CW.T @ np.array([a, b, c]) + d, 0.0, most)
     return leads
 
 
@@ -201,10 +200,10 @@ def rasterize_reference(
 
 def _project(
     cloud: GaussianCloud,
-    instance: npt.NDArray[np.uint8],
-    leads_m: Floats,
-    T_world_camera: Floats,
-    K: Floats,
+    instance: UInt8Array,
+    leads_m: Float64Array,
+    T_world_camera: Float64Array,
+    K: Float64Array,
     height_px: int,
     width_px: int,
 ) -> _Splats:
@@ -243,7 +242,7 @@ def _project(
     )
 
 
-def _normals(p_CQ: Floats, R_CQ: Floats, scales_m: npt.NDArray[np.float32]) -> Floats:
+def _normals(p_CQ: Float64Array, R_CQ: Float64Array, scales_m: Float32Array) -> Float64Array:
     """The shortest axis of each Gaussian, turned towards the camera."""
     axis = R_CQ[np.arange(len(p_CQ)), :, np.argmin(scales_m, axis=1)]
     return np.where((axis * p_CQ).sum(axis=1, keepdims=True) > 0, -axis, axis)

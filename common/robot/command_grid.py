@@ -6,8 +6,8 @@ Shards and policies name their robot, and so their grid; that of a robot that do
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int64Array
 from readygo.common.robot.config import RobotConfig
 
 SPEED_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -31,7 +31,7 @@ def speed_shares(robot: RobotConfig) -> tuple[float, ...]:
     return (*(-step * k for k in range(backward_rows(robot, len(SPEED_SHARES)), 0, -1)), *SPEED_SHARES)
 
 
-def command_grid(robot: RobotConfig | None = None) -> npt.NDArray[np.float64]:
+def command_grid(robot: RobotConfig | None = None) -> Float64Array:
     """All commands, by speed and within a speed by yaw rate.
 
     Args:
@@ -45,7 +45,7 @@ def command_grid(robot: RobotConfig | None = None) -> npt.NDArray[np.float64]:
     return np.stack([speeds.ravel(), turns.ravel()], axis=1)
 
 
-def mirror_indices(robot: RobotConfig | None = None) -> npt.NDArray[np.int64]:
+def mirror_indices(robot: RobotConfig | None = None) -> Int64Array:
     """Number of the command of a robot's grid that is each one's mirror image, left for right, shape (C,)."""
     count = len(command_grid(robot))
     return np.arange(count).reshape(-1, len(TURN_SHARES))[:, ::-1].ravel()

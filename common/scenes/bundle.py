@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array
 from readygo.common.camera.captured import CapturedViews, views_text
 from readygo.common.config import section_to_mapping
 from readygo.common.documents import write_toml
@@ -311,27 +312,23 @@ def plan_of(scene: Scene) -> ScenePlan:
     return dataclasses.replace(plan, robot=robot, human=human, unknown=load_unknown_cells(scene.path / ROBOT_MAP_FILE))
 
 
-def _places(views: CapturedViews | None) -> npt.NDArray[np.float64] | None:
+def _places(views: CapturedViews | None) -> Float64Array | None:
     """Centres of the cameras, shape (N, 3) [m]."""
     return None if views is None else views.T_world_camera[:, :3, 3]
 
 
-def _filmed_share_map(
-    cloud: GaussianCloud, plan: ScenePlan, views: CapturedViews, config: MapConfig
-) -> npt.NDArray[np.float32]:
+def _filmed_share_map(cloud: GaussianCloud, plan: ScenePlan, views: CapturedViews, config: MapConfig) -> Float32Array:
     shape = (plan.robot.occupied.shape[0], plan.robot.occupied.shape[1])
     sight = sight_of_cloud(cloud, plan.floor, plan.robot.frame, shape, config)
     return filmed_share(views, sight, plan.floor, ~plan.robot.occupied)
 
 
-def _without_unfilmed(
-    plan: ScenePlan, share: npt.NDArray[np.float32], robot: RobotConfig
-) -> tuple[ScenePlan, npt.NDArray[np.bool_]]:
+def _without_unfilmed(plan: ScenePlan, share: Float32Array, robot: RobotConfig) -> tuple[ScenePlan, BoolArray]:
     """The plan that keeps the robot where it sees what was filmed, and the cells that it loses.
 
     Where too little would be left, cameras say nothing of the place, and it is left as it is.
     """
-    unfilmed: npt.NDArray[np.bool_] = (share < FILMED_MIN) & ~plan.robot.occupied
+    unfilmed: BoolArray = (share < FILMED_MIN) & ~plan.robot.occupied
     kept = OccupancyMap(frame=plan.robot.frame, occupied=plan.robot.occupied | unfilmed)
     _, area_m2 = largest_free_area(kept, robot.planning_radius_m)
     if area_m2 < FREE_AREA_MIN_M2:

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.errors import NoGroundError, SceneError
 from readygo.common.gaussians import GaussianCloud, R_from_up, sh_basis, transform_cloud
 from readygo.common.gaussians.defects import FLOATERS, HAZE, HUGE, count_kinds, unwanted_masks, without
@@ -77,7 +77,7 @@ def clean_cloud(cloud: GaussianCloud, kinds: tuple[str, ...]) -> tuple[GaussianC
     return kept, count_kinds(masks)
 
 
-def levelling(cloud: GaussianCloud, up: str) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], str]:
+def levelling(cloud: GaussianCloud, up: str) -> tuple[Float64Array, Float64Array, str]:
     """The motion that makes a floor level and puts it at height 0: rotation (3, 3), translation (3,) [m], and up.
 
     Args:

@@ -11,8 +11,8 @@ Legend: bin = one of `BINS` directions on the ground, seen from a thing, counter
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt16Array, UInt32Array
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import FloorMap, SightMap
@@ -34,12 +34,8 @@ _GROUND_STEPS_M = (0.8, 1.6)
 _STRIDE = 2
 _SMOOTH_CELLS = 5
 
-Bits = npt.NDArray[np.uint16]
-Cells = npt.NDArray[np.bool_]
-Floats = npt.NDArray[np.float64]
 
-
-def filmed_share(views: CapturedViews, sight: SightMap, floor: FloorMap, standing: Cells) -> npt.NDArray[np.float32]:
+def filmed_share(views: CapturedViews, sight: SightMap, floor: FloorMap, standing: BoolArray) -> Float32Array:
     """How much of what is seen from each place was filmed, from 0 to 1.
 
     Args:
@@ -67,7 +63,7 @@ def filmed_share(views: CapturedViews, sight: SightMap, floor: FloorMap, standin
     return np.where(standing, smooth, np.float32(0.0))
 
 
-def _cameras(views: CapturedViews, floor: FloorMap) -> tuple[Floats, Floats, Floats]:
+def _cameras(views: CapturedViews, floor: FloorMap) -> tuple[Float64Array, Float64Array, Float64Array]:
     """x, y, height above the floor [m] (C, 3); rotations world to camera (C, 3, 3); intrinsics and size [px] (C, 6)."""
     chosen = np.unique(np.linspace(0, len(views) - 1, min(len(views), CAMERAS_MAX)).round().astype(np.int64))
     T, K = views.T_world_camera[chosen], views.K_px[chosen]
@@ -79,14 +75,14 @@ def _cameras(views: CapturedViews, floor: FloorMap) -> tuple[Floats, Floats, Flo
 
 @kernel_with_cache
 def _look(
-    opaque: npt.NDArray[np.uint32],
+    opaque: UInt32Array,
     place: tuple[float, float, float, float],
-    eyes: Floats,
-    R_camera_world: Floats,
-    images: Floats,
-    cells: npt.NDArray[np.int64],
+    eyes: Float64Array,
+    R_camera_world: Float64Array,
+    images: Float64Array,
+    cells: Int64Array,
     height_m: float,
-    bits: Bits,
+    bits: UInt16Array,
 ) -> None:
     """Mark from which bins cameras see cells, at a height above the floor."""
     ox, oy, resolution, _ = place
@@ -118,12 +114,12 @@ def _look(
 
 @kernel_with_cache
 def _rate(
-    things: Cells,
-    thing_bits: Bits,
-    ground_bits: Bits,
-    standing: Cells,
+    things: BoolArray,
+    thing_bits: UInt16Array,
+    ground_bits: UInt16Array,
+    standing: BoolArray,
     resolution: float,
-    share: npt.NDArray[np.float32],
+    share: Float32Array,
 ) -> None:
     """Share of the rays around each place that were filmed, for blocks of `_STRIDE` cells."""
     rows, columns = things.shape
@@ -141,9 +137,9 @@ def _rate(
 
 @kernel_with_cache
 def _is_filmed(
-    things: Cells,
-    thing_bits: Bits,
-    ground_bits: Bits,
+    things: BoolArray,
+    thing_bits: UInt16Array,
+    ground_bits: UInt16Array,
     place: tuple[int, int],
     turn: float,
     steps: int,

@@ -4,8 +4,8 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.episode.config import EpisodeConfig
 from readygo.common.gaussians import GaussianCloud
@@ -48,7 +48,7 @@ def findings(
     ]
 
 
-def marks(plan: ScenePlan) -> dict[str, npt.NDArray[np.bool_]]:
+def marks(plan: ScenePlan) -> dict[str, BoolArray]:
     """The cells that some of the sentences are about, by what is the matter with them, shape (H, W) each."""
     free = ~plan.robot.occupied
     return {ROUGH: plan.phantoms & free, BLURRED: plan.blurred & free & ~plan.coarse, UNFILMED: plan.coarse}

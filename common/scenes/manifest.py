@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray
 from readygo.common.documents import read_toml
 from readygo.common.errors import SceneError
 from readygo.common.maps import GridFrame
@@ -36,7 +36,7 @@ def file_of(folder: Path, relative: str) -> SceneFile:
     return SceneFile(path=relative, sha256=digest, size=path.stat().st_size)
 
 
-def grid_digest(cells: npt.NDArray[Any], frame: GridFrame) -> str:
+def grid_digest(cells: AnyArray, frame: GridFrame) -> str:
     """Hash of a grid's cells and place, which does not depend on how its file is compressed."""
     place = (frame.origin_x_m, frame.origin_y_m, frame.resolution_m, cells.shape, cells.dtype.str)
     return hashlib.sha256(repr(place).encode() + np.ascontiguousarray(cells).tobytes()).hexdigest()

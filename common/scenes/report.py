@@ -4,8 +4,8 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.maps import FloorMap, OccupancyMap, free_components
 from readygo.common.maps.distance import clearance_m, farthest_m
@@ -63,7 +63,7 @@ def _free_area(occupancy: OccupancyMap, radius_m: float) -> dict[str, Any]:
     }
 
 
-def _floor_figures(floor: FloorMap, free: npt.NDArray[np.bool_], occupancy: OccupancyMap) -> dict[str, Any]:
+def _floor_figures(floor: FloorMap, free: BoolArray, occupancy: OccupancyMap) -> dict[str, Any]:
     """Range of the floor's height where the robot may be, and its plane of least squares."""
     rows, columns = np.nonzero(free)
     if len(rows) < 3:

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.common.array_files import load_npy
+from readygo.common.arrays import Float32Array
 from readygo.common.camera.captured import CapturedViews, load_views
 from readygo.common.documents import read_json
 from readygo.common.errors import SceneError
@@ -64,7 +64,7 @@ class SceneMaps:
             raise SceneError(f"Floor map {path} cannot be read: {error}; import the scene again.") from error
 
     @cached_property
-    def filmed_share(self) -> npt.NDArray[np.float32] | None:
+    def filmed_share(self) -> Float32Array | None:
         """How much of what is seen from each cell of the robot's map was filmed, 0 to 1, shape (H, W); see `filmed`.
 
         None where no cameras are known.

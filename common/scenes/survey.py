@@ -9,14 +9,12 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.errors import NoGroundError
 from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.transform import R_UP, R_from_up
-
-Floats = npt.NDArray[np.float64]
 
 OPACITY_MIN = 0.3
 """Fainter Gaussians show no surface."""
@@ -63,7 +61,7 @@ class UpCandidate:
 
     name: str
     """Name of the direction, as `--up` takes it: an axis such as -y, or three numbers."""
-    up: Floats
+    up: Float64Array
     """Unit vector that points up, in the file's axes, shape (3,)."""
     floor: float
     """Coordinate of the floor along `up`, in the file's units."""
@@ -97,9 +95,9 @@ class Survey:
     """What is found in a file."""
 
     gaussians: int
-    low: Floats
+    low: Float64Array
     """Along each axis, 1 % of the Gaussians are below, shape (3,)."""
-    high: Floats
+    high: Float64Array
     """Along each axis, 1 % of the Gaussians are above, shape (3,)."""
     ups: tuple[UpCandidate, ...]
     """Directions that may be up, best first."""
@@ -119,7 +117,7 @@ class Survey:
         second = self.ups[1].score if len(self.ups) > 1 else 0.0
         return self.ups[0] if self.ups[0].score >= CLEAR_RATIO * second else None
 
-    def up_near(self, held: Floats) -> UpCandidate | None:
+    def up_near(self, held: Float64Array) -> UpCandidate | None:
         """The best candidate near the mean up of cameras, shape (3,), or None: level as cameras were held by hand."""
         near = (up for up in self.ups if up.up @ held > math.cos(math.radians(HELD_DEG)) and up.score >= SCORE_MIN)
         return next(near, None)
@@ -129,10 +127,10 @@ class Survey:
 class _Flat:
     """The flat ones among the sampled Gaussians, and all of them."""
 
-    means: Floats
-    normals: Floats
-    areas: Floats
-    all_means: Floats
+    means: Float64Array
+    normals: Float64Array
+    areas: Float64Array
+    all_means: Float64Array
 
 
 def survey(cloud: GaussianCloud) -> Survey:
@@ -150,7 +148,7 @@ def survey(cloud: GaussianCloud) -> Survey:
     )
 
 
-def resolve_up(up: str, load: Callable[[], GaussianCloud], held: Floats | None = None) -> str:
+def resolve_up(up: str, load: Callable[[], GaussianCloud], held: Float64Array | None = None) -> str:
     """The up direction by name; "auto" is looked for in the cloud, which is only read for that.
 
     Args:
@@ -191,7 +189,7 @@ def _flat(cloud: GaussianCloud) -> _Flat:
     )
 
 
-def _directions(flat: _Flat) -> list[Floats]:
+def _directions(flat: _Flat) -> list[Float64Array]:
     """The normals that most surface has, and the axes, each with its opposite."""
     axes = [np.eye(3)[axis] for axis in range(3)]
     seeds = [_refine_normal(flat, seed) for seed in axes]
@@ -201,14 +199,14 @@ def _directions(flat: _Flat) -> list[Floats]:
             break
         seeds.append(_refine_normal(flat, flat.normals[rest][np.argmax(_votes(flat, flat.normals[rest]))]))
         rest &= np.abs(flat.normals @ seeds[-1]) < LYING_COS
-    kept: list[Floats] = []
+    kept: list[Float64Array] = []
     for seed in seeds + axes:
         if all(abs(float(seed @ other)) < math.cos(math.radians(SAME_DEG)) for other in kept):
             kept.append(seed)
     return [sign * up for up in kept for sign in (1.0, -1.0)]
 
 
-def _votes(flat: _Flat, directions: Floats) -> Floats:
+def _votes(flat: _Flat, directions: Float64Array) -> Float64Array:
     """Area that lies across each direction; of many directions, some are asked and the others get nothing."""
     votes = np.zeros(len(directions))
     for k in range(0, len(directions), max(1, len(directions) // 64)):
@@ -216,7 +214,7 @@ def _votes(flat: _Flat, directions: Floats) -> Floats:
     return votes
 
 
-def _refine_normal(flat: _Flat, up: Floats) -> Floats:
+def _refine_normal(flat: _Flat, up: Float64Array) -> Float64Array:
     """The mean normal around a direction."""
     for _ in range(5):
         cos = flat.normals @ up
@@ -228,7 +226,7 @@ def _refine_normal(flat: _Flat, up: Floats) -> Floats:
     return up
 
 
-def _candidate(flat: _Flat, up: Floats) -> UpCandidate:
+def _candidate(flat: _Flat, up: Float64Array) -> UpCandidate:
     at = flat.all_means @ up
     low, high = np.quantile(at, [0.002, 0.998])
     size = max(float(high - low), 1e-9)
@@ -255,7 +253,7 @@ def _candidate(flat: _Flat, up: Floats) -> UpCandidate:
     )
 
 
-def _peaks(mass: Floats) -> list[int]:
+def _peaks(mass: Float64Array) -> list[int]:
     """Slices with the planes, lowest first."""
     peaks: list[int] = []
     for k in np.nonzero(mass >= PLANE_RATIO_MIN * mass.max())[0].tolist():
@@ -266,7 +264,7 @@ def _peaks(mass: Floats) -> list[int]:
     return peaks
 
 
-def up_name(up: Floats) -> str:
+def up_name(up: Float64Array) -> str:
     """A direction as `--up` takes it."""
     for name, R in R_UP.items():
         if float(np.array(R[2]) @ up) > math.cos(math.radians(AXIS_DEG)):
@@ -274,7 +272,7 @@ def up_name(up: Floats) -> str:
     return ",".join(f"{value:.4f}" for value in up)
 
 
-def _scales(up: UpCandidate, size: Floats, detail: float) -> tuple[ScaleCandidate, ...]:
+def _scales(up: UpCandidate, size: Float64Array, detail: float) -> tuple[ScaleCandidate, ...]:
     found = []
     if up.ceiling is not None:
         reason = f"its ceiling is {up.ceiling:.3g} units above its floor, as in a room of {ROOM_HEIGHT_M} m"

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array, UInt8Array
 from readygo.common.gaussians import GaussianCloud, sh_basis
 from readygo.common.gaussians.covariance import covariance_of
 from readygo.common.kernels import kernel_with_cache
@@ -24,12 +25,12 @@ _DILATION_PX2 = 0.3
 class TopView:
     """A picture from above. Its row 0 is the LARGEST y (pictures grow downwards), unlike the rows of maps."""
 
-    rgb: npt.NDArray[np.uint8]
+    rgb: UInt8Array
     """Shape (H, W, 3)."""
     frame: GridFrame
     """Origin is the world x, y of the picture's lower left corner; the resolution is a pixel's edge."""
 
-    def world_to_pixel(self, xy_m: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    def world_to_pixel(self, xy_m: npt.ArrayLike) -> Float64Array:
         """Pixels (u, v) of world points, shape (..., 2) -> (..., 2); pixel centres are at +0.5."""
         xy = np.asarray(xy_m, dtype=np.float64)
         u = (xy[..., 0] - self.frame.origin_x_m) / self.frame.resolution_m
@@ -81,14 +82,14 @@ def draw_top_view(
 
 @kernel_with_cache
 def _paint(
-    means: npt.NDArray[np.float32],
-    quats: npt.NDArray[np.float32],
-    scales: npt.NDArray[np.float32],
-    opacities: npt.NDArray[np.float32],
-    colours: npt.NDArray[np.float64],
+    means: Float32Array,
+    quats: Float32Array,
+    scales: Float32Array,
+    opacities: Float32Array,
+    colours: Float64Array,
     origin: tuple[float, float],
     pixel_m: float,
-    image: npt.NDArray[np.float64],
+    image: Float64Array,
 ) -> None:
     """Blend the Gaussians over each other in order; row 0 is the smallest y."""
     rows, columns, _ = image.shape

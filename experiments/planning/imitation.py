@@ -28,6 +28,7 @@ import numpy.typing as npt
 
 from readygo.benchmarks.planning.maps import default_data_folder, find_map
 from readygo.benchmarks.planning.runs import Course, PlanningJob
+from readygo.common.arrays import BoolArray, Float64Array, Int64Array
 from readygo.common.camera import CameraConfig
 from readygo.common.camera.view import view_of
 from readygo.common.frames import goal_in_robot_frame
@@ -47,8 +48,6 @@ from readygo.common.messages import (
 from readygo.services.animator import handle_animate
 from readygo.services.planner import handle_human_plan, handle_robot_plan
 from readygo.services.planner.expert.perception import in_view
-
-Floats = npt.NDArray[np.float64]
 
 RAYS = 32
 RAY_M = 8.0
@@ -73,23 +72,23 @@ FEATURES = ("no people", "people")
 class Samples:
     """Steps of some runs."""
 
-    plain: Floats
+    plain: Float64Array
     """Goal, previous action, rays, shape (N, 5 + RAYS)."""
-    people: Floats
+    people: Float64Array
     """Presence, position [m] and velocity [m/s] of people in the robot's frame, shape (N, 5 * PEOPLE)."""
-    actions: Floats
+    actions: Float64Array
     """v [m/s] and w [rad/s] now and AHEAD steps later (or in the end), shape (N, 4)."""
-    previous: Floats
+    previous: Float64Array
     """The action before, shape (N, 2)."""
-    near: npt.NDArray[np.bool_]
+    near: BoolArray
     """True where a human is within NEAR_M, in view or not, shape (N,)."""
-    run: npt.NDArray[np.int64]
+    run: Int64Array
     """Which run it is of, shape (N,)."""
 
 
 @kernel_with_cache
 def _free_m(
-    occupied: npt.NDArray[np.bool_], origin_x: float, origin_y: float, cell: float, x: float, y: float, bearing: float
+    occupied: BoolArray, origin_x: float, origin_y: float, cell: float, x: float, y: float, bearing: float
 ) -> float:
     """Distance to the first occupied cell on a ray, in half cells up to RAY_M [m]."""
     dx, dy = 0.5 * cell * math.cos(bearing), 0.5 * cell * math.sin(bearing)
@@ -117,7 +116,7 @@ class Eyes:
         bearings = np.linspace(-self._view.right_rad, self._view.left_rad, RAYS).tolist()
         return [self.free_m(pose, bearing) / RAY_M for bearing in bearings]
 
-    def people(self, pose: Sequence[float], now_m: Floats, before_m: Floats) -> list[float]:
+    def people(self, pose: Sequence[float], now_m: Float64Array, before_m: Float64Array) -> list[float]:
         """1, x, y, vx, vy of the nearest visible people in the robot's frame; zeros for those that are not there."""
         c, s = math.cos(pose[2]), math.sin(pose[2])
         seen = []
@@ -185,7 +184,7 @@ def successful_runs(
     return runs, failed
 
 
-def mirrored(inputs: Floats) -> Floats:
+def mirrored(inputs: Float64Array) -> Float64Array:
     """The inputs in the mirrored world, where left is right."""
     plain, people = inputs[:, : 5 + RAYS].copy(), inputs[:, 5 + RAYS :].copy()
     plain[:, [1, 4]] *= -1
@@ -195,7 +194,7 @@ def mirrored(inputs: Floats) -> Floats:
     return np.hstack([plain, people])
 
 
-def fitted(inputs: Floats, targets: Floats, part: npt.NDArray[np.int8], seed: int) -> Floats:
+def fitted(inputs: Float64Array, targets: Float64Array, part: npt.NDArray[np.int8], seed: int) -> Float64Array:
     """Predictions of a small network that knows the runs of part 0 and their mirror images, for all rows.
 
     Args:
@@ -211,7 +210,7 @@ def fitted(inputs: Floats, targets: Floats, part: npt.NDArray[np.int8], seed: in
     mean, scale = inputs[part == 0].mean(axis=0), inputs[part == 0].std(axis=0)
     spread = targets[part == 0].std(axis=0)
 
-    def tensor(rows: Floats) -> Any:
+    def tensor(rows: Float64Array) -> Any:
         return torch.tensor((rows - mean) / np.where(scale > 1e-6, scale, 1.0), dtype=torch.float32)
 
     x, y = tensor(inputs), torch.tensor(targets / spread, dtype=torch.float32)
@@ -235,7 +234,7 @@ def fitted(inputs: Floats, targets: Floats, part: npt.NDArray[np.int8], seed: in
             error = float(loss(now[check], y[check]))
         if error < best:
             best, predicted = error, now
-    changes: Floats = predicted.numpy().astype(np.float64) * spread
+    changes: Float64Array = predicted.numpy().astype(np.float64) * spread
     return changes
 
 
@@ -246,7 +245,7 @@ def _network(torch: Any, inputs: int, outputs: int) -> Any:
     return nn.Sequential(*first, *second, nn.Linear(HIDDEN, outputs))
 
 
-def errors(samples: Samples, predicted: Floats, rows: npt.NDArray[np.bool_]) -> dict[str, float]:
+def errors(samples: Samples, predicted: Float64Array, rows: BoolArray) -> dict[str, float]:
     """Errors over some rows: of the action over its variance, of its later change over that of repeating."""
     spread = samples.actions.var(axis=0)
     error = ((predicted - samples.actions)[rows] ** 2).mean(axis=0)
@@ -257,7 +256,7 @@ def errors(samples: Samples, predicted: Floats, rows: npt.NDArray[np.bool_]) -> 
     return {name: round(value, 4) for name, value in named.items()}
 
 
-def _repeated(samples: Samples) -> Floats:
+def _repeated(samples: Samples) -> Float64Array:
     return np.hstack([samples.previous, samples.previous])
 
 

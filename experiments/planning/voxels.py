@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.covariance import covariance_of
 from readygo.common.kernels import kernel_with_cache
@@ -26,7 +26,6 @@ from readygo.common.maps import GridFrame, MapConfig, opacity_sums
 from readygo.common.maps.voxels import SCALE_MIN_M
 from readygo.runs.scene_argument import open_scene
 
-Sums = npt.NDArray[np.float32]
 BOX, ALIGNED, MEAN = 0, 1, 2
 PEERS = {"box_test": BOX, "axis_aligned_box": ALIGNED, "means_only": MEAN}
 """Exact test of every voxel; all voxels of the ellipsoid's axis-aligned box; the voxel of the mean."""
@@ -115,7 +114,7 @@ def _peer_sums(means, quats, scales, opacities, origin, h, rule, sums):
                     sums[k, j, i] += opacities[n]
 
 
-def peer_sums(ground: Ground, rule: int) -> Sums:
+def peer_sums(ground: Ground, rule: int) -> Float32Array:
     """Opacity sums by one of the rules of PEERS."""
     sums, cloud = np.zeros(ground.shape, np.float32), ground.cloud
     origin = (float(ground.frame.origin_x_m), float(ground.frame.origin_y_m), float(ground.bottom_m))
@@ -124,7 +123,7 @@ def peer_sums(ground: Ground, rule: int) -> Sums:
     return sums
 
 
-def own_sums(ground: Ground) -> Sums:
+def own_sums(ground: Ground) -> Float32Array:
     """Opacity sums by the product's rule."""
     return opacity_sums(ground.cloud, ground.frame, ground.bottom_m, ground.shape)
 
@@ -161,7 +160,7 @@ def scene_ground(name: str) -> Ground:
 
 def measure(ground: Ground, runs: int) -> dict[str, Any]:
     """Times and errors of all rules; every rule runs once in each round, so that noise meets all of them."""
-    rules: dict[str, Callable[[], Sums]] = {"rows (readygo)": lambda: own_sums(ground)}
+    rules: dict[str, Callable[[], Float32Array]] = {"rows (readygo)": lambda: own_sums(ground)}
     for name, rule in PEERS.items():
         rules[name] = lambda rule=rule: peer_sums(ground, rule)
     sums = {name: rule() for name, rule in rules.items()}

@@ -26,12 +26,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from experiments.planning.imitation import RAY_M, RAYS, Eyes
+from readygo.common.arrays import Float32Array, UInt8Array
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import Command, DriverFailure, Observer
 from readygo.common.episode.metrics import wilson_interval
@@ -73,7 +73,6 @@ AHEAD_STEPS = RobotConfig().clock.steps(best_recipe().sampling.ahead_s)
 """How far ahead the command is that a state teaches, as in the recipe `best`."""
 WIDTHS, BATCH, RATE, EMA_DECAY, RISKS_WEIGHT = (512, 256), 512, 1e-3, 0.995, 4.0
 
-Array = npt.NDArray[np.float32]
 Episode = tuple[Scenario, EpisodeMotions]
 
 
@@ -111,7 +110,7 @@ class Senses(Observer):
 
     def __init__(self, eyes: Eyes, expert: Expert) -> None:
         self._eyes, self._expert = eyes, expert
-        self.told: list[Array] = []
+        self.told: list[Float32Array] = []
         """What was told at each step so far."""
 
     def step(self, simulation: EpisodeSimulation) -> None:
@@ -162,12 +161,12 @@ class Learner:
         self._average = AveragedModel(self._network, multi_avg_fn=get_ema_multi_avg_fn(EMA_DECAY))
         self._optimizer = torch.optim.AdamW(self._network.parameters(), weight_decay=1e-4)
         self._limits = np.array([robot.v_max_mps, robot.w_max_radps], np.float32)
-        self._samples: list[tuple[Array, Array, npt.NDArray[np.uint8]]] = []
+        self._samples: list[tuple[Float32Array, Float32Array, UInt8Array]] = []
 
     def __len__(self) -> int:
         return len(self._samples)
 
-    def add(self, told: Sequence[Array], driven: EpisodeDrive) -> None:
+    def add(self, told: Sequence[Float32Array], driven: EpisodeDrive) -> None:
         """Take up an episode."""
         for step in range(0, len(told), EVERY):
             wanted = np.array(driven.expert_commands[step][AHEAD_STEPS], np.float32) / self._limits
@@ -189,7 +188,7 @@ class Learner:
         return float(np.mean(losses))
 
     @torch.inference_mode()
-    def command(self, told: Array) -> tuple[float, float]:
+    def command(self, told: Float32Array) -> tuple[float, float]:
         """The command v [m/s], w [rad/s] at a state."""
         answers = self._average(torch.from_numpy(told)[None])
         if self.bins is not None:
@@ -220,7 +219,7 @@ class LearnerDriver:
         return [self._learner.command(self._senses.told[-1])]
 
 
-def driven(course: Course, episode: Episode, learner: Learner | None) -> tuple[EpisodeDrive, list[Array]]:
+def driven(course: Course, episode: Episode, learner: Learner | None) -> tuple[EpisodeDrive, list[Float32Array]]:
     """An episode that the learner drives, or else the expert, and what was told at each of its steps."""
     simulation, expert = course.planner.simulation(*episode), course.planner.expert(*episode)
     senses = Senses(course.eyes, expert)

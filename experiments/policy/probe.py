@@ -21,10 +21,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch
 
 from readygo.benchmarks.rasterizer.render import machine
+from readygo.common.arrays import BoolArray, FloatingArray, Int64Array
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.dataset import Dataset
 from readygo.common.errors import ConfigError, DatasetError, ReadygoError
@@ -34,7 +34,7 @@ from readygo.services.trainer import TrainConfig
 from readygo.services.trainer.episodes import SampleSource
 from readygo.services.trainer.parts import build_parts, robot_of_source
 from readygo.services.trainer.run import TrainRun
-from readygo.services.trainer.samples import Indices, spread_samples
+from readygo.services.trainer.samples import spread_samples
 from readygo.services.trainer.train import training_threads
 from readygo.services.trainer.validation import VALIDATION_BATCH
 
@@ -45,11 +45,8 @@ HELD_OUT = 0.2
 SAMPLES = 4000
 """Most held-out samples that are looked at."""
 
-Floats = npt.NDArray[np.floating]
-Bools = npt.NDArray[np.bool_]
 
-
-def auc(scores: Floats, truth: Bools) -> float | None:
+def auc(scores: FloatingArray, truth: BoolArray) -> float | None:
     """The probability that a true one scores above a false one, ties counting half; None if there is only one kind."""
     true, false = scores[truth], np.sort(scores[~truth])
     if not len(true) or not len(false):
@@ -58,7 +55,7 @@ def auc(scores: Floats, truth: Bools) -> float | None:
     return float(below.mean() / 2 / len(false))
 
 
-def risk_scores(logits: Floats, truth: Bools, usual: Floats) -> dict[str, float | int | None]:
+def risk_scores(logits: FloatingArray, truth: BoolArray, usual: FloatingArray) -> dict[str, float | int | None]:
     """How well risks are told: over all commands, and among those of one state.
 
     Args:
@@ -77,14 +74,14 @@ def risk_scores(logits: Floats, truth: Bools, usual: Floats) -> dict[str, float 
     }
 
 
-def auc_within_states(logits: Floats, truth: Bools) -> float | None:
+def auc_within_states(logits: FloatingArray, truth: BoolArray) -> float | None:
     """The mean of `auc` over the rows that have both kinds, shapes (N, C); None if there are none."""
     within = [auc(row, true) for row, true in zip(logits, truth, strict=True)]
     varied = [value for value in within if value is not None]
     return float(np.mean(varied)) if varied else None
 
 
-def presence_scores(read: Floats, humans: Floats) -> dict[str, Any]:
+def presence_scores(read: FloatingArray, humans: FloatingArray) -> dict[str, Any]:
     """How well the nearest visible human is read.
 
     Args:
@@ -105,7 +102,7 @@ def presence_scores(read: Floats, humans: Floats) -> dict[str, Any]:
     return scores
 
 
-def answers_of(run: TrainRun, rows: Indices) -> tuple[torch.Tensor, torch.Tensor]:
+def answers_of(run: TrainRun, rows: Int64Array) -> tuple[torch.Tensor, torch.Tensor]:
     """What the averaged network answers to held-out samples, and what it reads of humans; see `PolicyNet.forward`."""
     learner, part = run.learner, run.held_out
     network, batches = learner.average.eval(), np.split(rows, range(VALIDATION_BATCH, len(rows), VALIDATION_BATCH))

@@ -12,18 +12,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from experiments.reconstruction.rows import print_row
 from readygo.apps.capture.compare import pose_errors
 from readygo.apps.capture.truth import read_truth
+from readygo.common.arrays import Float64Array
 from readygo.common.errors import SceneError
 from readygo.services.reconstructor.job import POSED, REPORT_FILE
 from readygo.services.reconstructor.metric.drift import PoseErrors
 from readygo.services.reconstructor.poses import colmap
 from readygo.services.reconstructor.poses.covariance import pose_errors as pose_errors_of
-
-Array = npt.NDArray[np.float64]
 
 
 def measured(truth: Path, job: Path) -> dict[str, Any]:
@@ -45,7 +43,7 @@ def measured(truth: Path, job: Path) -> dict[str, Any]:
     return {**errors.to_mapping(), "shape_rmse_by_residuals_m": by_residuals, **said, "scale_by": scale["source"]}
 
 
-def shape_rmse_m(T_world_camera: Array, errors: PoseErrors) -> float:
+def shape_rmse_m(T_world_camera: Float64Array, errors: PoseErrors) -> float:
     """What the residuals of a map say of its cameras' errors that no similarity takes away [m].
 
     Args:

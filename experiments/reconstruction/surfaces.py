@@ -17,11 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy import ndimage
 
 from experiments.reconstruction.rows import print_row
 from readygo.apps.capture.truth import Truth, read_truth
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array
 from readygo.common.camera import CameraConfig
 from readygo.common.errors import SceneError
 from readygo.common.gaussians import GaussianCloud
@@ -35,8 +35,6 @@ from readygo.common.scenes.filmed import FILMED_MIN
 from readygo.services.reconstructor.similarity import Similarity, umeyama
 from readygo.services.renderer import Renderer, RendererConfig
 
-Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
 OUTPUTS = ("rgb", "median_depth", "normal")
 HEIGHT_PX, WIDTH_PX, HFOV_DEG = 144, 192, 65.0
 LEVEL, UPRIGHT = 0.9, 0.2
@@ -65,9 +63,11 @@ def measured(truth: Truth, filmed: Scene, found: Scene, every: int) -> dict[str,
     }
 
 
-def depth_errors(filmed: Scene, found: Scene, pairs: list[tuple[Floats, Floats]]) -> dict[str, Floats]:
+def depth_errors(
+    filmed: Scene, found: Scene, pairs: list[tuple[Float64Array, Float64Array]]
+) -> dict[str, Float64Array]:
     """Absolute differences of depths [m] at pixels of floor and of walls, over all pairs of poses."""
-    off: dict[str, list[Floats]] = {name: [] for name in ("floor", "wall", "floor_centre", "wall_centre")}
+    off: dict[str, list[Float64Array]] = {name: [] for name in ("floor", "wall", "floor_centre", "wall_centre")}
     camera = CameraConfig(height_px=HEIGHT_PX, width_px=WIDTH_PX, horizontal_fov_deg=HFOV_DEG)
     config = RendererConfig(human_light=False, feet_on_floor=False, outputs=OUTPUTS)
     robot = RobotConfig(camera=camera)
@@ -84,7 +84,7 @@ def depth_errors(filmed: Scene, found: Scene, pairs: list[tuple[Floats, Floats]]
     return {name: np.concatenate(parts) for name, parts in off.items()}
 
 
-def off_surfaces(true: Images, T_world_camera: Floats, depth_m: npt.NDArray[np.float32]) -> dict[str, Floats]:
+def off_surfaces(true: Images, T_world_camera: Float64Array, depth_m: Float32Array) -> dict[str, Float64Array]:
     """How far depths are from those of the filmed scene at its floor and its walls [m].
 
     Args:
@@ -101,7 +101,7 @@ def off_surfaces(true: Images, T_world_camera: Floats, depth_m: npt.NDArray[np.f
     return {name: off_m[where].astype(np.float64) for name, where in shown.items()}
 
 
-def plane_depths(cloud: GaussianCloud, T_world_camera: Floats, camera: CameraConfig) -> npt.NDArray[np.float32]:
+def plane_depths(cloud: GaussianCloud, T_world_camera: Float64Array, camera: CameraConfig) -> Float32Array:
     """Depths of a cloud's planes as the training of surfaces has them [m], inf where there are none, shape (H, W)."""
     import torch
 
@@ -121,7 +121,7 @@ def plane_depths(cloud: GaussianCloud, T_world_camera: Floats, camera: CameraCon
     return torch.where(known, depth_m, torch.inf).numpy()
 
 
-def rigid(pairs: list[tuple[Floats, Floats]]) -> Similarity:
+def rigid(pairs: list[tuple[Float64Array, Float64Array]]) -> Similarity:
     """The rotation and translation from the found world to the true one."""
     true, ours = (np.array([pair[k][:3, 3] for pair in pairs]) for k in (0, 1))
     R = umeyama(ours, true).R
@@ -151,7 +151,7 @@ def areas(filmed: Scene, found: Scene, to_true: Similarity) -> dict[str, float]:
     }
 
 
-def _reached(free: OccupancyMap) -> Bools:
+def _reached(free: OccupancyMap) -> BoolArray:
     """The largest part where a disc of `DISC_M` fits."""
     labels, count = ndimage.label(clearance_m(free) > DISC_M)
     if count == 0:

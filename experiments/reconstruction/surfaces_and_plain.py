@@ -19,17 +19,10 @@ from typing import Annotated
 import numpy as np
 import tyro
 
-from experiments.reconstruction.surfaces import (
-    HEIGHT_PX,
-    HFOV_DEG,
-    OUTPUTS,
-    WIDTH_PX,
-    Floats,
-    off_surfaces,
-    plane_depths,
-)
+from experiments.reconstruction.surfaces import HEIGHT_PX, HFOV_DEG, OUTPUTS, WIDTH_PX, off_surfaces, plane_depths
 from readygo.apps.capture.truth import Truth, read_truth
 from readygo.benchmarks.rasterizer.render import machine
+from readygo.common.arrays import Float64Array
 from readygo.common.camera import CameraConfig
 from readygo.common.errors import SceneError
 from readygo.common.gaussians import GaussianCloud
@@ -84,7 +77,7 @@ def settings(steps: int, side_px: int) -> dict[str, GaussiansConfig]:
     return {"surfaces": surfaces, "plain": replace(surfaces, geometry=replace(surfaces.geometry, enabled=False))}
 
 
-def camera_pairs(truth: Truth, posed: Path) -> list[tuple[Floats, Floats]]:
+def camera_pairs(truth: Truth, posed: Path) -> list[tuple[Float64Array, Float64Array]]:
     """The true pose and the found one of each image that has both, shape (4, 4) each.
 
     Raises:
@@ -98,7 +91,9 @@ def camera_pairs(truth: Truth, posed: Path) -> list[tuple[Floats, Floats]]:
     return [(truth.poses[name], found[name]) for name in names]
 
 
-def plane_errors(filmed: Scene, cloud: GaussianCloud, pairs: list[tuple[Floats, Floats]]) -> dict[str, float]:
+def plane_errors(
+    filmed: Scene, cloud: GaussianCloud, pairs: list[tuple[Float64Array, Float64Array]]
+) -> dict[str, float]:
     """Median and 90th percentile of the depths' errors on floor and walls [m]."""
     camera = CameraConfig(height_px=HEIGHT_PX, width_px=WIDTH_PX, horizontal_fov_deg=HFOV_DEG)
     config = RendererConfig(human_light=False, feet_on_floor=False, outputs=OUTPUTS)

@@ -4,8 +4,8 @@ import math
 from collections.abc import Callable, Mapping
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars import Avatar
 from readygo.common.episode import Purpose, episode_rng
 from readygo.common.episode.resample import at_rate
@@ -19,7 +19,7 @@ from readygo.services.animator.gait.human import GaitSkeleton, skeleton_of
 from readygo.services.animator.gait.path import check_trajectory
 from readygo.services.animator.gait.walk import walk
 
-MotionSource = Callable[[GaitSkeleton, npt.NDArray[np.float64], FloorMap, np.random.Generator], Motion]
+MotionSource = Callable[[GaitSkeleton, Float64Array, FloorMap, np.random.Generator], Motion]
 """Skeleton, trajectory (T, 2) at 20 Hz [m], floor and source of chance -> motion."""
 
 
@@ -67,7 +67,7 @@ def _motion_source(config: AnimatorConfig) -> MotionSource:
     return lambda skeleton, xy_m, floor, rng: walk(skeleton, xy_m, floor, rng, config.style_variation)
 
 
-def check_free(obstacles: OccupancyMap, xy_m: npt.NDArray[np.float64]) -> None:
+def check_free(obstacles: OccupancyMap, xy_m: Float64Array) -> None:
     """Refuse trajectories through walls and furniture.
 
     Raises:

@@ -7,8 +7,8 @@ into its standing pose. Feet follow the path, but not to the millimetre of the g
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.frames.rotations import axis_angle_from_matrix, matrix_from_axis_angle, wrap_angle
 from readygo.common.maps import FloorMap
 from readygo.common.messages import Motion
@@ -24,8 +24,6 @@ _LOOP_M = (0.8, 2.2)
 """Length of the piece that is walked again by those who have farther to go than was drawn [m]."""
 _END_M = 0.7
 """The last steps into the stand, which are not walked again [m]."""
-
-Float64Array = npt.NDArray[np.float64]
 
 
 class RetimedWalk:
@@ -106,7 +104,7 @@ def _turn(yaw_rad: float) -> Float64Array:
     return matrix_from_axis_angle(np.array([0.0, yaw_rad, 0.0]))
 
 
-def _loop_rows(way_m: Float64Array, poses: npt.NDArray[np.float32]) -> tuple[int, int] | None:
+def _loop_rows(way_m: Float64Array, poses: Float32Array) -> tuple[int, int] | None:
     """First and last row of a piece that ends in the pose in which it begins; None where the way is too short."""
     last = int(np.searchsorted(way_m, way_m[-1] - _END_M))
     first = np.flatnonzero((way_m >= way_m[last] - _LOOP_M[1]) & (way_m <= way_m[last] - _LOOP_M[0]))

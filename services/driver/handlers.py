@@ -4,9 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import numpy as np
-import numpy.typing as npt
-
+from readygo.common.arrays import Float64Array
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import Driver, DriverFailure, Observer, run_episode
 from readygo.common.episode.streams import Purpose, episode_rng
@@ -26,7 +24,7 @@ class Advice(Protocol):
     """What an expert would do at a state, and what it knows there."""
 
     @property
-    def commands(self) -> npt.NDArray[np.float64]:
+    def commands(self) -> Float64Array:
         """Commands for the next steps: v [m/s], w [rad/s], shape (N, 2), N >= 1; the last one is held."""
         ...
 
@@ -199,7 +197,7 @@ class LabelDriver:
         return [commands[-1][held - 1]]
 
 
-def executable(commands: npt.NDArray[np.float64], simulation: EpisodeSimulation) -> Commands:
+def executable(commands: Float64Array, simulation: EpisodeSimulation) -> Commands:
     """What the robot would make of commands from its present state on, as many as are recorded.
 
     Args:

@@ -13,8 +13,8 @@ graphs, 2018.
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.kernels import kernel_with_cache
@@ -32,8 +32,6 @@ HUMAN_MARGIN_M = 0.10
 """Added to the distance at which robot and human meet [m]."""
 _STEP_S = 0.1
 """Length of a step of a rollout, as near as simulation steps come to it [s]."""
-
-Float64Array = npt.NDArray[np.float64]
 
 
 class RiskMap:
@@ -76,11 +74,11 @@ def _roll_out(
     start: tuple[float, float, float, float, float],
     limits: tuple[float, float, float, float, float, float],
     radii: tuple[float, float],
-    occupied: npt.NDArray[np.bool_],
-    clearance: npt.NDArray[np.float32],
+    occupied: BoolArray,
+    clearance: Float32Array,
     frame: tuple[float, float, float],
     humans: Float64Array,
-    out: npt.NDArray[np.uint8],
+    out: UInt8Array,
 ) -> None:
     """Fill `out` with the risks of all commands; humans at each step of the rollout, shape (T, N, 2)."""
     v_max, w_max, a_max, alpha_max, v_min, dt = limits
@@ -106,8 +104,8 @@ def _roll_out(
 
 @kernel_with_cache
 def _near_obstacle(
-    occupied: npt.NDArray[np.bool_],
-    clearance: npt.NDArray[np.float32],
+    occupied: BoolArray,
+    clearance: Float32Array,
     frame: tuple[float, float, float],
     x: float,
     y: float,

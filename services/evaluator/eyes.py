@@ -3,12 +3,11 @@
 import hashlib
 import math
 from collections.abc import Sequence
-from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, UInt8Array
 from readygo.common.bus import Bus
 from readygo.common.episode.goal import goal_pose
 from readygo.common.episode.simulation import EpisodeSimulation
@@ -48,12 +47,12 @@ class Eyes:
         """True if a new image comes at the episode's present step."""
         return self._clock.sees(simulation.step, self._latency_steps)
 
-    def look(self, simulations: Sequence[EpisodeSimulation]) -> npt.NDArray[np.uint8]:
+    def look(self, simulations: Sequence[EpisodeSimulation]) -> UInt8Array:
         """What policies see, from `measure`, as `PolicySpec.images` names it, shape (B, H, W, C)."""
         images = self.measure(simulations)
         return side_by_side({name: in_bytes(image, name, self._robot) for name, image in images.items()}, self._sees)
 
-    def measure(self, simulations: Sequence[EpisodeSimulation]) -> dict[str, npt.NDArray[Any]]:
+    def measure(self, simulations: Sequence[EpisodeSimulation]) -> dict[str, AnyArray]:
         """What each robot sees now: the images of the cameras' latency ago, the first ones until there are some so old.
 
         Args:
@@ -83,9 +82,7 @@ class Eyes:
             for name, drawn in {RGB: reply.rgb, **reply.outputs}.items()
         }
 
-    def look_from(
-        self, xyyaw: Sequence[tuple[float, float, float]], simulation: EpisodeSimulation
-    ) -> npt.NDArray[np.uint8]:
+    def look_from(self, xyyaw: Sequence[tuple[float, float, float]], simulation: EpisodeSimulation) -> UInt8Array:
         """Images that a robot would see at some poses without humans, as for an image of a goal.
 
         Args:
@@ -100,14 +97,14 @@ class Eyes:
         """
         return self._reply(tuple(self._still_view(pose, simulation) for pose in xyyaw), {}).rgb
 
-    def goal_image(self, simulation: EpisodeSimulation) -> npt.NDArray[np.uint8]:
+    def goal_image(self, simulation: EpisodeSimulation) -> UInt8Array:
         """What the robot would see at its goal without humans, sRGB, shape (H, W, 3).
 
         Raises:
             BusError: See `look`.
         """
         pose = goal_pose(simulation.scenario, simulation.robot_map, simulation.robot.planning_radius_m)
-        image: npt.NDArray[np.uint8] = self.look_from([pose], simulation)[0]
+        image: UInt8Array = self.look_from([pose], simulation)[0]
         return image
 
     def _reply(self, views: tuple[RenderView, ...], known: dict[str, EpisodeMotions]) -> RenderReply:

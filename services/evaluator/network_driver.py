@@ -10,9 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
+from readygo.common.arrays import UInt8Array
 from readygo.common.episode import EpisodeSimulation, Purpose, episode_rng
 from readygo.common.episode.loop import Command, DriverFailure
 from readygo.common.errors import PolicyError
@@ -77,7 +75,7 @@ class NetworkDriver:
                 self._decide(state, image, simulation.robot)
         return [state.command for _, state in running]
 
-    def _decide(self, state: NetworkState, image: npt.NDArray[np.uint8], robot: RobotConfig) -> None:
+    def _decide(self, state: NetworkState, image: UInt8Array, robot: RobotConfig) -> None:
         import torch
 
         frame, count = self._prepare_image(image), self._network.frames
@@ -88,7 +86,7 @@ class NetworkDriver:
         unit_m = robot.v_max_mps / LOOK_HZ
         state.command = steer((waypoint[0] * unit_m, waypoint[1] * unit_m, *waypoint[2:]), robot)
 
-    def _prepare_image(self, image: npt.NDArray[np.uint8]) -> Any:
+    def _prepare_image(self, image: UInt8Array) -> Any:
         """An image as the networks know them, shape (3, h, w)."""
         from readygo.common.networks.images import normalise_images, small_image
 

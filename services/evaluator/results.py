@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.documents import parse_json, read_json
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
@@ -26,8 +26,6 @@ _POSE_DIGITS = 5
 
 METHODS = "methods"
 """Key of the settings that has a hash by method, of methods that are files; it grows with the methods that drive."""
-
-Float64Array = npt.NDArray[np.float64]
 
 
 class Results:

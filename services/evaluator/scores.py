@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.episode import wilson_interval
 from readygo.common.episode.metrics import EpisodeResult, spl_of
 from readygo.common.episode.statistics import bootstrap_interval, mcnemar_p
@@ -255,7 +255,7 @@ def _difference(
     return Score(mean=float(found.mean()), low=low, high=high, count=len(found))
 
 
-def _ratio(columns: npt.NDArray[np.float64]) -> Score:
+def _ratio(columns: Float64Array) -> Score:
     """Mean of the first column over that of the second one; NaN where that is nothing."""
     ours, theirs = columns.mean(axis=0).tolist() if len(columns) else (math.nan, math.nan)
     low, high = bootstrap_interval(columns, lambda means: means[:, 0] / means[:, 1])

@@ -4,22 +4,19 @@ from collections.abc import Mapping
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from readygo.common.drawing.files import Picture
+from readygo.common.arrays import Float64Array, Int32Array, UInt8Array
 from readygo.common.drawing.plan_view import HUMANS, INK, ROBOT, draw_scale_bar, put_text
 from readygo.common.maps.grid import GridFrame
 from readygo.common.scenes.top_view import TopView
 from readygo.services.reconstructor.posed import PosedImages
-
-Array = npt.NDArray[np.float64]
 
 _SIDE_PX = 900
 _POINTS_OF = 0.98
 """Share of the points that the picture holds; some are far away."""
 
 
-def draw_map(images: PosedImages, markers: Mapping[int, Array]) -> Picture:
+def draw_map(images: PosedImages, markers: Mapping[int, Float64Array]) -> UInt8Array:
     """Points in their colours, cameras with where they look, and markers.
 
     Args:
@@ -50,7 +47,7 @@ def draw_map(images: PosedImages, markers: Mapping[int, Array]) -> Picture:
     return view.rgb
 
 
-def _window(images: PosedImages, markers: Mapping[int, Array]) -> TopView:
+def _window(images: PosedImages, markers: Mapping[int, Float64Array]) -> TopView:
     """An empty picture that holds all cameras and markers, and nearly all points."""
     inside = np.concatenate([images.T_world_camera[:, :2, 3], *(corners[:, :2] for corners in markers.values())])
     low_m, high_m = inside.min(axis=0), inside.max(axis=0)
@@ -66,7 +63,7 @@ def _window(images: PosedImages, markers: Mapping[int, Array]) -> TopView:
     return TopView(rgb=np.full((max(rows, 200), max(columns, 200), 3), 255, dtype=np.uint8), frame=frame)
 
 
-def _pixels(view: TopView, points_m: Array) -> npt.NDArray[np.int32]:
+def _pixels(view: TopView, points_m: Float64Array) -> Int32Array:
     """Columns and rows of points, shape (N, 2)."""
     column = (points_m[:, 0] - view.frame.origin_x_m) / view.frame.resolution_m
     row = view.rgb.shape[0] - (points_m[:, 1] - view.frame.origin_y_m) / view.frame.resolution_m

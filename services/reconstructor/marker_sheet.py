@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float64Array
 from readygo.common.errors import ConfigError
 from readygo.services.reconstructor.metric.markers import open_dictionary
 
@@ -17,7 +17,7 @@ _TEXT_M = 0.03
 _RULER_M = 0.1
 
 
-def marker_cells(dictionary: str, marker: int) -> npt.NDArray[np.bool_]:
+def marker_cells(dictionary: str, marker: int) -> BoolArray:
     """Black cells of a marker with its border, row 0 on top.
 
     Raises:
@@ -39,9 +39,9 @@ class PrintedSheet:
 
     width_m: float
     height_m: float
-    black_m: npt.NDArray[np.float64]
+    black_m: Float64Array
     """Rectangles: x, y of the lower left corner from that of the page, width, height [m], shape (N, 4)."""
-    corners_m: npt.NDArray[np.float64]
+    corners_m: Float64Array
     """The marker's corners on the page: upper left, upper right, lower right, lower left, shape (4, 2) [m]."""
 
 

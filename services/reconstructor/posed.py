@@ -4,11 +4,9 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int64Array, UInt8Array
 from readygo.services.reconstructor.similarity import Similarity
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -19,22 +17,22 @@ class PosedImages:
     """
 
     names: tuple[str, ...]
-    T_world_camera: Array
+    T_world_camera: Float64Array
     """Poses of the cameras, shape (V, 4, 4)."""
-    focal_px: Array
+    focal_px: Float64Array
     """Mean of fx and fy, shape (V,) [px]."""
-    size_px: npt.NDArray[np.int64]
+    size_px: Int64Array
     """Width and height, shape (V, 2)."""
-    rays: Callable[[int, Array], Array]
+    rays: Callable[[int, Float64Array], Float64Array]
     """Gives, by an image's number and pixels of shape (N, 2), pixel centres at +0.5, their rays at depth 1, shape (N,
     2)."""
-    points: Array
+    points: Float64Array
     """Points of the map, shape (P, 3)."""
-    points_rgb: npt.NDArray[np.uint8]
+    points_rgb: UInt8Array
     """Colours of the points, shape (P, 3)."""
-    seen: npt.NDArray[np.int64]
+    seen: Int64Array
     """Sightings of points: rows of the numbers of image and point, shape (M, 2)."""
-    errors_px: Array
+    errors_px: Float64Array
     """Mean reprojection error of each point, shape (P,) [px]."""
 
     def only(self, names: Collection[str]) -> "PosedImages":

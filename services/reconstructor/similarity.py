@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from readygo.common.arrays import Float64Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -13,16 +13,16 @@ class Similarity:
     """Maps points of frame `a` to frame `b`: p_b = scale R p_a + t."""
 
     scale: float
-    R: Array
+    R: Float64Array
     """Rotation, shape (3, 3)."""
-    t: Array
+    t: Float64Array
     """Translation, shape (3,), in units of frame b."""
 
-    def apply(self, points: npt.ArrayLike) -> Array:
+    def apply(self, points: npt.ArrayLike) -> Float64Array:
         """Points of frame a, shape (..., 3), in frame b."""
         return self.scale * np.asarray(points, dtype=np.float64) @ self.R.T + self.t
 
-    def moved_poses(self, T_a_camera: Array) -> Array:
+    def moved_poses(self, T_a_camera: Float64Array) -> Float64Array:
         """Camera poses in frame a, shape (..., 4, 4), as poses in frame b."""
         T_b_camera = np.array(T_a_camera, dtype=np.float64)
         T_b_camera[..., :3, :3] = self.R @ T_b_camera[..., :3, :3]

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float64Array, Int64Array
 from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.camera.lens import make_lens
 from readygo.common.episode.robot import robot_of_episode
@@ -25,7 +25,6 @@ from readygo.common.robot.kinematics import DT_S
 from readygo.services.renderer.faces import Faces, Remap, plan_faces
 from readygo.services.renderer.humans import pose_humans, row_and_share
 
-Floats = npt.NDArray[np.float64]
 PhiloxKey = tuple[int, int]
 """Two 64-bit words."""
 
@@ -40,9 +39,9 @@ class Shutter:
     steps: tuple[float, ...]
     """Times at which sub-frames are drawn, in simulation steps after the image's own step, at most 0; M of them, latest
     last."""
-    weight: npt.NDArray[np.int64]
+    weight: Int64Array
     """Shares in 1/`TIME_ONE`; columns sum to that, shape (M, H)."""
-    middle: npt.NDArray[np.int64]
+    middle: Int64Array
     """The sub-frame nearest to the middle of each row's exposure, shape (H,)."""
 
 
@@ -50,12 +49,12 @@ class Shutter:
 class SubFrame:
     """What an image shows at one time of its exposure."""
 
-    T_world_camera: Floats
+    T_world_camera: Float64Array
     """Camera pose, OpenCV axes, shape (4, 4)."""
     humans: tuple[PosedHuman, ...]
-    weight: npt.NDArray[np.int64]
+    weight: Int64Array
     """Its share in each row in 1/`TIME_ONE`, shape (H,)."""
-    rows: npt.NDArray[np.bool_]
+    rows: BoolArray
     """The rows whose exposure has its middle here, shape (H,)."""
 
 
@@ -67,13 +66,13 @@ class EpisodeCamera:
     """The camera's name; empty for the robot's first one."""
     config: CameraConfig
     shutter: Shutter
-    gain: Floats
+    gain: Float64Array
     """Factor on the light of each pixel, see `exposure_gain`, shape (H, W)."""
     key: PhiloxKey
     """Key of the sensor's random numbers."""
     remap: Remap | None = None
     """The lens; None if the rasterizer draws the image itself."""
-    K_px: Floats | None = None
+    K_px: Float64Array | None = None
     """Intrinsics [px] that replace the rasterizer's, shape (3, 3)."""
 
     def sub_frames(self, shot: "Shot") -> list[SubFrame]:
@@ -95,7 +94,7 @@ class EpisodeCamera:
         return found
 
 
-PoseAt = Callable[[EpisodeCamera, float], Floats]
+PoseAt = Callable[[EpisodeCamera, float], Float64Array]
 """Pose of a camera at a simulation step, which need not be whole, shape (4, 4)."""
 
 
@@ -116,7 +115,7 @@ class Shot:
     """Exposure [stops] instead of the camera's."""
 
 
-def path_poses(xyyaw: Floats, floor: FloorMap, first_step: int = 0) -> PoseAt:
+def path_poses(xyyaw: Float64Array, floor: FloorMap, first_step: int = 0) -> PoseAt:
     """Poses of cameras on a robot; before the first row and after the last one it stands still.
 
     Args:
@@ -125,7 +124,7 @@ def path_poses(xyyaw: Floats, floor: FloorMap, first_step: int = 0) -> PoseAt:
         first_step: Step of the first row.
     """
 
-    def pose_at(camera: EpisodeCamera, step: float) -> Floats:
+    def pose_at(camera: EpisodeCamera, step: float) -> Float64Array:
         row, share = row_and_share(step, first_step + len(xyyaw))
         row, share = (row - first_step, share) if row >= first_step else (0, 0.0)
         pose = xyyaw[row] if share == 0.0 else arc(xyyaw[row], xyyaw[row + 1], share)
@@ -135,7 +134,7 @@ def path_poses(xyyaw: Floats, floor: FloorMap, first_step: int = 0) -> PoseAt:
     return pose_at
 
 
-def arc(first: Floats, last: Floats, share: float) -> tuple[float, float, float]:
+def arc(first: Float64Array, last: Float64Array, share: float) -> tuple[float, float, float]:
     """Pose (x, y, yaw) after a share of the constant twist that carries one planar pose to another.
 
     Between two samples of a unicycle that keeps its command this is the arc that it drives.
@@ -196,13 +195,13 @@ def _row_shares(begin: float, length: float, count: int) -> list[int]:
     return [last - first for first, last in zip([0, *steps], steps, strict=False)]
 
 
-def exposure_gain(camera: CameraConfig) -> Floats:
+def exposure_gain(camera: CameraConfig) -> Float64Array:
     """Factor on the light of each pixel from exposure and vignetting, shape (H, W)."""
     height_px, width_px = camera.height_px, camera.width_px
     u = (np.arange(width_px) + 0.5 - 0.5 * width_px)[None, :]
     v = (np.arange(height_px) + 0.5 - 0.5 * height_px)[:, None]
     corner2 = 0.25 * (height_px * height_px + width_px * width_px)
-    gain: Floats = 2.0**camera.exposure_ev * (1.0 - camera.vignetting * (u * u + v * v) / corner2)
+    gain: Float64Array = 2.0**camera.exposure_ev * (1.0 - camera.vignetting * (u * u + v * v) / corner2)
     return gain
 
 

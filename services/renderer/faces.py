@@ -10,17 +10,15 @@ Legend: (x, y) = point of a ray on the camera's plane z = 1; (fu, fv) = on the f
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, Float64Array, Int32Array, Int64Array
 from readygo.common.camera.lens import Lens
 from readygo.common.errors import ConfigError
 from readygo.common.images.images import Images
 from readygo.common.kernels import kernel_with_cache
-
-Floats = npt.NDArray[np.float64]
 
 FACE_TAN_MAX = math.tan(math.radians(60.0))
 OVERSAMPLING = 1.5
@@ -62,7 +60,7 @@ class Faces:
     width_px: int
 
     @property
-    def K_px(self) -> Floats:
+    def K_px(self) -> Float64Array:
         """Intrinsics of every face [px], shape (3, 3)."""
         f = self.focal_px
         return np.array([[f, 0.0, self.cx_px], [0.0, f, self.cy_px], [0.0, 0.0, 1.0]])
@@ -79,17 +77,17 @@ class Remap:
 
     faces: tuple[int, ...]
     """Faces that are needed, places in `R_FACE_CAMERA`; F of them."""
-    start: npt.NDArray[np.int64]
+    start: Int64Array
     """First source of each pixel, shape (H W + 1,)."""
-    source: npt.NDArray[np.int32]
+    source: Int32Array
     """Places in the F stacked faces, shape (S,)."""
-    weight: npt.NDArray[np.int32]
+    weight: Int32Array
     """Sums to `WEIGHT_ONE` over a pixel, shape (S,)."""
-    nearest: npt.NDArray[np.int32]
+    nearest: Int32Array
     """Source at the pixel's centre, shape (H, W)."""
     face: npt.NDArray[np.int8]
     """Face of each pixel, counted in `faces`, shape (H, W)."""
-    depth_factor: Floats
+    depth_factor: Float64Array
     """Depth along the camera's optical axis over depth along the face's, shape (H, W)."""
 
 
@@ -149,8 +147,8 @@ def make_remap(lens: Lens, faces: Faces) -> Remap:
     right, below = (_known_rays(lens, centres + shift) for shift in _HALF_STEPS)
     taps = _tap_counts(right, below, xy, faces)
     start = np.zeros(height * width + 1, dtype=np.int64)
-    sources: list[npt.NDArray[np.int32]] = []
-    weights: list[npt.NDArray[np.int32]] = []
+    sources: list[Int32Array] = []
+    weights: list[Int32Array] = []
     for row in range(height):
         pixels = slice(row * width, (row + 1) * width)
         samples, first = _samples(centres[pixels], taps[pixels])
@@ -175,7 +173,7 @@ def make_remap(lens: Lens, faces: Faces) -> Remap:
     )
 
 
-def face_poses(T_world_camera: Floats, remap: Remap | None) -> list[Floats]:
+def face_poses(T_world_camera: Float64Array, remap: Remap | None) -> list[Float64Array]:
     """Poses of the cameras that draw the faces, shape (4, 4) each; without a lens that of the camera itself."""
     if remap is None:
         return [T_world_camera]
@@ -196,7 +194,7 @@ def look_up(faces: Sequence[Images], remap: Remap | None) -> Images:
     """
     if remap is None:
         return faces[0]
-    values: dict[str, npt.NDArray[Any]] = {}
+    values: dict[str, AnyArray] = {}
     for name in faces[0].arrays():
         stacked = np.stack([getattr(face, name) for face in faces])
         value = stacked.reshape(-1, *stacked.shape[3:])[remap.nearest]
@@ -211,21 +209,21 @@ def look_up(faces: Sequence[Images], remap: Remap | None) -> Images:
     return Images(**values)
 
 
-def _grid(height_px: int, width_px: int, stride: int) -> Floats:
+def _grid(height_px: int, width_px: int, stride: int) -> Float64Array:
     """Pixel corners, the image's borders among them, shape (N, 2)."""
     u = np.append(np.arange(0.0, width_px, stride), float(width_px))
     v = np.append(np.arange(0.0, height_px, stride), float(height_px))
     return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
 
 
-def _known_rays(lens: Lens, uv: Floats) -> Floats:
+def _known_rays(lens: Lens, uv: Float64Array) -> Float64Array:
     rays = lens.rays(uv)
     if np.isnan(rays).any():
         raise ConfigError(f"The {lens.distortion} distortion {lens.coefficients} folds the image; use smaller values.")
     return rays
 
 
-def _face_places(xy: Floats, cube: bool) -> npt.NDArray[np.int64]:
+def _face_places(xy: Float64Array, cube: bool) -> Int64Array:
     """The face that each ray goes through, shape (N,)."""
     if not cube:
         return np.zeros(len(xy), dtype=np.int64)
@@ -237,29 +235,29 @@ def _face_places(xy: Floats, cube: bool) -> npt.NDArray[np.int64]:
     return np.where(level, around, upright).astype(np.int64)
 
 
-def _along_axis(xy: Floats, place: npt.NDArray[np.int64]) -> Floats:
+def _along_axis(xy: Float64Array, place: Int64Array) -> Float64Array:
     """Depth along the axes of faces of the points (x, y, 1), shape (N,)."""
     R = R_FACE_CAMERA[place]
-    depth: Floats = R[:, 2, 0] * xy[:, 0] + R[:, 2, 1] * xy[:, 1] + R[:, 2, 2]
+    depth: Float64Array = R[:, 2, 0] * xy[:, 0] + R[:, 2, 1] * xy[:, 1] + R[:, 2, 2]
     return depth
 
 
-def _in_face(xy: Floats, place: npt.NDArray[np.int64]) -> Floats:
+def _in_face(xy: Float64Array, place: Int64Array) -> Float64Array:
     """(fu, fv) of rays in the given faces, shape (N, 2)."""
     R, depth = R_FACE_CAMERA[place], _along_axis(xy, place)
     return np.stack([(R[:, i, 0] * xy[:, 0] + R[:, i, 1] * xy[:, 1] + R[:, i, 2]) / depth for i in (0, 1)], axis=1)
 
 
-def _on_faces(xy: Floats, cube: bool) -> Floats:
+def _on_faces(xy: Float64Array, cube: bool) -> Float64Array:
     return _in_face(xy, _face_places(xy, cube))
 
 
-def _face_uv(xy: Floats, place: npt.NDArray[np.int64], faces: Faces) -> Floats:
+def _face_uv(xy: Float64Array, place: Int64Array, faces: Faces) -> Float64Array:
     """Pixels of the faces, centres at +0.5, shape (N, 2)."""
     return _in_face(xy, place) * faces.focal_px + (faces.cx_px, faces.cy_px)
 
 
-def _densities(xy: Floats, right: Floats, below: Floats, cube: bool) -> tuple[float, float]:
+def _densities(xy: Float64Array, right: Float64Array, below: Float64Array, cube: bool) -> tuple[float, float]:
     """Least and greatest stretch from image to face, in units of 1/px, from rays half a pixel apart."""
     place = _face_places(xy, cube)
     centre = _in_face(xy, place)
@@ -267,7 +265,7 @@ def _densities(xy: Floats, right: Floats, below: Floats, cube: bool) -> tuple[fl
     return float(least.min()), float(most.max())
 
 
-def _stretch(a: Floats, b: Floats) -> tuple[Floats, Floats]:
+def _stretch(a: Float64Array, b: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Singular values of matrices with columns `a` and `b`, shapes (N, 2) -> (N,), (N,)."""
     half_sum = 0.5 * (a[:, 0] * a[:, 0] + a[:, 1] * a[:, 1] + b[:, 0] * b[:, 0] + b[:, 1] * b[:, 1])
     area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
@@ -276,7 +274,7 @@ def _stretch(a: Floats, b: Floats) -> tuple[Floats, Floats]:
     return np.abs(area) / most, most
 
 
-def _tap_counts(right: Floats, below: Floats, xy: Floats, faces: Faces) -> npt.NDArray[np.int64]:
+def _tap_counts(right: Float64Array, below: Float64Array, xy: Float64Array, faces: Faces) -> Int64Array:
     """Samples per pixel along each axis, shape (N,)."""
     place = _face_places(xy, faces.cube)
     centre = _in_face(xy, place)
@@ -285,7 +283,7 @@ def _tap_counts(right: Floats, below: Floats, xy: Floats, faces: Faces) -> npt.N
     return np.clip(counts, 1, _WINDOW)
 
 
-def _samples(centres: Floats, taps: npt.NDArray[np.int64]) -> tuple[Floats, npt.NDArray[np.int64]]:
+def _samples(centres: Float64Array, taps: Int64Array) -> tuple[Float64Array, Int64Array]:
     """Evenly spaced samples in pixels, shape (M, 2), and the first one of each pixel, shape (N + 1,)."""
     first = np.concatenate([[0], np.cumsum(taps * taps)])
     per = np.repeat(taps, taps * taps)
@@ -295,9 +293,7 @@ def _samples(centres: Floats, taps: npt.NDArray[np.int64]) -> tuple[Floats, npt.
 
 
 @kernel_with_cache(error_model="numpy")
-def _merged(
-    uv: Floats, first: npt.NDArray[np.int64], height: int, width: int
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+def _merged(uv: Float64Array, first: Int64Array, height: int, width: int) -> tuple[Int64Array, Int32Array, Int32Array]:
     """Sources of pixels: how many each has, their places in the face, and integer weights."""
     pixels = len(first) - 1
     count = np.zeros(pixels, np.int64)

@@ -1,10 +1,8 @@
 """Render requests."""
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, Float64Array
 from readygo.common.images.names import RGB
 from readygo.common.messages import HumanMotion, RenderReply, RenderRequest, RenderView
 from readygo.services.renderer.camera import EpisodeCamera, Shot, path_poses
@@ -29,7 +27,7 @@ def handle_render(renderer: Renderer, request: RenderRequest) -> RenderReply:
     shots = [] if unknown else [_shot(renderer, view, known[view.people] or ()) for view in request.views]
     camera = renderer.robot.camera
     rgb = np.empty((len(shots), camera.height_px, camera.width_px, 3), dtype=np.uint8)
-    further: dict[str, list[npt.NDArray[Any]]] = {name: [] for name in request.outputs}
+    further: dict[str, list[AnyArray]] = {name: [] for name in request.outputs}
     for number, views in enumerate(renderer.render(shots, (RGB, *further))):
         rgb[number] = views[""].rgb
         for name, images in further.items():
@@ -45,13 +43,13 @@ def _shot(renderer: Renderer, view: RenderView, humans: tuple[HumanMotion, ...])
         pose_at = path_poses(np.array(view.path_xyyaw), renderer.scene.maps.floor, first_step)
     else:
 
-        def pose_at(camera: EpisodeCamera, step: float) -> npt.NDArray[np.float64]:
+        def pose_at(camera: EpisodeCamera, step: float) -> Float64Array:
             if not camera.name:
                 return view.T_world_camera
             T_robot_first, T_robot_camera = (
                 mounted.T_world_camera(0.0, 0.0, 0.0, 0.0) for mounted in (renderer.robot.camera, camera.config)
             )
-            T_world_robot: npt.NDArray[np.float64] = view.T_world_camera @ np.linalg.inv(T_robot_first)
+            T_world_robot: Float64Array = view.T_world_camera @ np.linalg.inv(T_robot_first)
             return T_world_robot @ T_robot_camera
 
     episode = view.people if view.episode is None else view.episode

@@ -11,8 +11,8 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array
 from readygo.common.avatars import Avatar
 from readygo.common.avatars.kinematics import fill_globals
 from readygo.common.frames.turning import turn_between
@@ -23,9 +23,6 @@ from readygo.common.maps import FloorMap, OccupancyMap
 from readygo.common.maps.grid import bilinear
 from readygo.common.messages import HumanMotion
 from readygo.common.rasterizer.interface import PosedHuman
-
-Floats = npt.NDArray[np.float64]
-Singles = npt.NDArray[np.float32]
 
 FEET = ((7, 10), (8, 11))
 """SMPL joints of each foot: ankle and ball."""
@@ -82,7 +79,7 @@ def row_and_share(step: float, count: int) -> tuple[int, float]:
     return row, max(step - row, 0.0)
 
 
-def feet_of(avatars: Mapping[str, Avatar], humans: Sequence[PosedHuman]) -> Floats:
+def feet_of(avatars: Mapping[str, Avatar], humans: Sequence[PosedHuman]) -> Float64Array:
     """Heel and tip of everybody's feet: x, y and the height of the sole there [m], shape (H, 2, 2, 3)."""
     feet = np.empty((len(humans), 2, 2, 3))
     for number, human in enumerate(humans):
@@ -92,7 +89,9 @@ def feet_of(avatars: Mapping[str, Avatar], humans: Sequence[PosedHuman]) -> Floa
     return feet
 
 
-def stands_of(feet: Floats, floor: FloorMap, obstacles: OccupancyMap, T_world_camera: Floats) -> Floats:
+def stands_of(
+    feet: Float64Array, floor: FloorMap, obstacles: OccupancyMap, T_world_camera: Float64Array
+) -> Float64Array:
     """The ground below humans, and by how much their feet can be drawn as if they were nearer to a camera.
 
     Args:
@@ -112,7 +111,7 @@ def stands_of(feet: Floats, floor: FloorMap, obstacles: OccupancyMap, T_world_ca
     return stands
 
 
-def shadow_cloud(feet: Floats, floor: FloorMap, p_WC: Floats) -> GaussianCloud | None:
+def shadow_cloud(feet: Float64Array, floor: FloorMap, p_WC: Float64Array) -> GaussianCloud | None:
     """The shadows of feet as a camera is to draw them; None if there are none.
 
     Args:
@@ -140,7 +139,13 @@ def shadow_cloud(feet: Floats, floor: FloorMap, p_WC: Floats) -> GaussianCloud |
 
 
 @kernel_with_cache
-def _fill_feet(root: Floats, pose: Floats, joints_tpose: Singles, joints_canonical: Singles, feet: Floats) -> None:
+def _fill_feet(
+    root: Float64Array,
+    pose: Float64Array,
+    joints_tpose: Float32Array,
+    joints_canonical: Float32Array,
+    feet: Float64Array,
+) -> None:
     """Write heel and tip of both feet, shape (2, 2, 3)."""
     positions, rotations = np.empty((24, 3)), np.empty((24, 3, 3))
     fill_globals(root, pose, joints_tpose, rotations, positions)
@@ -157,7 +162,12 @@ def _fill_feet(root: Floats, pose: Floats, joints_tpose: Singles, joints_canonic
 
 @kernel_with_cache
 def _fill_grounds(
-    feet: Floats, floor_m: Singles, origin_x_m: float, origin_y_m: float, resolution_m: float, stands: Floats
+    feet: Float64Array,
+    floor_m: Float32Array,
+    origin_x_m: float,
+    origin_y_m: float,
+    resolution_m: float,
+    stands: Float64Array,
 ) -> None:
     for human in range(len(feet)):
         x, y = feet[human, :, :, 0].mean(), feet[human, :, :, 1].mean()
@@ -166,13 +176,13 @@ def _fill_grounds(
 
 @kernel_with_cache
 def _fill_leads(
-    points: Floats,
-    occupied: npt.NDArray[np.bool_],
+    points: Float64Array,
+    occupied: BoolArray,
     origin_x_m: float,
     origin_y_m: float,
     resolution_m: float,
-    T_world_camera: Floats,
-    stands: Floats,
+    T_world_camera: Float64Array,
+    stands: Float64Array,
 ) -> None:
     """Write the leads of humans whose feet span the points of shape (H, P, 3): the least of all of them."""
     for human in range(len(points)):
@@ -196,15 +206,15 @@ def _fill_leads(
 
 @kernel_with_cache
 def _fill_shadows(
-    feet: Floats,
-    floor_m: Singles,
+    feet: Float64Array,
+    floor_m: Float32Array,
     origin_x_m: float,
     origin_y_m: float,
     resolution_m: float,
-    p_WC: Floats,
-    means: Singles,
-    scales: Singles,
-    opacities: Singles,
+    p_WC: Float64Array,
+    means: Float32Array,
+    scales: Float32Array,
+    opacities: Float32Array,
 ) -> int:
     """Write the shadow Gaussians of feet, shape (F, 2, 3), and return their number."""
     count = 0
@@ -238,7 +248,7 @@ def _fill_shadows(
 
 
 @kernel_with_cache
-def _free_way(feet: Floats, x: float, y: float, towards_x: float, towards_y: float) -> float:
+def _free_way(feet: Float64Array, x: float, y: float, towards_x: float, towards_y: float) -> float:
     """How far a Gaussian at (x, y) [m] can be pulled towards the camera before a foot is in the way [m]."""
     length = math.sqrt(towards_x * towards_x + towards_y * towards_y)
     ux, uy = towards_x / length, towards_y / length
@@ -251,7 +261,7 @@ def _free_way(feet: Floats, x: float, y: float, towards_x: float, towards_y: flo
 
 
 @kernel_with_cache
-def _is_inside(foot: Floats, x: float, y: float) -> bool:
+def _is_inside(foot: Float64Array, x: float, y: float) -> bool:
     """Whether a point on the ground is below a foot."""
     wx, wy = foot[1, 0] - foot[0, 0], foot[1, 1] - foot[0, 1]
     px, py = x - foot[0, 0], y - foot[0, 1]

@@ -11,16 +11,13 @@ from functools import cache
 from statistics import NormalDist
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
 from readygo.common.camera import CameraConfig
 from readygo.common.images.images import Images
 from readygo.common.kernels import kernel_with_cache
 from readygo.services.renderer.camera import TIME_ONE, EpisodeCamera, Shot, SubFrame, exposure_gain, sensor_rng
 from readygo.services.renderer.faces import WEIGHT_ONE, Remap, look_up
-
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 
 LIGHT_ONE = 65535
 """White in the tables."""
@@ -28,14 +25,14 @@ _NORMALS = 1 << 16
 
 
 @cache
-def light_of_byte() -> Integers:
+def light_of_byte() -> Int64Array:
     """Light of each sRGB byte, in 1/65535 of white, shape (256,). Source: IEC 61966-2-1."""
     light = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (byte / 255 for byte in range(256))]
     return np.array([math.floor(value * LIGHT_ONE + 0.5) for value in light], dtype=np.int64)
 
 
 @cache
-def byte_of_light() -> npt.NDArray[np.uint8]:
+def byte_of_light() -> UInt8Array:
     """The sRGB byte of each light, shape (65536,)."""
     codes = [
         12.92 * light if light <= 0.0031308 else 1.055 * light ** (1 / 2.4) - 0.055
@@ -45,7 +42,7 @@ def byte_of_light() -> npt.NDArray[np.uint8]:
 
 
 @cache
-def normal_of_word() -> npt.NDArray[np.float32]:
+def normal_of_word() -> Float32Array:
     """Normal deviates of 16-bit words: the quantiles of equal steps, shape (65536,)."""
     normal = NormalDist()
     half = [normal.inv_cdf((number + 0.5) / _NORMALS) for number in range(_NORMALS // 2)]
@@ -81,7 +78,7 @@ def develop(camera: EpisodeCamera, shot: Shot, sub_frames: Sequence[SubFrame], d
     return dataclasses.replace(out, rgb=to_srgb(light, config, gain, sensor_rng(camera.key, shot.step)))
 
 
-def add_light(light: Integers, faces: npt.NDArray[np.uint8], remap: Remap | None, row_weight: Integers) -> None:
+def add_light(light: Int64Array, faces: UInt8Array, remap: Remap | None, row_weight: Int64Array) -> None:
     """Let an image fall on the rows that collect light.
 
     Args:
@@ -97,7 +94,7 @@ def add_light(light: Integers, faces: npt.NDArray[np.uint8], remap: Remap | None
         _add_remapped(source, remap.start, remap.source, remap.weight, light_of_byte(), row_weight, light)
 
 
-def to_srgb(light: Integers, camera: CameraConfig, gain: Floats, rng: np.random.Generator) -> npt.NDArray[np.uint8]:
+def to_srgb(light: Int64Array, camera: CameraConfig, gain: Float64Array, rng: np.random.Generator) -> UInt8Array:
     """The collected light as sRGB bytes, shape (H, W, 3).
 
     Args:
@@ -123,7 +120,7 @@ def to_srgb(light: Integers, camera: CameraConfig, gain: Floats, rng: np.random.
     return out
 
 
-def _with_rows(images: Images, others: Images, rows: npt.NDArray[np.bool_]) -> Images:
+def _with_rows(images: Images, others: Images, rows: BoolArray) -> Images:
     """Images whose given rows are those of others."""
     values = {name: array.copy() for name, array in images.arrays().items()}
     for name, value in values.items():
@@ -132,7 +129,7 @@ def _with_rows(images: Images, others: Images, rows: npt.NDArray[np.bool_]) -> I
 
 
 @kernel_with_cache(error_model="numpy")
-def _add_image(source: npt.NDArray[np.uint8], light: Integers, row_weight: Integers, out: Integers) -> None:
+def _add_image(source: UInt8Array, light: Int64Array, row_weight: Int64Array, out: Int64Array) -> None:
     height, width, _ = out.shape
     for i in range(height):
         if row_weight[i] > 0:
@@ -145,13 +142,13 @@ def _add_image(source: npt.NDArray[np.uint8], light: Integers, row_weight: Integ
 
 @kernel_with_cache(error_model="numpy")
 def _add_remapped(
-    source: npt.NDArray[np.uint8],
-    start: Integers,
-    place: npt.NDArray[np.int32],
-    weight: npt.NDArray[np.int32],
-    light: Integers,
-    row_weight: Integers,
-    out: Integers,
+    source: UInt8Array,
+    start: Int64Array,
+    place: Int32Array,
+    weight: Int32Array,
+    light: Int64Array,
+    row_weight: Int64Array,
+    out: Int64Array,
 ) -> None:
     height, width, _ = out.shape
     for i in range(height):
@@ -171,15 +168,15 @@ def _add_remapped(
 
 @kernel_with_cache(error_model="numpy")
 def _develop(
-    total: Integers,
-    gain: Floats,
+    total: Int64Array,
+    gain: Float64Array,
     balance: tuple[float, float, float],
     read_variance: float,
     shot_variance: float,
-    words: Integers,
-    normals: npt.NDArray[np.float32],
-    byte_of_light: npt.NDArray[np.uint8],
-    out: npt.NDArray[np.uint8],
+    words: Int64Array,
+    normals: Float32Array,
+    byte_of_light: UInt8Array,
+    out: UInt8Array,
 ) -> None:
     height, width, _ = total.shape
     one = float(LIGHT_ONE) * float(WEIGHT_ONE) * float(TIME_ONE)

@@ -3,9 +3,7 @@
 from collections import deque
 from collections.abc import Sequence
 
-import numpy as np
-import numpy.typing as npt
-
+from readygo.common.arrays import UInt8Array
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.goal import goal_pose
 from readygo.common.episode.loop import Observer
@@ -38,7 +36,7 @@ class LiveCamera(Observer):
         self.pictures: dict[int, Picture] = {}
         """What was taken so far, as it is recorded, by step."""
         self._late_steps = 0
-        self._waiting: deque[tuple[int, npt.NDArray[np.uint8]]] = deque()
+        self._waiting: deque[tuple[int, UInt8Array]] = deque()
 
     def begin(self, simulation: EpisodeSimulation) -> None:
         """Put the cameras onto the robot.
@@ -67,13 +65,13 @@ class LiveCamera(Observer):
         """True if an image reaches the driver at the present step: the first one does until there is another."""
         return simulation.step == 0 or (simulation.step - self._late_steps) % self.image_every == 0
 
-    def look(self, simulations: Sequence[EpisodeSimulation]) -> npt.NDArray[np.uint8]:
+    def look(self, simulations: Sequence[EpisodeSimulation]) -> UInt8Array:
         """The image that reaches the driver of the one episode at the present step, shape (1, H, W, C)."""
         (simulation,) = simulations
         self._drop_older(simulation.step)
         return self._waiting[0][1][None]
 
-    def goal_image(self, simulation: EpisodeSimulation) -> npt.NDArray[np.uint8]:
+    def goal_image(self, simulation: EpisodeSimulation) -> UInt8Array:
         """What the robot would see at its goal without humans, sRGB, shape (H, W, 3)."""
         pose = goal_pose(simulation.scenario, simulation.robot_map, simulation.robot.planning_radius_m)
         return goal_view(self._renderer, simulation.scenario.episode, pose)

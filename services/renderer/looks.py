@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.episode import EpisodeConfig
 from readygo.common.images.clarity import CLARITY_OUTPUTS, coverage, sharpness
 from readygo.common.images.names import RGB
@@ -25,15 +25,13 @@ class Look:
 
     xyyaw: tuple[float, float, float]
     """Pose of the robot: x, y [m], yaw [rad]."""
-    rgb: npt.NDArray[np.uint8]
+    rgb: UInt8Array
     """sRGB image, shape (H, W, 3)."""
     sharpness: float
     coverage: float
 
 
-def look_around(
-    renderer: Renderer, xyyaw: npt.NDArray[np.float64], episode: EpisodeKey | None = None
-) -> Iterator[Look]:
+def look_around(renderer: Renderer, xyyaw: Float64Array, episode: EpisodeKey | None = None) -> Iterator[Look]:
     """What the robot's camera shows, one pose after the other; equal poses look equal.
 
     Args:
@@ -52,7 +50,7 @@ def look_around(
         )
 
 
-def goal_view(renderer: Renderer, episode: EpisodeKey, xyyaw: tuple[float, float, float]) -> npt.NDArray[np.uint8]:
+def goal_view(renderer: Renderer, episode: EpisodeKey, xyyaw: tuple[float, float, float]) -> UInt8Array:
     """What the first camera of an episode shows at its goal without humans, sRGB, shape (H, W, 3).
 
     Args:
@@ -69,7 +67,7 @@ def goal_picture(renderer: Renderer, episode: EpisodeKey, xyyaw: tuple[float, fl
     return encode_image(goal_view(renderer, episode, xyyaw), renderer.config)
 
 
-def unclear(renderer: Renderer, episode: EpisodeKey, xyyaw: npt.NDArray[np.float64], config: EpisodeConfig) -> str:
+def unclear(renderer: Renderer, episode: EpisodeKey, xyyaw: Float64Array, config: EpisodeConfig) -> str:
     """Why an episode shows too little to be recorded; empty if it shows enough or no limit is set.
 
     A few views, spread evenly over its steps, are drawn without people; their medians are compared.
@@ -89,6 +87,6 @@ def unclear(renderer: Renderer, episode: EpisodeKey, xyyaw: npt.NDArray[np.float
     return BARE if np.median([look.coverage for look in looks]) < config.coverage_min else ""
 
 
-def _shot(renderer: Renderer, pose: npt.NDArray[np.float64], episode: EpisodeKey | None) -> Shot:
+def _shot(renderer: Renderer, pose: Float64Array, episode: EpisodeKey | None) -> Shot:
     """What a robot sees that stands at a pose x, y [m], yaw [rad], shape (3,)."""
     return Shot(step=0, pose_at=path_poses(pose[None], renderer.scene.maps.floor), episode=episode or "", still=True)

@@ -5,10 +5,8 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-import numpy.typing as npt
-
+from readygo.common.arrays import AnyArray, Float64Array
 from readygo.common.avatars import Avatar, LabelModel
 from readygo.common.avatars.mesh_look import fixed_light, mesh_like
 from readygo.common.camera import CameraConfig
@@ -28,7 +26,6 @@ from readygo.common.scenes import Scene
 from readygo.common.scenes.scene import CLOUD_FILE, SKY_FILE
 from readygo.services.renderer.camera import (
     EpisodeCamera,
-    Floats,
     Shot,
     SubFrame,
     exposure_gain,
@@ -220,13 +217,13 @@ class Renderer:
             yield View(T_world_camera=T_world_camera, humans=humans, shadows=shadows, K_px=camera.K_px), outputs
 
 
-def view_image(views: Mapping[str, Images], name: str) -> npt.NDArray[Any]:
+def view_image(views: Mapping[str, Images], name: str) -> AnyArray:
     """One of the images that cameras show, by its name."""
-    image: npt.NDArray[Any] = getattr(views[camera_of(name)], FIELDS[kind_of(name)])
+    image: AnyArray = getattr(views[camera_of(name)], FIELDS[kind_of(name)])
     return image
 
 
-def scene_light(scene: Scene, config: RendererConfig) -> Callable[[float, float], Floats] | None:
+def scene_light(scene: Scene, config: RendererConfig) -> Callable[[float, float], Float64Array] | None:
     """The light at a place x, y [m] as in `irradiance_matrix`, from the scene's cache or made there.
 
     None draws humans in their avatars' own colours.

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array, UInt8Array
 from readygo.common.avatars import human_labels
 from readygo.common.episode.robot import drawn_of_episode
 from readygo.common.errors import RunError
@@ -76,7 +76,7 @@ def episode_shots(
     renderer: Renderer,
     episode: EpisodeKey,
     motions: EpisodeMotions,
-    xyyaw: npt.NDArray[np.float64],
+    xyyaw: Float64Array,
     steps: Iterable[int],
 ) -> list[Shot]:
     """Shots of an episode, as they are recorded.
@@ -187,7 +187,7 @@ def encode_picture(views: Mapping[str, Images], config: RendererConfig) -> Pictu
     return Picture(encode_image(views[""].rgb, config), outputs)
 
 
-def encode_image(rgb: npt.NDArray[np.uint8], config: RendererConfig) -> bytes:
+def encode_image(rgb: UInt8Array, config: RendererConfig) -> bytes:
     """An sRGB image, shape (H, W, 3), as a JPEG or PNG file."""
     import cv2
 
@@ -206,7 +206,7 @@ def _human_xyzyaw(renderer: Renderer, human: HumanMotion, step: int) -> tuple[fl
     return x_m, y_m, renderer.scene.maps.floor.at(x_m, y_m), facing_yaw(human.motion.pose_axis_angle[row, 0])
 
 
-def facing_yaw(orientation_axis_angle: npt.NDArray[np.float32]) -> float:
+def facing_yaw(orientation_axis_angle: Float32Array) -> float:
     """Heading in the z-up world [rad] of a body whose global orientation, SMPL y-up, is an axis-angle vector [rad].
 
     The body faces SMPL's +z, which Rodrigues' formula turns; (x, y, z)_zup = (x, -z, y)_yup.

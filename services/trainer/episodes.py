@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, FloatingArray, RecordArray, UInt8Array
 from readygo.common.camera import SensorConfig
 from readygo.common.errors import DatasetError
 from readygo.common.images.names import GOAL_IMAGE
@@ -15,8 +15,6 @@ from readygo.common.messages import CommittedEpisode, EpisodeKey, Sample
 from readygo.common.messages.plan import DriverKind, Outcome
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import UNKNOWN_RISK
-
-Array = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, slots=True)
@@ -27,19 +25,19 @@ class TrainingEpisode:
     """Tells it from all others."""
     images: tuple[bytes, ...]
     """Encoded images, T of them; empty where none was taken."""
-    actions: Array
+    actions: Float32Array
     """Commands executed after each sample: v [m/s], w [rad/s], shape (T, 2)."""
-    goals_xy_m: Array
+    goals_xy_m: Float32Array
     """Goals in the robot's frame [m], shape (T, 2)."""
-    xyyaw: npt.NDArray[np.float64]
+    xyyaw: Float64Array
     """Robot's poses: x, y [m], yaw [rad], shape (T, 3)."""
-    expert: Array | None = None
+    expert: Float32Array | None = None
     """What the expert would have executed from each sample on: v [m/s], w [rad/s], shape (T, K, 2), NaN where there is
     no image; None if the expert was not asked."""
-    risks: npt.NDArray[np.uint8] | None = None
+    risks: UInt8Array | None = None
     """What each command of `readygo.common.robot.command_grid` would have led to, see `Dataset.risks`, shape (T, C);
     None if the data do not say."""
-    humans: Array | None = None
+    humans: Float32Array | None = None
     """The nearest visible human: 1 if there is one, else 0; bearing to the left [rad], distance [m]; shape (T, 3).
     None if the data do not say."""
     driver: DriverKind = DriverKind.EXPERT
@@ -60,7 +58,7 @@ class TrainingEpisode:
         return len(self.images)
 
     @property
-    def pictured(self) -> npt.NDArray[np.bool_]:
+    def pictured(self) -> BoolArray:
         """True where an image was taken, shape (T,)."""
         return np.array([bool(image) for image in self.images], np.bool_)
 
@@ -127,17 +125,17 @@ class SampleSource(Protocol):
         ...
 
     @property
-    def actions(self) -> Array:
+    def actions(self) -> Float32Array:
         """Commands over the next step: v [m/s], w [rad/s], shape (S, 2)."""
         ...
 
     @property
-    def goals_xy_m(self) -> Array:
+    def goals_xy_m(self) -> Float32Array:
         """Goals in the robot's frame [m], shape (S, 2)."""
         ...
 
     @property
-    def poses(self) -> npt.NDArray[np.float64]:
+    def poses(self) -> Float64Array:
         """Robot on the floor: x, y, z [m], yaw [rad], shape (S, 4)."""
         ...
 
@@ -147,12 +145,12 @@ class SampleSource(Protocol):
         ...
 
     @property
-    def expert_actions(self) -> Array:
+    def expert_actions(self) -> Float32Array:
         """What the expert would have executed, shape (S, 2); NaN where there is no image."""
         ...
 
     @property
-    def expert_ahead(self) -> Array:
+    def expert_ahead(self) -> Float32Array:
         """What the expert would have executed from then on, every 0.05 s, shape (S, K, 2)."""
         ...
 
@@ -162,12 +160,12 @@ class SampleSource(Protocol):
         ...
 
     @property
-    def risks(self) -> npt.NDArray[np.uint8]:
+    def risks(self) -> UInt8Array:
         """What each command would have led to, shape (S, C)."""
         ...
 
     @property
-    def truth(self) -> npt.NDArray[np.void]:
+    def truth(self) -> RecordArray:
         """What the robot does not know, shape (S,): `human_distance_m` and `human_visible` among others."""
         ...
 
@@ -199,7 +197,7 @@ class SampleSource(Protocol):
         ...
 
     @property
-    def humans_xyzyaw(self) -> Sequence[npt.NDArray[np.float64]]:
+    def humans_xyzyaw(self) -> Sequence[Float64Array]:
         """Every human at each sample: x, y, z [m], yaw [rad], shapes (H, 4)."""
         ...
 
@@ -290,9 +288,7 @@ def _output(sample: Sample, name: str) -> bytes:
     return sample.outputs.get(name, b"")
 
 
-def nearest_humans(
-    xyyaw: npt.NDArray[np.float64], places_xy_m: Sequence[npt.NDArray[np.floating]], visible: npt.NDArray[np.bool_]
-) -> Array:
+def nearest_humans(xyyaw: Float64Array, places_xy_m: Sequence[FloatingArray], visible: BoolArray) -> Float32Array:
     """`TrainingEpisode.humans`: the nearest human ahead of the robot, at the samples at which one is visible.
 
     Args:
@@ -311,7 +307,7 @@ def nearest_humans(
     return found
 
 
-def _expert(samples: Sequence[Sample]) -> Array | None:
+def _expert(samples: Sequence[Sample]) -> Float32Array | None:
     asked = [row for row, sample in enumerate(samples) if sample.image]
     if not all(samples[row].expert_commands for row in asked):
         return None
@@ -320,7 +316,7 @@ def _expert(samples: Sequence[Sample]) -> Array | None:
     return expert
 
 
-def _risks(samples: Sequence[Sample]) -> npt.NDArray[np.uint8] | None:
+def _risks(samples: Sequence[Sample]) -> UInt8Array | None:
     asked = [row for row, sample in enumerate(samples) if sample.image]
     count = len(samples[asked[0]].risks)
     if count == 0 or any(len(samples[row].risks) != count for row in asked):
@@ -330,5 +326,5 @@ def _risks(samples: Sequence[Sample]) -> npt.NDArray[np.uint8] | None:
     return risks
 
 
-def _places(sample: Sample) -> npt.NDArray[np.float64]:
+def _places(sample: Sample) -> Float64Array:
     return np.array([place[:2] for place in sample.humans_xyzyaw], np.float64).reshape(-1, 2)

@@ -2,8 +2,8 @@
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Int64Array, UInt8Array
 from readygo.common.camera import CameraConfig
 from readygo.common.errors import DatasetError
 from readygo.common.images.encoded import decode_image
@@ -12,9 +12,8 @@ from readygo.common.images.names import GOAL_IMAGE, RGB, kind_of
 from readygo.common.policy.sight import as_measured, channels_of, in_bytes, side_by_side
 from readygo.common.robot import RobotConfig
 from readygo.services.trainer.reservoir import Reservoir
-from readygo.services.trainer.samples import Indices, TrainingSamples
+from readygo.services.trainer.samples import TrainingSamples
 
-Image = npt.NDArray[np.uint8]
 _AT_GOAL = -1
 """Stands for the episode's goal instead of a step."""
 
@@ -39,11 +38,11 @@ class FrameCache:
         self._size = (camera.height_px, camera.width_px, 3)
         self.shape = (camera.height_px // pooling, camera.width_px // pooling, channels_of(images))
         """Shape of a frame as the network takes it: rows, columns, channels."""
-        self._kept: dict[str, dict[int, Image]] = {}
+        self._kept: dict[str, dict[int, UInt8Array]] = {}
         self._room = limit_bytes // int(np.prod(self.shape))
         self._version = reservoir.version
 
-    def get(self, table: TrainingSamples, indices: Indices) -> Image:
+    def get(self, table: TrainingSamples, indices: Int64Array) -> UInt8Array:
         """Frames of the samples `indices`, the images that were asked for side by side, shape (F, H, W, C).
 
         Index -1 - e is the image of the goal of the table's episode e.
@@ -61,7 +60,7 @@ class FrameCache:
             frames[row] = self._frame(table.names[episode], step)
         return frames
 
-    def _frame(self, name: str, step: int) -> Image:
+    def _frame(self, name: str, step: int) -> UInt8Array:
         kept = self._kept.setdefault(name, {})
         if step in kept:
             return kept[step]
@@ -71,7 +70,7 @@ class FrameCache:
             kept[step] = frame
         return frame
 
-    def _image(self, name: str, step: int, image: str) -> Image:
+    def _image(self, name: str, step: int, image: str) -> UInt8Array:
         """One of the images of a frame, pooled: rgb, shape (H, W, 3), or what is measured of depths, shape (H, W)."""
         episode, kind = self._reservoir.episodes[name], kind_of(image)
         if step == _AT_GOAL:
@@ -108,12 +107,12 @@ def pooling_of(camera: CameraConfig, pooled_height_px: int) -> int:
     return max(factor for factor in factors if height % factor == 0 and width % factor == 0)
 
 
-def thin_pixels(depth: Image, factor: int) -> Image:
+def thin_pixels(depth: UInt8Array, factor: int) -> UInt8Array:
     """The pixel in the middle of every square of `factor` pixels: a mean of depths is where nothing is."""
     return depth[factor // 2 :: factor, factor // 2 :: factor]
 
 
-def pool(frame: Image, factor: int) -> Image:
+def pool(frame: UInt8Array, factor: int) -> UInt8Array:
     """The mean of every square of `factor` pixels, halves rounded up, shape (H / factor, W / factor, 3)."""
     if factor == 1:
         return frame
@@ -122,5 +121,5 @@ def pool(frame: Image, factor: int) -> Image:
         return np.asarray(cv2.resize(frame, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.uint8)
     height, width = frame.shape[0] // factor, frame.shape[1] // factor
     sums = frame.reshape(height, factor, width, factor, 3).sum(axis=(1, 3), dtype=np.uint32)
-    pooled: Image = ((2 * sums + factor * factor) // (2 * factor * factor)).astype(np.uint8)
+    pooled: UInt8Array = ((2 * sums + factor * factor) // (2 * factor * factor)).astype(np.uint8)
     return pooled

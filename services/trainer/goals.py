@@ -3,33 +3,32 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Int64Array
 from readygo.common.frames import goals_in_robot_frames
-from readygo.services.trainer.samples import Indices, TrainingSamples
+from readygo.services.trainer.samples import TrainingSamples
 
 NEAR_M = 1.0
 """Goals are reached at this distance [m]."""
-Array = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Goals:
     """Goals of a batch."""
 
-    xy_m: Array
+    xy_m: Float32Array
     """Goals in the robot's frame [m], shape (B, 2)."""
-    seen_from: Indices
+    seen_from: Int64Array
     """The sample whose frame shows what is seen there; -1 - e for the image of the goal of episode e, shape (B,)."""
 
 
-def own_goals(table: TrainingSamples, samples: Indices) -> Goals:
+def own_goals(table: TrainingSamples, samples: Int64Array) -> Goals:
     """The goals of the episodes."""
     return Goals(xy_m=table.goals_xy_m[samples], seen_from=-1 - table.episode[samples])
 
 
 def hindsight_goals(
-    table: TrainingSamples, samples: Indices, share: float, rng: np.random.Generator, *, seen: bool = False
+    table: TrainingSamples, samples: Int64Array, share: float, rng: np.random.Generator, *, seen: bool = False
 ) -> Goals:
     """Goals of samples, some of them replaced by a place that the robot reached later in the same episode.
 
@@ -52,5 +51,5 @@ def hindsight_goals(
     dx, dy = (table.xyyaw[later, :2] - table.xyyaw[samples, :2]).T
     replaced = (rng.random(len(samples)) < share) & (dx * dx + dy * dy > NEAR_M**2)
     own = own_goals(table, samples)
-    xy_m: Array = np.where(replaced[:, None], reached, own.xy_m)
+    xy_m: Float32Array = np.where(replaced[:, None], reached, own.xy_m)
     return Goals(xy_m=xy_m, seen_from=np.where(replaced, later, own.seen_from))

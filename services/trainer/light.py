@@ -6,14 +6,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Int64Array, UInt8Array
 from readygo.common.images.names import RGB, kind_of
-from readygo.services.trainer.samples import Indices
-
-Array = npt.NDArray[np.float32]
-Image = npt.NDArray[np.uint8]
 
 
-def draw_light(count: int, strength: float, rng: np.random.Generator) -> Array:
+def draw_light(count: int, strength: float, rng: np.random.Generator) -> Float32Array:
     """Contrast, brightness and colour of episodes, as tables from bytes to numbers around [-1, 1].
 
     Args:
@@ -28,11 +25,11 @@ def draw_light(count: int, strength: float, rng: np.random.Generator) -> Array:
     colour = 1 + rng.uniform(-strength, strength, (count, 1, 3)) / 2
     brightness = rng.uniform(-strength, strength, (count, 1, 1))
     plain = (np.arange(256) / 127.5 - 1)[:, None]
-    tables: Array = (contrast * colour * plain + brightness + colour - 1).astype(np.float32)
+    tables: Float32Array = (contrast * colour * plain + brightness + colour - 1).astype(np.float32)
     return tables
 
 
-def lit(frames: Image, groups: Indices, light: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
+def lit(frames: UInt8Array, groups: Int64Array, light: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
     """What the network is given for frames.
 
     Args:
@@ -49,7 +46,7 @@ def lit(frames: Image, groups: Indices, light: npt.NDArray[np.generic]) -> npt.N
     return shown
 
 
-def light_on(light: Array, images: Sequence[str]) -> Array:
+def light_on(light: Float32Array, images: Sequence[str]) -> Float32Array:
     """Tables of the channels of some images: of colours the light's, of depths what changes nothing, (G, 256, C)."""
     if len(images) == 1:
         return light

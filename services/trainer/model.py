@@ -12,10 +12,10 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
+from readygo.common.arrays import Float64Array
 from readygo.common.policy.sight import channels_by_image
 from readygo.common.policy.traits import LIMITS_AT, TRAIT_COUNT, trait_units
 from readygo.common.robot import RobotConfig
@@ -282,7 +282,7 @@ def humans_head(latents_width: int) -> nn.Sequential:
     return nn.Sequential(nn.Linear(latents_width, HUMANS_WIDTH), nn.ReLU(), nn.Linear(HUMANS_WIDTH, 3))
 
 
-def command_columns(inputs: PolicyInputs) -> npt.NDArray[np.float64]:
+def command_columns(inputs: PolicyInputs) -> Float64Array:
     """Where v and w executed last stand among the features of own motion: 1 there, else 0, shape (2, M)."""
     width = inputs.motion.width(inputs.frame_count)
     first = width - 2 if inputs.motion is MotionInput.POSES else 0

@@ -1,20 +1,19 @@
 """Own motion, commands and places of robots that are shown turned or mirrored, or that are not told what they did."""
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float32]
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array
 
 
-def turn_world(xy_m: Array, yaws_rad: npt.NDArray[np.float64]) -> Array:
+def turn_world(xy_m: Float32Array, yaws_rad: Float64Array) -> Float32Array:
     """Places in the frames of robots that are turned to the left by `yaws_rad`, shape (B, 2)."""
     c, s = np.cos(yaws_rad), np.sin(yaws_rad)
     x, y = xy_m.T
-    turned: Array = np.stack([c * x + s * y, c * y - s * x], axis=1).astype(np.float32)
+    turned: Float32Array = np.stack([c * x + s * y, c * y - s * x], axis=1).astype(np.float32)
     return turned
 
 
-def turn_motion(motion: Array, yaws_rad: npt.NDArray[np.float64]) -> Array:
+def turn_motion(motion: Float32Array, yaws_rad: Float64Array) -> Float32Array:
     """Own motion of robots that were turned to the left by `yaws_rad` at all of their frames, shape (B, 3 K + 2)."""
     turned = motion.copy()
     for begin in range(0, motion.shape[1] - 2, 3):
@@ -22,17 +21,17 @@ def turn_motion(motion: Array, yaws_rad: npt.NDArray[np.float64]) -> Array:
     return turned
 
 
-def mirrored_motion(width: int) -> Array:
+def mirrored_motion(width: int) -> Float32Array:
     """Signs of the features of own motion in a mirrored world: of K older frames and the command, shape (3 K + 2,)."""
     return np.array([1, -1, -1] * ((width - 2) // 3) + [1, -1], np.float32)
 
 
 def correct_for_turn(
-    commands: Array,
-    yaws_rad: npt.NDArray[np.float64],
+    commands: Float32Array,
+    yaws_rad: Float64Array,
     gain_per_s: float,
-    w_max_radps: npt.NDArray[np.float64] | float,
-) -> Array:
+    w_max_radps: Float64Array | float,
+) -> Float32Array:
     """Commands of robots that were turned to the left by `yaws_rad`: they turn back.
 
     Args:
@@ -50,7 +49,7 @@ def correct_for_turn(
     return corrected
 
 
-def corrupt_previous(commands: Array, noise: Array, withheld: npt.NDArray[np.bool_]) -> Array:
+def corrupt_previous(commands: Float32Array, noise: Float32Array, withheld: BoolArray) -> Float32Array:
     """Previous actions as `MotionInput.COMMAND` has them, with noise, and withheld (0, 0, 0) in some samples.
 
     An imitator that sees the previous action learns to repeat it: consecutive actions of an expert hardly differ, and

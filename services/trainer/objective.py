@@ -2,13 +2,12 @@
 
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
+from readygo.common.arrays import AnyArray, Float32Array, Float64Array, Int64Array
 from readygo.common.images.names import cameras_of
 from readygo.common.policy.traits import LIMITS_AT
 from readygo.common.robot import RobotConfig
@@ -20,7 +19,7 @@ from readygo.services.trainer.inputs import MotionInput
 from readygo.services.trainer.light import light_on, lit
 from readygo.services.trainer.model import Bins
 from readygo.services.trainer.motion import correct_for_turn, corrupt_previous, mirrored_motion, turn_motion, turn_world
-from readygo.services.trainer.samples import Array, Batch, Indices, TrainingSamples, WindowTiming, make_batch
+from readygo.services.trainer.samples import Batch, TrainingSamples, WindowTiming, make_batch
 from readygo.services.trainer.views import BatchViews, draw_views, plain_view
 from readygo.services.trainer.warps import RobotWarp, mirror_twins, show_frames
 
@@ -76,7 +75,9 @@ class Objective:
         self._warp_of = lru_cache(WARPS_KEPT)(partial(RobotWarp, images=self._sees, pooling=pooling))
         self._sees_goal = config.network.goal != "point"
 
-    def training(self, table: TrainingSamples, frames: FrameCache, samples: Indices, rng: np.random.Generator) -> Shown:
+    def training(
+        self, table: TrainingSamples, frames: FrameCache, samples: Int64Array, rng: np.random.Generator
+    ) -> Shown:
         """Samples with random changes."""
         batch = make_batch(samples, table.first, self._timing)
         firsts, groups = np.unique(table.first[batch.frames], return_inverse=True)
@@ -112,7 +113,9 @@ class Objective:
             humans=np.where(mirrored, humans * np.array([1, -1, 1]), humans).astype(np.float32),
         )
 
-    def plain(self, table: TrainingSamples, frames: FrameCache, samples: Indices, *, withheld: bool = False) -> Shown:
+    def plain(
+        self, table: TrainingSamples, frames: FrameCache, samples: Int64Array, *, withheld: bool = False
+    ) -> Shown:
         """Samples as they were recorded, the previous action withheld where asked for."""
         batch = make_batch(samples, table.first, self._timing)
         motion = table.motion[samples]
@@ -164,14 +167,14 @@ class Objective:
             loss = loss + self._config.humans_weight * humans_loss(humans, shown.humans)
         return loss
 
-    def _training_motion(self, motion: Array, limits: npt.NDArray[np.float64], rng: np.random.Generator) -> Array:
+    def _training_motion(self, motion: Float32Array, limits: Float64Array, rng: np.random.Generator) -> Float32Array:
         if self._motion is MotionInput.POSES:
             return motion
         noise = (PREVIOUS_NOISE * rng.normal(0.0, limits, (len(motion), 2))).astype(np.float32)
         return corrupt_previous(motion[:, -2:], noise, rng.random(len(motion)) < PREVIOUS_DROPOUT)
 
     def _images(
-        self, table: TrainingSamples, cache: FrameCache, places: Indices, groups: Indices, view: BatchViews
+        self, table: TrainingSamples, cache: FrameCache, places: Int64Array, groups: Int64Array, view: BatchViews
     ) -> Tensor:
         """Frames of some samples and images of goals, each episode's as its row of the view has it.
 
@@ -196,9 +199,7 @@ class Objective:
             images = torch.from_numpy(lit(shown, groups, light))
         return images.permute(0, 3, 1, 2)
 
-    def _network_inputs(
-        self, images: Tensor, batch: Batch, traits: npt.NDArray[np.float64], **numbers: npt.NDArray[Any]
-    ) -> Shown:
+    def _network_inputs(self, images: Tensor, batch: Batch, traits: Float64Array, **numbers: AnyArray) -> Shown:
         told = traits.astype(np.float32)
         return Shown(
             images=images,
@@ -212,14 +213,14 @@ class Objective:
         )
 
 
-def with_goal_frames(batch: Batch, goals: Goals) -> tuple[Indices, Batch]:
+def with_goal_frames(batch: Batch, goals: Goals) -> tuple[Int64Array, Batch]:
     """The distinct frames that show goals, and a batch whose windows end with them, behind its own frames."""
     places, rows = np.unique(goals.seen_from, return_inverse=True)
     window = np.concatenate([batch.window, len(batch.frames) + rows.reshape(-1, 1)], axis=1)
     return places, replace(batch, window=window)
 
 
-def first_of(goals: Goals) -> Indices:
+def first_of(goals: Goals) -> Int64Array:
     """A sample of the batch for each of the distinct places, in ascending order, that goals are seen from."""
     return np.asarray(np.unique(goals.seen_from, return_index=True)[1], np.int64)
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from readygo.common.arrays import Int64Array
 from readygo.common.camera import SensorConfig
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import PolicyError
@@ -21,7 +22,7 @@ from readygo.services.trainer.hardware import available_cores
 from readygo.services.trainer.learner import Learner
 from readygo.services.trainer.parts import EpisodePart
 from readygo.services.trainer.ranks import Ranks
-from readygo.services.trainer.samples import Indices, draw_samples, spread_samples
+from readygo.services.trainer.samples import draw_samples, spread_samples
 from readygo.services.trainer.schedule import RateSchedule
 from readygo.services.trainer.validation import predict, validation_loss
 
@@ -211,7 +212,7 @@ class TrainRun:
             return self.samples_seen / self.config.samples
         return self.elapsed_s / (60 * self.config.minutes)
 
-    def _draw(self) -> Indices:
+    def _draw(self) -> Int64Array:
         sampling = self.config.sampling
         return draw_samples(
             self.training.table,
@@ -221,7 +222,7 @@ class TrainRun:
             rng=self._rng(0),
         )
 
-    def _learn(self, samples: Indices) -> None:
+    def _learn(self, samples: Int64Array) -> None:
         table = self.training.table
         shown = self.learner.objective.training(table, self.training.frames, samples, self._rng(1))
         loss = self.learner.learn(shown, self.schedule.rate(self.steps, self._fraction), self.steps)

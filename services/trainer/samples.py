@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt8Array
 from readygo.common.errors import DatasetError
 from readygo.common.messages.plan import DriverKind
 from readygo.common.policy.motion import odometry, own_motion
@@ -17,8 +17,6 @@ from readygo.common.robot import Clock, RobotConfig
 from readygo.common.robot.command_grid import COMMAND_COUNT, UNKNOWN_RISK
 from readygo.services.trainer.episodes import TrainingEpisode
 
-Indices = npt.NDArray[np.int64]
-Array = npt.NDArray[np.float32]
 USABLE_MIN = 0.05
 """Least share of usable samples: with fewer, pictures and windows do not meet but at the beginning of episodes."""
 SAME_COMMAND = 1e-4
@@ -51,48 +49,48 @@ class TrainingSamples:
     """Names of the episodes."""
     robots: tuple[RobotConfig, ...]
     """The robots of the episodes."""
-    episode: Indices
+    episode: Int64Array
     """Row in `names` of each sample's episode, shape (S,)."""
-    first: Indices
+    first: Int64Array
     """First sample of each sample's episode, shape (S,)."""
-    last: Indices
+    last: Int64Array
     """Last sample of each sample's episode, shape (S,)."""
-    driven_last: Indices
+    driven_last: Int64Array
     """Last sample up to which the expert has driven undisturbed from this one on; the sample itself where it has not,
     shape (S,)."""
-    pictured_at: Indices
+    pictured_at: Int64Array
     """The sample at which the latest image was taken, shape (S,)."""
-    by_policy: npt.NDArray[np.bool_]
+    by_policy: BoolArray
     """True where a policy drove, shape (S,)."""
-    usable: npt.NDArray[np.bool_]
+    usable: BoolArray
     """True where all frames of the window were taken, the robot is commanded and there is a target, shape (S,)."""
-    targets: Array
+    targets: Float32Array
     """Commands that the samples teach: v [m/s], w [rad/s], shape (S, 2)."""
-    motion: Array
+    motion: Float32Array
     """Own motion, see `readygo.common.policy.motion.own_motion`, shape (S, 3 K + 2)."""
-    goals_xy_m: Array
+    goals_xy_m: Float32Array
     """Goals in the robot's frame [m], shape (S, 2)."""
-    xyyaw: npt.NDArray[np.float64]
+    xyyaw: Float64Array
     """Robot's pose: x, y [m], yaw [rad], shape (S, 3)."""
-    risks: npt.NDArray[np.uint8]
+    risks: UInt8Array
     """Risk of each command, see `TrainingEpisode.risks`; `UNKNOWN_RISK` where the data do not say, shape (S, C)."""
-    humans: Array
+    humans: Float32Array
     """The nearest visible human, see `TrainingEpisode.humans`; NaN where the data do not say, shape (S, 3)."""
 
     def __len__(self) -> int:
         return len(self.first)
 
     @cached_property
-    def traits(self) -> npt.NDArray[np.float64]:
+    def traits(self) -> Float64Array:
         """What a policy for several robots is told of each episode's, shape (E, TRAIT_COUNT)."""
         return np.array([traits_of(robot) for robot in self.robots])
 
-    def limits(self, samples: Indices) -> Array:
+    def limits(self, samples: Int64Array) -> Float32Array:
         """Largest v [m/s] and w [rad/s] of the robots of some samples, shape (B, 2)."""
         return self.traits[self.episode[samples], LIMITS_AT:].astype(np.float32)
 
     @cached_property
-    def usable_samples(self) -> Indices:
+    def usable_samples(self) -> Int64Array:
         """Numbers of the samples that can be learned from, ascending.
 
         Raises:
@@ -111,11 +109,11 @@ class TrainingSamples:
 class Batch:
     """Samples and the distinct frames that their windows see."""
 
-    samples: Indices
+    samples: Int64Array
     """Sample indices, shape (B,)."""
-    frames: Indices
+    frames: Int64Array
     """Sample indices of the distinct frames, ascending, shape (F,)."""
-    window: Indices
+    window: Int64Array
     """Rows of `frames` that each sample sees, oldest first, shape (B, `frame_count`)."""
 
 
@@ -180,12 +178,12 @@ def join_tables(tables: Sequence[TrainingSamples]) -> TrainingSamples:
     )
 
 
-def _window_rows(samples: Indices, first: Indices, timing: WindowTiming) -> Indices:
+def _window_rows(samples: Int64Array, first: Int64Array, timing: WindowTiming) -> Int64Array:
     newest, every = samples - timing.latency_steps, timing.clock.image_every
     return window_rows(newest, first, timing.spacing_steps, timing.frame_count, every)
 
 
-def _risks(episode: TrainingEpisode, command_count: int) -> npt.NDArray[np.uint8]:
+def _risks(episode: TrainingEpisode, command_count: int) -> UInt8Array:
     if episode.risks is None:
         return np.full((episode.sample_count, command_count), UNKNOWN_RISK, np.uint8)
     if episode.risks.shape[1] != command_count:
@@ -196,14 +194,14 @@ def _risks(episode: TrainingEpisode, command_count: int) -> npt.NDArray[np.uint8
     return episode.risks
 
 
-def _targets(episode: TrainingEpisode, ahead_steps: int) -> Array:
+def _targets(episode: TrainingEpisode, ahead_steps: int) -> Float32Array:
     """The expert's commands some steps ahead; where the expert was not asked, what was executed then."""
     if episode.expert is not None:
         return episode.expert[:, min(ahead_steps, episode.expert.shape[1] - 1)]
     return episode.actions[np.minimum(np.arange(episode.sample_count) + ahead_steps, episode.sample_count - 1)]
 
 
-def _driven_last(episode: TrainingEpisode) -> Indices:
+def _driven_last(episode: TrainingEpisode) -> Int64Array:
     steps = np.arange(episode.sample_count)
     if episode.driver is not DriverKind.EXPERT:
         return steps
@@ -231,7 +229,7 @@ def name_rank(name: str) -> float:
     return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big") / 2**64
 
 
-def make_batch(samples: Indices, first: Indices, timing: WindowTiming) -> Batch:
+def make_batch(samples: Int64Array, first: Int64Array, timing: WindowTiming) -> Batch:
     """The batch of some samples; before an episode's start its first frame is seen.
 
     Args:
@@ -246,7 +244,7 @@ def make_batch(samples: Indices, first: Indices, timing: WindowTiming) -> Batch:
 
 def draw_samples(
     table: TrainingSamples, *, batch_size: int, chain_length: int, spacing_steps: int, rng: np.random.Generator
-) -> Indices:
+) -> Int64Array:
     """Random samples for one batch, all usable ones alike likely but for those near the ends of episodes.
 
     Samples that are one frame spacing apart form chains of at most `chain_length`: a chain of n samples sees only
@@ -256,7 +254,7 @@ def draw_samples(
         Sample indices, shape (batch_size,).
     """
     usable = table.usable_samples
-    chains: list[Indices] = []
+    chains: list[Int64Array] = []
     total = 0
     while total < batch_size:
         sample = int(usable[rng.integers(len(usable))])
@@ -271,7 +269,7 @@ def draw_samples(
     return np.concatenate(chains)
 
 
-def spread_samples(table: TrainingSamples, limit: int) -> Indices:
+def spread_samples(table: TrainingSamples, limit: int) -> Int64Array:
     """At most `limit` usable samples, evenly spread, in order."""
     usable = table.usable_samples
     return usable[:: max(1, -(-len(usable) // limit))]

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from readygo.common.arrays import Float32Array, Int64Array
 from readygo.services.trainer.inputs import MotionInput
 from readygo.services.trainer.model import PolicyNet
 from readygo.services.trainer.objective import Objective
 from readygo.services.trainer.parts import EpisodePart
-from readygo.services.trainer.samples import Array, Indices, TrainingSamples
+from readygo.services.trainer.samples import TrainingSamples
 
 VALIDATION_BATCH = 128
 
@@ -18,13 +19,13 @@ VALIDATION_BATCH = 128
 class Predictions:
     """Clipped predictions for held-out samples."""
 
-    given: Array
+    given: Float32Array
     """v [m/s], w [rad/s] as in closed loop, shape (B, 2)."""
-    withheld: Array
+    withheld: Float32Array
     """The policy's commands with the previous action withheld, where the policy takes it at all, shape (B, 2)."""
 
 
-def predict(model: PolicyNet, objective: Objective, part: EpisodePart, samples: Indices) -> Predictions:
+def predict(model: PolicyNet, objective: Objective, part: EpisodePart, samples: Int64Array) -> Predictions:
     """Predictions of `model` for `samples` of a part, in evaluation mode."""
     given = _answers(model, objective, part, samples, withheld=False)
     if model.inputs.motion is MotionInput.POSES:
@@ -32,7 +33,9 @@ def predict(model: PolicyNet, objective: Objective, part: EpisodePart, samples: 
     return Predictions(given=given, withheld=_answers(model, objective, part, samples, withheld=True))
 
 
-def _answers(model: PolicyNet, objective: Objective, part: EpisodePart, samples: Indices, *, withheld: bool) -> Array:
+def _answers(
+    model: PolicyNet, objective: Objective, part: EpisodePart, samples: Int64Array, *, withheld: bool
+) -> Float32Array:
     model.eval()
     device, table = model.limits.device, part.table
     answers = []
@@ -44,7 +47,7 @@ def _answers(model: PolicyNet, objective: Objective, part: EpisodePart, samples:
     return np.concatenate(answers)
 
 
-def validation_loss(predictions: Predictions, targets: Array, limits: Array) -> float:
+def validation_loss(predictions: Predictions, targets: Float32Array, limits: Float32Array) -> float:
     """Mean squared error in units of the robots' limits, shape (B, 2), the previous action withheld.
 
     Given the previous action, a policy that copies it has the smallest error on recorded data; what images and goal
@@ -54,7 +57,7 @@ def validation_loss(predictions: Predictions, targets: Array, limits: Array) -> 
 
 
 def error_metrics(
-    predictions: Predictions, table: TrainingSamples, samples: Indices, mean_action: Array
+    predictions: Predictions, table: TrainingSamples, samples: Int64Array, mean_action: Float32Array
 ) -> dict[str, float | int]:
     """Root mean square errors on held-out samples, beside two trivial predictors.
 
@@ -85,6 +88,6 @@ def error_metrics(
     return metrics | {"validation_samples": len(samples)}
 
 
-def _rmse(errors: Array) -> tuple[float, float]:
+def _rmse(errors: Float32Array) -> tuple[float, float]:
     v, w = np.sqrt(np.mean(errors.astype(np.float64) ** 2, axis=0))
     return float(v), float(w)

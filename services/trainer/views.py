@@ -3,13 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, Int64Array
 from readygo.services.trainer.config import SamplingConfig
 from readygo.services.trainer.light import draw_light
-from readygo.services.trainer.samples import Indices
-
-Array = npt.NDArray[np.float32]
 
 MIRRORED = 0.5
 """Share of the episodes of a batch that are mirrored left to right, with goals and turns."""
@@ -21,18 +18,18 @@ PHOTOMETRIC = 0.2
 class BatchViews:
     """How each of G episodes is shown in a batch: turned, then shifted, then mirrored, in another light."""
 
-    yaws_rad: npt.NDArray[np.float64]
+    yaws_rad: Float64Array
     """Turn of the robot to the left [rad], shape (G,)."""
-    shifts_px: Indices
+    shifts_px: Int64Array
     """Rows and columns by which the image moves down and right, shape (G, 2)."""
-    mirrored: npt.NDArray[np.bool_]
+    mirrored: BoolArray
     """True where the image is mirrored, shape (G,)."""
-    light: Array
+    light: Float32Array
     """What the network is given for each byte of each colour, shape (G, 256, 3)."""
 
 
 def draw_views(
-    turnable: npt.NDArray[np.bool_], config: SamplingConfig, rng: np.random.Generator, *, mirrors: bool = True
+    turnable: BoolArray, config: SamplingConfig, rng: np.random.Generator, *, mirrors: bool = True
 ) -> BatchViews:
     """A random view of each episode.
 

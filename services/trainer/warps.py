@@ -7,20 +7,17 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array, Int64Array, UInt8Array
 from readygo.common.camera import CameraConfig
 from readygo.common.camera.lens import make_lens
 from readygo.common.images.names import cameras_of, kinds_of
 from readygo.common.policy.sight import camera_on, channels_of
 from readygo.common.robot import RobotConfig
-from readygo.services.trainer.samples import Indices
 from readygo.services.trainer.views import BatchViews
 
 COLOURS = 3
 """Channels that are colours; those behind them are depths."""
-Array = npt.NDArray[np.float32]
-Image = npt.NDArray[np.uint8]
 
 
 def in_mirror(camera: CameraConfig) -> CameraConfig:
@@ -71,7 +68,7 @@ class RobotWarp:
             self._parts[camera] = slice(first, first + count)
             first += count
 
-    def show(self, frames: Sequence[Image], view: BatchViews, group: int, out: Sequence[Image]) -> None:
+    def show(self, frames: Sequence[UInt8Array], view: BatchViews, group: int, out: Sequence[UInt8Array]) -> None:
         """See `FrameWarp.show`; a mirrored camera shows what its twin on the other side did."""
         if len(self._parts) == 1:
             self._warps[""].show(frames, view, group, out)
@@ -100,13 +97,13 @@ class FrameWarp:
         self._pooling = pooling
 
     @cached_property
-    def _rays(self) -> npt.NDArray[np.float64]:
+    def _rays(self) -> Float64Array:
         """What each pixel sees through the lens, shape (H W, 3)."""
         columns, rows = np.meshgrid(np.arange(self._size[0]) + 0.5, np.arange(self._size[1]) + 0.5)
         xy = self._lens.rays(self._pooling * np.stack([columns.ravel(), rows.ravel()], axis=1))
         return np.concatenate([xy, np.ones((len(xy), 1))], axis=1)
 
-    def show(self, frames: Sequence[Image], view: BatchViews, group: int, out: Sequence[Image]) -> None:
+    def show(self, frames: Sequence[UInt8Array], view: BatchViews, group: int, out: Sequence[UInt8Array]) -> None:
         """Frames of one episode as a view has them, but for its light.
 
         Args:
@@ -128,7 +125,7 @@ class FrameWarp:
             for frame, shown in zip(frames, out, strict=True):
                 _move(_remap_pixels(frame, maps), shift_px, mirrored, out=shown)
 
-    def _warp(self, frame: Image, shown: Image, H: npt.NDArray[np.float64]) -> None:
+    def _warp(self, frame: UInt8Array, shown: UInt8Array, H: Float64Array) -> None:
         for part, how in _parts(frame.shape[2]):
             # OpenCV writes into whole arrays alone.
             whole = part == slice(0, frame.shape[2])
@@ -139,21 +136,21 @@ class FrameWarp:
             if not whole:
                 shown[..., part] = target
 
-    def _rotation(self, yaw_rad: float) -> npt.NDArray[np.float64]:
+    def _rotation(self, yaw_rad: float) -> Float64Array:
         """From the turned camera's axes to those before, shape (3, 3)."""
         c, s = math.cos(yaw_rad), math.sin(yaw_rad)
         R_before_after = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        R: npt.NDArray[np.float64] = self._R_robot_camera.T @ R_before_after @ self._R_robot_camera
+        R: Float64Array = self._R_robot_camera.T @ R_before_after @ self._R_robot_camera
         return R
 
-    def _homography(self, yaw_rad: float) -> npt.NDArray[np.float64]:
+    def _homography(self, yaw_rad: float) -> Float64Array:
         """Without a lens a rotation is a homography: from turned pixels to those before, shape (3, 3)."""
         # OpenCV's warp counts pixel centres from 0.
         K = np.diag([1 / self._pooling, 1 / self._pooling, 1.0]) @ self._lens.K_px
         K = np.array([[1.0, 0.0, -0.5], [0.0, 1.0, -0.5], [0.0, 0.0, 1.0]]) @ K
         return np.asarray(K @ self._rotation(yaw_rad) @ np.linalg.inv(K), np.float64)
 
-    def _turned_maps(self, yaw_rad: float) -> tuple[Array, Array]:
+    def _turned_maps(self, yaw_rad: float) -> tuple[Float32Array, Float32Array]:
         """Through the lens: every pixel's ray, turned, and the pixel that saw it before."""
         x, y, ahead = (self._rays @ self._rotation(yaw_rad).T).T
         xy = np.stack([x, y], axis=1) / np.maximum(ahead, 1e-6)[:, None]
@@ -164,7 +161,7 @@ class FrameWarp:
         return columns, rows
 
 
-def show_frames(frames: Image, groups: Indices, view: BatchViews, warps: Mapping[int, RobotWarp]) -> Image:
+def show_frames(frames: UInt8Array, groups: Int64Array, view: BatchViews, warps: Mapping[int, RobotWarp]) -> UInt8Array:
     """Frames as a view has them, but for its light; the frames themselves where nothing changes.
 
     Args:
@@ -189,7 +186,7 @@ def _parts(channels: int) -> list[tuple[slice, int]]:
     return [(slice(0, COLOURS), cv2.INTER_LINEAR), (slice(COLOURS, channels), cv2.INTER_NEAREST)]
 
 
-def _remap_pixels(frame: Image, maps: tuple[Array, Array]) -> Image:
+def _remap_pixels(frame: UInt8Array, maps: tuple[Float32Array, Float32Array]) -> UInt8Array:
     """A frame whose pixels come from elsewhere in it."""
     turned = [
         cv2.remap(np.ascontiguousarray(frame[..., part]), *maps, how, borderMode=cv2.BORDER_REPLICATE)
@@ -198,13 +195,13 @@ def _remap_pixels(frame: Image, maps: tuple[Array, Array]) -> Image:
     return np.concatenate([np.asarray(one, np.uint8).reshape(*one.shape[:2], -1) for one in turned], axis=2)
 
 
-def _moved_from(shift_px: Indices, mirrored: bool, size: tuple[int, int]) -> npt.NDArray[np.float64]:
+def _moved_from(shift_px: Int64Array, mirrored: bool, size: tuple[int, int]) -> Float64Array:
     """From shifted and mirrored pixels to those before, shape (3, 3)."""
     mirror = np.array([[-1.0, 0.0, size[0] - 1], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]) if mirrored else np.eye(3)
     return np.asarray(np.array([[1.0, 0.0, -shift_px[1]], [0.0, 1.0, -shift_px[0]], [0.0, 0.0, 1.0]]) @ mirror)
 
 
-def _move(frame: Image, shift_px: Indices, mirrored: bool, *, out: Image) -> None:
+def _move(frame: UInt8Array, shift_px: Int64Array, mirrored: bool, *, out: UInt8Array) -> None:
     """Shift a frame down and right, its edge repeated, and mirror it then."""
     target = out[:, ::-1] if mirrored else out
     (down, right), (height, width) = shift_px.tolist(), frame.shape[:2]

@@ -3,9 +3,9 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars import Avatar
 from readygo.common.gaussians import GaussianCloud
 
@@ -67,7 +67,7 @@ def avatar() -> Avatar:
     )
 
 
-def _stick_figure() -> npt.NDArray[np.float64]:
+def _stick_figure() -> Float64Array:
     from readygo.common.avatars import SMPL_PARENTS
 
     rng = np.random.default_rng(7)
@@ -80,12 +80,12 @@ def _stick_figure() -> npt.NDArray[np.float64]:
 
 
 @pytest.fixture(scope="session")
-def camera() -> Callable[..., tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]]:
+def camera() -> Callable[..., tuple[Float64Array, Float64Array]]:
     """Makes a pose and intrinsics: position, heading, image width and height."""
 
     def make(
         x: float, y: float, yaw: float, width: int, height: int, pitch: float = 0.1
-    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    ) -> tuple[Float64Array, Float64Array]:
         c, s = math.cos(yaw), math.sin(yaw)
         level = np.array([[s, 0.0, c], [-c, 0.0, s], [0.0, -1.0, 0.0]])
         cp, sp = math.cos(pitch), math.sin(pitch)

@@ -1,6 +1,8 @@
 """Tests of the types of arrays."""
 
+import re
 import typing
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,3 +32,16 @@ def test_a_name_says_the_dtype(name: str, dtype: object) -> None:
     _, of = typing.get_args(getattr(arrays, name))
     assert typing.get_origin(getattr(arrays, name)) is np.ndarray
     assert typing.get_args(of) == (dtype,)
+
+
+def test_no_module_has_types_of_arrays_of_its_own() -> None:
+    root = Path(__file__).parents[2]
+    alias = re.compile(r"^(?:type )?\w+(?:: TypeAlias)? = npt\.NDArray\[(?:np\.\w+|Any)\]$", re.MULTILINE)
+    folders = ("common", "services", "runs", "apps", "benchmarks", "experiments", "tests")
+    with_alias = [
+        str(path.relative_to(root))
+        for folder in folders
+        for path in (root / folder).rglob("*.py")
+        if alias.search(path.read_text(encoding="utf-8"))
+    ]
+    assert with_alias == ["common/arrays.py"]

@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array, FloatingArray, UInt8Array
 from readygo.common.avatars.avatar import Avatar
 from readygo.common.avatars.importers.joints import JOINT, JOINT_NAMES, tpose_joints
 from readygo.common.errors import AvatarError
 from readygo.common.gaussians import GaussianCloud
-
-Array = npt.NDArray[np.float64]
 
 HEIGHTS_M = (0.5, 2.5)
 """Heights that a human can have; another one is taken for another unit of length."""
@@ -25,13 +23,13 @@ class CanonicalHuman:
     """Gaussians bound to SMPL's joints in some upright pose, SMPL axes, any unit of length, anywhere."""
 
     cloud: GaussianCloud
-    weights: Array
+    weights: Float64Array
     """Skinning weights, not negative, shape (N, 24)."""
-    joints: Array
+    joints: Float64Array
     """Joints in the canonical pose, shape (24, 3)."""
-    R_tpose_canonical: Array
+    R_tpose_canonical: Float64Array
     """Rotation of each joint from the canonical pose to the T-pose, shape (24, 3, 3)."""
-    joints_tpose: Array | None = None
+    joints_tpose: Float64Array | None = None
     """Joints in the T-pose, shape (24, 3); None: bones turned by `R_tpose_canonical`."""
 
 
@@ -103,7 +101,7 @@ def scale_to_metres(height: float, height_m: float | None) -> float:
     return 1.0
 
 
-def strongest_four(weights: Array) -> tuple[npt.NDArray[np.uint8], Array]:
+def strongest_four(weights: Float64Array) -> tuple[UInt8Array, Float64Array]:
     """The four joints that move each Gaussian most, and their weights, rows sum to 1."""
     index = np.argsort(-weights, axis=1, kind="stable")[:, :4]
     weight = np.take_along_axis(weights, index, axis=1)
@@ -116,7 +114,7 @@ def _check(human: CanonicalHuman) -> None:
         raise AvatarError("The file holds no Gaussian.")
     if human.weights.shape != (count, 24):
         raise AvatarError(f"Skinning weights must be {count} x 24, got {human.weights.shape}.")
-    arrays: dict[str, npt.NDArray[np.floating]] = {
+    arrays: dict[str, FloatingArray] = {
         "Positions": cloud.means_m,
         "Rotations": cloud.quats_wxyz,
         "Scales": cloud.scales_m,
@@ -140,7 +138,7 @@ def _check(human: CanonicalHuman) -> None:
 
 
 def _extent(
-    human: CanonicalHuman, index: npt.NDArray[np.uint8], weight: Array, joints_tpose: Array
+    human: CanonicalHuman, index: UInt8Array, weight: Float64Array, joints_tpose: Float64Array
 ) -> tuple[float, float]:
     """Height of the sole and of the crown above it, in the T-pose."""
     solid = human.cloud.opacities >= min(_SOLID_OPACITY, float(human.cloud.opacities.max()))
@@ -155,5 +153,5 @@ def _extent(
     return low, high - low
 
 
-def _single(array: Array) -> npt.NDArray[np.float32]:
+def _single(array: Float64Array) -> Float32Array:
     return np.ascontiguousarray(array, dtype=np.float32)

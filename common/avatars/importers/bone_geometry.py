@@ -1,10 +1,8 @@
 """Which bone is which SMPL joint, by where bones are: for skeletons whose names say nothing."""
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
+from readygo.common.arrays import Float64Array, Int64Array
 
 _KNEE_SHARE, _ELBOW_SHARE = 0.5, 0.5
 """Knee and elbow are about half way from hip to ankle and from shoulder to wrist."""
@@ -14,7 +12,7 @@ _SHOULDER_WIDTH = 0.07
 """Least distance of the shoulder from the middle of the body, relative to the body's height."""
 
 
-def joints_by_place(heads: Array, parents: Index, height: float) -> dict[str, int]:
+def joints_by_place(heads: Float64Array, parents: Int64Array, height: float) -> dict[str, int]:
     """SMPL joints without those of the spine -> bones, for a human who stands upright with the arms spread.
 
     The lowest ends of the tree are feet, the most lateral ones hands, the highest is the head; where the two legs meet
@@ -56,7 +54,7 @@ def joints_by_place(heads: Array, parents: Index, height: float) -> dict[str, in
     return found
 
 
-def _extreme_pair(ends: Index, lateral: Array) -> tuple[int, int] | None:
+def _extreme_pair(ends: Int64Array, lateral: Float64Array) -> tuple[int, int] | None:
     """The ends farthest to the left and to the right."""
     if len(ends) < 2:
         return None
@@ -64,7 +62,7 @@ def _extreme_pair(ends: Index, lateral: Array) -> tuple[int, int] | None:
     return (left, right) if lateral[left] > 0.0 > lateral[right] else None
 
 
-def _ancestors(bone: int, parents: Index) -> list[int]:
+def _ancestors(bone: int, parents: Int64Array) -> list[int]:
     line = []
     while bone >= 0:
         line.append(bone)
@@ -72,18 +70,18 @@ def _ancestors(bone: int, parents: Index) -> list[int]:
     return line
 
 
-def _meeting(first: int, second: int, parents: Index) -> int:
+def _meeting(first: int, second: int, parents: Int64Array) -> int:
     others = set(_ancestors(second, parents))
     return next((bone for bone in _ancestors(first, parents) if bone in others), -1)
 
 
-def _line(start: int, end: int, parents: Index) -> list[int]:
+def _line(start: int, end: int, parents: Int64Array) -> list[int]:
     """Bones from below `start` to `end`, in this order."""
     line = _ancestors(end, parents)
     return line[: line.index(start)][::-1] if start in line else []
 
 
-def _leg(foot: int, pelvis: int, heads: Array, parents: Index, height: float) -> dict[str, int]:
+def _leg(foot: int, pelvis: int, heads: Float64Array, parents: Int64Array, height: float) -> dict[str, int]:
     line = _line(pelvis, foot, parents)
     if len(line) < 3:
         return {}
@@ -101,7 +99,7 @@ def _leg(foot: int, pelvis: int, heads: Array, parents: Index, height: float) ->
     return parts
 
 
-def _arm(hand: int, chest: int, heads: Array, parents: Index, height: float) -> dict[str, int]:
+def _arm(hand: int, chest: int, heads: Float64Array, parents: Int64Array, height: float) -> dict[str, int]:
     line = _line(chest, hand, parents)
     outwards = [abs(float(heads[bone, 0] - heads[chest, 0])) for bone in line]
     beyond = [k for k, x in enumerate(outwards) if x > _SHOULDER_WIDTH * height]
@@ -120,7 +118,7 @@ def _arm(hand: int, chest: int, heads: Array, parents: Index, height: float) -> 
     return parts
 
 
-def _reach(line: list[int], start: int, heads: Array) -> Array:
+def _reach(line: list[int], start: int, heads: Float64Array) -> Float64Array:
     """Length along the bones from the bone `start` on."""
     steps = np.linalg.norm(np.diff(heads[line[start:]], axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])

@@ -7,10 +7,7 @@ Knows the conventions of Mixamo, Ready Player Me, VRM and VRoid, Blender's Rigif
 import re
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-import numpy.typing as npt
-
-Index = npt.NDArray[np.int64]
+from readygo.common.arrays import Int64Array
 
 _TOKENS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 _LEFT, _RIGHT = ("l", "left", "lft", "lf"), ("r", "right", "rgt", "rt")
@@ -63,7 +60,7 @@ def side_and_word(name: str) -> tuple[str, str]:
     return side, "".join(word for word in words if word not in _NOISE) or "".join(words)
 
 
-def joints_by_name(names: Sequence[str], parents: Index) -> dict[str, int]:
+def joints_by_name(names: Sequence[str], parents: Int64Array) -> dict[str, int]:
     """SMPL joints without those of the spine -> bones; where several fit, the one nearest to the root.
 
     Args:
@@ -107,7 +104,7 @@ def joints_of_humanoid(extensions: Mapping[str, object], nodes: Sequence[int]) -
     return found
 
 
-def chain_between(start: int, end: int, parents: Index) -> list[int]:
+def chain_between(start: int, end: int, parents: Int64Array) -> list[int]:
     """Bones strictly between an ancestor and a descendant, from the ancestor on; empty if it is none."""
     chain = []
     bone = int(parents[end])
@@ -137,7 +134,7 @@ def _limb_bones(words: Sequence[str]) -> dict[str, int]:
     return found
 
 
-def _numbered_spine(words: Sequence[str], parents: Index, found: Mapping[str, int]) -> dict[str, int]:
+def _numbered_spine(words: Sequence[str], parents: Int64Array, found: Mapping[str, int]) -> dict[str, int]:
     """Rigify's spine: one chain of "spine" from the pelvis to the head; arms leave it below the neck."""
     spine = [bone for bone, word in enumerate(words) if word == "spine"]
     if len(spine) < 4:
@@ -154,7 +151,7 @@ def _numbered_spine(words: Sequence[str], parents: Index, found: Mapping[str, in
     return named
 
 
-def _meeting(first: int, second: int, parents: Index) -> int | None:
+def _meeting(first: int, second: int, parents: Int64Array) -> int | None:
     """The nearest bone above both."""
     above = []
     while first >= 0:

@@ -3,15 +3,13 @@
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.common.array_files import load_npz
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars.importers.assemble import CanonicalHuman
 from readygo.common.avatars.importers.joints import rotations_to_tpose
 from readygo.common.errors import AvatarError
 from readygo.common.gaussians import load_gaussians
-
-Array = npt.NDArray[np.float64]
 
 _KEYS = ("lbs_weight", "lbs_index", "joints_canonical", "joints", "joints_tpose", "R_canonical_to_tpose")
 _ROW_BYTES_MAX = 2 * 24 * 8
@@ -55,7 +53,7 @@ def gaussian_human(ply: Path, weights: Path) -> CanonicalHuman:
     )
 
 
-def _dense_weights(path: Path, arrays: dict[str, Array], count: int) -> Array:
+def _dense_weights(path: Path, arrays: dict[str, Float64Array], count: int) -> Float64Array:
     weight = arrays["lbs_weight"]
     if weight.ndim != 2 or len(weight) != count:
         raise AvatarError(f"{path}: lbs_weight must have a row for each of the {count} Gaussians, got {weight.shape}.")
@@ -77,13 +75,13 @@ def _dense_weights(path: Path, arrays: dict[str, Array], count: int) -> Array:
     return dense
 
 
-def _require(path: Path, arrays: dict[str, Array], *keys: str) -> None:
+def _require(path: Path, arrays: dict[str, Float64Array], *keys: str) -> None:
     missing = [key for key in keys if key not in arrays]
     if missing:
         raise AvatarError(f"{path} lacks {', '.join(missing)}; it must bind each Gaussian to joints 0..23.")
 
 
-def _check_shape(path: Path, arrays: dict[str, Array], key: str, shape: tuple[int, ...]) -> Array:
+def _check_shape(path: Path, arrays: dict[str, Float64Array], key: str, shape: tuple[int, ...]) -> Float64Array:
     array = arrays[key]
     if array.shape != shape:
         raise AvatarError(f"{path}: {key} must have shape {shape}, got {array.shape}.")

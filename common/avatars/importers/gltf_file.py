@@ -12,8 +12,8 @@ from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, UInt8Array
 from readygo.common.documents import parse_json
 from readygo.common.errors import AvatarError
 from readygo.common.files import read_regular
@@ -66,7 +66,7 @@ class GltfFile:
         if compressed:
             raise AvatarError(f"{path} needs {', '.join(compressed)}; export it without compression.")
         self._buffers: dict[int, bytes] = {}
-        self._images: dict[int, npt.NDArray[np.uint8] | None] = {}
+        self._images: dict[int, UInt8Array | None] = {}
         self._left = {"numbers": NUMBERS_MAX, "parts": PRIMITIVES_MAX, "pixels of textures": TEXELS_MAX}
 
     def items(self, kind: str) -> Sequence[Json]:
@@ -96,7 +96,7 @@ class GltfFile:
             limit = {"numbers": NUMBERS_MAX, "parts": PRIMITIVES_MAX, "pixels of textures": TEXELS_MAX}[what]
             raise AvatarError(f"{self.path} holds more than {limit:,} {what}: give a smaller figure.")
 
-    def accessor(self, number: int) -> npt.NDArray[Any]:
+    def accessor(self, number: int) -> AnyArray:
         """Values of an accessor, shape (count, size); normalised integers become floats in -1..1.
 
         Raises:
@@ -118,7 +118,7 @@ class GltfFile:
             return np.maximum(values.astype(np.float64) / np.iinfo(dtype).max, -1.0)
         return values
 
-    def _values(self, entry: Json, dtype: np.dtype[Any], size: int, count: int) -> npt.NDArray[Any]:
+    def _values(self, entry: Json, dtype: np.dtype[Any], size: int, count: int) -> AnyArray:
         if "bufferView" not in entry:
             return np.zeros((count, size), dtype)
         view = self.items("bufferViews")[entry["bufferView"]]
@@ -128,13 +128,13 @@ class GltfFile:
             raise ValueError("beyond the buffer")
         return np.ndarray((count, size), dtype, data, strides=(stride, dtype.itemsize)).copy()
 
-    def _with_sparse(self, values: npt.NDArray[Any], sparse: Json, dtype: np.dtype[Any], size: int) -> npt.NDArray[Any]:
+    def _with_sparse(self, values: AnyArray, sparse: Json, dtype: np.dtype[Any], size: int) -> AnyArray:
         count = int(sparse["count"])
         index = self._values(sparse["indices"], np.dtype(_COMPONENTS[sparse["indices"]["componentType"]]), 1, count)
         values[index[:, 0]] = self._values(sparse["values"], dtype, size, count)
         return values
 
-    def image(self, number: int) -> npt.NDArray[np.uint8] | None:
+    def image(self, number: int) -> UInt8Array | None:
         """Pixels of an image as RGBA, shape (H, W, 4); None if it is missing, or no readable PNG, JPEG or WebP.
 
         Raises:
@@ -144,7 +144,7 @@ class GltfFile:
             self._images[number] = self._decode_image(number)
         return self._images[number]
 
-    def _decode_image(self, number: int) -> npt.NDArray[np.uint8] | None:
+    def _decode_image(self, number: int) -> UInt8Array | None:
         import cv2
 
         try:

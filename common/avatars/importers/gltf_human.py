@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int64Array
 from readygo.common.avatars.importers.assemble import CanonicalHuman, scale_to_metres
 from readygo.common.avatars.importers.gltf_file import GltfFile
 from readygo.common.avatars.importers.gltf_paint import paint_part, read_materials
@@ -23,9 +23,6 @@ from readygo.common.avatars.importers.skeleton import (
 from readygo.common.avatars.importers.surface import Mesh, gaussians_of_mesh
 from readygo.common.errors import AvatarError
 from readygo.common.gaussians import GaussianCloud, rgb_of_sh, sh_of_rgb
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 
 GAUSSIAN_COUNT = 40_000
 _DENSITY = {"head": 4.0, "neck": 2.0, "left_wrist": 2.0, "right_wrist": 2.0, "left_hand": 2.0, "right_hand": 2.0}
@@ -65,7 +62,7 @@ def gltf_human(
     joints, estimated = smpl_joints(mapping.bone, figure.bones.heads, toes)
     mesh, first = _mesh(figure.parts, bone_joints)
 
-    def paint(triangle: Index, bary: Array) -> Array:
+    def paint(triangle: Int64Array, bary: Float64Array) -> Float64Array:
         colours = np.empty((len(triangle), 4))
         for k, part in enumerate(figure.parts):
             mine = (triangle >= first[k]) & (triangle < first[k + 1])
@@ -116,7 +113,7 @@ def _upright(
     return _move_figure(figure, R, scale, shift), mapping, scale
 
 
-def _standing_guess(points: Array, bones: Bones) -> tuple[Array, float]:
+def _standing_guess(points: Float64Array, bones: Bones) -> tuple[Float64Array, float]:
     """A rotation that sets the figure upright, y up and x to its left, and the height of its soles then.
 
     The skeleton is thinnest from front to back; files have y or z up, and hands and head are in the upper half; the
@@ -128,7 +125,7 @@ def _standing_guess(points: Array, bones: Bones) -> tuple[Array, float]:
     up, left = np.zeros(3), np.zeros(3)
     up[upright] = 1.0 if bones.heads[:, upright].mean() >= middle else -1.0
     left[3 - depth - upright] = 1.0
-    R: Array = np.stack([left, up, np.cross(left, up)])
+    R: Float64Array = np.stack([left, up, np.cross(left, up)])
     turned = points @ R.T
     sole, height = float(turned[:, 1].min()), float(np.ptp(turned[:, 1]))
     soles = turned[turned[:, 1] <= sole + 0.03 * height, 2]
@@ -140,7 +137,7 @@ def _standing_guess(points: Array, bones: Bones) -> tuple[Array, float]:
     return R, sole
 
 
-def _move_figure(figure: GltfFigure, R: Array, scale: float, shift: Array) -> GltfFigure:
+def _move_figure(figure: GltfFigure, R: Float64Array, scale: float, shift: Float64Array) -> GltfFigure:
     bones = figure.bones
     parts = tuple(
         GltfPart(
@@ -160,11 +157,11 @@ def _move_figure(figure: GltfFigure, R: Array, scale: float, shift: Array) -> Gl
     return GltfFigure(bones=moved, parts=parts, scale=1.0)
 
 
-def _toe(figure: GltfFigure, mapping: Mapping24, side: str) -> Array:
+def _toe(figure: GltfFigure, mapping: Mapping24, side: str) -> Float64Array:
     """Foremost point of the skin that a foot moves; ahead of the ankle by a usual length if it moves none."""
     joints = joint_of_bones(mapping, figure.bones)
     ankle = figure.bones.heads[mapping.bone[f"{side}_ankle"]]
-    best: Array = np.array([ankle[0], 0.0, ankle[2] + 1.6 * ankle[1]])
+    best: Float64Array = np.array([ankle[0], 0.0, ankle[2] + 1.6 * ankle[1]])
     found = False
     for part in figure.parts:
         moved = np.isin(joints[part.bone_index], (JOINT[f"{side}_ankle"], JOINT[f"{side}_foot"]))
@@ -177,7 +174,7 @@ def _toe(figure: GltfFigure, mapping: Mapping24, side: str) -> Array:
     return best
 
 
-def _mesh(parts: Sequence[GltfPart], bone_joints: Index) -> tuple[Mesh, Index]:
+def _mesh(parts: Sequence[GltfPart], bone_joints: Int64Array) -> tuple[Mesh, Int64Array]:
     """All parts as one mesh, and the first triangle of each part (and of the end)."""
     corners, normals, weights = [], [], []
     for part in parts:
@@ -202,7 +199,7 @@ def _mesh(parts: Sequence[GltfPart], bone_joints: Index) -> tuple[Mesh, Index]:
     return mesh, np.cumsum([0, *(len(part.triangles) for part in parts)])
 
 
-def _normals(part: GltfPart, corners: Array) -> Array:
+def _normals(part: GltfPart, corners: Float64Array) -> Float64Array:
     """Unit normals at the corners: the file's, where they are sound, else those of the triangles."""
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-30)

@@ -5,24 +5,21 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int64Array, UInt8Array
 from readygo.common.avatars.importers.gltf_file import GltfFile, Json
 from readygo.common.avatars.importers.gltf_scene import GltfPart
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Material:
     """What of a material has to do with colour."""
 
-    factor: Array
+    factor: Float64Array
     """Linear RGBA, shape (4,)."""
-    texture: npt.NDArray[np.uint8] | None
+    texture: UInt8Array | None
     """sRGB and alpha, shape (H, W, 4)."""
-    uv_matrix: Array
+    uv_matrix: Float64Array
     """Maps (u, v, 1) to texture coordinates, shape (2, 3)."""
     alpha_mode: str
     alpha_cutoff: float
@@ -42,7 +39,7 @@ def read_materials(file: GltfFile, parts: Sequence[GltfPart]) -> tuple[dict[int 
     return materials, tuple(notes)
 
 
-def paint_part(part: GltfPart, material: Material, triangle: Index, bary: Array) -> Array:
+def paint_part(part: GltfPart, material: Material, triangle: Int64Array, bary: Float64Array) -> Float64Array:
     """Colours of points on a part, sRGB and alpha in 0..1.
 
     Args:
@@ -71,7 +68,7 @@ def paint_part(part: GltfPart, material: Material, triangle: Index, bary: Array)
     return np.concatenate([srgb_from_linear(linear[:, :3]), linear[:, 3:]], axis=1)
 
 
-def bilinear(texture: npt.NDArray[np.uint8], uv: Array) -> Array:
+def bilinear(texture: UInt8Array, uv: Float64Array) -> Float64Array:
     """Texels in 0..1 at texture coordinates (0, 0 = outer corner of the first texel), repeated beyond 0..1."""
     height, width = texture.shape[:2]
     x, y = uv[:, 0] * width - 0.5, uv[:, 1] * height - 0.5
@@ -81,19 +78,19 @@ def bilinear(texture: npt.NDArray[np.uint8], uv: Array) -> Array:
     x1, y1 = (x0 + 1) % width, (y0 + 1) % height
     upper = texture[y0, x0] * (1 - fx) + texture[y0, x1] * fx
     lower = texture[y1, x0] * (1 - fx) + texture[y1, x1] * fx
-    blended: Array = (upper * (1 - fy) + lower * fy) / 255.0
+    blended: Float64Array = (upper * (1 - fy) + lower * fy) / 255.0
     return blended
 
 
-def linear_from_srgb(colour: Array) -> Array:
+def linear_from_srgb(colour: Float64Array) -> Float64Array:
     """Linear light of sRGB values in 0..1 (IEC 61966-2-1)."""
-    low: Array = colour / 12.92
+    low: Float64Array = colour / 12.92
     return np.where(colour <= 0.04045, low, ((colour + 0.055) / 1.055) ** 2.4)
 
 
-def srgb_from_linear(colour: Array) -> Array:
+def srgb_from_linear(colour: Float64Array) -> Float64Array:
     """SRGB values of linear light in 0..1 (IEC 61966-2-1)."""
-    low: Array = colour * 12.92
+    low: Float64Array = colour * 12.92
     return np.where(colour <= 0.0031308, low, 1.055 * colour ** (1 / 2.4) - 0.055)
 
 
@@ -116,7 +113,7 @@ def _material(file: GltfFile, entry: Json) -> tuple[Material, bool]:
     return material, reference is None or texture is not None
 
 
-def _texture(file: GltfFile, reference: Json) -> npt.NDArray[np.uint8] | None:
+def _texture(file: GltfFile, reference: Json) -> UInt8Array | None:
     try:
         entry: dict[str, Any] = dict(file.items("textures")[int(reference["index"])])
     except (KeyError, IndexError):
@@ -125,7 +122,7 @@ def _texture(file: GltfFile, reference: Json) -> npt.NDArray[np.uint8] | None:
     return None if source is None else file.image(int(source))
 
 
-def _uv_matrix(reference: Json) -> Array:
+def _uv_matrix(reference: Json) -> Float64Array:
     """The extension KHR_texture_transform."""
     transform = reference.get("extensions", {}).get("KHR_texture_transform", {})
     (sx, sy), (ox, oy) = transform.get("scale", (1.0, 1.0)), transform.get("offset", (0.0, 0.0))

@@ -2,17 +2,13 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, Float64Array, Int64Array
 from readygo.common.avatars.importers.gltf_file import GltfFile, Json
 from readygo.common.errors import AvatarError
 from readygo.common.frames import matrix_from_quat
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 
 NODES_MAX = 2**16
 """Nodes of a file, and joints of its skins together; figures have some hundred."""
@@ -27,9 +23,9 @@ class Bones:
     names: tuple[str, ...]
     nodes: tuple[int, ...]
     """Numbers of the file's nodes."""
-    parents: Index
+    parents: Int64Array
     """Nearest ancestor that is a bone, -1 for none, shape (B,)."""
-    heads: Array
+    heads: Float64Array
     """Where each bone begins in the bind pose, shape (B, 3)."""
 
 
@@ -37,17 +33,17 @@ class Bones:
 class GltfPart:
     """Triangles of one material; V vertices, F triangles."""
 
-    positions: Array
+    positions: Float64Array
     """Bind pose, shape (V, 3)."""
-    normals: Array | None
-    uv: Array | None
-    colours: Array | None
+    normals: Float64Array | None
+    uv: Float64Array | None
+    colours: Float64Array | None
     """Linear RGBA in 0..1, shape (V, 4)."""
-    bone_index: Index
+    bone_index: Int64Array
     """Bones that move each vertex, shape (V, k)."""
-    bone_weight: Array
+    bone_weight: Float64Array
     """Shape (V, k), rows sum to 1."""
-    triangles: Index
+    triangles: Int64Array
     material: int | None
 
 
@@ -122,7 +118,7 @@ def read_figure(file: GltfFile) -> GltfFigure:
     return GltfFigure(bones=bones, parts=tuple(parts), scale=scale)
 
 
-def _skin(file: GltfFile, number: int) -> tuple[list[int], Array]:
+def _skin(file: GltfFile, number: int) -> tuple[list[int], Float64Array]:
     """Nodes of a skin's joints and their inverse bind matrices, shape (J, 4, 4)."""
     skin = file.items("skins")[number]
     joints = [int(joint) for joint in skin["joints"]]
@@ -142,11 +138,11 @@ def _skin(file: GltfFile, number: int) -> tuple[list[int], Array]:
 
 
 def _common_space(
-    skins: Sequence[tuple[list[int], Array]], world: Sequence[Array]
-) -> tuple[dict[int, Array], list[Array]]:
+    skins: Sequence[tuple[list[int], Float64Array]], world: Sequence[Float64Array]
+) -> tuple[dict[int, Float64Array], list[Float64Array]]:
     """Bind matrices of all joints by node, and what maps each skin's bind space to that of the first skin."""
-    binds: dict[int, Array] = {}
-    spaces: list[Array] = []
+    binds: dict[int, Float64Array] = {}
+    spaces: list[Float64Array] = []
     joint_0, inverse_0 = skins[0][0][0], skins[0][1][0]
     for joints, inverse in skins:
         space = np.eye(4)
@@ -162,7 +158,7 @@ def _common_space(
     return binds, spaces
 
 
-def _bones(nodes: Sequence[Json], tree: _Tree, binds: dict[int, Array], nearest: Sequence[int]) -> Bones:
+def _bones(nodes: Sequence[Json], tree: _Tree, binds: dict[int, Float64Array], nearest: Sequence[int]) -> Bones:
     order = sorted(binds, key=lambda node: (tree.depths[node], node))
     place = {node: k for k, node in enumerate(order)}
     return Bones(
@@ -173,7 +169,7 @@ def _bones(nodes: Sequence[Json], tree: _Tree, binds: dict[int, Array], nearest:
     )
 
 
-def _parts(file: GltfFile, mesh: int, joints: Index, space: Array) -> list[GltfPart]:
+def _parts(file: GltfFile, mesh: int, joints: Int64Array, space: Float64Array) -> list[GltfPart]:
     parts = []
     for primitive in file.primitives(mesh):
         attributes = primitive["attributes"]
@@ -196,7 +192,11 @@ def _parts(file: GltfFile, mesh: int, joints: Index, space: Array) -> list[GltfP
 
 
 def _rigid_parts(
-    file: GltfFile, nearest: Sequence[int], world: Sequence[Array], binds: dict[int, Array], place: dict[int, int]
+    file: GltfFile,
+    nearest: Sequence[int],
+    world: Sequence[Float64Array],
+    binds: dict[int, Float64Array],
+    place: dict[int, int],
 ) -> list[GltfPart]:
     """Meshes that hang at a bone without being skinned, such as glasses."""
     parts = []
@@ -216,10 +216,10 @@ def _rigid_parts(
     return parts
 
 
-def _part(file: GltfFile, primitive: Json, space: Array, index: Index, weight: Array) -> GltfPart:
+def _part(file: GltfFile, primitive: Json, space: Float64Array, index: Int64Array, weight: Float64Array) -> GltfPart:
     attributes = primitive["attributes"]
 
-    def optional(name: str, *sizes: int) -> npt.NDArray[Any] | None:
+    def optional(name: str, *sizes: int) -> AnyArray | None:
         values = file.accessor(attributes[name]).astype(np.float64) if name in attributes else None
         return values if values is None or (len(values) == count and values.shape[1] in sizes) else None
 
@@ -271,7 +271,7 @@ def _tree(nodes: Sequence[Json]) -> _Tree:
     return _Tree(parents=parents, order=order, depths=depths)
 
 
-def _world_matrices(nodes: Sequence[Json], tree: _Tree) -> list[Array]:
+def _world_matrices(nodes: Sequence[Json], tree: _Tree) -> list[Float64Array]:
     world = [np.eye(4)] * len(nodes)
     for number in tree.order:
         local = _local_matrix(nodes[number])
@@ -279,7 +279,7 @@ def _world_matrices(nodes: Sequence[Json], tree: _Tree) -> list[Array]:
     return world
 
 
-def _local_matrix(node: Json) -> Array:
+def _local_matrix(node: Json) -> Float64Array:
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     T = np.eye(4)

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars.avatar import SMPL_PARENTS
 from readygo.common.avatars.importers.assemble import CanonicalHuman
 from readygo.common.avatars.importers.joints import JOINT
@@ -22,7 +22,6 @@ from readygo.common.extras import install_command
 from readygo.common.frames import matrix_from_axis_angle, quat_from_matrix
 from readygo.common.gaussians import GaussianCloud
 
-Array = npt.NDArray[np.float64]
 Tensor = Any
 State = Mapping[str, Tensor]
 
@@ -108,7 +107,7 @@ def hugs_human(checkpoint: Mapping[str, Any], model: SmplModel) -> tuple[Canonic
     return human, tuple(notes)
 
 
-def da_pose(joints_tpose: Array) -> tuple[Array, Array]:
+def da_pose(joints_tpose: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Global rotations (24, 3, 3) and positions (24, 3) of the joints in the da-pose: hips turned outwards by 1 rad."""
     pose = np.zeros((24, 3))
     pose[JOINT["left_hip"], 2], pose[JOINT["right_hip"], 2] = _LEG_SPREAD_RAD, -_LEG_SPREAD_RAD
@@ -121,7 +120,7 @@ def da_pose(joints_tpose: Array) -> tuple[Array, Array]:
     return G, P
 
 
-def _decode_checkpoint(checkpoint: Mapping[str, Any]) -> dict[str, Array]:
+def _decode_checkpoint(checkpoint: Mapping[str, Any]) -> dict[str, Float64Array]:
     xyz = _tensor(checkpoint, "xyz", (None, 3))
     features = _features(checkpoint["triplane"], xyz)
     width = features.shape[1]
@@ -218,7 +217,7 @@ def _gelu(x: Tensor) -> Tensor:
     return gelu(x)
 
 
-def _rotations(sixes: Array) -> Array:
+def _rotations(sixes: Float64Array) -> Float64Array:
     """Rotation matrices of two rows each, orthonormalised, shape (N, 6) -> (N, 3, 3).
 
     Source: Zhou et al., On the Continuity of Rotation Representations in Neural Networks, 2019.
@@ -230,6 +229,6 @@ def _rotations(sixes: Array) -> Array:
     return np.stack([a, b, np.cross(a, b)], axis=1)
 
 
-def _numbers(tensor: Tensor) -> Array:
-    numbers: Array = tensor.numpy().astype(np.float64)
+def _numbers(tensor: Tensor) -> Float64Array:
+    numbers: Float64Array = tensor.numpy().astype(np.float64)
     return numbers

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.common.array_files import load_npz
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars.avatar import Avatar
 from readygo.common.avatars.importers.assemble import CanonicalHuman, assemble_avatar
 from readygo.common.avatars.importers.gaussian_human import gaussian_human
@@ -108,7 +108,7 @@ def _read(
     return human, None, notes
 
 
-def _betas(options: ImportOptions) -> npt.NDArray[np.float64] | None:
+def _betas(options: ImportOptions) -> Float64Array | None:
     if options.betas is None:
         return None
     arrays = load_npz(options.betas, ["betas"], bytes_max=_BETAS_BYTES_MAX, raises=AvatarError)

@@ -1,11 +1,9 @@
 """Names of SMPL's 24 joints and the shape of its zero pose."""
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars.avatar import SMPL_PARENTS
-
-Array = npt.NDArray[np.float64]
 
 JOINT_NAMES = (
     "pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2", "left_ankle", "right_ankle",
@@ -24,7 +22,7 @@ _LIMBS = (
 """Bones of the left side and their directions in SMPL's zero pose."""
 
 
-def rotations_to_tpose(joints_m: Array) -> Array:
+def rotations_to_tpose(joints_m: Float64Array) -> Float64Array:
     """Rotation of each joint from any upright pose to SMPL's zero pose, shape (24, 3, 3).
 
     Limbs turn by the smallest rotation that is left after their parent's, so that a limb's twist carries on; trunk,
@@ -47,7 +45,7 @@ def rotations_to_tpose(joints_m: Array) -> Array:
     return R
 
 
-def minimal_rotation(first: Array, second: Array) -> Array:
+def minimal_rotation(first: Float64Array, second: Float64Array) -> Float64Array:
     """The smallest rotation that turns one direction into another; the identity for opposite or zero directions."""
     lengths = np.linalg.norm(first), np.linalg.norm(second)
     if min(lengths) == 0.0:
@@ -58,11 +56,11 @@ def minimal_rotation(first: Array, second: Array) -> Array:
         return np.eye(3)
     x, y, z = np.cross(a, b)
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    R: Array = np.eye(3) + K + K @ K / (1.0 + cosine)
+    R: Float64Array = np.eye(3) + K + K @ K / (1.0 + cosine)
     return R
 
 
-def tpose_joints(joints_m: Array, R_tpose_canonical: Array) -> Array:
+def tpose_joints(joints_m: Float64Array, R_tpose_canonical: Float64Array) -> Float64Array:
     """Joints after each bone has turned with its joint, shape (24, 3)."""
     placed = joints_m.copy()
     for joint in range(1, 24):

@@ -4,17 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int64Array
 from readygo.common.avatars.importers.bone_geometry import joints_by_place
 from readygo.common.avatars.importers.bone_names import chain_between, joints_by_name, joints_of_humanoid
 from readygo.common.avatars.importers.gltf_scene import Bones
 from readygo.common.avatars.importers.joints import JOINT, JOINT_NAMES
 from readygo.common.avatars.importers.report import SkeletonReport
 from readygo.common.errors import AvatarError
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 
 ESSENTIAL = (
     "pelvis",
@@ -42,7 +39,9 @@ class Mapping24:
     source: str
 
 
-def recognise_joints(bones: Bones, extensions: Mapping[str, object], up_heads: Array, height: float) -> Mapping24:
+def recognise_joints(
+    bones: Bones, extensions: Mapping[str, object], up_heads: Float64Array, height: float
+) -> Mapping24:
     """Find the bones of SMPL's joints: by a humanoid extension, else by names, else by geometry.
 
     Args:
@@ -73,7 +72,7 @@ def recognise_joints(bones: Bones, extensions: Mapping[str, object], up_heads: A
     )
 
 
-def _spine(found: Mapping[str, int], parents: Index) -> dict[str, int]:
+def _spine(found: Mapping[str, int], parents: Int64Array) -> dict[str, int]:
     chain = chain_between(found["pelvis"], found.get("neck", found.get("head", -1)), parents)
     if "neck" not in found and len(chain) > 3:
         chain = chain[:-1]
@@ -82,7 +81,7 @@ def _spine(found: Mapping[str, int], parents: Index) -> dict[str, int]:
     return dict(zip(_SPINE_OF_COUNT.get(len(chain), ()), chain, strict=True))
 
 
-def axes_to_smpl(bone: Mapping[str, int], heads: Array) -> Array:
+def axes_to_smpl(bone: Mapping[str, int], heads: Float64Array) -> Float64Array:
     """Rotation from the file's axes to SMPL's (y up, x to the body's left), from where the joints are.
 
     Files are modelled along axes, so the rotation is the nearest one that permutes axes; a figure that leans more is
@@ -93,7 +92,7 @@ def axes_to_smpl(bone: Mapping[str, int], heads: Array) -> Array:
     up = _unit(head - feet)
     left = sum(heads[bone[f"left_{part}"]] - heads[bone[f"right_{part}"]] for part in ("hip", "shoulder"))
     left = _unit(left - (left @ up) * up)
-    R: Array = np.stack([left, up, np.cross(left, up)])
+    R: Float64Array = np.stack([left, up, np.cross(left, up)])
     snapped = np.zeros((3, 3))
     for row in (1, 0):
         axis = int(np.argmax(np.abs(R[row]) * (snapped.sum(axis=0) == 0)))
@@ -102,7 +101,9 @@ def axes_to_smpl(bone: Mapping[str, int], heads: Array) -> Array:
     return snapped if (np.einsum("ij,ij->i", R, snapped) > _AXIS_TOLERANCE).all() else R
 
 
-def smpl_joints(bone: Mapping[str, int], heads: Array, toes: Mapping[str, Array]) -> tuple[Array, tuple[str, ...]]:
+def smpl_joints(
+    bone: Mapping[str, int], heads: Float64Array, toes: Mapping[str, Float64Array]
+) -> tuple[Float64Array, tuple[str, ...]]:
     """Places of all 24 joints, and the names of those that had no bone and are estimated.
 
     Args:
@@ -110,7 +111,7 @@ def smpl_joints(bone: Mapping[str, int], heads: Array, toes: Mapping[str, Array]
         heads: Where the bones begin, SMPL axes, soles at y = 0, shape (B, 3).
         toes: Foremost point of each foot, by side.
     """
-    place: dict[str, Array] = {joint: heads[number] for joint, number in bone.items()}
+    place: dict[str, Float64Array] = {joint: heads[number] for joint, number in bone.items()}
     for side in ("left", "right"):
         place[f"{side}_ankle"] = _lift_ankle(place[f"{side}_ankle"], place[f"{side}_knee"], place["pelvis"][1])
     shoulders = 0.5 * (place["left_shoulder"] + place["right_shoulder"])
@@ -130,7 +131,7 @@ def smpl_joints(bone: Mapping[str, int], heads: Array, toes: Mapping[str, Array]
     return np.array([place[joint] for joint in JOINT_NAMES]), estimated
 
 
-def joint_of_bones(mapping: Mapping24, bones: Bones) -> Index:
+def joint_of_bones(mapping: Mapping24, bones: Bones) -> Int64Array:
     """The SMPL joint that moves each bone's skin: its own, its nearest ancestor's, or the pelvis.
 
     What lies below a wrist is the hand.
@@ -157,23 +158,23 @@ def skeleton_report(mapping: Mapping24, bones: Bones, estimated: tuple[str, ...]
     )
 
 
-def _lift_ankle(ankle: Array, knee: Array, pelvis_y: float) -> Array:
+def _lift_ankle(ankle: Float64Array, knee: Float64Array, pelvis_y: float) -> Float64Array:
     """An ankle's bone that lies on the ground, moved up the shin to where ankles are."""
     least = _ANKLE_PER_PELVIS * pelvis_y
     share = (least - ankle[1]) / (knee[1] - ankle[1]) if ankle[1] < least < knee[1] else 0.0
-    lifted: Array = ankle + share * (knee - ankle)
+    lifted: Float64Array = ankle + share * (knee - ankle)
     return lifted
 
 
-def _ball_of_foot(ankle: Array, toe: Array) -> Array:
+def _ball_of_foot(ankle: Float64Array, toe: Float64Array) -> Float64Array:
     """The joint under the ball of the foot, 0.72 of the way from ankle to toe tip, near the sole."""
     ahead = toe - ankle
     return np.array([ankle[0] + 0.72 * ahead[0], 0.35 * ankle[1], ankle[2] + 0.72 * ahead[2]])
 
 
-def _unit(vector: Array) -> Array:
+def _unit(vector: Float64Array) -> Float64Array:
     length = float(np.linalg.norm(vector))
     if not length > 0.0:
         raise AvatarError("Head and feet, or left and right, are at the same place: it is no skeleton of a human.")
-    unit: Array = vector / length
+    unit: Float64Array = vector / length
     return unit

@@ -1,16 +1,14 @@
 """A SMPL body as an avatar in plain clothes: the model has a shape and a skeleton, but no colours."""
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int64Array
 from readygo.common.avatars.importers.assemble import CanonicalHuman
 from readygo.common.avatars.importers.gltf_human import shade_cloud
 from readygo.common.avatars.importers.joints import JOINT
 from readygo.common.avatars.importers.smpl_model import SmplModel
 from readygo.common.avatars.importers.surface import Mesh, gaussians_of_mesh
 from readygo.common.errors import AvatarError
-
-Array = npt.NDArray[np.float64]
 
 _SKIN, _HAIR, _SHIRT = (0.76, 0.60, 0.50), (0.20, 0.15, 0.12), (0.35, 0.42, 0.50)
 _TROUSERS, _SHOES = (0.22, 0.24, 0.30), (0.13, 0.13, 0.14)
@@ -48,7 +46,7 @@ def smpl_human(model: SmplModel, *, count: int) -> tuple[CanonicalHuman, tuple[s
     hairline = crown - 0.42 * (crown - model.joints_m[JOINT["head"], 1])
     nape_z = model.joints_m[JOINT["head"], 2]
 
-    def paint(triangle: npt.NDArray[np.int64], bary: Array) -> Array:
+    def paint(triangle: Int64Array, bary: Float64Array) -> Float64Array:
         blended = np.einsum("mk,mkj->mj", bary, weights[triangle])
         colours = palette[np.argmax(blended, axis=1)]
         points = np.einsum("mk,mki->mi", bary, corners[triangle])

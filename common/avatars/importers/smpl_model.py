@@ -9,12 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.array_files import load_npz
+from readygo.common.arrays import AnyArray, Float64Array, Int64Array
 from readygo.common.avatars.avatar import SMPL_PARENTS
 from readygo.common.errors import AvatarError
 from readygo.common.files import open_regular
 from readygo.common.pickles import array_of, load_pickle
-
-Array = npt.NDArray[np.float64]
 
 MODEL_KEYS = ("v_template", "weights", "J_regressor", "kintree_table")
 """What every SMPL model file holds; `f` (faces) and `shapedirs` are needed only by some uses."""
@@ -29,13 +28,13 @@ _NUMBERS_MAX = 2**24
 class SmplModel:
     """A SMPL body of one shape in its zero pose (y up, +x the body's left, +z facing)."""
 
-    vertices_m: Array
+    vertices_m: Float64Array
     """Vertices in the zero pose [m], shape (V, 3)."""
-    faces: npt.NDArray[np.int64]
+    faces: Int64Array
     """Corners of triangles, shape (F, 3); F may be 0."""
-    weights: Array
+    weights: Float64Array
     """Skinning weights, shape (V, 24)."""
-    joints_m: Array
+    joints_m: Float64Array
     """Joints in the zero pose [m], shape (24, 3)."""
 
 
@@ -88,7 +87,7 @@ def smpl_entries(path: Path) -> Mapping[str, Any]:
     return entries
 
 
-def _shape_offsets(path: Path, entries: Mapping[str, Any], count: int, betas: npt.ArrayLike | None) -> Array:
+def _shape_offsets(path: Path, entries: Mapping[str, Any], count: int, betas: npt.ArrayLike | None) -> Float64Array:
     if betas is None:
         return np.zeros((count, 3))
     coefficients = np.asarray(betas, dtype=np.float64).reshape(-1)
@@ -99,11 +98,11 @@ def _shape_offsets(path: Path, entries: Mapping[str, Any], count: int, betas: np
     directions = _array(path, entries, "shapedirs", (count, 3, None))
     if len(coefficients) > directions.shape[2]:
         raise AvatarError(f"{path} has {directions.shape[2]} shape directions, but {len(coefficients)} betas came.")
-    offsets: Array = directions[:, :, : len(coefficients)].astype(np.float64) @ coefficients
+    offsets: Float64Array = directions[:, :, : len(coefficients)].astype(np.float64) @ coefficients
     return offsets
 
 
-def _array(path: Path, entries: Mapping[str, Any], key: str, shape: tuple[int | None, ...]) -> npt.NDArray[Any]:
+def _array(path: Path, entries: Mapping[str, Any], key: str, shape: tuple[int | None, ...]) -> AnyArray:
     array = array_of(entries[key])
     if array is None or array.dtype.kind not in "fiu":
         raise AvatarError(f"{path}: {key} holds no numbers that can be read.")

@@ -4,14 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from readygo.common.arrays import BoolArray, Float64Array, Int64Array
 from readygo.common.frames import quat_from_matrix
 from readygo.common.gaussians import GaussianCloud, sh_of_rgb
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 
 OVERSAMPLING = 6
 """Candidates per Gaussian: they carry the colours that a Gaussian averages."""
@@ -33,21 +30,21 @@ _SATURATION = 0.75 * 0.547 * 4.0 / np.pi
 class Mesh:
     """Triangles with what a sample needs, in metres."""
 
-    corners_m: Array
+    corners_m: Float64Array
     """Corners of the triangles [m], shape (F, 3, 3)."""
-    normals: Array
+    normals: Float64Array
     """Outward unit normals at the corners, shape (F, 3, 3)."""
-    weights: Array
+    weights: Float64Array
     """Skinning weights at the corners, shape (F, 3, 24)."""
-    density: Array
+    density: Float64Array
     """How many more samples than average a triangle deserves per area, shape (F,)."""
 
 
-Painter = Callable[[Index, Array], Array]
+Painter = Callable[[Int64Array, Float64Array], Float64Array]
 """Colours (sRGB and alpha in 0..1, shape (M, 4)) of points given by triangle (M,) and barycentrics (M, 3)."""
 
 
-def gaussians_of_mesh(mesh: Mesh, paint: Painter, count: int) -> tuple[GaussianCloud, Array]:
+def gaussians_of_mesh(mesh: Mesh, paint: Painter, count: int) -> tuple[GaussianCloud, Float64Array]:
     """Cover a mesh with about `count` Gaussians.
 
     Args:
@@ -85,7 +82,7 @@ def gaussians_of_mesh(mesh: Mesh, paint: Painter, count: int) -> tuple[GaussianC
     return cloud, np.einsum("mk,mkj->mj", bary[kept], mesh.weights[face[kept]])
 
 
-def _candidates(mesh: Mesh, count: int) -> tuple[Index, Array]:
+def _candidates(mesh: Mesh, count: int) -> tuple[Int64Array, Float64Array]:
     """Triangles and barycentrics of evenly spread points, in an order without pattern; the same for the same mesh."""
     share = _areas(mesh.corners_m) * mesh.density
     total = float(share.sum())
@@ -101,12 +98,14 @@ def _candidates(mesh: Mesh, count: int) -> tuple[Index, Array]:
     return face, np.stack([1.0 - root, root * (1.0 - v), root * v], axis=1)
 
 
-def _areas(corners: Array) -> Array:
-    area: Array = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+def _areas(corners: Float64Array) -> Float64Array:
+    area: Float64Array = 0.5 * np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
     return area
 
 
-def _is_covered(points: Array, normals: Array, alpha: Array) -> npt.NDArray[np.bool_]:
+def _is_covered(points: Float64Array, normals: Float64Array, alpha: Float64Array) -> BoolArray:
     """Whether another opaque layer that faces the same way lies closely above each point."""
     opaque = np.flatnonzero(alpha > 0.5)
     covered = np.zeros(len(points), dtype=np.bool_)
@@ -122,7 +121,7 @@ def _is_covered(points: Array, normals: Array, alpha: Array) -> npt.NDArray[np.b
     return covered
 
 
-def _thin_points(points: Array, radii: Array) -> Index:
+def _thin_points(points: Float64Array, radii: Float64Array) -> Int64Array:
     """Greedy choice, in order, of points that keep their distance from all chosen before them."""
     pairs = cKDTree(points).query_pairs(float(radii.max()), output_type="ndarray")
     first, second = pairs[:, 0], pairs[:, 1]
@@ -142,17 +141,17 @@ def _thin_points(points: Array, radii: Array) -> Index:
     return np.flatnonzero(chosen)
 
 
-def _sigma(points: Array, radii: Array) -> Array:
+def _sigma(points: Float64Array, radii: Float64Array) -> Float64Array:
     """Standard deviation along the surface: wider where samples happen to lie apart, so that no gap stays open."""
     count = min(7, len(points))
     distance, _ = cKDTree(points).query(points, k=count)
     spacing = distance.reshape(len(points), count)[:, 1:].sum(axis=1) / max(count - 1, 1)
     low, high = SIGMA_LIMITS
-    sigma: Array = np.clip(SIGMA_PER_SPACING * spacing, low * radii, high * radii)
+    sigma: Float64Array = np.clip(SIGMA_PER_SPACING * spacing, low * radii, high * radii)
     return sigma
 
 
-def _mean_colours(points: Array, normals: Array, colours: Array, kept: Index) -> Array:
+def _mean_colours(points: Float64Array, normals: Float64Array, colours: Float64Array, kept: Int64Array) -> Float64Array:
     """Mean colour of the candidates nearest to each chosen point that face its way; its own where there is none."""
     _, nearest = cKDTree(points[kept]).query(points)
     agree = (normals * normals[kept][nearest]).sum(axis=1) > 0.3
@@ -163,7 +162,7 @@ def _mean_colours(points: Array, normals: Array, colours: Array, kept: Index) ->
     return np.stack(channels, axis=1)
 
 
-def _frames(normals: Array) -> Array:
+def _frames(normals: Float64Array) -> Float64Array:
     """Rotation matrices whose third column is the normal, shape (N, 3, 3)."""
     reference = np.where(np.abs(normals[:, 1:2]) < 0.9, np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]))
     sideways = np.cross(reference, normals)

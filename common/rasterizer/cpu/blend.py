@@ -11,8 +11,8 @@ Source: Kerbl et al., 3D Gaussian Splatting, 2023, section 6 and appendix C.
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, UInt8Array
 from readygo.common.kernels import inline_kernel, kernel
 from readygo.common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
 from readygo.common.rasterizer.cpu.tiles import LARGE, is_alive, tile_blocks, unpack_box, update_quads
@@ -67,9 +67,6 @@ from readygo.common.simd.types import (
     to_float,
     where,
 )
-
-Integers = npt.NDArray[np.int64]
-Singles = npt.NDArray[np.float32]
 
 ROUNDING = 12582912.0
 """1.5 * 2^23: added to a smaller float32, it leaves the nearest integer in the lowest bits."""
@@ -241,7 +238,7 @@ def _exp2(t: Any) -> Any:
 def _blend_block(
     ws: Workspace,
     depths: Depths | None,
-    normals: Singles | None,
+    normals: Float32Array | None,
     place: int,
     entry: int,
     touched: int,
@@ -316,7 +313,7 @@ def _blend_block(
 
 
 @kernel
-def blend_tiles(width: int, ws: Workspace, depths: Depths | None, normals: Singles | None) -> int:
+def blend_tiles(width: int, ws: Workspace, depths: Depths | None, normals: Float32Array | None) -> int:
     """Blend the slab's lists into the tiles, nearest first; the number of entries that were looked at.
 
     A block is left alone once all of its pixels are finished, a tile once all of its blocks are.
@@ -370,7 +367,9 @@ def _prefetch_records(ws: Workspace, node: int, size: int) -> None:
 
 
 @kernel
-def draw_slab(width: int, next_limit_bits: int, ws: Workspace, depths: Depths | None, normals: Singles | None) -> None:
+def draw_slab(
+    width: int, next_limit_bits: int, ws: Workspace, depths: Depths | None, normals: Float32Array | None
+) -> None:
     """Draw what was projected for a slab, and begin the next one; one call, because each one from Python takes 4 us."""
     in_sorted = sort_keys(ws)
     fill_tiles(width, in_sorted, ws)
@@ -379,7 +378,7 @@ def draw_slab(width: int, next_limit_bits: int, ws: Workspace, depths: Depths | 
 
 
 @kernel
-def write_floats(width: int, ws: Workspace, rgb: Singles) -> None:
+def write_floats(width: int, ws: Workspace, rgb: Float32Array) -> None:
     """Copy the tiles' colours to an image, shape (H, W, 3)."""
     columns = (width + TILE - 1) >> TILE_BITS
     for v in range(rgb.shape[0]):
@@ -393,7 +392,7 @@ def write_floats(width: int, ws: Workspace, rgb: Singles) -> None:
 
 
 @kernel
-def write_bytes(width: int, ws: Workspace, rgb: npt.NDArray[np.uint8]) -> None:
+def write_bytes(width: int, ws: Workspace, rgb: UInt8Array) -> None:
     """Copy the tiles' colours to an image of bytes, rounded and clipped, shape (H, W, 3)."""
     columns = (width + TILE - 1) >> TILE_BITS
     for v in range(rgb.shape[0]):

@@ -6,15 +6,13 @@ A point (x, y, z) of the camera's frame has the tangents u = x / z, v = y / z an
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.kernels import inline_kernel
 from readygo.common.rasterizer.constants import FOV_MARGIN
 from readygo.common.rasterizer.cpu.view import PinholeView
 from readygo.common.rasterizer.cpu.workspace import TILE, TILE_BITS
 from readygo.common.simd.types import f16, maximum, minimum
-
-Float64s = npt.NDArray[np.float64]
 
 
 class Optics(NamedTuple):
@@ -65,7 +63,7 @@ def clamp_tangents(optics: Optics, u: Any, v: Any) -> Any:
 
 
 @inline_kernel
-def rotation_rows(R: Float64s) -> Any:
+def rotation_rows(R: Float64Array) -> Any:
     """The nine numbers of a rotation, row by row, in every lane."""
     return (
         f16(R[0, 0]), f16(R[0, 1]), f16(R[0, 2]),

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Int16Array, UInt8Array
 from readygo.common.images.images import Images
 from readygo.common.kernels import inline_kernel, kernel
 from readygo.common.rasterizer.cpu.workspace import (
@@ -20,7 +20,6 @@ from readygo.common.rasterizer.cpu.workspace import (
     TILE,
     TILE_BITS,
     Depths,
-    Singles,
     Workspace,
 )
 from readygo.common.rasterizer.packed.scene import NORMAL_STEP
@@ -35,7 +34,7 @@ class Sums(NamedTuple):
     """What is added up beside colours while an image is blended; None: not wanted, and not compiled in."""
 
     depths: Depths | None = None
-    normals: Singles | None = None
+    normals: Float32Array | None = None
     """Sums of normals: per tile 16 blocks of x, y, z of 4x4 px, shape (T * 768,)."""
 
     def clear(self) -> None:
@@ -47,9 +46,7 @@ class Sums(NamedTuple):
 
 
 @inline_kernel
-def normal_block(
-    normal: npt.NDArray[np.int16] | None, block: int, x: Any, y: Any, z: Any, R: Any, ws: Workspace
-) -> None:
+def normal_block(normal: Int16Array | None, block: int, x: Any, y: Any, z: Any, R: Any, ws: Workspace) -> None:
     """Write a block's normals, turned towards the camera, to the rows of the scratch memory that become records.
 
     Args:
@@ -74,7 +71,7 @@ def normal_block(
         store_f16(ws.scratch, LANES * (RECORD_NORMAL + 2), nz * step)
 
 
-def instance_of_records(ends: Sequence[int], ids: Sequence[int]) -> npt.NDArray[np.uint8]:
+def instance_of_records(ends: Sequence[int], ids: Sequence[int]) -> UInt8Array:
     """Whose each record is.
 
     Args:
@@ -94,7 +91,7 @@ def write_images(
     images: Images,
     ws: Workspace,
     sums: Sums,
-    instances: npt.NDArray[np.uint8] | None,
+    instances: UInt8Array | None,
 ) -> None:
     """Write the images besides rgb of the view that was blended last.
 
@@ -133,7 +130,7 @@ def _transmittance(ws: Workspace, place: int) -> Any:
 
 
 @kernel
-def write_alpha(width: int, ws: Workspace, alpha: Singles) -> None:
+def write_alpha(width: int, ws: Workspace, alpha: Float32Array) -> None:
     """Write opacities, shape (H, W)."""
     for v in range(alpha.shape[0]):
         for u in range(width):
@@ -141,7 +138,7 @@ def write_alpha(width: int, ws: Workspace, alpha: Singles) -> None:
 
 
 @kernel
-def write_depth(width: int, ws: Workspace, depths: Depths, depth_m: Singles) -> None:
+def write_depth(width: int, ws: Workspace, depths: Depths, depth_m: Float32Array) -> None:
     """Write mean depths [m], shape (H, W)."""
     for v in range(depth_m.shape[0]):
         for u in range(width):
@@ -151,7 +148,7 @@ def write_depth(width: int, ws: Workspace, depths: Depths, depth_m: Singles) -> 
 
 
 @kernel
-def write_median_depth(width: int, ws: Workspace, depths: Depths, depth_m: Singles) -> None:
+def write_median_depth(width: int, ws: Workspace, depths: Depths, depth_m: Float32Array) -> None:
     """Write depths of the median Gaussians [m], shape (H, W)."""
     for v in range(depth_m.shape[0]):
         for u in range(width):
@@ -162,9 +159,7 @@ def write_median_depth(width: int, ws: Workspace, depths: Depths, depth_m: Singl
 
 
 @kernel
-def write_mask(
-    width: int, ws: Workspace, depths: Depths, instances: npt.NDArray[np.uint8], mask: npt.NDArray[np.uint8]
-) -> None:
+def write_mask(width: int, ws: Workspace, depths: Depths, instances: UInt8Array, mask: UInt8Array) -> None:
     """Write whose the median Gaussians are, shape (H, W)."""
     for v in range(mask.shape[0]):
         for u in range(width):
@@ -173,7 +168,7 @@ def write_mask(
 
 
 @kernel
-def write_normal(width: int, normals: Singles, normal: Singles) -> None:
+def write_normal(width: int, normals: Float32Array, normal: Float32Array) -> None:
     """Write mean normals of length 1, shape (H, W, 3)."""
     for v in range(normal.shape[0]):
         for u in range(width):

@@ -19,8 +19,8 @@ Source: Zwicker et al., EWA volume splatting, 2001; Kerbl et al., 3D Gaussian Sp
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array, Int16Array, Int64Array
 from readygo.common.gaussians.spherical_harmonics import SH_C0, SH_C1, SH_C2, SH_C3, SH_C20, SH_C30, SH_C31, SH_C32
 from readygo.common.kernels import inline_kernel, kernel
 from readygo.common.rasterizer.constants import DILATION_PX2, LIGHT_MAX, LIGHT_MIN, LOG2_E, NEAR_M
@@ -86,10 +86,6 @@ from readygo.common.simd.types import (
     truncate,
 )
 
-Integers = npt.NDArray[np.int64]
-Singles = npt.NDArray[np.float32]
-Float64s = npt.NDArray[np.float64]
-
 GEOMETRY = GEOMETRY_ROWS * LANES
 """Float32 numbers per block of packed geometry."""
 COLOURS = 3 * LANES
@@ -103,31 +99,31 @@ LEAD_MAX = 4
 class FlatScene(NamedTuple):
     """Arrays of a `PackedScene`, flat."""
 
-    centre_m: Float64s
-    geometry: Singles
-    colour: Singles
-    sh: npt.NDArray[np.int16]
+    centre_m: Float64Array
+    geometry: Float32Array
+    colour: Float32Array
+    sh: Int16Array
     sh_step: float
     sh_count: int
     """Coefficients per channel; 1: `colour` is used."""
-    normal: npt.NDArray[np.int16] | None = None
+    normal: Int16Array | None = None
     """Packed shortest axes of the Gaussians, flat; None where no normals are wanted, and not compiled in."""
 
 
 class FlatSkin(NamedTuple):
     """Arrays of a `PackedAvatar` that pose it."""
 
-    joint_start: Integers
-    joint: Integers
-    weight: Singles
+    joint_start: Int64Array
+    joint: Int64Array
+    weight: Float32Array
 
 
 class Lit(NamedTuple):
     """The light on a human."""
 
-    normal: npt.NDArray[np.int16]
+    normal: Int16Array
     """Packed normals that light falls on, as `packed_shading` gives them, flat."""
-    terms: Singles
+    terms: Float32Array
     """Terms of the light in the camera's frame, as `turned` gives them, flat; empty: the avatar's own colours."""
 
 
@@ -143,7 +139,7 @@ def pixels_within(low: Any, high: Any, last: Any) -> Any:
 
 
 @inline_kernel
-def _image_block(optics: Optics, geometry: Singles, g: int, x: Any, y: Any, z: Any, R: Any, ws: Workspace) -> int:
+def _image_block(optics: Optics, geometry: Float32Array, g: int, x: Any, y: Any, z: Any, R: Any, ws: Workspace) -> int:
     """Project a block of 16 Gaussians: their record rows go to the scratch memory, their mask of visible lanes back.
 
     Args:
@@ -213,7 +209,7 @@ def _image_block(optics: Optics, geometry: Singles, g: int, x: Any, y: Any, z: A
 
 
 @inline_kernel
-def _lead_block(lead: Singles, x: Any, y: Any, z: Any, ws: Workspace) -> None:
+def _lead_block(lead: Float32Array, x: Any, y: Any, z: Any, ws: Workspace) -> None:
     """Have a block's Gaussians sorted as if those near the ground were nearer; their depths stay as they are."""
     # The lead falls linearly with the height above the ground, a linear function of camera coordinates.
     nearer = fma(x, lead[0], fma(y, lead[1], fma(z, lead[2], lead[3])))
@@ -222,7 +218,7 @@ def _lead_block(lead: Singles, x: Any, y: Any, z: Any, ws: Workspace) -> None:
 
 
 @inline_kernel
-def _colour_block(cloud: FlatScene, block: int, x: Any, y: Any, z: Any, R_CW: Float64s, ws: Workspace) -> None:
+def _colour_block(cloud: FlatScene, block: int, x: Any, y: Any, z: Any, R_CW: Float64Array, ws: Workspace) -> None:
     """Write the colours of a block to the scratch memory; (x, y, z) are camera coordinates of the means."""
     if cloud.sh_count == 1:
         for channel in range(3):
@@ -391,8 +387,8 @@ def project_human(
     cloud: FlatScene,
     skin: FlatSkin,
     lit: Lit,
-    lead: Singles,
-    A_CS: Singles,
+    lead: Float32Array,
+    A_CS: Float32Array,
     chunks: VisibleChunks,
     slab: Slab,
     ws: Workspace,

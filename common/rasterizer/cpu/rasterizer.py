@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property, partial
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, Float32Array, Int16Array
 from readygo.common.avatars import Avatar, joint_transforms
 from readygo.common.gaussians.irradiance import rotate_forms
 from readygo.common.images.images import Images, empty_images
@@ -36,11 +36,11 @@ from readygo.common.rasterizer.packed.few import pack_few
 from readygo.common.rasterizer.packed.scene import CHUNK, PackedScene
 
 _RGB_ONLY = Sums()
-Shading = Callable[[], npt.NDArray[np.int16]]
+Shading = Callable[[], Int16Array]
 """Gives the normals of an avatar that light falls on, flat."""
 
 
-def _read_only_view(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def _read_only_view(array: AnyArray) -> AnyArray:
     """A read-only plain view: mapped and other packs then have one numba type, so that kernels compile once."""
     view = array.view(np.ndarray)
     view.flags.writeable = False
@@ -196,7 +196,7 @@ class CpuRasterizer:
             self._render_into(images[number], view, wanted)
         return images
 
-    def render_float(self, view: View) -> npt.NDArray[np.float32]:
+    def render_float(self, view: View) -> Float32Array:
         """The colours of a view before rounding, not clipped above 1, shape (H, W, 3)."""
         checked_outputs([view], (), self._avatars)
         self._draw(view, self._with_shadows(view))
@@ -227,7 +227,7 @@ class CpuRasterizer:
         return make_depths(self._height, self._width)
 
     @cached_property
-    def _normals(self) -> npt.NDArray[np.float32]:
+    def _normals(self) -> Float32Array:
         return make_normals(self._height, self._width)
 
     def _draw(self, shown: View, scene: Sequence[_Layer], sums: Sums = _RGB_ONLY) -> None:
@@ -274,7 +274,7 @@ def _wearable(
     return avatar, packed, cut, cache(partial(_shading, packed, avatar.joints_canonical_m))
 
 
-def _shading(packed: PackedAvatar, joints_m: npt.NDArray[np.float32]) -> npt.NDArray[np.int16]:
+def _shading(packed: PackedAvatar, joints_m: Float32Array) -> Int16Array:
     return _read_only_view(packed_shading(packed, joints_m)).reshape(-1)
 
 

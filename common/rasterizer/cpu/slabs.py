@@ -4,8 +4,8 @@ import itertools
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int64Array
 from readygo.common.kernels import inline_kernel
 from readygo.common.rasterizer.constants import NEAR_M
 from readygo.common.rasterizer.cpu.tiles import any_alive
@@ -32,7 +32,7 @@ class Slab(NamedTuple):
     """True if some pixels may be finished."""
 
 
-def slabs_of(depth_m: npt.NDArray[np.float64], shares: tuple[float, ...] | None = None) -> list[Slab]:
+def slabs_of(depth_m: Float64Array, shares: tuple[float, ...] | None = None) -> list[Slab]:
     """Split the depths of the visible chunks [m] at these shares of them, or at those of `SLAB_SHARES`."""
     shares = SLAB_SHARES if shares is None else shares
     depths = np.sort(depth_m)
@@ -49,7 +49,7 @@ def _depth_bits(depth_m: float) -> int:
 
 
 @inline_kernel
-def is_due(slab: Slab, depth_m: float, box: int, columns: int, tile_alive: npt.NDArray[np.int64]) -> bool:
+def is_due(slab: Slab, depth_m: float, box: int, columns: int, tile_alive: Int64Array) -> bool:
     """True if a chunk belongs to the slab and some pixel that it may touch is not finished.
 
     Args:

@@ -10,15 +10,11 @@ column, x & 3 the block's column in the tile. In the 16 bits of a tile, bit 4 * 
 
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
+from readygo.common.arrays import Int64Array
 from readygo.common.kernels import inline_kernel
 from readygo.common.rasterizer.cpu.workspace import Workspace
 from readygo.common.simd.memory import peek
 from readygo.common.simd.types import integer_minimum, integer_where
-
-Integers = npt.NDArray[np.int64]
 
 LARGE = -1
 """Tile of a box that meets more than 2x2 tiles."""
@@ -87,7 +83,7 @@ def tile_blocks(x0: int, x1: int, y0: int, y1: int, tile_x: int, tile_y: int) ->
 
 
 @inline_kernel
-def any_alive(tile_alive: Integers, columns: int, box: int) -> bool:
+def any_alive(tile_alive: Int64Array, columns: int, box: int) -> bool:
     """True if a block within a packed box is not finished."""
     x0, x1, y0, y1 = unpack_box(box)
     for tile_y in range(y0 >> 2, (y1 >> 2) + 1):

@@ -8,15 +8,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array, Int64Array
 from readygo.common.kernels import inline_kernel, kernel
 from readygo.common.rasterizer.constants import FOV_MARGIN, NEAR_M
 from readygo.common.rasterizer.cpu.tiles import pack_box
-
-Floats = npt.NDArray[np.float64]
-Singles = npt.NDArray[np.float32]
-Integers = npt.NDArray[np.int64]
 
 PAD_PX = 2.0
 """How far the image-space dilation reaches: sqrt(2 ln(255) * 0.3) = 1.83 px."""
@@ -29,9 +25,9 @@ SLACK_M = 1e-5
 class PinholeView(NamedTuple):
     """A pinhole camera as the kernels take it."""
 
-    R_CW: Floats
+    R_CW: Float64Array
     """Rotation from world to camera, shape (3, 3)."""
-    p_WC: Floats
+    p_WC: Float64Array
     """Camera centre [m], shape (3,)."""
     fx: float
     fy: float
@@ -44,17 +40,17 @@ class PinholeView(NamedTuple):
 class VisibleChunks(NamedTuple):
     """Chunks that may touch the image."""
 
-    number: Integers
+    number: Int64Array
     """Chunk numbers, shape (C,)."""
-    depth_m: Floats
+    depth_m: Float64Array
     """Lower bound of the depths of their means [m], shape (C,)."""
-    box: Integers
+    box: Int64Array
     """Bounds of their footprints in blocks of 4x4 px, packed as in `pack_box`, shape (C,)."""
-    corners: Floats
+    corners: Float64Array
     """Scratch memory, shape (2, 3)."""
 
 
-def make_view(T_world_camera: Floats, K_px: Floats, height_px: int, width_px: int) -> PinholeView:
+def make_view(T_world_camera: Float64Array, K_px: Float64Array, height_px: int, width_px: int) -> PinholeView:
     """A view of a camera pose (OpenCV axes) and intrinsics without skew."""
     return PinholeView(
         np.ascontiguousarray(T_world_camera[:3, :3].T),
@@ -106,7 +102,7 @@ def _blocks_of_range(
 
 @inline_kernel
 def add_if_visible(
-    view: PinholeView, low: Floats, high: Floats, reach: float, i: int, n: int, out: VisibleChunks
+    view: PinholeView, low: Float64Array, high: Float64Array, reach: float, i: int, n: int, out: VisibleChunks
 ) -> int:
     """Write chunk `i`, whose means lie in a box of the camera frame, to place `n`; the number of chunks after that."""
     if high[2] <= NEAR_M:
@@ -123,7 +119,9 @@ def add_if_visible(
 
 
 @inline_kernel
-def camera_box(view: PinholeView, centre_m: Floats, half_m: Singles, low: Floats, high: Floats) -> None:
+def camera_box(
+    view: PinholeView, centre_m: Float64Array, half_m: Float32Array, low: Float64Array, high: Float64Array
+) -> None:
     """Write the bounds of a box in the camera's frame."""
     R = view.R_CW
     dx, dy, dz = centre_m[0] - view.p_WC[0], centre_m[1] - view.p_WC[1], centre_m[2] - view.p_WC[2]
@@ -134,7 +132,9 @@ def camera_box(view: PinholeView, centre_m: Floats, half_m: Singles, low: Floats
 
 
 @kernel
-def cull_scene(view: PinholeView, centre_m: Floats, half_m: Singles, reach_m: Singles, out: VisibleChunks) -> int:
+def cull_scene(
+    view: PinholeView, centre_m: Float64Array, half_m: Float32Array, reach_m: Float32Array, out: VisibleChunks
+) -> int:
     """Write the chunks whose Gaussians may touch the image, and return their number."""
     low, high = out.corners[0], out.corners[1]
     n = 0
@@ -146,14 +146,14 @@ def cull_scene(view: PinholeView, centre_m: Floats, half_m: Singles, reach_m: Si
 
 @inline_kernel
 def posed_box(
-    A_CS: Singles,
+    A_CS: Float32Array,
     first: int,
     end: int,
-    box_joint: Integers,
-    centre_m: Singles,
-    half_m: Singles,
-    low: Floats,
-    high: Floats,
+    box_joint: Int64Array,
+    centre_m: Float32Array,
+    half_m: Float32Array,
+    low: Float64Array,
+    high: Float64Array,
 ) -> None:
     """Write the bounds in the camera's frame of the boxes `first` to `end`, each carried along by its joint."""
     for k in range(3):
@@ -169,7 +169,14 @@ def posed_box(
 
 @inline_kernel
 def add_human_chunk(
-    view: PinholeView, low: Floats, high: Floats, reach: float, lead: Singles, i: int, n: int, out: VisibleChunks
+    view: PinholeView,
+    low: Float64Array,
+    high: Float64Array,
+    reach: float,
+    lead: Float32Array,
+    i: int,
+    n: int,
+    out: VisibleChunks,
 ) -> int:
     """Add a chunk of a human if it may be seen, sorted as nearer by up to what `lead_terms` say within its box."""
     end: int = add_if_visible(view, low, high, reach, i, n, out)
@@ -185,13 +192,13 @@ def add_human_chunk(
 @kernel
 def cull_human(
     view: PinholeView,
-    lead: Singles,
-    A_CS: Singles,
-    box_start: Integers,
-    box_joint: Integers,
-    centre_m: Singles,
-    half_m: Singles,
-    reach_m: Singles,
+    lead: Float32Array,
+    A_CS: Float32Array,
+    box_start: Int64Array,
+    box_joint: Int64Array,
+    centre_m: Float32Array,
+    half_m: Float32Array,
+    reach_m: Float32Array,
     out: VisibleChunks,
 ) -> int:
     """Write the chunks of a posed avatar that may touch the image, and return their number.

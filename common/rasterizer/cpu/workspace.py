@@ -12,15 +12,13 @@ Legend of the kernels in this folder:
     slab     a range of depths that is drawn in one go, nearest slabs first
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, Float32Array, Int32Array, Int64Array, UInt16Array
 from readygo.common.simd.types import LANES
-
-Integers = npt.NDArray[np.int64]
-Singles = npt.NDArray[np.float32]
 
 RECORD = 16
 """Float32 numbers per projected Gaussian, one cache line; the constants below are places in it, 10, 11 and 15 unused.
@@ -75,49 +73,49 @@ RECORDS, KEYS, LATER, LARGE_ENTRIES = 0, 1, 2, 3
 class Workspace(NamedTuple):
     """Buffers for one camera at a time; numbers are in `counts`."""
 
-    counts: Integers
+    counts: Int64Array
     """Numbers of records, of keys for this slab, of keys for later slabs, and of the tiles that all boxes of more than
     2x2 tiles meet, shape (4,)."""
-    records: Singles
+    records: Float32Array
     """Projected Gaussians, shape (N * RECORD,)."""
-    boxes: Integers
+    boxes: Int64Array
     """First tile and blocks of their boxes (see `tiles`), shape (N * BOX,)."""
-    keys: Integers
+    keys: Int64Array
     """Keys of what this slab draws, shape (N,)."""
-    sorted_keys: Integers
+    sorted_keys: Int64Array
     """The keys of this slab sorted by depth, shape (N,)."""
-    later: Integers
+    later: Int64Array
     """Keys of what lies beyond the slab, shape (N,)."""
-    tile_place: Integers
+    tile_place: Int64Array
     """Where each tile's next entry goes, and three places for entries that do not exist, shape (T + 3,)."""
-    tile_alive: Integers
+    tile_alive: Int64Array
     """Bit k is set while the tile's 4x4 block k is not finished; 0 beyond the image, shape (T + slack,)."""
-    quad_alive: Integers
+    quad_alive: Int64Array
     """Unfinished blocks of a tile and its neighbours, laid out as a box's blocks, shape (T,)."""
-    tile_state: Singles
+    tile_state: Float32Array
     """Colour and transmittance, shape (T * TILE_STATE,)."""
-    node_next: Integers
+    node_next: Int64Array
     """The node that follows each node of a tile's list; the first T nodes begin the lists, shape (E / 64,)."""
-    entry_record: npt.NDArray[np.int32]
+    entry_record: Int32Array
     """Record numbers of the entries, nearest first within a tile, shape (E,)."""
-    entry_blocks: npt.NDArray[np.uint16]
+    entry_blocks: UInt16Array
     """Blocks of the tile that the entry touches, shape (E,)."""
-    digit_places: npt.NDArray[np.int32]
+    digit_places: Int32Array
     """Where the sort's next key of each digit value goes, shape (3 * 4096,)."""
-    scratch: Singles
+    scratch: Float32Array
     """A 16x16 matrix: the records of a block of Gaussians, number by number, shape (256,)."""
-    scratch_bits: npt.NDArray[np.int32]
+    scratch_bits: Int32Array
     """Rows `BITS_TILE` to `BITS_DEPTH` of a block of Gaussians, shape (64,)."""
-    scratch_records: Singles
+    scratch_records: Float32Array
     """Records of a block of Gaussians, one after the other, shape (256,)."""
 
 
 class Depths(NamedTuple):
     """What is kept per pixel for depths and the mask; per tile 16 blocks of 4x4 px."""
 
-    weighted_m: Singles
+    weighted_m: Float32Array
     """Sum of depths, weighted as colours are [m], shape (T * 256,)."""
-    median: npt.NDArray[np.int32]
+    median: Int32Array
     """Record number of the median Gaussian where the transmittance is below one half, shape (T * 256,)."""
 
 
@@ -127,7 +125,7 @@ def make_depths(height_px: int, width_px: int) -> Depths:
     return Depths(_allocate_aligned(pixels, np.float32), _allocate_aligned(pixels, np.int32))
 
 
-def make_normals(height_px: int, width_px: int) -> Singles:
+def make_normals(height_px: int, width_px: int) -> Float32Array:
     """Memory for sums of normals, per tile 16 blocks of x, y, z of 4x4 px, shape (T * 768,)."""
     return _allocate_aligned(tile_count(height_px, width_px) * TILE * TILE * 3, np.float32)
 
@@ -190,7 +188,7 @@ def tile_count(height_px: int, width_px: int) -> int:
     return -(-height_px // TILE) * -(-width_px // TILE)
 
 
-def _allocate_aligned(count: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+def _allocate_aligned(count: int, dtype: npt.DTypeLike) -> AnyArray:
     """Uninitialised array that begins on a cache line and has room for one more SIMD register behind its end."""
     size = count * np.dtype(dtype).itemsize
     raw = np.empty(size + 128, dtype=np.uint8)

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.rasterizer.cpu.view import make_view
 from readygo.common.rasterizer.differentiable.frame import Frame, FrameGradients, free_frame, zeros
 from readygo.common.rasterizer.differentiable.memory import DEPTH, PLANES, RED, TRANSMITTANCE, Cloud
@@ -60,7 +61,7 @@ class Rendered:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Settings:
-    K_px: npt.NDArray[np.float64]
+    K_px: Float64Array
     height_px: int
     width_px: int
     sh_degree: int
@@ -170,10 +171,10 @@ def _checked_pose(T_world_camera: Tensor) -> Tensor:
     return T_world_camera
 
 
-def _flat(tensor: Tensor | None) -> npt.NDArray[np.float32]:
+def _flat(tensor: Tensor | None) -> Float32Array:
     if tensor is None:
         return np.empty(0, dtype=np.float32)
-    array: npt.NDArray[np.float32] = tensor.detach().numpy().reshape(-1)
+    array: Float32Array = tensor.detach().numpy().reshape(-1)
     return array
 
 
@@ -273,7 +274,7 @@ class _Rows:
     count: int
     dense: bool
 
-    def tensor(self, name: str, rows: npt.NDArray[np.float32] | None) -> Tensor | None:
+    def tensor(self, name: str, rows: Float32Array | None) -> Tensor | None:
         if rows is None:
             return None
         values, shape = torch.from_numpy(rows), (self.count, *rows.shape[1:])

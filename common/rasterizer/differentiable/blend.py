@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from readygo.common.arrays import Float32Array
 from readygo.common.kernels import inline_kernel
 from readygo.common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
 from readygo.common.rasterizer.cpu.blend import EXPONENT_BIT, ROUNDING, fill_tiles, log2_alpha, sort_keys
@@ -40,7 +41,6 @@ from readygo.common.rasterizer.differentiable.memory import (
     TRANSMITTANCE,
     ForwardMemory,
     Raster,
-    Singles,
 )
 from readygo.common.rasterizer.differentiable.released import kernel_without_gil
 from readygo.common.rasterizer.differentiable.simd_rows import load_block, load_first, store_block, store_first
@@ -85,7 +85,7 @@ def begin_planes(width: int, height: int, ws: Workspace, raster: Raster) -> None
 
 @kernel_without_gil
 def gather_features(
-    features: Singles, count: int, first: int, kept: ForwardMemory, ws: Workspace, raster: Raster
+    features: Float32Array, count: int, first: int, kept: ForwardMemory, ws: Workspace, raster: Raster
 ) -> None:
     """Copy the features of the records from `first` on, `count` numbers each, and fill rows up with zeros."""
     # Record 16 * group + lane is that of the group's Gaussian `lane`.
@@ -118,7 +118,7 @@ def exp2(t: Any) -> Any:
 
 
 @inline_kernel
-def _write_alphas(ws: Workspace, entry: int, touched: int, x: Any, y: Any, alphas: Singles) -> None:
+def _write_alphas(ws: Workspace, entry: int, touched: int, x: Any, y: Any, alphas: Float32Array) -> None:
     """Write the alphas of those of a node's entries whose bit is set in a 4x4 block, one after the other.
 
     Two short loops, and others for what is made of them: a CPU then works on several entries at a time, although each
@@ -167,7 +167,7 @@ def _weigh(raster: Raster, place: int, touched: int) -> Any:
 
 @inline_kernel
 def _add_four(
-    ws: Workspace, raster: Raster, place: int, values: Singles, first: int, stride: int, entry: int, drawing: int
+    ws: Workspace, raster: Raster, place: int, values: Float32Array, first: int, stride: int, entry: int, drawing: int
 ) -> None:
     """Add four planes of those of a node's entries whose bit is set, weighted by `raster.weights`.
 

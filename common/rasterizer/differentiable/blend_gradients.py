@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from readygo.common.arrays import Float32Array
 from readygo.common.kernels import inline_kernel
 from readygo.common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
 from readygo.common.rasterizer.cpu.blend import log2_alpha
@@ -52,7 +53,6 @@ from readygo.common.rasterizer.differentiable.memory import (
     TRANSMITTANCE,
     Gradients,
     Raster,
-    Singles,
 )
 from readygo.common.rasterizer.differentiable.partial_sums import add, add_product, no_sum, totals
 from readygo.common.rasterizer.differentiable.released import kernel_without_gil
@@ -74,7 +74,7 @@ STATE_ROWS = PLANES + 4
 
 
 @inline_kernel
-def _load_tile(raster: Raster, slopes: Singles, replay: Singles, left: int, top: int) -> None:
+def _load_tile(raster: Raster, slopes: Float32Array, replay: Float32Array, left: int, top: int) -> None:
     """Set up the state of a tile's blocks."""
     size = raster.height * raster.stride
     planes = PLANES + raster.feature_count
@@ -94,7 +94,7 @@ def _load_tile(raster: Raster, slopes: Singles, replay: Singles, left: int, top:
 
 
 @inline_kernel
-def _store_tile(raster: Raster, replay: Singles, left: int, top: int) -> None:
+def _store_tile(raster: Raster, replay: Float32Array, left: int, top: int) -> None:
     """Keep transmittance and what is left behind for the next slab."""
     size = raster.height * raster.stride
     for block in range(TILE_BLOCKS):
@@ -105,7 +105,7 @@ def _store_tile(raster: Raster, replay: Singles, left: int, top: int) -> None:
 
 
 @kernel_without_gil
-def begin_replay(ws: Workspace, raster: Raster, slopes: Singles, replay: Singles, out: Gradients) -> None:
+def begin_replay(ws: Workspace, raster: Raster, slopes: Float32Array, replay: Float32Array, out: Gradients) -> None:
     """Start with full transmittance, the whole image left behind, and no record replayed.
 
     Args:
@@ -231,8 +231,8 @@ def blend_gradients(
     width: int,
     ws: Workspace,
     raster: Raster,
-    slopes: Singles,
-    replay: Singles,
+    slopes: Float32Array,
+    replay: Float32Array,
     absolute: bool,
     out: Gradients,
 ) -> None:

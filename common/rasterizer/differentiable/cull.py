@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from readygo.common.arrays import Float32Array
 from readygo.common.kernels import inline_kernel
 from readygo.common.rasterizer.constants import ALPHA_MIN, NEAR_M
 from readygo.common.rasterizer.cpu.optics import Optics, optics_of, rotation_rows
@@ -17,7 +18,7 @@ from readygo.common.rasterizer.cpu.tiles import pack_box
 from readygo.common.rasterizer.cpu.view import PAD_PX, PinholeView
 from readygo.common.rasterizer.cpu.workspace import BLOCK_BITS
 from readygo.common.rasterizer.differentiable.ewa import to_camera
-from readygo.common.rasterizer.differentiable.memory import CHUNK, Chunks, Cloud, Singles
+from readygo.common.rasterizer.differentiable.memory import CHUNK, Chunks, Cloud
 from readygo.common.rasterizer.differentiable.released import kernel_without_gil
 from readygo.common.rasterizer.differentiable.simd_rows import columns_of_three, load_first
 from readygo.common.simd.memory import load_f16, poke, prefetch, store_f16
@@ -92,20 +93,20 @@ def in_view(optics: Optics, p: Any, reach: Any, opacity: Any, left: int) -> Any:
 
 
 @inline_kernel
-def _begin_bounds(bounds: Singles) -> None:
+def _begin_bounds(bounds: Float32Array) -> None:
     for k in range(BOTTOM + 1):
         store_f16(bounds, LANES * k, f16(FAR))
 
 
 @inline_kernel
-def _widen(bounds: Singles, k: int, seen: Any, value: Any) -> None:
+def _widen(bounds: Float32Array, k: int, seen: Any, value: Any) -> None:
     """Lower the k-th bound to `value` in the lanes that are seen."""
     old = load_f16(bounds, LANES * k)
     store_f16(bounds, LANES * k, where(seen, minimum(value, old), old))
 
 
 @inline_kernel
-def _bound(bounds: Singles, k: int) -> float:
+def _bound(bounds: Float32Array, k: int) -> float:
     """The smallest lane of the k-th bound."""
     low: float = bounds[LANES * k]
     for lane in range(1, LANES):
@@ -114,7 +115,7 @@ def _bound(bounds: Singles, k: int) -> float:
 
 
 @inline_kernel
-def _bound_block(view: PinholeView, optics: Optics, R: Any, cloud: Cloud, first: int, bounds: Singles) -> int:
+def _bound_block(view: PinholeView, optics: Optics, R: Any, cloud: Cloud, first: int, bounds: Float32Array) -> int:
     """Widen the bounds by a block of 16 Gaussians; the lanes that may touch the image."""
     left = len(cloud.opacities) - first
     for k in range(0, 3 * LANES, LANES):
@@ -145,7 +146,7 @@ def _to_block(pixel: float, last: float) -> int:
 
 
 @kernel_without_gil
-def bound_chunks(view: PinholeView, cloud: Cloud, bounds: Singles, out: Chunks) -> int:
+def bound_chunks(view: PinholeView, cloud: Cloud, bounds: Float32Array, out: Chunks) -> int:
     """Write the chunks that may touch the image, and return their number.
 
     Args:

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array, Int64Array
 from readygo.common.rasterizer.cpu.slabs import Slab, slabs_of
 from readygo.common.rasterizer.cpu.view import PinholeView
 from readygo.common.rasterizer.cpu.workspace import (
@@ -36,7 +36,6 @@ from readygo.common.rasterizer.differentiable.memory import (
     ForwardMemory,
     Gradients,
     Raster,
-    Singles,
     allocate_aligned,
 )
 from readygo.common.rasterizer.differentiable.pool import ArrayPool
@@ -60,9 +59,9 @@ class _Memory(threading.local):
 _MEMORY = _Memory()
 
 
-def zeros(name: str, shape: tuple[int, ...]) -> Singles:
+def zeros(name: str, shape: tuple[int, ...]) -> Float32Array:
     """Zeros in memory that is used again when they are dropped."""
-    array: Singles = _MEMORY.pool.take(name, math.prod(shape), np.float32)
+    array: Float32Array = _MEMORY.pool.take(name, math.prod(shape), np.float32)
     array.fill(0.0)
     return array.reshape(shape)
 
@@ -71,24 +70,24 @@ def zeros(name: str, shape: tuple[int, ...]) -> Singles:
 class FrameGradients:
     """Derivatives of the loss by parameters of m Gaussians, and by n projected means: those of `Drawn.index`."""
 
-    index: npt.NDArray[np.int64]
+    index: Int64Array
     """The Gaussians that have weight in the image, ascending, shape (m,)."""
-    means_m: Singles
-    quats_wxyz: Singles
-    scales_m: Singles
-    opacities: Singles
-    sh: Singles | None
+    means_m: Float32Array
+    quats_wxyz: Float32Array
+    scales_m: Float32Array
+    opacities: Float32Array
+    sh: Float32Array | None
     """All Gaussians' rows if they were asked for, shape (m or N, K, 3)."""
-    features: Singles | None
-    R_CW: npt.NDArray[np.float64]
+    features: Float32Array | None
+    R_CW: Float64Array
     """Derivative by the rotation from world to camera, shape (3, 3)."""
-    p_WC: npt.NDArray[np.float64]
+    p_WC: Float64Array
     """Derivative by the camera's centre in the world, shape (3,)."""
-    means_px: Singles
+    means_px: Float32Array
     """Derivatives by the projected means, shape (n, 2)."""
-    absolute_px: Singles | None
+    absolute_px: Float32Array | None
     """Sums of the pixels' absolute derivatives by the projected means, shape (n, 2)."""
-    weights: Singles
+    weights: Float32Array
     """Sums of weights over all pixels, shape (n,)."""
 
 
@@ -96,13 +95,13 @@ class FrameGradients:
 class Drawn:
     """What a view looks like."""
 
-    planes: Singles
+    planes: Float32Array
     """Image planes in the order of `memory.PLANES`; sides are multiples of 16 px, features of `FEATURE_GROUP`."""
-    token: Singles
+    token: Float32Array
     """The frame stays in use while this lives."""
-    index: npt.NDArray[np.int64]
+    index: Int64Array
     """Gaussians of the groups, ascending, shape (n,)."""
-    radius_px: Singles
+    radius_px: Float32Array
     """The larger half side of the box outside of which their alpha is below the threshold; 0: not drawn, shape (n,)."""
 
 
@@ -142,14 +141,14 @@ class Frame:
         )
         self._slabs: list[_SlabLists] = []
         self._slab_count = 0
-        self._token: Callable[[], npt.NDArray[np.float32] | None] = lambda: None
+        self._token: Callable[[], Float32Array | None] = lambda: None
 
     @property
     def in_use(self) -> bool:
         """True while the token of the last `draw` lives."""
         return self._token() is not None
 
-    def draw(self, view: PinholeView, cloud: Cloud, features: Singles | None, *, keep: bool) -> Drawn:
+    def draw(self, view: PinholeView, cloud: Cloud, features: Float32Array | None, *, keep: bool) -> Drawn:
         """Draw a view.
 
         Args:
@@ -221,7 +220,7 @@ class Frame:
         blend(view.width, ws, lists.on(self._raster))
         self._slab_count += 1
 
-    def derive(self, planes: Singles, slopes: Singles, *, absolute: bool, dense: bool) -> FrameGradients:
+    def derive(self, planes: Float32Array, slopes: Float32Array, *, absolute: bool, dense: bool) -> FrameGradients:
         """Derivatives of a loss by all parameters.
 
         Args:
@@ -250,7 +249,7 @@ class Frame:
         rows = project_gradients(self._view, self._cloud, self._chunks, dense, self._kept, out)
         return self._results(out, rows, absolute_row if absolute else None, dense)
 
-    def zero_planes(self) -> Singles:
+    def zero_planes(self) -> Float32Array:
         """Zeros in the layout of the planes, for `derive`."""
         raster = self._raster
         return zeros("slopes", (PLANES + raster.feature_count, raster.height, raster.stride))
@@ -302,7 +301,7 @@ class Frame:
             weights=out.weights[:n],
         )
 
-    def _sums(self, out: Gradients, first: int, count: int) -> Singles:
+    def _sums(self, out: Gradients, first: int, count: int) -> Float32Array:
         """Numbers from `first` on of the gradient records, in the order of rows."""
         rows = np.empty((self._rows, count), dtype=np.float32)
         gather_sums(self._chunks, self._kept, out, first, rows)
@@ -343,7 +342,7 @@ class _SlabLists:
 
 
 def _chunk_arrays(count: int) -> Chunks:
-    def integers(each: int = 1) -> npt.NDArray[np.int64]:
+    def integers(each: int = 1) -> Int64Array:
         return np.zeros(count * each, dtype=np.int64)
 
     return Chunks(integers(), np.zeros(count), integers(), integers(CHUNK // 16), integers(), integers())

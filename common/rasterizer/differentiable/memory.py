@@ -9,17 +9,14 @@ Legend of the kernels in this folder, besides that of `cpu.workspace`:
     drawn, weighty   bits of the lanes that are drawn, and that have weight in the image
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array, UInt16Array
 from readygo.common.rasterizer.differentiable.partial_sums import place_of
 from readygo.common.simd.types import LANES
-
-Singles = npt.NDArray[np.float32]
-Float64s = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 
 CHUNK = 256
 """Gaussians that follow each other in memory and are culled together."""
@@ -53,11 +50,11 @@ FEATURE_GROUP = 4
 class Cloud(NamedTuple):
     """Parameters of N Gaussians as flat float32 arrays."""
 
-    means_m: Singles
-    quats_wxyz: Singles
-    scales_m: Singles
-    opacities: Singles
-    sh: Singles
+    means_m: Float32Array
+    quats_wxyz: Float32Array
+    scales_m: Float32Array
+    opacities: Float32Array
+    sh: Float32Array
     """Coefficients, three colours each; empty if there is no colour."""
     sh_stride: int
     """Numbers per Gaussian in `sh`."""
@@ -68,17 +65,17 @@ class Cloud(NamedTuple):
 class Chunks(NamedTuple):
     """Chunks that may touch the image, in the order of memory."""
 
-    number: Integers
+    number: Int64Array
     """Chunk numbers, shape (C,)."""
-    depth_m: Float64s
+    depth_m: Float64Array
     """Lower bound of the depths of their means [m], shape (C,)."""
-    box: Integers
+    box: Int64Array
     """Bounds of their footprints in 4x4 blocks, packed as in `pack_box`, shape (C,)."""
-    lanes: Integers
+    lanes: Int64Array
     """Which Gaussians of each of their blocks of 16 may touch the image (bits), shape (C * 16,)."""
-    first_group: Integers
+    first_group: Int64Array
     """First group of each chunk, shape (C,)."""
-    group_count: Integers
+    group_count: Int64Array
     """Groups of each chunk; 0: nothing of it was projected, shape (C,)."""
 
 
@@ -88,42 +85,42 @@ class ForwardMemory(NamedTuple):
     Record `16 * group + lane` is that of the group's Gaussian `lane`.
     """
 
-    groups: Singles
+    groups: Float32Array
     """Groups of 16 Gaussians, with the rows of `GROUP_ROWS`, shape (G * GROUP,)."""
-    lanes: npt.NDArray[np.int32]
+    lanes: Int32Array
     """Gaussians of each group, shape (G,)."""
-    waiting: Integers
+    waiting: Int64Array
     """Numbers of those Gaussians of one chunk that may touch the image, shape (CHUNK,)."""
-    rows: Singles
+    rows: Float32Array
     """Parameters or SH coefficients of 16 Gaussians, one row each, shape (16 * 48,)."""
-    coefficients: Singles
+    coefficients: Float32Array
     """SH coefficients of 16 Gaussians, one column each, shape (48 * 16,)."""
 
 
 class Raster(NamedTuple):
     """Images and lists that forward and backward blending share."""
 
-    planes: Singles
+    planes: Float32Array
     """Images one after the other, with sides that are multiples of 16 px; see `PLANES`."""
     height: int
     """Rows of one plane [px]."""
     stride: int
     """Columns of one plane [px]."""
-    features: Singles
+    features: Float32Array
     """Features of the records, shape (records * feature_count,)."""
     feature_count: int
     """Features per record, a multiple of `FEATURE_GROUP`."""
-    tile_nodes: npt.NDArray[np.int32]
+    tile_nodes: Int32Array
     """Nodes of each tile's list that were drawn until the tile was finished, shape (T,)."""
-    entry_drawn: npt.NDArray[np.uint16]
+    entry_drawn: UInt16Array
     """Which of the tile's 4x4 blocks an entry of a drawn node changed (bits), shape (E,)."""
-    weights: Singles
+    weights: Float32Array
     """Alphas, then weights of a node's entries in one block, shape (64 * 16,)."""
-    state: Singles
+    state: Float32Array
     """What a tile's blocks need while it is blended, shape (16 * (feature_count + 7) * 16,)."""
-    block_x: Singles
+    block_x: Float32Array
     """Columns of a tile's blocks within it [px], shape (16,)."""
-    block_y: Singles
+    block_y: Float32Array
     """Rows of a tile's blocks within it [px], shape (16,)."""
 
 
@@ -133,34 +130,34 @@ class Gradients(NamedTuple):
     Parameters have a row per Gaussian with weight; weights and projected means one per Gaussian of a group.
     """
 
-    records: Singles
+    records: Float32Array
     """Gradient records, see `MOMENTS`, shape (records * record_size,)."""
     record_size: int
     """Numbers per gradient record, a multiple of 16."""
-    touched: npt.NDArray[np.uint8]
+    touched: UInt8Array
     """1 for groups of which a record was replayed; gradient records of the others hold nothing, shape (G,)."""
-    sums: Singles
+    sums: Float32Array
     """The first 16 numbers of 16 gradient records, one row each, shape (16 * 16,)."""
-    numbers: Integers
+    numbers: Int64Array
     """Indices of the Gaussians that have weight, ascending."""
-    means_m: Singles
-    quats_wxyz: Singles
-    scales_m: Singles
-    opacities: Singles
-    sh: Singles
-    features: Singles
+    means_m: Float32Array
+    quats_wxyz: Float32Array
+    scales_m: Float32Array
+    opacities: Float32Array
+    sh: Float32Array
+    features: Float32Array
     feature_size: int
     """Features per Gaussian, not filled up."""
-    weights: Singles
+    weights: Float32Array
     """Sum of the Gaussian's weights over all pixels."""
-    means_px: Singles
+    means_px: Float32Array
     """Derivatives by the projected means: all x, from `means_px[stride]` on all y."""
     stride: int
-    pose: Singles
+    pose: Float32Array
     """Derivatives by R_CW, row by row, and by the camera centre, in 16 parts each, shape (12 * 16,)."""
 
 
-def allocate_aligned(count: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+def allocate_aligned(count: int, dtype: npt.DTypeLike) -> AnyArray:
     """Uninitialised array that begins on a cache line."""
     size = count * np.dtype(dtype).itemsize
     raw = np.empty(size + 128, dtype=np.uint8)

@@ -1,12 +1,12 @@
 """An order of Gaussians in memory that suits the rasterizer."""
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Int64Array
 from readygo.common.rasterizer.packed.scene import morton_codes
 
 
-def spatial_order(means_m: npt.NDArray[np.float32]) -> npt.NDArray[np.int64]:
+def spatial_order(means_m: Float32Array) -> Int64Array:
     """Order in which neighbours in space are neighbours in memory: along a Morton curve.
 
     Worth applying to all parameters (and to the state of an optimiser) after every densification; Gaussians move too

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray
+
 
 @dataclass
 class _Region:
@@ -24,7 +26,7 @@ class ArrayPool:
     def __init__(self) -> None:
         self._regions: dict[str, list[_Region]] = {}
 
-    def take(self, name: str, count: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+    def take(self, name: str, count: int, dtype: npt.DTypeLike) -> AnyArray:
         """Uninitialised array, shape (count,).
 
         Args:
@@ -41,7 +43,7 @@ class ArrayPool:
             self._regions[name] = [region for region in regions if region.user() is not None]
             region = _Region(_pages(size + size // 4), lambda: None)  # type: ignore[arg-type]
             self._regions[name].append(region)
-        array: npt.NDArray[Any] = np.frombuffer(region.memory, dtype=dtype, count=count)
+        array: AnyArray = np.frombuffer(region.memory, dtype=dtype, count=count)
         region.user = weakref.ref(array)
         return array
 

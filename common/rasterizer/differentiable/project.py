@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from readygo.common.arrays import Float32Array, Int64Array
 from readygo.common.kernels import inline_kernel
 from readygo.common.rasterizer.constants import ALPHA_MIN, LOG2_E
 from readygo.common.rasterizer.cpu.blend import EXPONENT_BIT, begin_slab
@@ -60,8 +61,6 @@ from readygo.common.rasterizer.differentiable.memory import (
     Chunks,
     Cloud,
     ForwardMemory,
-    Integers,
-    Singles,
 )
 from readygo.common.rasterizer.differentiable.released import kernel_without_gil
 from readygo.common.rasterizer.differentiable.simd_rows import copy_four, copy_three
@@ -300,7 +299,7 @@ def _lanes(bits: int) -> Any:
 
 
 @kernel_without_gil
-def list_drawn(chunks: Chunks, kept: ForwardMemory, index: Integers, radius_px: Singles) -> int:
+def list_drawn(chunks: Chunks, kept: ForwardMemory, index: Int64Array, radius_px: Float32Array) -> int:
     """Write numbers and radii of all Gaussians of the groups in the order of memory, and return their number."""
     n = 0
     for i in range(len(chunks.number)):

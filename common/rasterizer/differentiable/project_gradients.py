@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from readygo.common.arrays import Float32Array
 from readygo.common.kernels import inline_kernel
 from readygo.common.rasterizer.cpu.optics import Optics, clamp_tangents, optics_of, rotation_rows
 from readygo.common.rasterizer.cpu.view import PinholeView
@@ -49,7 +50,6 @@ from readygo.common.rasterizer.differentiable.memory import (
     Cloud,
     ForwardMemory,
     Gradients,
-    Singles,
 )
 from readygo.common.rasterizer.differentiable.released import kernel_without_gil
 from readygo.common.rasterizer.differentiable.simd_rows import rows_of_four, rows_of_three, store_first
@@ -158,7 +158,7 @@ def _pack_lanes(lanes: Any, value: Any) -> Any:
 
 
 @inline_kernel
-def _write_rows_of_three(rows: Singles, row: int, lanes: Any, a: Any, b: Any, c: Any) -> None:
+def _write_rows_of_three(rows: Float32Array, row: int, lanes: Any, a: Any, b: Any, c: Any) -> None:
     """Write the columns (a, b, c) of the lanes of a mask as rows of three, from `row` on."""
     r0, r1, r2 = rows_of_three(_pack_lanes(lanes, a), _pack_lanes(lanes, b), _pack_lanes(lanes, c))
     store_f16(rows, 3 * row, r0)
@@ -403,7 +403,7 @@ def project_gradients(
 
 
 @kernel_without_gil
-def gather_sums(chunks: Chunks, kept: ForwardMemory, out: Gradients, begin: int, rows: Singles) -> None:
+def gather_sums(chunks: Chunks, kept: ForwardMemory, out: Gradients, begin: int, rows: Float32Array) -> None:
     """Copy numbers from `begin` on of the gradient records to `rows`, one row per Gaussian in the order of memory."""
     row = 0
     for i in range(len(chunks.number)):

@@ -6,6 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import (
+    BoolArray,
+    Float32Array,
+    Float64Array,
+    FloatingArray,
+    Int32Array,
+    Int64Array,
+    UInt8Array,
+)
 from readygo.common.avatars import Avatar
 from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import GaussianCloud, rgb_of_sh
@@ -20,9 +29,6 @@ from readygo.common.rasterizer.packed.scene import (
     rounded_up,
 )
 
-Floats = npt.NDArray[np.float64]
-Singles = npt.NDArray[np.float32]
-
 GEOMETRY_ROWS = 11
 """Mean (3), covariance xx xy xz yy yz zz (6), log2 opacity, squared reach in sigmas (negative: padding)."""
 
@@ -31,19 +37,19 @@ GEOMETRY_ROWS = 11
 class ChunkedCloud:
     """C chunks of up to 256 Gaussians that lie close together."""
 
-    centre_m: Floats
+    centre_m: Float64Array
     """Centre of each chunk's means [m], shape (C, 3)."""
-    half_m: Singles
+    half_m: Float32Array
     """Half sizes of the box around a chunk's means [m], shape (C, 3)."""
-    reach_m: Singles
+    reach_m: Float32Array
     """Largest distance from its mean at which a Gaussian of the chunk has alpha 1/255 [m], shape (C,)."""
-    geometry: Singles
+    geometry: Float32Array
     """The rows of `GEOMETRY_ROWS`, shape (C, 11, 256)."""
-    colour: Singles
+    colour: Float32Array
     """Colour of degree 0, not clamped, shape (C, 3, 256)."""
     sh: npt.NDArray[np.float16]
     """Coefficients above degree 0, shape (C, K - 1, 3, 256)."""
-    normal: Singles
+    normal: Float32Array
     """Shortest axis of each Gaussian, in the frame of its covariance, shape (C, 3, 256)."""
 
     @property
@@ -58,28 +64,28 @@ class ChunkedAvatar:
 
     cloud: ChunkedCloud
     """Gaussians; means relative to the origin, not to their chunk's centre."""
-    joint: npt.NDArray[np.uint8]
+    joint: UInt8Array
     """Joints that move each Gaussian, shape (C, 4, 256)."""
-    weight: Singles
+    weight: Float32Array
     """Skinning weights of these joints, shape (C, 4, 256)."""
-    shading: Singles
+    shading: Float32Array
     """Normals that light falls on, shape (C, 3, 256)."""
-    box_joint: npt.NDArray[np.int32]
+    box_joint: Int32Array
     """Joint that carries each box of a chunk, -1: no box, shape (C, J)."""
-    box_centre_m: Singles
+    box_centre_m: Float32Array
     """Centres of the boxes around those means of the chunk that the joint moves [m], shape (C, J, 3)."""
-    box_half_m: Singles
+    box_half_m: Float32Array
     """Half sizes of these boxes [m], shape (C, J, 3)."""
 
 
-def morton_order(cloud: GaussianCloud) -> npt.NDArray[np.int64]:
+def morton_order(cloud: GaussianCloud) -> Int64Array:
     """Indices of the Gaussians that can be drawn, neighbours together.
 
     Left out are those that never reach alpha 1/255 and those with a number that is not finite or a quaternion of
     length 0.
     """
     index = np.flatnonzero(_drawable(cloud))
-    order: npt.NDArray[np.int64] = index[np.argsort(morton_codes(cloud.means_m[index]), kind="stable")]
+    order: Int64Array = index[np.argsort(morton_codes(cloud.means_m[index]), kind="stable")]
     return order
 
 
@@ -110,11 +116,11 @@ def chunk_avatar(avatar: Avatar) -> ChunkedAvatar:
     )
 
 
-def _drawable(cloud: GaussianCloud) -> npt.NDArray[np.bool_]:
+def _drawable(cloud: GaussianCloud) -> BoolArray:
     finite = cloud.opacities >= np.float32(ALPHA_MIN)
     for array in (cloud.means_m, cloud.quats_wxyz, cloud.scales_m, cloud.sh):
         finite &= np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
-    drawable: npt.NDArray[np.bool_] = finite & (cloud.quats_wxyz != 0).any(axis=1)
+    drawable: BoolArray = finite & (cloud.quats_wxyz != 0).any(axis=1)
     return drawable
 
 
@@ -148,7 +154,7 @@ def _chunks(cloud: GaussianCloud, *, centred: bool) -> ChunkedCloud:
     )
 
 
-def _pad_chunks(values: npt.NDArray[np.floating]) -> Floats:
+def _pad_chunks(values: FloatingArray) -> Float64Array:
     """Rows (N, n) in chunks (C, 256, n), filled up with zeros."""
     chunks = -(-len(values) // CHUNK)
     padded = np.zeros((chunks * CHUNK, values.shape[1]))
@@ -156,7 +162,7 @@ def _pad_chunks(values: npt.NDArray[np.floating]) -> Floats:
     return padded.reshape(chunks, CHUNK, values.shape[1])
 
 
-def _rows(values: npt.NDArray[np.generic]) -> Floats:
+def _rows(values: npt.NDArray[np.generic]) -> Float64Array:
     """Rows (N, n) as chunks (C, n, 256), filled up with zeros."""
     chunks = -(-len(values) // CHUNK)
     padded = np.zeros((chunks * CHUNK, values.shape[1]))
@@ -164,7 +170,7 @@ def _rows(values: npt.NDArray[np.generic]) -> Floats:
     return np.ascontiguousarray(padded.reshape(chunks, CHUNK, values.shape[1]).swapaxes(1, 2))
 
 
-def _shortest_axes(cloud: GaussianCloud) -> Floats:
+def _shortest_axes(cloud: GaussianCloud) -> Float64Array:
     """Unit vectors along the axis with the smallest scale, the first one of equals, shape (N, 3)."""
     q = cloud.quats_wxyz.astype(np.float64)
     R = matrix_from_quat(q / np.linalg.norm(q, axis=1, keepdims=True))
@@ -173,8 +179,8 @@ def _shortest_axes(cloud: GaussianCloud) -> Floats:
 
 
 def _joint_boxes(
-    means_m: Floats, joint: npt.NDArray[np.uint8], weight: Singles
-) -> tuple[npt.NDArray[np.int32], Floats, Floats]:
+    means_m: Float64Array, joint: UInt8Array, weight: Float32Array
+) -> tuple[Int32Array, Float64Array, Float64Array]:
     """Boxes around the means of each chunk that each joint moves: joints (C, J), centres and half sizes (C, J, 3)."""
     chunks = -(-len(means_m) // CHUNK)
     movers = np.zeros((chunks * CHUNK, 24), dtype=np.bool_)

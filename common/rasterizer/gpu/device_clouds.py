@@ -8,6 +8,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from readygo.common.arrays import Int32Array
 from readygo.common.avatars import Avatar
 from readygo.common.avatars.torch_posing import Skeletons, load_skeletons
 from readygo.common.gaussians import GaussianCloud
@@ -104,7 +105,7 @@ def upload(scenes: Sequence[GaussianCloud], avatars: Sequence[Avatar], device: t
     )
 
 
-def _sh(clouds: Sequence[ChunkedCloud], bands: int) -> tuple[npt.NDArray[np.float16], npt.NDArray[np.int32]]:
+def _sh(clouds: Sequence[ChunkedCloud], bands: int) -> tuple[npt.NDArray[np.float16], Int32Array]:
     """Higher coefficients of the clouds that have any, and each chunk's row there."""
     blocks, rows, used = [np.zeros((0, bands, 3, CHUNK), dtype=np.float16)], [np.zeros(0, dtype=np.int32)], 0
     for cloud in clouds:

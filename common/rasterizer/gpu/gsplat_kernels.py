@@ -17,10 +17,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from readygo.common.arrays import Float64Array, FloatingArray
 from readygo.common.avatars import Avatar
 from readygo.common.avatars.torch_posing import joint_transforms, load_skeletons, load_skin, pose_gaussians
 from readygo.common.errors import ReadygoError
@@ -72,7 +72,7 @@ class GsplatKernels:
         self,
         scenes: Sequence[GaussianCloud],
         avatars: Sequence[Avatar],
-        K_px: npt.NDArray[np.float64],
+        K_px: Float64Array,
         height_px: int,
         width_px: int,
         device: torch.device,
@@ -93,7 +93,7 @@ class GsplatKernels:
             for avatar in avatars
         ]
 
-    def _load_cloud(self, cloud: GaussianCloud, middle: npt.NDArray[np.floating] | None) -> _Gaussians:
+    def _load_cloud(self, cloud: GaussianCloud, middle: FloatingArray | None) -> _Gaussians:
         """A cloud on the device: relative to `middle` and in Morton order, or as it is."""
         means = cloud.means_m.astype(np.float64)
         if middle is not None:
@@ -102,7 +102,7 @@ class GsplatKernels:
         sh = np.zeros((len(cloud), (self._degree + 1) ** 2, 3), dtype=np.float32)
         sh[:, : cloud.sh.shape[1]] = cloud.sh
 
-        def on_device(array: npt.NDArray[np.floating]) -> Tensor:
+        def on_device(array: FloatingArray) -> Tensor:
             return torch.tensor(array, dtype=torch.float32, device=self._device)
 
         return _Gaussians(

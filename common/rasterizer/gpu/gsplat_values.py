@@ -10,14 +10,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch
 
+from readygo.common.arrays import Float64Array
 from readygo.common.rasterizer.constants import ALPHA_MAX, DILATION_PX2, NEAR_M
 from readygo.common.rasterizer.gpu.gsplat_kernels import FAR_M, TILE_PX, Rasterization
 
 Tensor = torch.Tensor
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,8 +52,8 @@ def blend_values(
     scales_m: Tensor,
     opacities: Tensor,
     values: Tensor,
-    T_world_camera: Floats,
-    K_px: Floats,
+    T_world_camera: Float64Array,
+    K_px: Float64Array,
     size_px: tuple[int, int],
     absolute: bool = False,
 ) -> Blended:

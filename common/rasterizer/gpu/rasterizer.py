@@ -8,6 +8,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from readygo.common.arrays import Float32Array
 from readygo.common.avatars import Avatar
 from readygo.common.errors import ReadygoError
 from readygo.common.gaussians import GaussianCloud
@@ -87,10 +88,10 @@ class GpuRasterizer:
             return empty_images(0, *self._size_px, wanted)
         return host_images(self._draw(views, wanted), wanted)
 
-    def render_float(self, view: View) -> npt.NDArray[np.float32]:
+    def render_float(self, view: View) -> Float32Array:
         """The colours of a view before rounding, not clipped above 1, shape (H, W, 3)."""
         checked_outputs([view], (), self._numbers)
-        rgb: npt.NDArray[np.float32] = self._draw([view]).rgb[0].cpu().numpy()
+        rgb: Float32Array = self._draw([view]).rgb[0].cpu().numpy()
         return rgb
 
     def render_on_device(self, views: Sequence[View]) -> Tensor:

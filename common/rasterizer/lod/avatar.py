@@ -7,14 +7,11 @@ most `SKIN_TOLERANCE`, its posed mean is off by less than an eighth of the dista
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from readygo.common.rasterizer.lod.clusters import Floats, Integers
+from readygo.common.arrays import Float32Array, Float64Array, Int64Array
 from readygo.common.rasterizer.lod.tree import ChunkTree, Node, children_of, grow, preorder, tree_of_nodes
 from readygo.common.rasterizer.packed.avatar import JOINTS, PackedAvatar, chunk_weights
 from readygo.common.rasterizer.packed.scene import CHUNK, rounded_up
-
-Singles = npt.NDArray[np.float32]
 
 TOLERANCE = 0.01
 """Below that of scenes: humans move, and a node of theirs that changes its level would be noticed."""
@@ -28,9 +25,9 @@ class AvatarTree:
 
     avatar: PackedAvatar
     """The nodes' Gaussians; boxes hold those of all nodes below, too."""
-    skip: Integers
+    skip: Int64Array
     """Number of the next node that is not below this one, shape (C,)."""
-    pixel_m: Floats
+    pixel_m: Float64Array
     """Smallest size of a pixel for which a node is drawn [m]; 0 for the leaves, shape (C,)."""
 
 
@@ -61,10 +58,10 @@ def build_avatar_tree(packed: PackedAvatar) -> AvatarTree:
     return AvatarTree(avatar=avatar, skip=tree.skip, pixel_m=tree.pixel_m)
 
 
-def _node_weights(node: Node, chunk_weights: Singles) -> Singles:
+def _node_weights(node: Node, chunk_weights: Float32Array) -> Float32Array:
     """Weights of a node's Gaussians, shape (256, 24)."""
     if node.skin is None:
-        leaf: Singles = chunk_weights[node.chunk]
+        leaf: Float32Array = chunk_weights[node.chunk]
         return leaf
     kept = np.where(node.skin < LEAST_WEIGHT, np.float32(0.0), node.skin)
     padded = np.zeros((CHUNK, JOINTS), dtype=np.float32)
@@ -72,7 +69,7 @@ def _node_weights(node: Node, chunk_weights: Singles) -> Singles:
     return padded
 
 
-def _joint_boxes(packed: PackedAvatar, nodes: list[Node], tree: ChunkTree) -> tuple[Floats, Floats]:
+def _joint_boxes(packed: PackedAvatar, nodes: list[Node], tree: ChunkTree) -> tuple[Float64Array, Float64Array]:
     """Bounds, per node and joint, of those means of the node and of all nodes below that the joint moves."""
     low, high = np.full((len(nodes), JOINTS, 3), np.inf), np.full((len(nodes), JOINTS, 3), -np.inf)
     for k in range(len(nodes) - 1, -1, -1):

@@ -16,15 +16,11 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array, Int32Array, Int64Array
 from readygo.common.kernels import inline_kernel, kernel
 from readygo.common.rasterizer.constants import ALPHA_MAX, DILATION_PX2
 from readygo.common.rasterizer.packed.scene import CHUNK
-
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
-Labels = npt.NDArray[np.int32]
 
 NEIGHBOURS = 8
 """Partners that are considered for a cluster: those with the nearest means."""
@@ -40,58 +36,58 @@ LANES = 1 << LANE_BITS
 class Originals(NamedTuple):
     """N Gaussians in the order of their chunks."""
 
-    mean_m: Floats
+    mean_m: Float64Array
     """Means [m], shape (N, 3)."""
-    covariance_m2: Floats
+    covariance_m2: Float64Array
     """Covariances xx, xy, xz, yy, yz, zz [m2], shape (N, 6)."""
-    opacity: Floats
+    opacity: Float64Array
     """Opacities, 0..1, shape (N,)."""
-    colour: Floats
+    colour: Float64Array
     """Colours without their dependence on direction, shape (N, 3)."""
-    skin: npt.NDArray[np.float32]
+    skin: Float32Array
     """Weights of an avatar's joints, shape (N, 24); (N, 0) for a scene."""
 
 
 class Clusters(NamedTuple):
     """Scratch memory: the clusters of one region."""
 
-    weight: Floats
+    weight: Float64Array
     """Sum of opacity times area [m2], shape (256,)."""
-    opacity: Floats
+    opacity: Float64Array
     """Mean opacity of the Gaussians, shape (256,)."""
-    cover: Floats
+    cover: Float64Array
     """Integral of the cluster's alpha over the merged Gaussian's area, see `_cover`, shape (256,)."""
-    area: Floats
+    area: Float64Array
     """Area of the merged, dilated Gaussian [m2], shape (256,)."""
-    mean_m: Floats
+    mean_m: Float64Array
     """Mean relative to the region's first Gaussian [m], shape (256, 3)."""
-    covariance_m2: Floats
+    covariance_m2: Float64Array
     """Covariance xx, xy, xz, yy, yz, zz, not dilated [m2], shape (256, 6)."""
-    colour: Floats
+    colour: Float64Array
     """Colour without its dependence on direction, shape (256, 3)."""
-    skin: Floats
+    skin: Float64Array
     """Weights of an avatar's joints, shape (256, 24), or (256, 0) for a scene."""
-    unrest: Floats
+    unrest: Float64Array
     """What a change of the order of blending costs, see `cost`, shape (256,)."""
-    near: Integers
+    near: Int64Array
     """Neighbours, nearest first; -1: none, shape (256, 8)."""
-    distance2: Floats
+    distance2: Float64Array
     """Squared distances to these neighbours, shape (256, 8)."""
-    cost: Floats
+    cost: Float64Array
     """Cost of the cheapest merger, shape (256,)."""
-    partner: Integers
+    partner: Int64Array
     """Partner of the cheapest merger, -1: none, shape (256,)."""
-    number: Integers
+    number: Int64Array
     """Number after merging, shape (256,)."""
 
 
 def make_clusters(joints: int) -> Clusters:
     """Scratch memory for regions of Gaussians with weights of that many joints."""
 
-    def numbers(*shape: int) -> Floats:
+    def numbers(*shape: int) -> Float64Array:
         return np.zeros((CHUNK, *shape))
 
-    def places(*shape: int) -> Integers:
+    def places(*shape: int) -> Int64Array:
         return np.zeros((CHUNK, *shape), dtype=np.int64)
 
     return Clusters(
@@ -128,7 +124,7 @@ def area_m2(c: Any, dilation: float) -> float:
 
 @inline_kernel
 def gather(
-    originals: Originals, label: Labels, first: int, end: int, count: int, pixel_m: float, out: Clusters
+    originals: Originals, label: Int32Array, first: int, end: int, count: int, pixel_m: float, out: Clusters
 ) -> None:
     """Moments of the clusters of a region, Gaussians `first` to `end`."""
     dilation = dilation_m2(pixel_m)
@@ -220,7 +216,7 @@ def opacity_of_cover(cover: float) -> float:
 
 @kernel
 def gather_region(
-    originals: Originals, label: Labels, first: int, end: int, count: int, pixel_m: float, out: Clusters
+    originals: Originals, label: Int32Array, first: int, end: int, count: int, pixel_m: float, out: Clusters
 ) -> None:
     """Moments of the clusters of one region.
 
@@ -238,7 +234,14 @@ def gather_region(
 
 @kernel
 def gather_colours(
-    originals: Originals, label: Labels, first: int, end: int, pixel_m: float, packed: Any, weight: Floats, out: Floats
+    originals: Originals,
+    label: Int32Array,
+    first: int,
+    end: int,
+    pixel_m: float,
+    packed: Any,
+    weight: Float64Array,
+    out: Float64Array,
 ) -> None:
     """Mean packed colours of the clusters of one region, such as coefficients of spherical harmonics.
 
@@ -264,7 +267,7 @@ def gather_colours(
 
 @kernel
 def gather_normals(
-    originals: Originals, label: Labels, first: int, end: int, pixel_m: float, packed: Any, out: Floats
+    originals: Originals, label: Int32Array, first: int, end: int, pixel_m: float, packed: Any, out: Float64Array
 ) -> None:
     """Mean packed normals of the clusters of one region, not of length 1; their signs mean nothing.
 

@@ -8,11 +8,11 @@ import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray
 from readygo.common.avatars import Avatar
 from readygo.common.documents import read_json
 from readygo.common.errors import SceneError
@@ -23,7 +23,7 @@ from readygo.common.rasterizer.packed.avatar import JOINTS, PackedAvatar, pack_a
 from readygo.common.rasterizer.packed.scene import BLOCKS, PackedScene, load_packed, map_array, save_packed
 
 T = TypeVar("T")
-Arrays = dict[str, npt.NDArray[Any]]
+Arrays = dict[str, AnyArray]
 
 FORMAT = "readygo-lod/1"
 _TREE_ARRAYS = ("skip", "pixel_m")
@@ -175,7 +175,7 @@ def _is_avatar(scene: PackedScene, arrays: Arrays) -> bool:
     )
 
 
-def _is_index(start: npt.NDArray[Any], count: int, end: int) -> bool:
+def _is_index(start: AnyArray, count: int, end: int) -> bool:
     """True if `start` divides 0..end into `count` runs."""
     return (
         start.shape == (count + 1,)

@@ -1,15 +1,11 @@
 """Merging of the clusters of regions, pair by pair, cheapest first."""
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int32Array, Int64Array
 from readygo.common.kernels import inline_kernel, kernel
 from readygo.common.rasterizer.lod.clusters import NEIGHBOURS, Clusters, Originals, gather
 from readygo.common.rasterizer.lod.cost import MergeRule, find_unrest, merger_cost
-
-Integers = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float64]
-Labels = npt.NDArray[np.int32]
 
 LONGEST_WAIT = 8
 """Calls after which a cluster is looked at again at the latest."""
@@ -58,7 +54,7 @@ def _same_skin(i: int, j: int, tolerance: float, c: Clusters) -> bool:
 
 
 @inline_kernel
-def _find_partners(count: int, rule: MergeRule, wait: Integers, c: Clusters) -> None:
+def _find_partners(count: int, rule: MergeRule, wait: Int64Array, c: Clusters) -> None:
     """The cheapest merger with a neighbour of each cluster that does not wait."""
     for k in range(count):
         c.cost[k] = np.inf
@@ -80,7 +76,7 @@ def _find_partners(count: int, rule: MergeRule, wait: Integers, c: Clusters) -> 
 
 
 @inline_kernel
-def _all_wait(count: int, wait: Integers) -> bool:
+def _all_wait(count: int, wait: Int64Array) -> bool:
     """True if no cluster of a region is to be looked at."""
     waiting = 0
     for k in range(count):
@@ -89,7 +85,7 @@ def _all_wait(count: int, wait: Integers) -> bool:
 
 
 @inline_kernel
-def _set_waits(count: int, tolerance: float, wait: Integers, c: Clusters) -> None:
+def _set_waits(count: int, tolerance: float, wait: Int64Array, c: Clusters) -> None:
     """Clusters whose cheapest merger is far too expensive wait: from level to level a cost falls to a quarter at most.
 
     (So it does where the overlaps of dilated points decide, with the fourth power of the pixel's size.)
@@ -133,7 +129,7 @@ def _pair_up(count: int, tolerance: float, c: Clusters) -> int:
 
 
 @inline_kernel
-def _renumber(count: int, wait: Integers, c: Clusters) -> None:
+def _renumber(count: int, wait: Int64Array, c: Clusters) -> None:
     """Move the waits to the new numbers; merged clusters do not wait."""
     fresh = 0
     for k in range(count):
@@ -147,11 +143,11 @@ def _renumber(count: int, wait: Integers, c: Clusters) -> None:
 @kernel
 def merge_regions(
     originals: Originals,
-    label: Labels,
-    first: Integers,
-    count: Integers,
-    wait: Integers,
-    leeway: Floats,
+    label: Int32Array,
+    first: Int64Array,
+    count: Int64Array,
+    wait: Int64Array,
+    leeway: Float64Array,
     rule: MergeRule,
     rounds: int,
     c: Clusters,

@@ -11,18 +11,14 @@ A tree is a function of the packed cloud alone. Sums are made in order, logarith
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import AnyArray, Float32Array, Float64Array, Int32Array, Int64Array
 from readygo.common.gaussians.spherical_harmonics import SH_C0
 from readygo.common.rasterizer.constants import ALPHA_MIN
 from readygo.common.rasterizer.lod.clusters import (
     Clusters,
-    Floats,
-    Integers,
-    Labels,
     Originals,
     gather_colours,
     gather_normals,
@@ -33,8 +29,6 @@ from readygo.common.rasterizer.lod.clusters import (
 from readygo.common.rasterizer.lod.cost import MergeRule
 from readygo.common.rasterizer.lod.merge import merge_regions
 from readygo.common.rasterizer.packed.scene import BLOCKS, CHUNK, GEOMETRY_ROWS, NORMAL_STEP, PackedScene
-
-Singles = npt.NDArray[np.float32]
 
 FIRST_PIXEL_M, LAST_PIXEL_M = 0.004, 300.0
 """Sizes of a pixel of the first level and of the last one that may be made."""
@@ -60,9 +54,9 @@ class ChunkTree:
 
     scene: PackedScene
     """The nodes' Gaussians; boxes and reaches hold those of all nodes below, too."""
-    skip: Integers
+    skip: Int64Array
     """Number of the next node that is not below this one, shape (C,)."""
-    pixel_m: Floats
+    pixel_m: Float64Array
     """Smallest size of a pixel for which a node is drawn [m]; 0 for the leaves, shape (C,)."""
 
 
@@ -80,13 +74,13 @@ class Node:
     children: "tuple[Node, ...]" = ()
     chunk: int = -1
     """Number of a leaf's chunk."""
-    rows: Floats | None = None
+    rows: Float64Array | None = None
     """Geometry as in a packed scene, means in the cloud's frame, shape (count, 11)."""
-    colour: Floats | None = None
+    colour: Float64Array | None = None
     """Rows of packed colours, shape (count, n)."""
-    skin: Singles | None = None
+    skin: Float32Array | None = None
     """Weights of joints, shape (count, 24) or (count, 0)."""
-    normal: Floats | None = None
+    normal: Float64Array | None = None
     """Packed normals, shape (count, 3); None for a cloud without."""
 
 
@@ -96,7 +90,7 @@ def build_tree(scene: PackedScene) -> ChunkTree:
     return tree_of_nodes(scene, list(preorder(grow(scene, np.zeros((count, 0), dtype=np.float32)))))
 
 
-def grow(scene: PackedScene, skin: Singles, *, centred: bool = True, tolerance: float = TOLERANCE) -> list[Node]:
+def grow(scene: PackedScene, skin: Float32Array, *, centred: bool = True, tolerance: float = TOLERANCE) -> list[Node]:
     """Merge level by level.
 
     Args:
@@ -119,7 +113,7 @@ def grow(scene: PackedScene, skin: Singles, *, centred: bool = True, tolerance: 
 class _Forest:
     """The regions of one level and the nodes that stand for them."""
 
-    def __init__(self, scene: PackedScene, skin: Singles, centred: bool, tolerance: float) -> None:
+    def __init__(self, scene: PackedScene, skin: Float32Array, centred: bool, tolerance: float) -> None:
         self._tolerance = tolerance
         self._originals = _originals(scene, skin, centred)
         count = len(skin)
@@ -128,7 +122,7 @@ class _Forest:
         self._colour_rows = 3 * (1 if len(scene.colour) else scene.sh.shape[3])
         self._first = np.minimum(np.arange(scene.chunk_count + 1) * CHUNK, count)
         self._count = np.diff(self._first)
-        self._label: Labels = (np.arange(count) % CHUNK).astype(np.int32)
+        self._label: Int32Array = (np.arange(count) % CHUNK).astype(np.int32)
         self._wait = np.zeros(count, dtype=np.int64)
         self._low, self._high = _boxes(self._originals.mean_m, self._first)
         self._clusters = make_clusters(skin.shape[1])
@@ -212,7 +206,7 @@ def preorder(roots: list[Node]) -> Iterator[Node]:
         waiting.extend(node.children[::-1])
 
 
-def children_of(k: int, skip: Integers) -> Iterator[int]:
+def children_of(k: int, skip: Int64Array) -> Iterator[int]:
     """Numbers of the children of node `k`."""
     child = k + 1
     while child < skip[k]:
@@ -264,14 +258,14 @@ def tree_of_nodes(scene: PackedScene, nodes: list[Node], *, centred: bool = True
     return ChunkTree(scene=packed, skip=skip, pixel_m=np.array([node.pixel_m for node in nodes]))
 
 
-def _plain(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def _plain(array: AnyArray) -> AnyArray:
     """A flat view that cannot be written, of one type whether mapped or not, so that kernels compile once."""
     flat = array.view(np.ndarray).reshape(-1)
     flat.flags.writeable = False
     return flat
 
 
-def _skips(nodes: list[Node]) -> Integers:
+def _skips(nodes: list[Node]) -> Int64Array:
     skip = np.zeros(len(nodes), dtype=np.int64)
     place = {id(node): k for k, node in enumerate(nodes)}
     for k in range(len(nodes) - 1, -1, -1):
@@ -280,7 +274,7 @@ def _skips(nodes: list[Node]) -> Integers:
     return skip
 
 
-def _originals(scene: PackedScene, skin: Singles, centred: bool) -> Originals:
+def _originals(scene: PackedScene, skin: Float32Array, centred: bool) -> Originals:
     count = len(skin)
     rows = scene.geometry.transpose(0, 1, 3, 2).reshape(-1, GEOMETRY_ROWS)[:count].astype(np.float64)
     means = rows[:, :3] + np.repeat(scene.centre_m, CHUNK, axis=0)[:count] * centred
@@ -294,15 +288,15 @@ def _originals(scene: PackedScene, skin: Singles, centred: bool) -> Originals:
     )
 
 
-def _base_colours(scene: PackedScene, count: int) -> Floats:
+def _base_colours(scene: PackedScene, count: int) -> Float64Array:
     if len(scene.colour):
         return scene.colour.transpose(0, 1, 3, 2).reshape(-1, 3)[:count].astype(np.float64)
     constant = scene.sh[:, :, :, 0].transpose(0, 1, 3, 2).reshape(-1, 3)[:count]
-    colours: Floats = np.maximum(0.5 + SH_C0 * float(scene.sh_step[0]) * constant.astype(np.float64), 0.0)
+    colours: Float64Array = np.maximum(0.5 + SH_C0 * float(scene.sh_step[0]) * constant.astype(np.float64), 0.0)
     return colours
 
 
-def _geometry_rows(clusters: Clusters, count: int, origin_m: Floats) -> Floats:
+def _geometry_rows(clusters: Clusters, count: int, origin_m: Float64Array) -> Float64Array:
     """Packed geometry of merged Gaussians."""
     rows = np.empty((count, GEOMETRY_ROWS))
     log_opacity = np.array([math.log(max(opacity_of_cover(value), 1e-9)) for value in clusters.cover[:count].tolist()])
@@ -313,14 +307,14 @@ def _geometry_rows(clusters: Clusters, count: int, origin_m: Floats) -> Floats:
     return rows
 
 
-def _reach(rows: Floats) -> float:
+def _reach(rows: Float64Array) -> float:
     """A bound of how far the Gaussians reach from their means [m], by the Frobenius norms of their covariances."""
     xx, xy, xz, yy, yz, zz = rows[:, 3:9].T
     norm = np.sqrt(xx * xx + yy * yy + zz * zz + 2.0 * (xy * xy + xz * xz + yz * yz))
     return 1.0001 * float(np.sqrt(rows[:, 10] * norm).max())
 
 
-def _blocks(rows: Floats, padding: float) -> npt.NDArray[Any]:
+def _blocks(rows: Float64Array, padding: float) -> AnyArray:
     """(n, rows) -> (16 blocks, rows, 16 lanes), filled up with zeros but for the last row."""
     padded = np.zeros((CHUNK, rows.shape[1]))
     padded[len(rows) :, -1] = padding
@@ -328,7 +322,7 @@ def _blocks(rows: Floats, padding: float) -> npt.NDArray[Any]:
     return padded.reshape(BLOCKS, 16, -1).transpose(0, 2, 1)
 
 
-def _boxes(means_m: Floats, first: Integers) -> tuple[Floats, Floats]:
+def _boxes(means_m: Float64Array, first: Int64Array) -> tuple[Float64Array, Float64Array]:
     """Bounds of the means of each run."""
     if len(means_m) == 0:
         return np.zeros((0, 3)), np.zeros((0, 3))

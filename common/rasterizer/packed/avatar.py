@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array, Int16Array, Int64Array
 from readygo.common.avatars import Avatar
 from readygo.common.avatars.shading import outward_normals
 from readygo.common.rasterizer.constants import ALPHA_MIN
@@ -26,8 +26,6 @@ from readygo.common.rasterizer.packed.scene import (
     shortest_axes,
 )
 
-Floats = npt.NDArray[np.float64]
-
 JOINTS = 24
 
 
@@ -41,19 +39,19 @@ class PackedAvatar:
 
     scene: PackedScene
     """Gaussians; means relative to the origin, not to their chunk's centre."""
-    joint_start: npt.NDArray[np.int64]
+    joint_start: Int64Array
     """First joint of each block in `joint` and `weight`, shape (16 C + 1,)."""
-    joint: npt.NDArray[np.int64]
+    joint: Int64Array
     """Joints of all blocks, shape (J,)."""
-    weight: npt.NDArray[np.float32]
+    weight: Float32Array
     """Weights of those joints for the block's 16 Gaussians, shape (J, 16)."""
-    box_start: npt.NDArray[np.int64]
+    box_start: Int64Array
     """First box of each chunk, shape (C + 1,)."""
-    box_joint: npt.NDArray[np.int64]
+    box_joint: Int64Array
     """Joint that carries each box, shape (B,)."""
-    box_centre_m: npt.NDArray[np.float32]
+    box_centre_m: Float32Array
     """Centres of the boxes around those means of the chunk that the joint moves [m], shape (B, 3)."""
-    box_half_m: npt.NDArray[np.float32]
+    box_half_m: Float32Array
     """Their half sizes [m], shape (B, 3)."""
 
 
@@ -82,7 +80,7 @@ def pack_avatar(avatar: Avatar) -> PackedAvatar:
     )
 
 
-def chunk_weights(packed: PackedAvatar) -> npt.NDArray[np.float32]:
+def chunk_weights(packed: PackedAvatar) -> Float32Array:
     """Weights of all joints, shape (C, 256, 24)."""
     blocks = packed.scene.chunk_count * BLOCKS
     dense = np.zeros((blocks, JOINTS, 16), dtype=np.float32)
@@ -90,7 +88,7 @@ def chunk_weights(packed: PackedAvatar) -> npt.NDArray[np.float32]:
     return np.ascontiguousarray(dense.transpose(0, 2, 1)).reshape(-1, CHUNK, JOINTS)
 
 
-def packed_shading(packed: PackedAvatar, joints_m: npt.NDArray[np.float32]) -> npt.NDArray[np.int16]:
+def packed_shading(packed: PackedAvatar, joints_m: Float32Array) -> Int16Array:
     """Normals that light falls on, in steps of `NORMAL_STEP`, shape (C, 16, 3, 16); see `avatars.shading`.
 
     Args:
@@ -110,7 +108,7 @@ def packed_shading(packed: PackedAvatar, joints_m: npt.NDArray[np.float32]) -> n
     return np.ascontiguousarray(steps.reshape(-1, BLOCKS, 16, 3).transpose(0, 1, 3, 2))
 
 
-def avatar_normals(avatar: Avatar) -> Floats:
+def avatar_normals(avatar: Avatar) -> Float64Array:
     """The normals of an avatar's Gaussians in its canonical pose that light falls on, shape (N, 3)."""
     axes = shortest_axes(avatar.cloud)
     flat = flatness(covariances(avatar.cloud), axes)
@@ -118,14 +116,14 @@ def avatar_normals(avatar: Avatar) -> Floats:
     return outward_normals(means, axes, flat, dense_weights(avatar), avatar.joints_canonical_m)
 
 
-def _joint_sets(avatar: Avatar) -> npt.NDArray[np.int64]:
+def _joint_sets(avatar: Avatar) -> Int64Array:
     """Bit set of the joints that move each Gaussian, shape (N,)."""
     bits = np.where(avatar.lbs_weight != 0, np.int64(1) << avatar.lbs_index.astype(np.int64), 0)
-    joints: npt.NDArray[np.int64] = np.bitwise_or.reduce(bits, axis=1)
+    joints: Int64Array = np.bitwise_or.reduce(bits, axis=1)
     return joints
 
 
-def dense_weights(avatar: Avatar) -> npt.NDArray[np.float32]:
+def dense_weights(avatar: Avatar) -> Float32Array:
     """Weight of every joint, shape (N, 24)."""
     dense = np.zeros((len(avatar.cloud), JOINTS), dtype=np.float32)
     rows = np.arange(len(dense))
@@ -134,9 +132,7 @@ def dense_weights(avatar: Avatar) -> npt.NDArray[np.float32]:
     return dense
 
 
-def _boxes(
-    means_m: npt.NDArray[np.float64], weights: npt.NDArray[np.float32]
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+def _boxes(means_m: Float64Array, weights: Float32Array) -> tuple[Int64Array, Int64Array, Float32Array, Float32Array]:
     """Boxes around the means of each chunk that each joint moves: starts per chunk, joints, centres, half sizes."""
     chunks = len(weights) // CHUNK
     padded = np.zeros((chunks * CHUNK, 3))

@@ -7,8 +7,8 @@ axes, the covariance is L L^T; reach2 = 2 ln(255 opacity), the squared distance 
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.spherical_harmonics import SH_C0
 from readygo.common.kernels import kernel_with_cache
@@ -24,8 +24,6 @@ from readygo.common.rasterizer.packed.scene import (
     PackedScene,
 )
 
-Floats = npt.NDArray[np.float64]
-Singles = npt.NDArray[np.float32]
 _NO_SH, _STEP = np.empty((0, BLOCKS, 3, 1, 16), dtype=np.int16), np.ones(1, dtype=np.float32)
 _LANES = 16
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
@@ -57,16 +55,16 @@ def pack_few(cloud: GaussianCloud) -> PackedScene:
 
 @kernel_with_cache
 def _pack(
-    means: Singles,
-    quats: Singles,
-    scales: Singles,
-    opacities: Singles,
-    sh: Singles,
-    centre: Floats,
-    half: Singles,
-    reach: Singles,
-    geometry: Singles,
-    colour: Singles,
+    means: Float32Array,
+    quats: Float32Array,
+    scales: Float32Array,
+    opacities: Float32Array,
+    sh: Float32Array,
+    centre: Float64Array,
+    half: Float32Array,
+    reach: Float32Array,
+    geometry: Float32Array,
+    colour: Float32Array,
 ) -> None:
     geometry[:] = 0.0
     geometry[:, :, REACH2] = -1.0
@@ -97,7 +95,7 @@ def _pack(
 
 
 @kernel_with_cache
-def _fill_axes(q: Singles, scale: Singles, L: Floats) -> None:
+def _fill_axes(q: Float32Array, scale: Float32Array, L: Float64Array) -> None:
     """Write the principal axes, as columns as long as the standard deviations."""
     w, x, y, z = np.float64(q[0]), np.float64(q[1]), np.float64(q[2]), np.float64(q[3])
     length = math.sqrt(w * w + x * x + y * y + z * z)

@@ -12,20 +12,16 @@ import mmap
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.common.array_files import map_npy
+from readygo.common.arrays import AnyArray, BoolArray, Float32Array, Float64Array, Int16Array, Int64Array, UInt64Array
 from readygo.common.documents import read_json
 from readygo.common.errors import ReadygoError, SceneError
 from readygo.common.files import unfinished_folder, write_then_rename
 from readygo.common.gaussians import GaussianCloud, rgb_of_sh
 from readygo.common.rasterizer.constants import ALPHA_MIN
-
-Floats = npt.NDArray[np.float64]
-Singles = npt.NDArray[np.float32]
 
 FORMAT = "readygo-packed/1"
 CHUNK = 256
@@ -59,21 +55,21 @@ class PackedScene:
     every CPU reads alike (half floats need F16C).
     """
 
-    centre_m: Floats
+    centre_m: Float64Array
     """Centre of each chunk's means in the cloud's frame [m], shape (C, 3)."""
-    half_m: Singles
+    half_m: Float32Array
     """Half sizes of the box around a chunk's means [m], shape (C, 3)."""
-    reach_m: Singles
+    reach_m: Float32Array
     """Largest distance from its mean at which a Gaussian of the chunk has alpha 1/255 [m], shape (C,)."""
-    geometry: Singles
+    geometry: Float32Array
     """Per block the rows of `GEOMETRY_ROWS`, means relative to the chunk's centre, shape (C, 16, 11, 16)."""
-    colour: Singles
+    colour: Float32Array
     """Red, green, blue, not negative, shape (C, 16, 3, 16), or (0, 16, 3, 16)."""
-    sh: npt.NDArray[np.int16]
+    sh: Int16Array
     """SH coefficients in steps of `sh_step`, shape (C, 16, 3, K, 16), or (0, 16, 3, 1, 16)."""
-    sh_step: Singles
+    sh_step: Float32Array
     """Value of one step, shape (1,)."""
-    normal: npt.NDArray[np.int16] | None = None
+    normal: Int16Array | None = None
     """Shortest axis of every Gaussian in steps of `NORMAL_STEP`, in the frame of the covariances, shape
     (C, 16, 3, 16); None for those who need no images of normals."""
 
@@ -95,7 +91,7 @@ def pack_cloud(cloud: GaussianCloud, *, normals: bool = False) -> PackedScene:
     return pack_sorted(cloud, packing_order(cloud), normals=normals)
 
 
-def packing_order(cloud: GaussianCloud) -> npt.NDArray[np.int64]:
+def packing_order(cloud: GaussianCloud) -> Int64Array:
     """Numbers of the Gaussians that can be seen, along a Morton curve."""
     index = np.flatnonzero(cloud.opacities >= np.float32(ALPHA_MIN))
     return index[np.argsort(morton_codes(cloud.means_m[index]), kind="stable")]
@@ -103,7 +99,7 @@ def packing_order(cloud: GaussianCloud) -> npt.NDArray[np.int64]:
 
 def pack_sorted(
     cloud: GaussianCloud,
-    order: npt.NDArray[np.int64] | None = None,
+    order: Int64Array | None = None,
     *,
     centred: bool = True,
     normals: bool = False,
@@ -166,7 +162,7 @@ def _pack_piece(cloud: GaussianCloud, step: float, centred: bool, scene: PackedS
         scene.colour[here] = _blocks(_pad_chunks(rgb, chunks))
 
 
-def chunk_boxes(means_m: Floats, valid: npt.NDArray[np.bool_]) -> tuple[Floats, Floats]:
+def chunk_boxes(means_m: Float64Array, valid: BoolArray) -> tuple[Float64Array, Float64Array]:
     """Centres and half sizes of boxes around the valid means of chunks, (C, n, 3) and (C, n) -> (C, 3), (C, 3)."""
     low = np.where(valid[..., None], means_m, np.inf).min(axis=1)
     high = np.where(valid[..., None], means_m, -np.inf).max(axis=1)
@@ -175,12 +171,12 @@ def chunk_boxes(means_m: Floats, valid: npt.NDArray[np.bool_]) -> tuple[Floats, 
     return centre, np.maximum(high - centre, centre - low)
 
 
-def rounded_up(values: Floats) -> Singles:
+def rounded_up(values: Float64Array) -> Float32Array:
     """Float32 numbers that are not below `values`."""
     return np.nextafter(values.astype(np.float32), np.float32(np.inf))
 
 
-def morton_codes(means_m: Singles) -> npt.NDArray[np.uint64]:
+def morton_codes(means_m: Float32Array) -> UInt64Array:
     """Position of points along a Morton curve, 21 bits per axis between the 0.1 and 99.9 % quantiles."""
     if len(means_m) == 0:
         return np.zeros(0, dtype=np.uint64)
@@ -195,7 +191,7 @@ def morton_codes(means_m: Singles) -> npt.NDArray[np.uint64]:
     return code
 
 
-def _spread(x: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
+def _spread(x: UInt64Array) -> UInt64Array:
     """Insert two zero bits after each of the lowest 21 bits."""
     for shift, mask in (
         (32, 0x1F00000000FFFF),
@@ -208,7 +204,7 @@ def _spread(x: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
     return x
 
 
-def covariances(cloud: GaussianCloud) -> Floats:
+def covariances(cloud: GaussianCloud) -> Float64Array:
     """Covariances xx, xy, xz, yy, yz, zz [m2], shape (N, 6)."""
     R, scale = _rotations(cloud), cloud.scales_m.astype(np.float64).T
     L = [[R[i][k] * scale[k] for k in range(3)] for i in range(3)]
@@ -216,14 +212,14 @@ def covariances(cloud: GaussianCloud) -> Floats:
     return np.stack([L[i][0] * L[j][0] + L[i][1] * L[j][1] + L[i][2] * L[j][2] for i, j in pairs], axis=1)
 
 
-def shortest_axes(cloud: GaussianCloud) -> Floats:
+def shortest_axes(cloud: GaussianCloud) -> Float64Array:
     """Unit vectors along the axis with the smallest scale, the first one of equals, shape (N, 3)."""
     R = np.stack([np.stack(row, axis=1) for row in _rotations(cloud)], axis=1)
     shortest = np.argmin(cloud.scales_m, axis=1) if len(cloud) else np.zeros(0, dtype=np.int64)
     return np.take_along_axis(R, shortest[:, None, None], axis=2)[..., 0]
 
 
-def flatness(covariance_m2: Floats, axes: Floats) -> Floats:
+def flatness(covariance_m2: Float64Array, axes: Float64Array) -> Float64Array:
     """1 for flat Gaussians, 0 for balls, shape (N,).
 
     Args:
@@ -233,11 +229,11 @@ def flatness(covariance_m2: Floats, axes: Floats) -> Floats:
     xx, xy, xz, yy, yz, zz = covariance_m2.T
     x, y, z = axes.T
     least = x * (xx * x + 2.0 * (xy * y + xz * z)) + y * (yy * y + 2.0 * yz * z) + z * zz * z
-    share: Floats = np.clip(1.0 - 3.0 * least / np.maximum(xx + yy + zz, 1e-30), 0.0, 1.0)
+    share: Float64Array = np.clip(1.0 - 3.0 * least / np.maximum(xx + yy + zz, 1e-30), 0.0, 1.0)
     return share
 
 
-def _rotations(cloud: GaussianCloud) -> list[list[Floats]]:
+def _rotations(cloud: GaussianCloud) -> list[list[Float64Array]]:
     """Rotation matrices from the principal axes, entry by entry, 3 rows of 3 arrays of shape (N,)."""
     q = cloud.quats_wxyz.astype(np.float64)
     w, x, y, z = q.T / np.sqrt(q[:, 0] * q[:, 0] + q[:, 1] * q[:, 1] + q[:, 2] * q[:, 2] + q[:, 3] * q[:, 3])
@@ -248,7 +244,7 @@ def _rotations(cloud: GaussianCloud) -> list[list[Floats]]:
     ]
 
 
-def _normals(cloud: GaussianCloud, order: npt.NDArray[np.int64]) -> npt.NDArray[np.int16]:
+def _normals(cloud: GaussianCloud, order: Int64Array) -> Int16Array:
     """Packed normals of some Gaussians."""
     normal = np.empty((-(-len(order) // CHUNK), BLOCKS, 3, 16), dtype=np.int16)
     for start in range(0, len(order), PIECE):
@@ -258,27 +254,27 @@ def _normals(cloud: GaussianCloud, order: npt.NDArray[np.int64]) -> npt.NDArray[
     return normal
 
 
-def opacity_terms(opacities: Singles) -> tuple[Floats, Floats]:
+def opacity_terms(opacities: Float32Array) -> tuple[Float64Array, Float64Array]:
     """Log2 of opacities, and the squared distance in sigmas at which they fall to 1/255, shapes (N,)."""
     # math.log: NumPy's vectorised logarithm differs between AVX2 and AVX-512 machines.
     log_opacity = np.array([math.log(value) for value in opacities.tolist()], dtype=np.float64)
     return log_opacity / math.log(2.0), np.maximum(2.0 * (log_opacity - math.log(ALPHA_MIN)), 0.0)
 
 
-def _pad_chunks(rows: Floats, chunks: int) -> Floats:
+def _pad_chunks(rows: Float64Array, chunks: int) -> Float64Array:
     """Rows in chunks, shape (C, 256, n), the last chunk filled up with zeros."""
     out = np.zeros((chunks * CHUNK, rows.shape[1]), dtype=np.float64)
     out[: len(rows)] = rows
     return out.reshape(chunks, CHUNK, rows.shape[1])
 
 
-def _blocks(rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def _blocks(rows: AnyArray) -> AnyArray:
     """(C, 256, n) -> (C, 16 blocks, n, 16 lanes)."""
     chunks, _, n = rows.shape
     return np.ascontiguousarray(rows.reshape(chunks, BLOCKS, 16, n).transpose(0, 1, 3, 2))
 
 
-def _sh_step(cloud: GaussianCloud, pieces: list[npt.NDArray[np.int64]]) -> float:
+def _sh_step(cloud: GaussianCloud, pieces: list[Int64Array]) -> float:
     """The step that spans the coefficients of some Gaussians with 16 bits; 1 for degree 0."""
     if cloud.sh.shape[1] == 1:
         return 1.0
@@ -286,7 +282,7 @@ def _sh_step(cloud: GaussianCloud, pieces: list[npt.NDArray[np.int64]]) -> float
     return float(np.float32(max(largest, 1e-6) / 32767.0))
 
 
-def _sh_steps(cloud: GaussianCloud, chunks: int, step: float) -> npt.NDArray[np.float64]:
+def _sh_steps(cloud: GaussianCloud, chunks: int, step: float) -> Float64Array:
     """Coefficients as whole numbers of steps, shape (C, 16, 3, K, 16)."""
     coefficients = cloud.sh.shape[1]
     steps = np.clip(np.rint(cloud.sh.astype(np.float64) / step), -32767, 32767)
@@ -309,7 +305,7 @@ def save_packed(scene: PackedScene, folder: str | Path) -> None:
         (part / "packed.json").write_text(json.dumps({"format": FORMAT}))
 
 
-def map_array(path: Path) -> npt.NDArray[Any]:
+def map_array(path: Path) -> AnyArray:
     """Map an array's file read-only, with all its pages unless it is larger than `POPULATED_BYTES_MAX`.
 
     A page that only one process has looked at so far counts as its own, and to look at them one by one costs a fault
@@ -349,7 +345,7 @@ def load_packed(folder: str | Path) -> PackedScene | None:
     return PackedScene(**arrays, normal=_load_normals(folder, chunks))
 
 
-def _load_normals(folder: Path, chunks: int) -> npt.NDArray[np.int16] | None:
+def _load_normals(folder: Path, chunks: int) -> Int16Array | None:
     """Map the normals of a pack read-only; None if there are none."""
     try:
         normal = map_array(folder / _NORMAL_FILE)

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
+from readygo.common.arrays import Float64Array
 from readygo.common.scenes.embedded.surfaces import Surfaces, fibonacci_sphere
 from readygo.common.scenes.embedded.textures import (
-    Array,
     Colour,
     fabric,
     folds,
@@ -131,7 +131,7 @@ def _shade(build: Surfaces, z_m: float, height_m: float, low_m: float, high_m: f
     build.disc((0, 0, z_m + height_m - 0.01), high_m * 0.9, 0.05, (1.0, 0.96, 0.82), glows=True)
 
 
-def _shade_glow(u: Array, v: Array) -> Array:
+def _shade_glow(u: Float64Array, v: Float64Array) -> Float64Array:
     middle = 1 - np.abs(v - 0.12) * 1.3
     return shade_colour((0.98, 0.85, 0.62), 0.80 + 0.22 * middle)
 
@@ -153,7 +153,7 @@ def television(build: Surfaces, z_m: float) -> None:
     build.patch((-0.53, -0.243, z_m + 0.11), (1.06, 0, 0), (0, 0, 0.60), 0.06, _screen, glows=True)
 
 
-def _screen(u: Array, v: Array) -> Array:
+def _screen(u: Float64Array, v: Float64Array) -> Float64Array:
     glare = np.clip(1 - np.abs(u - 0.5 * v - 0.45) * 2.2, 0, 1)
     return mix_colours((0.07, 0.08, 0.10), (0.17, 0.19, 0.23), glare)
 

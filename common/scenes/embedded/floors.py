@@ -4,9 +4,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from readygo.common.arrays import Float64Array
 from readygo.common.scenes.embedded.plan import ROOMS, Room
 from readygo.common.scenes.embedded.surfaces import THICKNESS_M, Surfaces
-from readygo.common.scenes.embedded.textures import Array, Colour, lattice_noise, value_noise
+from readygo.common.scenes.embedded.textures import Colour, lattice_noise, value_noise
 
 _UP = np.array([0.0, 0.0, 1.0])
 _X = np.array([1.0, 0.0, 0.0])
@@ -63,7 +64,7 @@ def _plank(build: Surfaces, plank: tuple[float, float, float, float], colour: Co
     build.add(joint, np.array([0.0, 1.0, 0.0]), _UP, [width * 0.4, 0.004, 0.002], _tint(colour, np.array([0.42])))
 
 
-def _tint(colour: Colour, tone: Array) -> Array:
+def _tint(colour: Colour, tone: Float64Array) -> Float64Array:
     # Darker boards are also a little redder.
     tint = np.stack([np.ones_like(tone), 0.97 + 0.03 * tone, 0.93 + 0.07 * tone], axis=-1)
     return np.clip(np.asarray(colour) * tint * tone[:, None], 0, 1)
@@ -95,7 +96,7 @@ def _carpet(build: Surfaces, room: Room) -> None:
     """Cut pile: speckle and the broad marks of a vacuum cleaner."""
     (x0, x1), (y0, y1) = room.x_m, room.y_m
 
-    def pile(u: Array, v: Array) -> Array:
+    def pile(u: Float64Array, v: Float64Array) -> Float64Array:
         speckle = lattice_noise(np.floor(u / 0.031), np.floor(v / 0.029), 41) - 0.5
         lane = value_noise(u / 0.45, v / 1.6, 43) - 0.5
         return np.clip(np.array([0.66, 0.61, 0.56]) * (1 + 0.22 * speckle + 0.14 * lane)[:, None], 0, 1)

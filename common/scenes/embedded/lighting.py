@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.scenes.embedded.surfaces import UnlitPoints, fibonacci_sphere
-from readygo.common.scenes.embedded.textures import Array
 
 VOXEL_M = 0.05
 _START_M = 0.055
@@ -24,15 +23,15 @@ _CELL_VOXELS = 4
 class Lights:
     """What shines on the scene; radiances are relative to a white wall in normal room light."""
 
-    position_m: Array
+    position_m: Float64Array
     """Points on windows and lamps, shape (L, 3)."""
-    direction: Array
+    direction: Float64Array
     """Unit direction that a point shines to; zero shines everywhere, shape (L, 3)."""
-    power: Array
+    power: Float64Array
     """Linear rgb times area [m2], shape (L, 3)."""
-    sun_direction: Array
+    sun_direction: Float64Array
     """Unit vector to the sun, shape (3,)."""
-    sun_power: Array
+    sun_power: Float64Array
     """Linear rgb irradiance of a surface that faces the sun, shape (3,)."""
 
 
@@ -40,13 +39,13 @@ class Lights:
 class ShadowGrid:
     """Solid voxels."""
 
-    origin_m: Array
+    origin_m: Float64Array
     """Corner of the grid, shape (3,)."""
-    solid: npt.NDArray[np.uint8]
+    solid: UInt8Array
     """1 where light is blocked, shape (X, Y, Z)."""
 
 
-def voxelise(points_m: Array, low_m: Array, high_m: Array) -> ShadowGrid:
+def voxelise(points_m: Float64Array, low_m: Float64Array, high_m: Float64Array) -> ShadowGrid:
     """Mark the voxels that hold a point.
 
     Args:
@@ -62,7 +61,7 @@ def voxelise(points_m: Array, low_m: Array, high_m: Array) -> ShadowGrid:
     return ShadowGrid(origin_m=low_m, solid=solid)
 
 
-def lit_colours(samples: UnlitPoints, grid: ShadowGrid, lights: Lights) -> Array:
+def lit_colours(samples: UnlitPoints, grid: ShadowGrid, lights: Lights) -> Float64Array:
     """Display colours of samples in the light of `lights`.
 
     Args:
@@ -94,13 +93,13 @@ def lit_colours(samples: UnlitPoints, grid: ShadowGrid, lights: Lights) -> Array
     return np.where(samples.glows[:, None], samples.colour, _display(albedo * light))
 
 
-def _display(radiance: Array) -> Array:
+def _display(radiance: Float64Array) -> Float64Array:
     # Extended Reinhard with white at 3, then gamma 2: both exact in IEEE arithmetic.
     bright = radiance * (1 + radiance / 9.0) / (1 + radiance)
     return np.sqrt(np.clip(bright * 1.25, 0.0, 1.0))
 
 
-def _sun(solid: npt.NDArray[np.uint8], start: Array, samples: UnlitPoints, lights: Lights, direct: Array) -> None:
+def _sun(solid: UInt8Array, start: Float64Array, samples: UnlitPoints, lights: Lights, direct: Float64Array) -> None:
     cosine = np.maximum((samples.normal * lights.sun_direction).sum(axis=1), 0.0)
     cosine = np.where(samples.facing > 0, cosine, 0.5)
     bitangent = np.cross(samples.normal, samples.tangent)
@@ -112,7 +111,7 @@ def _sun(solid: npt.NDArray[np.uint8], start: Array, samples: UnlitPoints, light
     direct += (seen / len(offsets) * cosine)[:, None] * lights.sun_power
 
 
-def _surface_radiance(samples: UnlitPoints, grid: ShadowGrid, radiance: Array) -> Array:
+def _surface_radiance(samples: UnlitPoints, grid: ShadowGrid, radiance: Float64Array) -> Float64Array:
     """Mean radiance of coarse cells per face direction, shape (X, Y, Z, 6, 3); cells without samples take the mean."""
     shape = tuple(-(-n // _CELL_VOXELS) for n in grid.solid.shape)
     axis = np.argmax(np.abs(samples.normal), axis=1)
@@ -123,7 +122,7 @@ def _surface_radiance(samples: UnlitPoints, grid: ShadowGrid, radiance: Array) -
     size = shape[0] * shape[1] * shape[2] * 6
     count = np.bincount(flat, minlength=size)
     total = np.stack([np.bincount(flat, weights=radiance[:, c], minlength=size) for c in range(3)], axis=1)
-    mean: Array = np.where(count[:, None] > 0, total / np.maximum(count, 1)[:, None], radiance.mean(axis=0))
+    mean: Float64Array = np.where(count[:, None] > 0, total / np.maximum(count, 1)[:, None], radiance.mean(axis=0))
     return mean.reshape(*shape, 6, 3)
 
 

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from readygo.common.arrays import Float64Array
 from readygo.common.scenes.embedded.surfaces import Surfaces, fibonacci_sphere
-from readygo.common.scenes.embedded.textures import Array, lattice_noise, mix_colours, shade_colour, value_noise
+from readygo.common.scenes.embedded.textures import lattice_noise, mix_colours, shade_colour, value_noise
 
 _SKY_RADIUS_M = 90.0
 _GROUND_Z_M = -0.35
@@ -21,7 +22,7 @@ def build_outdoors(build: Surfaces) -> None:
         _shrub(build.at(float(x), float(y), _GROUND_Z_M))
 
 
-def _ring(count: int, radius_m: float, spread_m: float, seed: int) -> Array:
+def _ring(count: int, radius_m: float, spread_m: float, seed: int) -> Float64Array:
     k = np.arange(count, dtype=np.float64)
     turn = (k + 0.7 * lattice_noise(k, k * 0, seed)) / count
     radius = radius_m + spread_m * lattice_noise(k, k * 0 + 1, seed)

@@ -1,8 +1,8 @@
 """The embedded scene: a small furnished flat that needs no download."""
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.gaussians import GaussianCloud, sh_of_rgb
 from readygo.common.scenes.embedded.floors import build_floors
 from readygo.common.scenes.embedded.furnishing import LAMP_HEIGHT_M, LAMPS_M, furnish
@@ -11,7 +11,7 @@ from readygo.common.scenes.embedded.outdoors import build_outdoors
 from readygo.common.scenes.embedded.plan import CEILING_M, EAST_M, NORTH_M, OPENINGS, SOUTH_M, WALLS, WEST_M
 from readygo.common.scenes.embedded.shell import build_shell
 from readygo.common.scenes.embedded.surfaces import OPACITY, Surfaces, UnlitPoints
-from readygo.common.scenes.embedded.textures import Array, value_noise
+from readygo.common.scenes.embedded.textures import value_noise
 from readygo.common.scenes.embedded.variation import Variation
 
 _SKY_LIGHT = np.array([5.6, 6.3, 7.2])
@@ -50,12 +50,12 @@ def embedded_sky() -> GaussianCloud:
     return _cloud(samples, samples.colour, settle=False)
 
 
-def floor_height_m(x_m: Array, y_m: Array) -> Array:
+def floor_height_m(x_m: Float64Array, y_m: Float64Array) -> Float64Array:
     """Height of the flat's floor: a tilt of 1 mm/m and bumps of a few millimetres, shape of `x_m`."""
     return 0.0010 * x_m - 0.0006 * y_m + 0.006 * (value_noise(x_m / 1.7, y_m / 1.7, 3) - 0.5)
 
 
-def _cloud(samples: UnlitPoints, colour: Array, *, settle: bool) -> GaussianCloud:
+def _cloud(samples: UnlitPoints, colour: Float64Array, *, settle: bool) -> GaussianCloud:
     position = samples.position_m.copy()
     if settle:
         # The whole house follows its floor, so that furniture neither floats nor sinks.
@@ -70,13 +70,13 @@ def _cloud(samples: UnlitPoints, colour: Array, *, settle: bool) -> GaussianClou
     )
 
 
-def _round_values(values: Array) -> npt.NDArray[np.float32]:
+def _round_values(values: Float64Array) -> Float32Array:
     # The last bits of cos, sin and matrix products differ between machines. Five decimals do not, once a small shift
     # has moved round numbers off the ties.
     return np.round(values + 1.3e-7, 5).astype(np.float32)
 
 
-def _lights(mirror: Array) -> Lights:
+def _lights(mirror: Float64Array) -> Lights:
     position, direction, power = [], [], []
     for opening in OPENINGS:
         wall = WALLS[opening.wall]

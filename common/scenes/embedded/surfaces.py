@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float64Array
 from readygo.common.frames import quat_from_matrix
-from readygo.common.scenes.embedded.textures import Array, Colour, Texture, plain
+from readygo.common.scenes.embedded.textures import Colour, Texture, plain
 
 Vector = tuple[float, float, float]
 ALL_FACES = ("front", "back", "left", "right", "top", "bottom")
@@ -27,22 +28,22 @@ SOFTNESS = 0.6
 class UnlitPoints:
     """Points of surfaces, not yet lit."""
 
-    position_m: Array
+    position_m: Float64Array
     """Shape (N, 3)."""
-    tangent: Array
+    tangent: Float64Array
     """Unit vector of the first principal axis, shape (N, 3)."""
-    normal: Array
+    normal: Float64Array
     """Unit normal, shape (N, 3)."""
-    sigma_m: Array
+    sigma_m: Float64Array
     """Standard deviations along tangent, bitangent and normal [m], shape (N, 3)."""
-    colour: Array
+    colour: Float64Array
     """Albedo, or the colour itself where the sample glows, display values in 0..1, shape (N, 3)."""
-    facing: Array
+    facing: Float64Array
     """1 for surfaces lit from their front, 0 for thin or small things lit from everywhere, shape (N,)."""
-    glows: npt.NDArray[np.bool_]
+    glows: BoolArray
     """True where the colour is final, shape (N,)."""
 
-    def quats_wxyz(self) -> Array:
+    def quats_wxyz(self) -> Float64Array:
         """Rotations of the principal axes (tangent, bitangent, normal), shape (N, 4)."""
         bitangent = np.cross(self.normal, self.tangent)
         # Rounded: near ties of axis-aligned rotations must fall alike on all machines.
@@ -52,8 +53,8 @@ class UnlitPoints:
 @dataclass(eq=False)
 class _Store:
     parts: list[UnlitPoints] = field(default_factory=list)
-    solid_points: list[Array] = field(default_factory=list)
-    clearings: list[tuple[int, Array, Array, Array, Array]] = field(default_factory=list)
+    solid_points: list[Float64Array] = field(default_factory=list)
+    clearings: list[tuple[int, Float64Array, Float64Array, Float64Array, Float64Array]] = field(default_factory=list)
     """Number of parts that a clearing touches, its R and t, its low and high corner."""
 
 
@@ -66,7 +67,7 @@ class Surfaces:
         *,
         spacing_factor: float = 1.0,
         mirror: npt.ArrayLike = (1.0, 1.0),
-        tints: Iterator[Array] | None = None,
+        tints: Iterator[Float64Array] | None = None,
     ) -> None:
         """An empty collection.
 
@@ -82,7 +83,7 @@ class Surfaces:
         self._R = np.diag([*np.asarray(mirror), 1.0])
         self._t = np.zeros(3)
         self._tints = tints
-        self._tint: Array | None = None
+        self._tint: Float64Array | None = None
 
     def at(self, x_m: float, y_m: float, z_m: float = 0.0, *, yaw_deg: float = 0.0) -> "Surfaces":
         """The surfaces with the origin moved to (x, y, z) and turned about z."""
@@ -105,15 +106,15 @@ class Surfaces:
             keep[: begins[count]] &= ~((local >= low) & (local <= high)).all(axis=1)
         return UnlitPoints(**{n: values[keep] for n, values in whole.items()})
 
-    def solid_points_m(self) -> Array:
+    def solid_points_m(self) -> Float64Array:
         """Points that fill the solids densely enough for voxels of 5 cm, shape (M, 3)."""
         return np.concatenate(self._store.solid_points)
 
     def add(
         self,
-        position_m: Array,
-        tangent: Array,
-        normal: Array,
+        position_m: Float64Array,
+        tangent: Float64Array,
+        normal: Float64Array,
         sigma_m: npt.ArrayLike,
         colour: npt.ArrayLike,
         *,
@@ -183,7 +184,9 @@ class Surfaces:
         sigma = [grid.cell_m[0] * softness, grid.cell_m[1] * softness, THICKNESS_M]
         self.add(grid.position_m, grid.tangent, grid.normal, sigma, colour, glows=glows)
 
-    def _grid(self, origin: Array, u: Array, v: Array, cell_m: float | tuple[float, float], jitter: float) -> "_Grid":
+    def _grid(
+        self, origin: Float64Array, u: Float64Array, v: Float64Array, cell_m: float | tuple[float, float], jitter: float
+    ) -> "_Grid":
         wanted = cell_m if isinstance(cell_m, tuple) else (cell_m, cell_m)
         lengths = (float(np.sqrt(u @ u)), float(np.sqrt(v @ v)))
         counts = [max(1, math.ceil(n / (c * self._factor) - 1e-6)) for n, c in zip(lengths, wanted, strict=True)]
@@ -333,15 +336,15 @@ class Surfaces:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Grid:
-    position_m: Array
-    u_m: Array
-    v_m: Array
+    position_m: Float64Array
+    u_m: Float64Array
+    v_m: Float64Array
     cell_m: tuple[float, float]
-    tangent: Array
-    normal: Array
+    tangent: Float64Array
+    normal: Float64Array
 
 
-def fibonacci_sphere(count: int) -> Array:
+def fibonacci_sphere(count: int) -> Float64Array:
     """Evenly spread directions, shape (count, 3)."""
     k = np.arange(count, dtype=np.float64) + 0.5
     z = np.asarray(1 - 2 * k / count, dtype=np.float64)
@@ -350,18 +353,18 @@ def fibonacci_sphere(count: int) -> Array:
     return np.asarray(sphere, dtype=np.float64)
 
 
-def _circle(turn: Array) -> Array:
+def _circle(turn: Float64Array) -> Float64Array:
     # Rounded: cos and sin may differ in the last bit between machines.
-    circle: Array = np.round(np.stack([np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)], axis=-1), 9)
+    circle: Float64Array = np.round(np.stack([np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)], axis=-1), 9)
     return circle
 
 
-def _unit(vectors: Array) -> Array:
-    unit: Array = vectors / np.sqrt((vectors * vectors).sum(axis=-1, keepdims=True))
+def _unit(vectors: Float64Array) -> Float64Array:
+    unit: Float64Array = vectors / np.sqrt((vectors * vectors).sum(axis=-1, keepdims=True))
     return unit
 
 
-def _orthogonal(vectors: Array, normal: Array) -> Array:
+def _orthogonal(vectors: Float64Array, normal: Float64Array) -> Float64Array:
     rest = vectors - (vectors * normal).sum(axis=-1, keepdims=True) * normal
     # A vector along the normal has no direction left: any other one will do.
     lost = (rest * rest).sum(axis=-1) < 1e-6
@@ -369,13 +372,13 @@ def _orthogonal(vectors: Array, normal: Array) -> Array:
     return _unit(np.where(lost[:, None], spare, rest))
 
 
-def _paint(texture: Texture | Colour, u_m: Array, v_m: Array) -> Array:
+def _paint(texture: Texture | Colour, u_m: Float64Array, v_m: Float64Array) -> Float64Array:
     if callable(texture):
         return texture(u_m, v_m)
     return np.broadcast_to(np.asarray(texture, dtype=np.float64), (len(u_m), 3))
 
 
-def _face(low: Vector, high: Vector, face: str) -> tuple[Array, Array, Array]:
+def _face(low: Vector, high: Vector, face: str) -> tuple[Float64Array, Float64Array, Float64Array]:
     (x0, y0, z0), (x1, y1, z1) = low, high
     dx, dy, dz = np.array([x1 - x0, 0, 0]), np.array([0, y1 - y0, 0]), np.array([0, 0, z1 - z0])
     return {
@@ -388,7 +391,9 @@ def _face(low: Vector, high: Vector, face: str) -> tuple[Array, Array, Array]:
     }[face]
 
 
-def _round_corner(position: Array, low: Array, high: Array, radius_m: float) -> tuple[Array, Array]:
+def _round_corner(
+    position: Float64Array, low: Float64Array, high: Float64Array, radius_m: float
+) -> tuple[Float64Array, Float64Array]:
     reach = np.minimum(radius_m, (high - low) / 2 * 0.98)
     inner = np.clip(position, low + reach, high - reach)
     direction = (position - inner) / reach

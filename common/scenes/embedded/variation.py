@@ -5,13 +5,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy import ndimage
 
+from readygo.common.arrays import BoolArray, Float64Array
 from readygo.common.scenes.embedded import decor, seating
 from readygo.common.scenes.embedded.plan import EAST_M, NORTH_M, ROOMS, SOUTH_M, WEST_M
 from readygo.common.scenes.embedded.surfaces import Surfaces
-from readygo.common.scenes.embedded.textures import Array, Colour
+from readygo.common.scenes.embedded.textures import Colour
 
 _HUE_RAD = 0.45
 _SATURATION = (0.5, 1.4)
@@ -35,7 +35,7 @@ class Variation:
     seed: int
 
     @property
-    def mirror(self) -> Array:
+    def mirror(self) -> Float64Array:
         """Signs of x and y: seeds of 0 to 3 modulo 4 are the four ways to mirror the plan, shape (2,)."""
         return np.array([-1.0 if self.seed & 1 else 1.0, -1.0 if self.seed & 2 else 1.0])
 
@@ -66,7 +66,7 @@ class Variation:
     def _rng(self, purpose: str) -> np.random.Generator:
         return np.random.Generator(np.random.PCG64([self.seed, *purpose.encode()]))
 
-    def _tints(self) -> Iterator[Array]:
+    def _tints(self) -> Iterator[Float64Array]:
         rng = self._rng("tints")
         while True:
             yield _tint(rng.uniform(-_HUE_RAD, _HUE_RAD), rng.uniform(*_SATURATION), rng.uniform(*_LIGHTNESS))
@@ -75,7 +75,7 @@ class Variation:
 class _Floor:
     """Where the middle of a robot may be, as one connected piece of floor."""
 
-    def __init__(self, taken_m: Array) -> None:
+    def __init__(self, taken_m: Float64Array) -> None:
         low, high = np.array([WEST_M, SOUTH_M]), np.array([EAST_M, NORTH_M])
         shape = np.rint((high - low) / _CELL_M).astype(int)
         cells = np.floor((taken_m - low) / _CELL_M).astype(int)
@@ -87,7 +87,7 @@ class _Floor:
         self._x, self._y = np.meshgrid(*axes, indexing="ij")
         self._free = _parts(self._distance_m > _ROBOT_RADIUS_M)[0]
 
-    def take(self, place: Array) -> bool:
+    def take(self, place: Float64Array) -> bool:
         """Take a disc of `_PIECE_RADIUS_M` if it is free, and cuts nothing off; False if not."""
         away_m = np.hypot(self._x - place[0], self._y - place[1])
         if self._distance_m[np.unravel_index(away_m.argmin(), away_m.shape)] < _PIECE_RADIUS_M:
@@ -99,13 +99,13 @@ class _Floor:
         return True
 
 
-def _parts(free: npt.NDArray[np.bool_]) -> list[npt.NDArray[np.bool_]]:
+def _parts(free: BoolArray) -> list[BoolArray]:
     """Connected parts, the largest first."""
     labels, count = ndimage.label(free)
     return sorted((labels == k for k in range(1, count + 1)), key=np.sum, reverse=True)
 
 
-def _place(rng: np.random.Generator) -> Array:
+def _place(rng: np.random.Generator) -> Float64Array:
     """A place in a room, decimetres exact."""
     room = ROOMS[int(rng.integers(len(ROOMS)))]
     low, high = np.array([room.x_m[0], room.y_m[0]]), np.array([room.x_m[1], room.y_m[1]])
@@ -129,7 +129,7 @@ def _piece(build: Surfaces, rng: np.random.Generator) -> None:
         seating.round_table(build, 0.33, 0.55, colour)
 
 
-def _tint(hue_rad: float, saturation: float, lightness: float) -> Array:
+def _tint(hue_rad: float, saturation: float, lightness: float) -> Float64Array:
     """A matrix on display colours: chroma turned about the grey axis and scaled, lightness scaled, shape (3, 3)."""
     c, s = round(math.cos(hue_rad), 9), round(math.sin(hue_rad), 9)
     grey = np.ones((3, 1)) / 3

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars import SMPL_PARENTS
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.robot.kinematics import DT_S
@@ -29,7 +30,6 @@ from readygo.services.animator.gait.curves import (
 from readygo.services.animator.gait.feet import Feet
 from readygo.services.animator.gait.human import GaitSkeleton, GaitStyle
 from readygo.services.animator.gait.math import (
-    Array,
     Ground,
     axis_angle_of,
     clip,
@@ -78,27 +78,27 @@ RIGHT_ARM = BODY
 class BodySignals(NamedTuple):
     """Signals that move the body, one value per frame."""
 
-    walk: Array
+    walk: Float64Array
     """How much the person walks: 0 standing, 1 at 1.2 m/s (legs of 0.80 m)."""
-    stand: Array
+    stand: Float64Array
     """1 standing, 0 walking."""
-    run: Array
+    run: Float64Array
     """1 running, 0 walking or standing."""
-    body: Array
+    body: Float64Array
     """Channels of `gait_curves`, and those of the right arm, shape (T, BODY + 3)."""
-    lean: Array
+    lean: Float64Array
     """Forward lean [rad]."""
-    bank: Array
+    bank: Float64Array
     """Lean to the left, into a turn [rad]."""
-    look: Array
+    look: Float64Array
     """Turn of the head relative to the heading [rad]."""
-    shift: Array
+    shift: Float64Array
     """Weight of someone who stands: 1 on the left foot, -1 on the right one, 0 walking."""
 
 
 @kernel_with_cache
 def _fill_body(
-    out: Array, curves: Curves, speed: float, run: float, moving: float, cycle: float, style: GaitStyle
+    out: Float64Array, curves: Curves, speed: float, run: float, moving: float, cycle: float, style: GaitStyle
 ) -> None:
     """Channels of the body at a gait phase."""
     weights = weights_of(curves, speed, run)
@@ -153,7 +153,7 @@ def drive_of(track: GaitTrack, style: GaitStyle, size: float, curves: Curves) ->
 
 
 @kernel_with_cache
-def pelvis_rotations(track: GaitTrack, drive: BodySignals, style: GaitStyle) -> Array:
+def pelvis_rotations(track: GaitTrack, drive: BodySignals, style: GaitStyle) -> Float64Array:
     """Global rotation of the pelvis, shape (T, 3, 3)."""
     R = np.empty((len(track.x), 3, 3))
     for i in range(len(track.x)):
@@ -180,12 +180,12 @@ def _sway(drive: BodySignals, i: int, style: GaitStyle, leg_m: float) -> tuple[f
 def pelvis_path(
     track: GaitTrack,
     drive: BodySignals,
-    R_pelvis: Array,
+    R_pelvis: Float64Array,
     feet: Feet,
     skeleton: GaitSkeleton,
     style: GaitStyle,
     ground: Ground,
-) -> Array:
+) -> Float64Array:
     """Pelvis positions from which both legs reach their feet, in the y-up world [m], shape (T, 3)."""
     count = len(track.x)
     P = np.empty((count, 3))
@@ -216,7 +216,9 @@ def _nearest(run: float, skeleton: GaitSkeleton) -> float:
 
 
 @kernel_with_cache
-def _keep_in_reach(P: Array, run: Array, R_pelvis: Array, feet: Feet, skeleton: GaitSkeleton) -> None:
+def _keep_in_reach(
+    P: Float64Array, run: Float64Array, R_pelvis: Float64Array, feet: Feet, skeleton: GaitSkeleton
+) -> None:
     """Raise the pelvis where a knee would bend too far, then lower it where a foot would be too far away."""
     far = LEG_REACH * skeleton.leg_m
     for lowering in range(2):
@@ -238,7 +240,9 @@ def _keep_in_reach(P: Array, run: Array, R_pelvis: Array, feet: Feet, skeleton: 
 
 
 @kernel_with_cache
-def _pose_leg(G: Array, hip_m: Array, ankle_m: Array, foot: int, nearest_m: float, offsets_m: Array) -> None:
+def _pose_leg(
+    G: Float64Array, hip_m: Float64Array, ankle_m: Float64Array, foot: int, nearest_m: float, offsets_m: Float64Array
+) -> None:
     """Thigh and shin rotations that put the ankle where the foot is, knee forward."""
     thigh, shin = offsets_m[4 + foot], offsets_m[7 + foot]
     l1, l2 = norm(thigh), norm(shin)
@@ -262,7 +266,7 @@ def _pose_leg(G: Array, hip_m: Array, ankle_m: Array, foot: int, nearest_m: floa
 
 @kernel_with_cache
 def _pose_trunk(
-    G: Array, psi: float, drive: BodySignals, i: int, style: GaitStyle, breath: float, look: float
+    G: Float64Array, psi: float, drive: BodySignals, i: int, style: GaitStyle, breath: float, look: float
 ) -> float:
     """Spine, neck and head: the chest turns against the pelvis, the head stays level. Returns the chest's turn."""
     body, lean, bank = drive.body[i], drive.lean[i] + breath, drive.bank[i]
@@ -283,7 +287,9 @@ def _pose_trunk(
 
 
 @kernel_with_cache
-def _pose_arm(G: Array, side: int, heading: float, drive: BodySignals, i: int, style: GaitStyle, sway: float) -> None:
+def _pose_arm(
+    G: Float64Array, side: int, heading: float, drive: BodySignals, i: int, style: GaitStyle, sway: float
+) -> None:
     """An arm that hangs at the side and swings against the leg, the forearm bending forward.
 
     In SMPL's T-pose the palms face down, so an arm lowered about the forward axis has its palm at the thigh.
@@ -310,12 +316,12 @@ def _pose_arm(G: Array, side: int, heading: float, drive: BodySignals, i: int, s
 def pose_frames(
     track: GaitTrack,
     drive: BodySignals,
-    R_pelvis: Array,
-    P: Array,
+    R_pelvis: Float64Array,
+    P: Float64Array,
     feet: Feet,
     skeleton: GaitSkeleton,
     style: GaitStyle,
-) -> Array:
+) -> Float64Array:
     """Parent-relative axis-angle pose of every frame [rad], shape (T, 24, 3)."""
     count = len(track.x)
     pose = np.empty((count, 24, 3))

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from readygo.common.arrays import Float64Array
 from readygo.common.kernels import kernel_with_cache
-from readygo.services.animator.gait.math import Array, clip, ease
+from readygo.services.animator.gait.math import clip, ease
 
 SAMPLES = 25
 """Samples of a curve over a stance or a swing, both ends included."""
@@ -35,25 +36,25 @@ class Curves(NamedTuple):
 
     walks: int
     """How many of the clips are walks, at least one."""
-    speed: Array
+    speed: Float64Array
     """Speed [m/s] of a person with legs of 0.80 m, shape (C,)."""
-    duty: Array
+    duty: Float64Array
     """Share of the stride that a foot is on the floor, shape (C,)."""
-    lead: Array
+    lead: Float64Array
     """How far a foot stands ahead of the hips when it strikes [leg lengths], shape (C,)."""
-    trail: Array
+    trail: Float64Array
     """How far a foot stands behind the hips when it leaves the floor [leg lengths], shape (C,)."""
-    mid: Array
+    mid: Float64Array
     """Stride fraction from a foot's strike until the hips are above it, shape (C,)."""
-    stance_pitch: Array
+    stance_pitch: Float64Array
     """Pitch of the foot [rad], toes down positive, over the stance, shape (C, SAMPLES)."""
-    swing_pitch: Array
+    swing_pitch: Float64Array
     """Pitch of the foot [rad] over the swing, shape (C, SAMPLES)."""
-    swing_way: Array
+    swing_way: Float64Array
     """Share of the way that the ankle has made over the swing, shape (C, SAMPLES)."""
-    swing_up: Array
+    swing_up: Float64Array
     """Ankle above that of a flat foot [leg lengths] over the swing, shape (C, SAMPLES)."""
-    body: Array
+    body: Float64Array
     """Fourier coefficients over the stride, from the left foot's strike: mean, cosines, sines,
     shape (C, BODY, 1 + 2 * HARMONICS)."""
 
@@ -75,7 +76,7 @@ def default_curves() -> Curves:
 
 
 @kernel_with_cache
-def weights_of(curves: Curves, speed: float, run: float) -> Array:
+def weights_of(curves: Curves, speed: float, run: float) -> Float64Array:
     """Share of each clip at a speed (of legs of 0.80 m) and a share of running."""
     count, walks = len(curves.speed), curves.walks
     weights = np.zeros(count)
@@ -99,7 +100,7 @@ def weights_of(curves: Curves, speed: float, run: float) -> Array:
 
 
 @kernel_with_cache
-def mix_clips(values: Array, weights: Array) -> float:
+def mix_clips(values: Float64Array, weights: Float64Array) -> float:
     """A number of the clips, mixed."""
     total = 0.0
     for k in range(len(weights)):
@@ -108,7 +109,7 @@ def mix_clips(values: Array, weights: Array) -> float:
 
 
 @kernel_with_cache
-def curve_at(table: Array, weights: Array, x: float) -> float:
+def curve_at(table: Float64Array, weights: Float64Array, x: float) -> float:
     """A curve of the clips, mixed, at share `x` of its span: cubic through the samples."""
     last = table.shape[1] - 1
     at = clip(x, 0.0, 1.0) * last
@@ -129,7 +130,7 @@ def curve_at(table: Array, weights: Array, x: float) -> float:
 
 
 @kernel_with_cache
-def swing_of_body(body: Array, weights: Array, channel: int, cycle: float) -> float:
+def swing_of_body(body: Float64Array, weights: Float64Array, channel: int, cycle: float) -> float:
     """A channel of the body at a gait phase [strides], without its mean."""
     total = 0.0
     for k in range(len(weights)):
@@ -162,7 +163,7 @@ def stride_rate(speed_mps: float, size: float, run: float) -> float:
 
 
 @kernel_with_cache
-def gain_of(curves: Curves, weights: Array, speed: float, run: float) -> float:
+def gain_of(curves: Curves, weights: Float64Array, speed: float, run: float) -> float:
     """Length of a step at a speed relative to that of the mixed clips: 1 between clips, less below the slowest one."""
     known = mix_clips(curves.speed, weights)
     if speed < 1e-3:

@@ -5,10 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from readygo.common.arrays import Float64Array
 from readygo.common.kernels import kernel_with_cache
 from readygo.services.animator.gait.curves import Curves, curve_at, weights_of
 from readygo.services.animator.gait.human import GaitSkeleton
-from readygo.services.animator.gait.math import Array, clip, ease, mat_mul, mat_vec, rot_x, soft_max, wrap
+from readygo.services.animator.gait.math import clip, ease, mat_mul, mat_vec, rot_x, soft_max, wrap
 from readygo.services.animator.gait.steps import (
     A_IN,
     A_OUT,
@@ -39,7 +40,7 @@ END_SHARE = 0.02
 
 
 @kernel_with_cache
-def flat_frame(yaw_rad: float, slope: float, roll: float) -> Array:
+def flat_frame(yaw_rad: float, slope: float, roll: float) -> Float64Array:
     """Rotation of a sole that lies on a plane: x left, y up, z forward along the foot."""
     s, c = math.sin(yaw_rad), math.cos(yaw_rad)
     zx, zy, zz = s, slope, c
@@ -57,7 +58,7 @@ def flat_frame(yaw_rad: float, slope: float, roll: float) -> Array:
 
 
 @kernel_with_cache
-def _pivot(contact: Array, F: Array, R: Array, point: Array, out: Array) -> None:
+def _pivot(contact: Float64Array, F: Float64Array, R: Float64Array, point: Float64Array, out: Float64Array) -> None:
     """Ankle of a foot that turned from `F` to `R` about a point fixed on the floor."""
     before, after = mat_vec(F, point), mat_vec(R, point)
     out[0] = contact[X] + before[0] - after[0]
@@ -66,20 +67,20 @@ def _pivot(contact: Array, F: Array, R: Array, point: Array, out: Array) -> None
 
 
 @kernel_with_cache
-def _weights(contact: Array, curves: Curves) -> Array:
+def _weights(contact: Float64Array, curves: Curves) -> Float64Array:
     return weights_of(curves, contact[SPEED], contact[RUN])
 
 
 @kernel_with_cache
 def _stance(
-    contact: Array,
+    contact: Float64Array,
     time_s: float,
     skeleton: GaitSkeleton,
     curves: Curves,
     joint: int,
-    ankle: Array,
-    R_foot: Array,
-    R_toe: Array,
+    ankle: Float64Array,
+    R_foot: Float64Array,
+    R_toe: Float64Array,
 ) -> None:
     """Pose of a foot on the floor: heel strike, flat, or heel off with the toes flat."""
     F = flat_frame(contact[YAW], contact[SLOPE], contact[ROLL])
@@ -98,7 +99,7 @@ def _stance(
 
 
 @kernel_with_cache
-def _swing_pitch(x: float, a: Array, b: Array, curves: Curves) -> float:
+def _swing_pitch(x: float, a: Float64Array, b: Float64Array, curves: Curves) -> float:
     """Pitch of the foot at share `x` of a swing, the one of the stances at its ends."""
     table, later = curves.swing_pitch, ease(x)
     start, end = curve_at(table, _weights(a, curves), x), curve_at(table, _weights(b, curves), x)
@@ -108,7 +109,7 @@ def _swing_pitch(x: float, a: Array, b: Array, curves: Curves) -> float:
 
 @kernel_with_cache
 def _height_needed(
-    F: Array, R_foot: Array, R_toe: Array, skeleton: GaitSkeleton, joint: int, softness_m: float
+    F: Float64Array, R_foot: Float64Array, R_toe: Float64Array, skeleton: GaitSkeleton, joint: int, softness_m: float
 ) -> float:
     """Height at which the ankle must be for the lowest point of the sole to touch a plane through the origin.
 
@@ -133,7 +134,9 @@ def _height_needed(
 
 
 @kernel_with_cache
-def _ends_of_swing(a: Array, b: Array, skeleton: GaitSkeleton, curves: Curves, joint: int) -> Array:
+def _ends_of_swing(
+    a: Float64Array, b: Float64Array, skeleton: GaitSkeleton, curves: Curves, joint: int
+) -> Float64Array:
     """Where a swing begins and ends, shape (2, 5): ankle, height of the floor's plane and of the ankle above it."""
     ends = np.empty((2, 5))
     R_foot, R_toe = np.empty((3, 3)), np.empty((3, 3))
@@ -147,7 +150,7 @@ def _ends_of_swing(a: Array, b: Array, skeleton: GaitSkeleton, curves: Curves, j
 
 
 @kernel_with_cache
-def _roll_speed(contact: Array, skeleton: GaitSkeleton, curves: Curves, joint: int, leaving: bool) -> float:
+def _roll_speed(contact: Float64Array, skeleton: GaitSkeleton, curves: Curves, joint: int, leaving: bool) -> float:
     """Forward speed [m/s] of the ankle while the foot rolls over its heel at touch-down, or its ball at lift-off."""
     weights, table, duration = _weights(contact, curves), curves.stance_pitch, END_SHARE * contact[STANCE]
     if leaving:
@@ -163,7 +166,7 @@ def _roll_speed(contact: Array, skeleton: GaitSkeleton, curves: Curves, joint: i
 
 
 @kernel_with_cache
-def _clearance(x: float, a: Array, b: Array, size: float) -> float:
+def _clearance(x: float, a: Float64Array, b: Float64Array, size: float) -> float:
     """Least height of the sole above the floor [m] at share `x` of a swing."""
     # The sole leaves and meets the floor steeply, so that it does not sweep along it.
     lift = 1.0 - (1.0 - x / 0.3) ** 5 if x < 0.3 else 1.0 - ((x - 0.3) / 0.7) ** 8
@@ -173,7 +176,9 @@ def _clearance(x: float, a: Array, b: Array, size: float) -> float:
 
 
 @kernel_with_cache
-def _ankle_height(x: float, a: Array, b: Array, ends: Array, skeleton: GaitSkeleton, curves: Curves) -> float:
+def _ankle_height(
+    x: float, a: Float64Array, b: Float64Array, ends: Float64Array, skeleton: GaitSkeleton, curves: Curves
+) -> float:
     """Height of the ankle above the floor [m] at share `x` of a swing, as in the mocap but for its ends."""
     later, table = ease(x), curves.swing_up
     start, end = a[A_OUT] * skeleton.leg_m, b[A_IN] * skeleton.leg_m
@@ -187,7 +192,7 @@ def _ankle_height(x: float, a: Array, b: Array, ends: Array, skeleton: GaitSkele
 
 
 @kernel_with_cache
-def _way(x: float, a: Array, b: Array, curves: Curves) -> float:
+def _way(x: float, a: Float64Array, b: Float64Array, curves: Curves) -> float:
     """Share of the way covered at share `x` of a swing."""
     later, table = ease(x), curves.swing_way
     start, end = curve_at(table, _weights(a, curves), x), curve_at(table, _weights(b, curves), x)
@@ -196,15 +201,15 @@ def _way(x: float, a: Array, b: Array, curves: Curves) -> float:
 
 @kernel_with_cache
 def _swing(
-    a: Array,
-    b: Array,
+    a: Float64Array,
+    b: Float64Array,
     time_s: float,
     skeleton: GaitSkeleton,
     curves: Curves,
     joint: int,
-    ankle: Array,
-    R_foot: Array,
-    R_toe: Array,
+    ankle: Float64Array,
+    R_foot: Float64Array,
+    R_toe: Float64Array,
 ) -> None:
     """Pose of a foot between contact `a` and contact `b`."""
     swing_s = b[ON] - a[OFF]
@@ -245,16 +250,18 @@ def _swing(
 class Feet(NamedTuple):
     """Both feet over time; index 0 left, 1 right."""
 
-    ankle_m: Array
+    ankle_m: Float64Array
     """Ankles in the y-up world [m], shape (2, T, 3)."""
-    R_foot: Array
+    R_foot: Float64Array
     """Global rotations of the feet, shape (2, T, 3, 3)."""
-    R_toe: Array
+    R_toe: Float64Array
     """Global rotations of the toes, shape (2, T, 3, 3)."""
 
 
 @kernel_with_cache
-def pose_foot(contacts: Array, foot: int, skeleton: GaitSkeleton, curves: Curves, times_s: Array, feet: Feet) -> None:
+def pose_foot(
+    contacts: Float64Array, foot: int, skeleton: GaitSkeleton, curves: Curves, times_s: Float64Array, feet: Feet
+) -> None:
     """Fill in one foot's poses.
 
     Args:

@@ -3,12 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars import SMPL_PARENTS, Avatar
 from readygo.common.errors import AvatarError
-
-Array = npt.NDArray[np.float64]
 
 # Heel and toe tip of a shoe, as multiples of the distance from the ankle to the ball of the foot; measured on a shod
 # 1.74 m body: heel 0.079 m behind the ankle, ball 0.156 m and toe tip 0.215 m ahead of it.
@@ -20,7 +18,7 @@ REFERENCE_LEG_M = 0.80
 class GaitSkeleton(NamedTuple):
     """Measures [m] of a body in SMPL's T-pose (y up, x left, z forward)."""
 
-    offsets_m: Array
+    offsets_m: Float64Array
     """Each joint relative to its parent, shape (24, 3); row 0 is zero."""
     leg_m: float
     """Thigh and shin together."""

@@ -8,15 +8,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.kernels import kernel_with_cache
-
-Array = npt.NDArray[np.float64]
 
 
 @kernel_with_cache
-def rot_x(angle_rad: float) -> Array:
+def rot_x(angle_rad: float) -> Float64Array:
     """Rotation about x: a positive angle pitches the forward axis down."""
     R = np.eye(3)
     c, s = math.cos(angle_rad), math.sin(angle_rad)
@@ -25,7 +23,7 @@ def rot_x(angle_rad: float) -> Array:
 
 
 @kernel_with_cache
-def rot_y(angle_rad: float) -> Array:
+def rot_y(angle_rad: float) -> Float64Array:
     """Rotation about y: a positive angle turns left."""
     R = np.eye(3)
     c, s = math.cos(angle_rad), math.sin(angle_rad)
@@ -34,7 +32,7 @@ def rot_y(angle_rad: float) -> Array:
 
 
 @kernel_with_cache
-def rot_z(angle_rad: float) -> Array:
+def rot_z(angle_rad: float) -> Float64Array:
     """Rotation about z: a positive angle raises the left side."""
     R = np.eye(3)
     c, s = math.cos(angle_rad), math.sin(angle_rad)
@@ -43,7 +41,7 @@ def rot_z(angle_rad: float) -> Array:
 
 
 @kernel_with_cache
-def mat_mul(A: Array, B: Array) -> Array:
+def mat_mul(A: Float64Array, B: Float64Array) -> Float64Array:
     """Product of two 3x3 matrices."""
     C = np.empty((3, 3))
     for i in range(3):
@@ -53,7 +51,7 @@ def mat_mul(A: Array, B: Array) -> Array:
 
 
 @kernel_with_cache
-def mat_t_mul(A: Array, B: Array) -> Array:
+def mat_t_mul(A: Float64Array, B: Float64Array) -> Float64Array:
     """Product of the transpose of A with B."""
     C = np.empty((3, 3))
     for i in range(3):
@@ -63,7 +61,7 @@ def mat_t_mul(A: Array, B: Array) -> Array:
 
 
 @kernel_with_cache
-def mat_vec(A: Array, v: Array) -> Array:
+def mat_vec(A: Float64Array, v: Float64Array) -> Float64Array:
     """Product of a 3x3 matrix with a vector."""
     w = np.empty(3)
     for i in range(3):
@@ -72,13 +70,13 @@ def mat_vec(A: Array, v: Array) -> Array:
 
 
 @kernel_with_cache
-def norm(v: Array) -> float:
+def norm(v: Float64Array) -> float:
     """Length of a 3-vector."""
     return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
 
 
 @kernel_with_cache
-def frame_of(y_axis: Array, z_hint: Array) -> Array:
+def frame_of(y_axis: Float64Array, z_hint: Float64Array) -> Float64Array:
     """Rotation whose y axis is along `y_axis` and whose z axis lies closest to `z_hint`."""
     F = np.empty((3, 3))
     length = norm(y_axis)
@@ -94,7 +92,7 @@ def frame_of(y_axis: Array, z_hint: Array) -> Array:
 
 
 @kernel_with_cache
-def axis_angle_of(R: Array, out: Array) -> None:
+def axis_angle_of(R: Float64Array, out: Float64Array) -> None:
     """Write the axis-angle vector [rad] of a rotation matrix to `out`; the angle is within 0..pi."""
     trace = R[0, 0] + R[1, 1] + R[2, 2]
     q = np.empty(4)
@@ -137,7 +135,7 @@ def wrap(angle_rad: float) -> float:
 
 
 @kernel_with_cache
-def smooth(x: Array, sigma: float) -> Array:
+def smooth(x: Float64Array, sigma: float) -> Float64Array:
     """Gaussian filter over samples, ends held; `sigma` in samples."""
     radius = math.ceil(3.0 * sigma)
     count = len(x)
@@ -156,7 +154,7 @@ def smooth(x: Array, sigma: float) -> Array:
 
 
 @kernel_with_cache
-def smooth_above(x: Array, sigma: float) -> Array:
+def smooth_above(x: Float64Array, sigma: float) -> Float64Array:
     """A smooth curve that is nowhere below `x` (maximum filter, then Gaussian of the same radius)."""
     radius = math.ceil(3.0 * sigma)
     count = len(x)
@@ -170,7 +168,7 @@ def smooth_above(x: Array, sigma: float) -> Array:
 
 
 @kernel_with_cache
-def sample(x: Array, at: float) -> float:
+def sample(x: Float64Array, at: float) -> float:
     """Linear interpolation of a series at a fractional index, ends held."""
     last = len(x) - 1
     at = min(max(at, 0.0), float(last))
@@ -192,7 +190,7 @@ def soft_max(a: float, b: float, softness: float) -> float:
 class Ground(NamedTuple):
     """A floor map as compiled code takes it."""
 
-    height_m: npt.NDArray[np.float32]
+    height_m: Float32Array
     """World z of the floor at cell centres [m], shape (H, W)."""
     origin_x_m: float
     origin_y_m: float

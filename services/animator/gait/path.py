@@ -7,14 +7,14 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float64Array, Int64Array
 from readygo.common.errors import MotionError
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.animator.gait.curves import Curves, stride_rate
 from readygo.services.animator.gait.human import GaitStyle
-from readygo.services.animator.gait.math import Array, clip, ease, smooth, wrap
+from readygo.services.animator.gait.math import clip, ease, smooth, wrap
 
 SPEED_MAX_MPS = 5.0
 MOVING_START_MPS = 0.3
@@ -27,25 +27,25 @@ RUN_ABOVE_MPS, WALK_BELOW_MPS = 2.2, 2.0
 class GaitTrack(NamedTuple):
     """A trajectory in the y-up world at 20 Hz, with lead-in and settling frames."""
 
-    x: Array
-    z: Array
-    psi: Array
+    x: Float64Array
+    z: Float64Array
+    psi: Float64Array
     """Heading [rad]: 0 faces +z, positive turns left (towards +x); not wrapped, shape (T,)."""
-    speed: Array
+    speed: Float64Array
     """Smoothed speed [m/s], shape (T,)."""
-    pace: Array
+    pace: Float64Array
     """Speed [m/s] smoothed within each bout only, which sets steps and cadence up to an abrupt stop, shape (T,)."""
-    run: Array
+    run: Float64Array
     """0 walking (or standing), 1 running, shape (T,)."""
-    rate: Array
+    rate: Float64Array
     """Strides per second where the person is walking or turning, shape (T,)."""
-    phase: Array
+    phase: Float64Array
     """Gait phase of each frame's bout, in strides of the leading foot, shape (T,)."""
-    bouts: npt.NDArray[np.int64]
+    bouts: Int64Array
     """First frame, last frame and leading side (0 left, 1 right) of each bout, shape (B, 3)."""
 
 
-def check_trajectory(xy_m: npt.NDArray[np.float64]) -> None:
+def check_trajectory(xy_m: Float64Array) -> None:
     """Refuse trajectories that no person can follow.
 
     Raises:
@@ -67,8 +67,8 @@ def check_trajectory(xy_m: npt.NDArray[np.float64]) -> None:
 
 
 def extend(
-    xy_m: npt.NDArray[np.float64], style: GaitStyle, stride_s: float, settle_s: float
-) -> tuple[Array, Array, int]:
+    xy_m: Float64Array, style: GaitStyle, stride_s: float, settle_s: float
+) -> tuple[Float64Array, Float64Array, int]:
     """The trajectory in y-up axes with frames before and after it.
 
     A trajectory that starts in motion gets a straight walk before it, so that its first row lies in mid-gait at a
@@ -93,7 +93,7 @@ def extend(
 
 
 @kernel_with_cache
-def run_share(pace: Array, size: float) -> Array:
+def run_share(pace: Float64Array, size: float) -> Float64Array:
     """When the person runs: from 2.2 m/s on until the pace falls below 2.0 m/s, faded over half a second."""
     run, running = np.zeros(len(pace)), False
     for i in range(len(pace)):
@@ -104,7 +104,7 @@ def run_share(pace: Array, size: float) -> Array:
 
 
 @kernel_with_cache
-def _headings_of_walk(x: Array, z: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+def _headings_of_walk(x: Float64Array, z: Float64Array) -> tuple[Float64Array, BoolArray]:
     """Direction of travel where the smoothed speed defines one, unwrapped over time."""
     sx, sz = smooth(x, 4.0), smooth(z, 4.0)
     count = len(x)
@@ -121,7 +121,7 @@ def _headings_of_walk(x: Array, z: Array) -> tuple[Array, npt.NDArray[np.bool_]]
 
 
 @kernel_with_cache
-def heading(x: Array, z: Array, default_rad: float) -> Array:
+def heading(x: Float64Array, z: Float64Array, default_rad: float) -> Float64Array:
     """Where the person faces: along the way while walking, held while standing, turned before setting off.
 
     Args:
@@ -158,7 +158,7 @@ def heading(x: Array, z: Array, default_rad: float) -> Array:
 
 
 @kernel_with_cache
-def _active(x: Array, z: Array, psi: Array) -> npt.NDArray[np.bool_]:
+def _active(x: Float64Array, z: Float64Array, psi: Float64Array) -> BoolArray:
     """Frames in which the feet must step: walking, turning, or drifting away from where they stand."""
     count = len(x)
     active = np.zeros(count, np.bool_)
@@ -179,7 +179,7 @@ def _active(x: Array, z: Array, psi: Array) -> npt.NDArray[np.bool_]:
 
 
 @kernel_with_cache
-def _bouts(x: Array, z: Array, psi: Array, lead_left: float) -> npt.NDArray[np.int64]:
+def _bouts(x: Float64Array, z: Float64Array, psi: Float64Array, lead_left: float) -> Int64Array:
     """Spans of stepping; pauses too short for closing the feet and setting off again are walked through."""
     active = _active(x, z, psi)
     count = len(x)
@@ -209,7 +209,7 @@ def _bouts(x: Array, z: Array, psi: Array, lead_left: float) -> npt.NDArray[np.i
 
 
 @kernel_with_cache
-def _phases(rate: Array, bouts: npt.NDArray[np.int64], mid_stance: float) -> Array:
+def _phases(rate: Float64Array, bouts: Int64Array, mid_stance: float) -> Float64Array:
     """Gait phase of every frame; between two bouts the phase of the nearer one runs on."""
     count = len(rate)
     phase = np.zeros(count)
@@ -250,7 +250,9 @@ def time_of_phase(track: GaitTrack, bout: int, phase: float) -> float:
 
 
 @kernel_with_cache
-def _quicken(rate: Array, raw: Array, run: Array, bouts: npt.NDArray[np.int64], cadence: float, size: float) -> None:
+def _quicken(
+    rate: Float64Array, raw: Float64Array, run: Float64Array, bouts: Int64Array, cadence: float, size: float
+) -> None:
     """Keep the steps quick up to an abrupt stop, where smoothed speeds fall early, and while the feet close."""
     near = smooth(raw, 1.0)
     for i in range(len(rate)):
@@ -263,7 +265,7 @@ def _quicken(rate: Array, raw: Array, run: Array, bouts: npt.NDArray[np.int64], 
 
 
 @kernel_with_cache
-def plan_track(x: Array, z: Array, style: GaitStyle, size: float, curves: Curves) -> GaitTrack:
+def plan_track(x: Float64Array, z: Float64Array, style: GaitStyle, size: float, curves: Curves) -> GaitTrack:
     """Heading, speed, bouts and phases of an extended trajectory.
 
     Args:

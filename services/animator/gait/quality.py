@@ -3,16 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars import Avatar
 from readygo.common.avatars.kinematics import fill_globals
 from readygo.common.frames import matrix_from_axis_angle
 from readygo.common.maps.grid import FloorMap
 from readygo.common.messages import Motion
 from readygo.services.animator.gait.human import GaitSkeleton, skeleton_of
-
-Array = npt.NDArray[np.float64]
 
 STILL_MPS = 0.1
 """A sole whose lowest point is slower than this over four consecutive rows stands still."""
@@ -49,7 +47,7 @@ class MotionQuality:
     jerk_max_mps3: float
 
 
-def joints_of(motion: Motion, avatar: Avatar) -> tuple[Array, Array]:
+def joints_of(motion: Motion, avatar: Avatar) -> tuple[Float64Array, Float64Array]:
     """Global joint rotations (T, 24, 3, 3) and positions [m] (T, 24, 3) in the z-up world."""
     G, P = np.empty((len(motion.root_m), 24, 3, 3)), np.empty((len(motion.root_m), 24, 3))
     roots, poses = motion.root_m.astype(np.float64), motion.pose_axis_angle.astype(np.float64)
@@ -58,7 +56,7 @@ def joints_of(motion: Motion, avatar: Avatar) -> tuple[Array, Array]:
     return G, P
 
 
-def sole_points(G: Array, P: Array, skeleton: GaitSkeleton) -> Array:
+def sole_points(G: Float64Array, P: Float64Array, skeleton: GaitSkeleton) -> Float64Array:
     """Heel (both edges), ball (both edges) and toe tip of both soles in the world [m], shape (T, 2, 5, 3)."""
     edges = (SOLE_HALF_WIDTH_M, -SOLE_HALF_WIDTH_M)
     heel = np.array([[x, -skeleton.sole_m, -skeleton.heel_m] for x in edges])
@@ -71,22 +69,22 @@ def sole_points(G: Array, P: Array, skeleton: GaitSkeleton) -> Array:
     return points
 
 
-def heights_above(points: Array, floor: FloorMap) -> Array:
+def heights_above(points: Float64Array, floor: FloorMap) -> Float64Array:
     """Height [m] of world points above the floor, shape (..., 3) -> (...)."""
     flat = points.reshape(-1, 3)
-    heights: Array = (flat[:, 2] - floor.at_many(flat[:, :2])).reshape(points.shape[:-1])
+    heights: Float64Array = (flat[:, 2] - floor.at_many(flat[:, :2])).reshape(points.shape[:-1])
     return heights
 
 
-def bend_deg(P: Array, upper: int, middle: int, lower: int) -> Array:
+def bend_deg(P: Float64Array, upper: int, middle: int, lower: int) -> Float64Array:
     """Angle [deg] between two bones that meet at joint `middle`, shape (T,); 0 is straight."""
     a, b = P[:, middle] - P[:, upper], P[:, lower] - P[:, middle]
     cosine = np.sum(a * b, axis=1) / np.linalg.norm(a, axis=1) / np.linalg.norm(b, axis=1)
-    angles: Array = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    angles: Float64Array = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
     return angles
 
 
-def elbow_deg(G: Array, P: Array, side: int) -> Array:
+def elbow_deg(G: Float64Array, P: Float64Array, side: int) -> Float64Array:
     """Bend of an elbow [deg] (side 0 left, 1 right), shape (T,); negative where the forearm points backwards."""
     forearm = P[:, 20 + side] - P[:, 18 + side]
     upper = P[:, 18 + side] - P[:, 16 + side]
@@ -94,25 +92,25 @@ def elbow_deg(G: Array, P: Array, side: int) -> Array:
     forward = G[:, 16 + side, :, 2]
     ahead = np.einsum("ti,ti->t", forearm, forward) / np.linalg.norm(forearm, axis=1)
     ahead = ahead - np.einsum("ti,ti->t", upper, forward) / np.linalg.norm(upper, axis=1)
-    bends: Array = np.sign(ahead) * bend_deg(P, 16 + side, 18 + side, 20 + side)
+    bends: Float64Array = np.sign(ahead) * bend_deg(P, 16 + side, 18 + side, 20 + side)
     return bends
 
 
-def _joint_speed_degps(motion: Motion) -> Array:
+def _joint_speed_degps(motion: Motion) -> Float64Array:
     R = matrix_from_axis_angle(motion.pose_axis_angle)
     trace = np.einsum("tjab,tjab->tj", R[:-1], R[1:])
-    speeds: Array = np.degrees(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))) * motion.rate_hz
+    speeds: Float64Array = np.degrees(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))) * motion.rate_hz
     return speeds
 
 
-def _hover_mm(points: Array, heights: Array, rate_hz: int) -> float:
+def _hover_mm(points: Float64Array, heights: Float64Array, rate_hz: int) -> float:
     lowest = np.take_along_axis(points, heights.argmin(axis=2)[:, :, None, None], axis=2)[:, :, 0]
     slow = np.linalg.norm(np.diff(lowest, axis=0), axis=-1) * rate_hz < STILL_MPS
     still = slow[2:] & slow[1:-1] & slow[:-2]
     return float(np.max(heights.min(axis=2)[1:-2], initial=0.0, where=still) * 1e3)
 
 
-def measure(motion: Motion, avatar: Avatar, floor: FloorMap, trajectory_xy_m: npt.NDArray[np.float64]) -> MotionQuality:
+def measure(motion: Motion, avatar: Avatar, floor: FloorMap, trajectory_xy_m: Float64Array) -> MotionQuality:
     """Measure a motion.
 
     Args:

@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 
+from readygo.common.arrays import Float64Array
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.animator.gait.curves import Curves, mix_clips, weights_of
 from readygo.services.animator.gait.human import GaitSkeleton, GaitStyle
-from readygo.services.animator.gait.math import Array, Ground, clip, floor_at, sample, wrap
+from readygo.services.animator.gait.math import Ground, clip, floor_at, sample, wrap
 from readygo.services.animator.gait.path import GaitTrack, time_of_phase
 
 # Columns of a foot's contacts, shape (C, 16).
@@ -41,7 +42,7 @@ RUN_NARROWING = 0.6
 
 
 @kernel_with_cache
-def duty(curves: Curves, weights: Array, speed: float) -> float:
+def duty(curves: Curves, weights: Float64Array, speed: float) -> float:
     """Share of the stride that a foot is on the floor; beyond the clips' speeds slower people stand longer."""
     slowest, fastest = curves.speed[0], curves.speed[curves.walks - 1]
     walking = 0.0
@@ -54,7 +55,7 @@ def duty(curves: Curves, weights: Array, speed: float) -> float:
 
 @kernel_with_cache
 def _place(
-    contact: Array,
+    contact: Float64Array,
     track: GaitTrack,
     at_s: float,
     standing: bool,
@@ -96,7 +97,7 @@ def _place(
 
 
 @kernel_with_cache
-def _same_place(a: Array, b: Array) -> bool:
+def _same_place(a: Float64Array, b: Float64Array) -> bool:
     """True if a step from `a` to `b` would not be worth making."""
     apart = (a[X] - b[X]) ** 2 + (a[Z] - b[Z]) ** 2
     return apart < 0.025**2 and abs(wrap(a[YAW] - b[YAW])) < 0.1
@@ -110,7 +111,7 @@ def plan_contacts(
     style: GaitStyle,
     ground: Ground,
     curves: Curves,
-) -> Array:
+) -> Float64Array:
     """Contacts of one foot over the whole track, from a stand to a stand.
 
     A contact lies beside the place that the pelvis passes at its middle; where that is after a bout's end, the foot
@@ -160,7 +161,7 @@ def plan_contacts(
 
 
 @kernel_with_cache
-def _ahead(contact: Array, track: GaitTrack, time_s: float) -> float:
+def _ahead(contact: Float64Array, track: GaitTrack, time_s: float) -> float:
     """How far a contact lies ahead of the pelvis at a time [m], in the direction of the foot."""
     dx, dz = contact[X] - sample(track.x, time_s / DT_S), contact[Z] - sample(track.z, time_s / DT_S)
     ahead_m: float = dx * math.sin(contact[YAW]) + dz * math.cos(contact[YAW])
@@ -168,7 +169,7 @@ def _ahead(contact: Array, track: GaitTrack, time_s: float) -> float:
 
 
 @kernel_with_cache
-def _bend_aside(a: Array, b: Array, track: GaitTrack, lateral_m: float) -> None:
+def _bend_aside(a: Float64Array, b: Float64Array, track: GaitTrack, lateral_m: float) -> None:
     """Bend a swing so that the foot passes the body on its own side; on a curve the straight way would not."""
     at = 0.5 * (a[OFF] + b[ON]) / DT_S
     psi = sample(track.psi, at)
@@ -181,7 +182,7 @@ def _bend_aside(a: Array, b: Array, track: GaitTrack, lateral_m: float) -> None:
 
 @kernel_with_cache
 def _link(
-    contacts: Array,
+    contacts: Float64Array,
     count: int,
     track: GaitTrack,
     lateral_m: float,

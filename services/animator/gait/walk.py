@@ -8,8 +8,8 @@ move, and the legs follow by inverse kinematics. Speeds, cadences and joint curv
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.frames import zup_from_yup
 from readygo.common.maps.grid import FloorMap
 from readygo.common.messages import Motion
@@ -18,7 +18,7 @@ from readygo.services.animator.gait.body import drive_of, pelvis_path, pelvis_ro
 from readygo.services.animator.gait.curves import Curves, default_curves, stride_rate
 from readygo.services.animator.gait.feet import Feet, pose_foot
 from readygo.services.animator.gait.human import GaitSkeleton, GaitStyle, draw_style
-from readygo.services.animator.gait.math import Array, Ground
+from readygo.services.animator.gait.math import Ground
 from readygo.services.animator.gait.path import check_trajectory, extend, plan_track
 from readygo.services.animator.gait.steps import ON, plan_contacts
 
@@ -30,8 +30,8 @@ STAND_S = 50.0
 
 
 def _walk(
-    x: Array, z: Array, skeleton: GaitSkeleton, style: GaitStyle, ground: Ground, curves: Curves
-) -> tuple[Array, Array, float]:
+    x: Float64Array, z: Float64Array, skeleton: GaitSkeleton, style: GaitStyle, ground: Ground, curves: Curves
+) -> tuple[Float64Array, Float64Array, float]:
     """Pelvis in the y-up world, pose, and the time of the last touch-down [s]."""
     track = plan_track(x, z, style, skeleton.size, curves)
     count = len(x)
@@ -50,7 +50,7 @@ def _walk(
 
 def walk(
     skeleton: GaitSkeleton,
-    trajectory_xy_m: npt.NDArray[np.float64],
+    trajectory_xy_m: Float64Array,
     floor: FloorMap,
     rng: np.random.Generator,
     style_variation: float = 1.0,

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor
 
 from readygo.common.array_files import load_npy
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.documents import read_json
 from readygo.common.errors import ConfigError
 from readygo.common.files import read_regular
@@ -36,10 +36,10 @@ class TrainedModel:
     """True: the variance of the posterior; False: that of the forward process."""
     mask_frames: bool
     """True if the model was trained with padding masked out; the releases of 2022 and 2023 were not."""
-    mean: npt.NDArray[np.float64]
+    mean: Float64Array
     """Mean of the features, shape (263,)."""
-    std: npt.NDArray[np.float64]
-    text: npt.NDArray[np.float32] | None
+    std: Float64Array
+    text: Float32Array | None
     """CLIP embedding that conditions all motions, shape (512,)."""
 
 
@@ -187,7 +187,7 @@ def _read_state(path: Path) -> dict[str, Tensor]:
     return state
 
 
-def _read_numbers(path: str, count: int, what: str) -> npt.NDArray[np.float64]:
+def _read_numbers(path: str, count: int, what: str) -> Float64Array:
     numbers = load_npy(Path(path), bytes_max=_NUMBERS_BYTES_MAX, raises=ConfigError)
     if numbers.size != count or numbers.dtype.kind not in "fiu" or not np.isfinite(numbers).all():
         raise ConfigError(f"{what} {path} must hold {count} finite numbers, got shape {np.shape(numbers)}.")

@@ -13,15 +13,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from readygo.services.animator.gait.math import Array
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array
 
 BETA_MAX = 0.999
 _OFFSET = 0.008
 
-FloatArray = npt.NDArray[np.float32]
-Predict = Callable[[FloatArray, int], FloatArray]
+Predict = Callable[[Float32Array, int], Float32Array]
 """Noisy features (T, 263) and a trained step -> clean features (T, 263)."""
 
 
@@ -80,13 +78,13 @@ def cosine_schedule(trained_steps: int, steps: int = 0, *, sigma_small: bool = T
 
 def sample(
     predict: Predict,
-    known: Array,
-    is_known: npt.NDArray[np.bool_],
+    known: Float64Array,
+    is_known: BoolArray,
     schedule: DiffusionSchedule,
     rng: np.random.Generator,
     *,
     sampler: Literal["ddpm", "ddim"] = "ddpm",
-) -> FloatArray:
+) -> Float32Array:
     """Draw a motion.
 
     Args:
@@ -118,6 +116,6 @@ def sample(
     return clean
 
 
-def _noise(rng: np.random.Generator, free: FloatArray) -> FloatArray:
-    noise: FloatArray = rng.standard_normal(free.shape).astype(np.float32) * free
+def _noise(rng: np.random.Generator, free: Float32Array) -> Float32Array:
+    noise: Float32Array = rng.standard_normal(free.shape).astype(np.float32) * free
     return noise

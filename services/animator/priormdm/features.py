@@ -23,10 +23,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.kernels import kernel_with_cache
 from readygo.services.animator.gait.math import wrap
-
-Array = npt.NDArray[np.float64]
 
 FEATURE_COUNT = 263
 JOINT_COUNT = 22
@@ -59,7 +58,7 @@ class Start(NamedTuple):
 
 
 @kernel_with_cache
-def _encode_path(x: Array, z: Array, psi: Array) -> Array:
+def _encode_path(x: Float64Array, z: Float64Array, psi: Float64Array) -> Float64Array:
     count = len(x) - 1
     features = np.empty((count, 3))
     for t in range(count):
@@ -71,7 +70,7 @@ def _encode_path(x: Array, z: Array, psi: Array) -> Array:
     return features
 
 
-def encode_path(x_m: Array, z_m: Array, heading_rad: Array) -> Array:
+def encode_path(x_m: Float64Array, z_m: Float64Array, heading_rad: Float64Array) -> Float64Array:
     """The columns `PATH` of a ground path.
 
     Args:
@@ -91,7 +90,7 @@ def encode_path(x_m: Array, z_m: Array, heading_rad: Array) -> Array:
 
 
 @kernel_with_cache
-def _decode_path(features: Array, x: float, z: float, psi: float) -> Array:
+def _decode_path(features: Float64Array, x: float, z: float, psi: float) -> Float64Array:
     count = len(features)
     path = np.empty((count, 3))
     path[0] = x, z, psi
@@ -105,14 +104,14 @@ def _decode_path(features: Array, x: float, z: float, psi: float) -> Array:
     return path
 
 
-def decode_path(features: npt.ArrayLike, start: Start) -> Array:
+def decode_path(features: npt.ArrayLike, start: Start) -> Float64Array:
     """Pelvis x [m], z [m] and heading [rad] of every frame of features (T, >= 3), shape (T, 3)."""
     rows = np.ascontiguousarray(np.asarray(features, dtype=np.float64)[:, PATH])
     return _decode_path(rows, float(start.x_m), float(start.z_m), float(start.heading_rad))
 
 
 @kernel_with_cache
-def _decode_joints(features: Array, path: Array) -> Array:
+def _decode_joints(features: Float64Array, path: Float64Array) -> Float64Array:
     joints = np.empty((len(features), 22, 3))
     for t in range(len(features)):
         x, z, psi = path[t]
@@ -124,7 +123,7 @@ def _decode_joints(features: Array, path: Array) -> Array:
     return joints
 
 
-def decode_joints(features: npt.ArrayLike, start: Start) -> Array:
+def decode_joints(features: npt.ArrayLike, start: Start) -> Float64Array:
     """Joint positions of features ("recover from RIC").
 
     Args:
@@ -140,7 +139,7 @@ def decode_joints(features: npt.ArrayLike, start: Start) -> Array:
     return _decode_joints(rows, decode_path(rows, start))
 
 
-def facing_of(joints_m: Array) -> Array:
+def facing_of(joints_m: Float64Array) -> Float64Array:
     """Heading [rad], unwrapped, of a person with joints (T, >= 18, 3) in y-up axes, shape (T,).
 
     As in HumanML3D's files (its sample 012314 shows it): the hips count against the shoulders, smoothed over time; only
@@ -157,7 +156,7 @@ def facing_of(joints_m: Array) -> Array:
     return np.unwrap(np.arctan2(across[:, 2], -across[:, 0]))
 
 
-def encode(joints_m: npt.ArrayLike) -> tuple[Array, Start]:
+def encode(joints_m: npt.ArrayLike) -> tuple[Float64Array, Start]:
     """Features of a motion.
 
     Args:
@@ -185,14 +184,14 @@ def encode(joints_m: npt.ArrayLike) -> tuple[Array, Start]:
     return features, Start(float(joints[0, 0, 0]), float(joints[0, 0, 2]), float(psi[0]))
 
 
-def _turn_vectors(vectors: Array, psi: Array) -> Array:
+def _turn_vectors(vectors: Float64Array, psi: Float64Array) -> Float64Array:
     """World vectors (T, N, 3) in the headings (T,)."""
     c, s = np.cos(psi)[:, None], np.sin(psi)[:, None]
     x, y, z = np.moveaxis(vectors, -1, 0)
     return np.stack([c * x - s * z, y, s * x + c * z], axis=-1)
 
 
-def _bone_rotations(joints: Array, psi: Array) -> Array:
+def _bone_rotations(joints: Float64Array, psi: Float64Array) -> Float64Array:
     """HumanML3D's parent-relative rotations of joints 1..21, shape (T, 21, 3, 3).
 
     Every chain begins with the rotation that takes the heading to +z; a joint's rotation then takes its bone's axis to
@@ -212,12 +211,12 @@ def _bone_rotations(joints: Array, psi: Array) -> Array:
     return local[:, 1:]
 
 
-def _shortest(u: Array, v: Array) -> Array:
+def _shortest(u: Float64Array, v: Float64Array) -> Float64Array:
     """Rotations of the shortest way from a unit vector (3,) to unit vectors (T, 3), shape (T, 3, 3)."""
     w = np.cross(np.broadcast_to(u, v.shape), v)
     K = np.zeros((len(v), 3, 3))
     K[:, 2, 1], K[:, 0, 2], K[:, 1, 0] = w[:, 0], w[:, 1], w[:, 2]
     K[:, 1, 2], K[:, 2, 0], K[:, 0, 1] = -w[:, 0], -w[:, 1], -w[:, 2]
     cosine = np.maximum(v @ u, -1.0 + 1e-9)
-    R: Array = np.eye(3) + K + (K @ K) / (1.0 + cosine)[:, None, None]
+    R: Float64Array = np.eye(3) + K + (K @ K) / (1.0 + cosine)[:, None, None]
     return R

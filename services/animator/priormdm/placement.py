@@ -3,22 +3,12 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int64Array
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.animator.gait.human import GaitSkeleton
-from readygo.services.animator.gait.math import (
-    Array,
-    Ground,
-    clip,
-    ease,
-    floor_at,
-    mat_mul,
-    rot_x,
-    smooth,
-    smooth_above,
-)
+from readygo.services.animator.gait.math import Ground, clip, ease, floor_at, mat_mul, rot_x, smooth, smooth_above
 from readygo.services.animator.smpl.fit import REACH, fit_rotations
 
 HUMANML3D_LEG_M = 0.821
@@ -37,7 +27,7 @@ TOE_BEND_MAX_RAD = 1.0
 TOE_SIGMA_FRAMES = 0.7
 
 
-def wear(joints_m: Array, skeleton: GaitSkeleton, ground: Ground) -> tuple[Array, Array]:
+def wear(joints_m: Float64Array, skeleton: GaitSkeleton, ground: Ground) -> tuple[Float64Array, Float64Array]:
     """Rotations and pelvis of a body that moves as the given joints do.
 
     The ankles go where the joints say, over the floor below each foot; the pelvis keeps its place on the map, and its
@@ -69,7 +59,7 @@ def wear(joints_m: Array, skeleton: GaitSkeleton, ground: Ground) -> tuple[Array
 
 
 @kernel_with_cache
-def _hold_feet(joints: Array) -> None:
+def _hold_feet(joints: Float64Array) -> None:
     """Keep the balls of resting feet from sliding; between two rests the correction fades from one to the other."""
     count = len(joints)
     for side in range(2):
@@ -94,7 +84,7 @@ def _hold_feet(joints: Array) -> None:
 
 
 @kernel_with_cache
-def _rests(ball: Array) -> npt.NDArray[np.int64]:
+def _rests(ball: Float64Array) -> Int64Array:
     """First row and the row after the last one of every rest of a ball (T, 3), shape (R, 2)."""
     count = len(ball)
     rests = np.empty((count, 2), np.int64)
@@ -116,7 +106,7 @@ def _rests(ball: Array) -> npt.NDArray[np.int64]:
 
 
 @kernel_with_cache
-def _onto_floor(joints: Array, ground: Ground, sole: float, ball_sole: float, raise_m: float) -> None:
+def _onto_floor(joints: Float64Array, ground: Ground, sole: float, ball_sole: float, raise_m: float) -> None:
     count = len(joints)
     base = np.empty(count)
     for t in range(count):
@@ -138,7 +128,7 @@ def _onto_floor(joints: Array, ground: Ground, sole: float, ball_sole: float, ra
 
 
 @kernel_with_cache
-def _sink(X: Array, joints: Array, leg: float) -> Array:
+def _sink(X: Float64Array, joints: Float64Array, leg: float) -> Float64Array:
     """How far the body must be lower for both ankles to be within reach [m], smooth over time."""
     count = len(X)
     need = np.zeros(count)
@@ -155,7 +145,7 @@ def _sink(X: Array, joints: Array, leg: float) -> Array:
 
 
 @kernel_with_cache
-def _bend_toes(G: Array, X: Array, ground: Ground, ball_sole: float, toes_m: float) -> None:
+def _bend_toes(G: Float64Array, X: Float64Array, ground: Ground, ball_sole: float, toes_m: float) -> None:
     """Bend the toes up, at least as far as their tip would else be in the floor."""
     for side in range(2):
         bend = np.zeros(len(G))
@@ -167,7 +157,7 @@ def _bend_toes(G: Array, X: Array, ground: Ground, ball_sole: float, toes_m: flo
 
 
 @kernel_with_cache
-def _toe_bend(foot: Array, ball: Array, ground: Ground, ball_sole: float, toes_m: float) -> float:
+def _toe_bend(foot: Float64Array, ball: Float64Array, ground: Ground, ball_sole: float, toes_m: float) -> float:
     tip_x = ball[0] - foot[0, 1] * ball_sole + foot[0, 2] * toes_m
     tip_z = ball[2] - foot[2, 1] * ball_sole + foot[2, 2] * toes_m
     clearance = ball[1] - floor_at(ground, tip_x, tip_z)

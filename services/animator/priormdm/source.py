@@ -9,18 +9,18 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import torch
 
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array
 from readygo.common.errors import ConfigError
 from readygo.common.maps.grid import FloorMap
 from readygo.common.messages import Motion
 from readygo.services.animator.gait.human import GaitSkeleton
-from readygo.services.animator.gait.math import Array, Ground, smooth
+from readygo.services.animator.gait.math import Ground, smooth
 from readygo.services.animator.gait.path import check_trajectory, heading
 from readygo.services.animator.priormdm.checkpoint import TrainedModel, load_model
 from readygo.services.animator.priormdm.config import PriorMdmConfig
-from readygo.services.animator.priormdm.diffusion import FloatArray, cosine_schedule, sample
+from readygo.services.animator.priormdm.diffusion import cosine_schedule, sample
 from readygo.services.animator.priormdm.features import (
     FEATURE_COUNT,
     HEADING_SIGMA_FRAMES,
@@ -67,7 +67,7 @@ class PriorMdm:
     def walk(
         self,
         skeleton: GaitSkeleton,
-        trajectory_xy_m: npt.NDArray[np.float64],
+        trajectory_xy_m: Float64Array,
         floor: FloorMap,
         rng: np.random.Generator,
     ) -> Motion:
@@ -103,8 +103,8 @@ class PriorMdm:
             return refine_in_place(motion, skeleton.offsets_m, prior=self.prior)
 
     def _draw(
-        self, xy: Array, skeleton: GaitSkeleton, rng: np.random.Generator, rows: int
-    ) -> tuple[Array, Start, float]:
+        self, xy: Float64Array, skeleton: GaitSkeleton, rng: np.random.Generator, rows: int
+    ) -> tuple[Float64Array, Start, float]:
         """Features of the first rows, where they begin, and metres of the body per metre of HumanML3D's skeleton."""
         scale = skeleton.leg_m / HUMANML3D_LEG_M
         frames = max(rows, WINDOW)
@@ -114,7 +114,7 @@ class PriorMdm:
         features = self.complete(encode_path(x, z, psi), rng, rows)
         return features[:rows], Start(float(x[0]), float(z[0]), float(psi[0])), scale
 
-    def complete(self, path: Array, rng: np.random.Generator, rows: int | None = None) -> Array:
+    def complete(self, path: Float64Array, rng: np.random.Generator, rows: int | None = None) -> Float64Array:
         """Features of a motion over a path.
 
         Args:
@@ -144,13 +144,13 @@ class PriorMdm:
         features[:, PATH] = path
         return features
 
-    def _predictor(self, valid: npt.NDArray[np.bool_] | None) -> PredictBatch:
+    def _predictor(self, valid: BoolArray | None) -> PredictBatch:
         model, config = self.model, self.config
         # Padding exists in motions of one window only.
         mask = None if valid is None or valid.all() else torch.from_numpy(valid[None, :WINDOW]).to(config.device)
         text = None if model.text is None else torch.from_numpy(model.text[None]).to(config.device)
 
-        def predict(windows: FloatArray, step: int) -> FloatArray:
+        def predict(windows: Float32Array, step: int) -> Float32Array:
             with torch.inference_mode():
                 x = torch.from_numpy(windows).to(config.device)
                 steps = torch.full((len(windows),), step, dtype=torch.int64, device=config.device)
@@ -158,7 +158,7 @@ class PriorMdm:
                 if text is not None:
                     worded = model.network(x, steps, text.expand(len(windows), -1), mask)
                     clean = clean + GUIDANCE * (worded - clean)
-                result: FloatArray = clean.float().cpu().numpy()
+                result: Float32Array = clean.float().cpu().numpy()
             return result
 
         return predict

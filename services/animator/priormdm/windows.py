@@ -9,14 +9,14 @@ Source of the idea: Bar-Tal et al., MultiDiffusion, 2023; compare DoubleTake of 
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
-from readygo.services.animator.priormdm.diffusion import FloatArray, Predict
+from readygo.common.arrays import Float32Array, Float64Array
+from readygo.services.animator.priormdm.diffusion import Predict
 
 WINDOW = 196
 """Frames of the model's training: 9.8 s."""
 
-PredictBatch = Callable[[FloatArray, int], FloatArray]
+PredictBatch = Callable[[Float32Array, int], Float32Array]
 """Noisy windows (B, W, 263) and a trained step -> clean windows (B, W, 263)."""
 
 
@@ -34,7 +34,7 @@ def window_starts(count: int, overlap: int, window: int = WINDOW) -> list[int]:
     return [*starts, count - window]
 
 
-def fade_weights(count: int, starts: list[int], overlap: int, window: int = WINDOW) -> npt.NDArray[np.float64]:
+def fade_weights(count: int, starts: list[int], overlap: int, window: int = WINDOW) -> Float64Array:
     """Weight of every window at every of its frames, shape (B, W); the weights of a frame sum to 1."""
     ramp = np.minimum(np.arange(1, window + 1), np.arange(window, 0, -1)) / (overlap + 1)
     weights = np.tile(np.minimum(ramp, 1.0), (len(starts), 1))
@@ -51,7 +51,7 @@ def over_windows(predict: PredictBatch, count: int, overlap: int, window: int = 
     starts = window_starts(count, overlap, window)
     weights = fade_weights(count, starts, overlap, window).astype(np.float32)[..., None]
 
-    def whole(x: FloatArray, step: int) -> FloatArray:
+    def whole(x: Float32Array, step: int) -> Float32Array:
         parts = predict(np.stack([x[start : start + window] for start in starts]), step)
         clean = np.zeros_like(x)
         for start, part, weight in zip(starts, parts, weights, strict=True):

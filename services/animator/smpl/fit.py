@@ -14,9 +14,10 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars import SMPL_PARENTS
 from readygo.common.kernels import kernel_with_cache
-from readygo.services.animator.gait.math import Array, axis_angle_of, clip, mat_mul, mat_t_mul, mat_vec, norm, smooth
+from readygo.services.animator.gait.math import axis_angle_of, clip, mat_mul, mat_t_mul, mat_vec, norm, smooth
 from readygo.services.animator.smpl.fit_math import SMALL, across, aim, align, cross, swing, turn, twist_about, unit
 
 PARENTS = SMPL_PARENTS.astype(np.int64)
@@ -32,7 +33,9 @@ SHOULDER_WEIGHT = 0.03
 """Share of the shoulders in the chest's alignment: collar bones are short, and shoulders say better where it turns."""
 
 
-def fit_rotations(joints_m: npt.ArrayLike, offsets_m: npt.ArrayLike, *, retarget: bool = False) -> tuple[Array, Array]:
+def fit_rotations(
+    joints_m: npt.ArrayLike, offsets_m: npt.ArrayLike, *, retarget: bool = False
+) -> tuple[Float64Array, Float64Array]:
     """Rotations of a body whose joints come to lie where they are asked to.
 
     Args:
@@ -68,7 +71,7 @@ def fit_rotations(joints_m: npt.ArrayLike, offsets_m: npt.ArrayLike, *, retarget
     return G, X
 
 
-def pose_of(G: Array) -> Array:
+def pose_of(G: Float64Array) -> Float64Array:
     """Parent-relative axis-angle vectors [rad] of global rotations (T, 24, 3, 3), shape (T, 24, 3)."""
     pose = np.empty((len(G), 24, 3))
     _fill_pose(G, pose)
@@ -76,7 +79,7 @@ def pose_of(G: Array) -> Array:
 
 
 @kernel_with_cache
-def _fill_pose(G: Array, pose: Array) -> None:
+def _fill_pose(G: Float64Array, pose: Float64Array) -> None:
     for t in range(len(G)):
         axis_angle_of(G[t, 0], pose[t, 0])
         for j in range(1, 24):
@@ -84,26 +87,30 @@ def _fill_pose(G: Array, pose: Array) -> None:
 
 
 @kernel_with_cache
-def _place(joint: int, offsets: Array, G: Array, X: Array) -> None:
+def _place(joint: int, offsets: Float64Array, G: Float64Array, X: Float64Array) -> None:
     parent = PARENTS[joint]
     X[joint] = X[parent] + mat_vec(G[parent], offsets[joint])
 
 
 @kernel_with_cache
-def _toward(joint: int, child: int, P: Array, X: Array, retarget: bool, fallback: Array) -> Array:
+def _toward(
+    joint: int, child: int, P: Float64Array, X: Float64Array, retarget: bool, fallback: Float64Array
+) -> Float64Array:
     """Unit direction from a joint to the place of its child."""
     return unit(P[child] - (P[joint] if retarget else X[joint]), fallback)
 
 
 @kernel_with_cache
-def _swing_to(joint: int, child: int, base: Array, P: Array, X: Array, retarget: bool, offsets: Array) -> Array:
+def _swing_to(
+    joint: int, child: int, base: Float64Array, P: Float64Array, X: Float64Array, retarget: bool, offsets: Float64Array
+) -> Float64Array:
     bone = offsets[child]
     now = unit(mat_vec(base, bone), base[:, 1])
     return swing(base, bone, _toward(joint, child, P, X, retarget, now))
 
 
 @kernel_with_cache
-def _fit_trunk(P: Array, offsets: Array, retarget: bool, G: Array, X: Array) -> None:
+def _fit_trunk(P: Float64Array, offsets: Float64Array, retarget: bool, G: Float64Array, X: Float64Array) -> None:
     """Pelvis, spine, chest, collars, neck and head."""
     ones = np.ones(3)
     source, target = np.empty((3, 3)), np.empty((3, 3))
@@ -140,7 +147,9 @@ def _fit_trunk(P: Array, offsets: Array, retarget: bool, G: Array, X: Array) -> 
 
 
 @kernel_with_cache
-def _find_bends(P: Array, offsets: Array, retarget: bool, G: Array, X: Array, normals: Array) -> None:
+def _find_bends(
+    P: Float64Array, offsets: Float64Array, retarget: bool, G: Float64Array, X: Float64Array, normals: Float64Array
+) -> None:
     """Where knees and elbows are, and the normals of the planes in which they bend (legs 0 and 1, arms 2 and 3)."""
     for side in range(2):
         hip, knee, ankle = 1 + side, 4 + side, 7 + side
@@ -164,7 +173,14 @@ def _find_bends(P: Array, offsets: Array, retarget: bool, G: Array, X: Array, no
 
 
 @kernel_with_cache
-def _reach(hip: Array, knee: Array, ankle: Array, foot: Array, thigh: Array, shin: Array) -> tuple[Array, Array]:
+def _reach(
+    hip: Float64Array,
+    knee: Float64Array,
+    ankle: Float64Array,
+    foot: Float64Array,
+    thigh: Float64Array,
+    shin: Float64Array,
+) -> tuple[Float64Array, Float64Array]:
     """Knee and ankle of a leg that reaches for an ankle, its knee on the side of the knee that is asked for."""
     l1, l2 = norm(thigh), norm(shin)
     u = unit(ankle - hip, np.array([0.0, -1.0, 0.0]))
@@ -181,14 +197,16 @@ def _reach(hip: Array, knee: Array, ankle: Array, foot: Array, thigh: Array, shi
 
 
 @kernel_with_cache
-def _smooth_normals(normals: Array) -> None:
+def _smooth_normals(normals: Float64Array) -> None:
     for limb in range(4):
         for k in range(3):
             normals[:, limb, k] = smooth(normals[:, limb, k].copy(), TWIST_SIGMA_FRAMES)
 
 
 @kernel_with_cache
-def _upper_limb(base: Array, bone: Array, hinge: Array, direction: Array, normal: Array) -> Array:
+def _upper_limb(
+    base: Float64Array, bone: Float64Array, hinge: Float64Array, direction: Float64Array, normal: Float64Array
+) -> Float64Array:
     """Rotation of a thigh or an upper arm: its bone along a direction, its hinge along the normal if there is one."""
     if norm(across(normal, direction)) < 1e-6 or norm(across(hinge, unit(bone, direction))) < 1e-6:
         return swing(base, bone, direction)
@@ -196,7 +214,9 @@ def _upper_limb(base: Array, bone: Array, hinge: Array, direction: Array, normal
 
 
 @kernel_with_cache
-def _fit_limbs(P: Array, offsets: Array, retarget: bool, normals: Array, G: Array, X: Array) -> None:
+def _fit_limbs(
+    P: Float64Array, offsets: Float64Array, retarget: bool, normals: Float64Array, G: Float64Array, X: Float64Array
+) -> None:
     """Legs, feet, arms and hands, once knees and elbows are placed."""
     forward = np.array([0.0, 0.0, 1.0])
     for side in range(2):
@@ -222,7 +242,7 @@ def _fit_limbs(P: Array, offsets: Array, retarget: bool, normals: Array, G: Arra
 
 
 @kernel_with_cache
-def _level(G: Array, foot: Array) -> Array:
+def _level(G: Float64Array, foot: Float64Array) -> Float64Array:
     """A foot turned about its length so that the sole is level across; less so the steeper the foot is."""
     axis = unit(mat_vec(G, foot), G[:, 2])
     side, up = G[:, 0], cross(axis, G[:, 0])

@@ -4,15 +4,16 @@ import math
 
 import numpy as np
 
+from readygo.common.arrays import Float64Array
 from readygo.common.kernels import kernel_with_cache
-from readygo.services.animator.gait.math import Array, frame_of, mat_mul, mat_vec, norm
+from readygo.services.animator.gait.math import frame_of, mat_mul, mat_vec, norm
 
 SMALL = 1e-9
 JACOBI_SWEEPS = 8
 
 
 @kernel_with_cache
-def _largest_eigenvector(K: Array) -> Array:
+def _largest_eigenvector(K: Float64Array) -> Float64Array:
     """Eigenvector of the largest eigenvalue of a symmetric 4x4 matrix, by Jacobi rotations; `K` is overwritten."""
     V = np.eye(4)
     for _ in range(JACOBI_SWEEPS):
@@ -40,7 +41,7 @@ def _largest_eigenvector(K: Array) -> Array:
 
 
 @kernel_with_cache
-def align(source: Array, target: Array, weight: Array) -> Array:
+def align(source: Float64Array, target: Float64Array, weight: Float64Array) -> Float64Array:
     """Rotation R that minimises sum_i w_i |R source_i - target_i|^2, shape (3, 3).
 
     Three points that lie in one plane with the origin are enough; noise does not make a mirror image of it.
@@ -77,7 +78,7 @@ def align(source: Array, target: Array, weight: Array) -> Array:
 
 
 @kernel_with_cache
-def cross(a: Array, b: Array) -> Array:
+def cross(a: Float64Array, b: Float64Array) -> Float64Array:
     """Cross product of two 3-vectors."""
     c = np.empty(3)
     c[0], c[1], c[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
@@ -85,21 +86,21 @@ def cross(a: Array, b: Array) -> Array:
 
 
 @kernel_with_cache
-def dot(a: Array, b: Array) -> float:
+def dot(a: Float64Array, b: Float64Array) -> float:
     """Dot product of two 3-vectors."""
     value: float = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     return value
 
 
 @kernel_with_cache
-def unit(v: Array, fallback: Array) -> Array:
+def unit(v: Float64Array, fallback: Float64Array) -> Float64Array:
     """`v` at length 1, or `fallback` where `v` has no length."""
     length = norm(v)
     return v / length if length > SMALL else fallback.copy()
 
 
 @kernel_with_cache
-def turn(axis: Array, angle_rad: float) -> Array:
+def turn(axis: Float64Array, angle_rad: float) -> Float64Array:
     """Rotation about a unit axis (Rodrigues)."""
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     R = np.empty((3, 3))
@@ -117,7 +118,7 @@ def turn(axis: Array, angle_rad: float) -> Array:
 
 
 @kernel_with_cache
-def swing(G: Array, bone: Array, direction: Array) -> Array:
+def swing(G: Float64Array, bone: Float64Array, direction: Float64Array) -> Float64Array:
     """`G` turned by the shortest way so that its bone points along a unit direction.
 
     Args:
@@ -143,7 +144,7 @@ def swing(G: Array, bone: Array, direction: Array) -> Array:
 
 
 @kernel_with_cache
-def aim(bone: Array, hinge: Array, direction: Array, normal: Array) -> Array:
+def aim(bone: Float64Array, hinge: Float64Array, direction: Float64Array, normal: Float64Array) -> Float64Array:
     """Rotation that takes a bone to a direction, and the hinge as close as possible to a normal of the bend plane."""
     F, H = frame_of(bone, hinge), frame_of(direction, normal)
     R = np.empty((3, 3))
@@ -154,13 +155,13 @@ def aim(bone: Array, hinge: Array, direction: Array, normal: Array) -> Array:
 
 
 @kernel_with_cache
-def across(v: Array, axis: Array) -> Array:
+def across(v: Float64Array, axis: Float64Array) -> Float64Array:
     """The part of `v` perpendicular to a unit axis."""
     return v - dot(v, axis) * axis
 
 
 @kernel_with_cache
-def twist_about(R: Array, axis: Array) -> float:
+def twist_about(R: Float64Array, axis: Float64Array) -> float:
     """Angle [rad] of the twist of a rotation about a unit axis (swing-twist decomposition), within -pi..pi."""
     # The vector and scalar parts of the quaternion, times 4 w; w = 0 is a half turn.
     w4 = 1.0 + R[0, 0] + R[1, 1] + R[2, 2]

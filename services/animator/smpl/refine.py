@@ -18,6 +18,7 @@ import torch
 from torch import Tensor
 
 from readygo.common.array_files import load_npz
+from readygo.common.arrays import AnyArray, Float64Array
 from readygo.common.avatars import SMPL_PARENTS
 from readygo.common.errors import ConfigError
 from readygo.common.frames import yup_from_zup, zup_from_yup
@@ -44,11 +45,11 @@ _PRIOR_BYTES_MAX = 2**24
 class PosePrior:
     """A Gaussian mixture over the 69 axis-angle numbers of joints 1..23."""
 
-    means: npt.NDArray[np.float64]
+    means: Float64Array
     """Means of the mixture's K Gaussians, shape (K, 69)."""
-    precisions: npt.NDArray[np.float64]
+    precisions: Float64Array
     """Inverse covariances, shape (K, 69, 69)."""
-    costs: npt.NDArray[np.float64]
+    costs: Float64Array
     """Minus the logarithm of each Gaussian's share and height, the smallest one 0, shape (K,)."""
 
 
@@ -78,7 +79,7 @@ def load_pose_prior(path: Path) -> PosePrior:
     return PosePrior(means=means, precisions=precisions, costs=costs - costs.min())
 
 
-def _prior_arrays(path: Path) -> Iterator[npt.NDArray[Any]]:
+def _prior_arrays(path: Path) -> Iterator[AnyArray]:
     """Arrays of a prior in the order of `_PRIOR_KEYS`."""
     if path.suffix == ".npz":
         entries: Any = load_npz(path, _PRIOR_KEYS, bytes_max=_PRIOR_BYTES_MAX, raises=ConfigError, remedy=_REMEDY)

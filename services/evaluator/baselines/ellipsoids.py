@@ -16,12 +16,11 @@ Chen et al., Splat-Nav: Safe real-time robot navigation in Gaussian splatting ma
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array
 from readygo.common.gaussians.covariance import rotation_of
 from readygo.common.kernels import kernel_with_cache
 
-Float64Array = npt.NDArray[np.float64]
 BISECTIONS = 16
 """Halvings of the interval of s; fewer only make the answer more careful."""
 
@@ -82,14 +81,14 @@ def _in_axes(R: tuple[float, ...], x: float, y: float, z: float) -> tuple[float,
 
 @kernel_with_cache
 def _mark_blocked(
-    means: npt.NDArray[np.float32],
-    quats: npt.NDArray[np.float32],
+    means: Float32Array,
+    quats: Float32Array,
     half_axes: Float64Array,
-    centres_z: npt.NDArray[np.float64],
+    centres_z: Float64Array,
     origin: tuple[float, float],
     cell_m: float,
     radius: float,
-    blocked: npt.NDArray[np.bool_],
+    blocked: BoolArray,
 ) -> None:
     """Cells at whose centres a stack of balls meets an ellipsoid; `centres_z` has shape (balls, rows, columns)."""
     balls, rows, columns = centres_z.shape
@@ -119,8 +118,8 @@ def _mark_blocked(
 
 @kernel_with_cache
 def _planes(
-    means: npt.NDArray[np.float32],
-    quats: npt.NDArray[np.float32],
+    means: Float32Array,
+    quats: Float32Array,
     half_axes: Float64Array,
     begin: tuple[float, float, float],
     end: tuple[float, float, float],
@@ -150,9 +149,7 @@ def _planes(
 class Ellipsoids:
     """Gaussians as ellipsoids."""
 
-    def __init__(
-        self, means_m: npt.NDArray[np.float32], quats_wxyz: npt.NDArray[np.float32], half_axes_m: Float64Array
-    ) -> None:
+    def __init__(self, means_m: Float32Array, quats_wxyz: Float32Array, half_axes_m: Float64Array) -> None:
         """Keep them.
 
         Args:
@@ -167,7 +164,7 @@ class Ellipsoids:
 
     def blocked_cells(
         self, centres_z_m: Float64Array, origin_m: tuple[float, float], cell_m: float, radius_m: float
-    ) -> npt.NDArray[np.bool_]:
+    ) -> BoolArray:
         """Cells of a grid at which a stack of balls meets an ellipsoid.
 
         Args:

@@ -4,8 +4,8 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array, Int32Array
 from readygo.common.episode.grid_search import (
     FREE,
     UNITS_PER_CELL,
@@ -28,11 +28,11 @@ class GoalField:
             goal_xy_m: Where to.
         """
         self._frame = occupancy.frame
-        self.clearance_m: npt.NDArray[np.float32] = clearance_m(occupancy)
+        self.clearance_m: Float32Array = clearance_m(occupancy)
         self._factor = np.where(self.clearance_m > radius_m, np.uint8(FREE), np.uint8(0))
         goal = self._cell(goal_xy_m)
         self._factor[goal] = FREE
-        self._units: npt.NDArray[np.int32] = GridSearch(self._factor.shape).distances(self._factor, goal)
+        self._units: Int32Array = GridSearch(self._factor.shape).distances(self._factor, goal)
         self._goal_xy_m = goal_xy_m
 
     def distance_m(self, x_m: float, y_m: float) -> float:
@@ -53,7 +53,7 @@ class GoalField:
             return self._goal_xy_m
         return self._frame.centre_m(*best)
 
-    def clearances_m(self, xy_m: npt.NDArray[np.float64]) -> npt.NDArray[np.float32]:
+    def clearances_m(self, xy_m: Float64Array) -> Float32Array:
         """Distances from points (N, 2) to what is nearest [m], shape (N,)."""
         return np.array([self.clearance_m[self._cell((x, y))] for x, y in xy_m.tolist()], np.float32)
 

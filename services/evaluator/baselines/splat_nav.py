@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float64Array
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.grid_search import FREE, GridSearch, taut_path_m
 from readygo.common.episode.loop import Command, DriverFailure
@@ -26,8 +26,6 @@ from readygo.common.gaussians import GaussianCloud
 from readygo.common.maps import FloorMap, GridFrame
 from readygo.common.robot import RobotConfig
 from readygo.services.evaluator.baselines.ellipsoids import Ellipsoids
-
-Float64Array = npt.NDArray[np.float64]
 
 SIGMAS = 1.0
 """Half axes of an obstacle in standard deviations: a fifth of a Gaussian's mass is within 1, as published."""
@@ -79,7 +77,7 @@ class SplatMap:
         cloud: GaussianCloud,
         floor: FloorMap,
         frame: GridFrame,
-        unknown: npt.NDArray[np.bool_],
+        unknown: BoolArray,
         robot: RobotConfig,
         ground_clearance_m: float,
     ) -> None:

@@ -8,14 +8,11 @@ radius to the segment a..b.
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.episode.grid_search import FREE
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import GridFrame
-
-Float64Array = npt.NDArray[np.float64]
-UInt8Array = npt.NDArray[np.uint8]
 
 
 def static_factor(clearance: Float64Array, blocked_m: float, *, wall_cost: float, wall_distance_m: float) -> UInt8Array:

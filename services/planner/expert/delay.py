@@ -17,14 +17,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
 from readygo.common.kernels import kernel_with_cache
 from readygo.services.planner.expert.records import CostGrid, HumansAhead
-
-Float64Array = npt.NDArray[np.float64]
-Int32Array = npt.NDArray[np.int32]
 
 _CONTACT_COST = 100.0
 """Cost per second of touching a human; twice that where both centres meet."""

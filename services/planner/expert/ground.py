@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int32Array, UInt8Array
 from readygo.common.episode import EpisodeConfig, GridSearch
 from readygo.common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
 from readygo.common.maps import GridFrame, OccupancyMap, SightMap, clearance_m, sight_of_occupancy
@@ -14,10 +14,6 @@ from readygo.common.robot import RobotConfig
 from readygo.services.planner.expert.config import CELL_MARGIN_M, ExpertConfig
 from readygo.services.planner.expert.cost_factors import static_factor
 from readygo.services.planner.expert.records import Obstacles
-
-Float64Array = npt.NDArray[np.float64]
-Int32Array = npt.NDArray[np.int32]
-UInt8Array = npt.NDArray[np.uint8]
 
 _WIDER_MARGIN_M = 15.0
 _WINDOW_MARGINS_M = (6.0, _WIDER_MARGIN_M, math.inf)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int32Array, Int64Array, UInt8Array
 from readygo.common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import GridFrame
@@ -31,10 +31,6 @@ from readygo.services.planner.expert.search_memory import (
     push,
     slot_of,
 )
-
-Float64Array = npt.NDArray[np.float64]
-Int32Array = npt.NDArray[np.int32]
-UInt8Array = npt.NDArray[np.uint8]
 
 STEERING_COST = 0.2
 """Cost of full turning, per metre at full speed (the penalty is the paper's, its weight ours)."""
@@ -61,7 +57,7 @@ class Primitives(NamedTuple):
 
     offsets: Float64Array
     """Poses x [m], y [m], yaw [rad] relative to the primitive's start, shape (P, K, 3)."""
-    sample_counts: npt.NDArray[np.int64]
+    sample_counts: Int64Array
     """Samples that each primitive uses, shape (P,)."""
     costs: Float64Array
     """Cost on free ground [m], shape (P,)."""

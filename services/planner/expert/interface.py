@@ -5,15 +5,13 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars import Avatar, FootprintModel
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import Command, DriverFailure
 from readygo.common.messages import EpisodeMotions, HumanMotion, Scenario
 from readygo.services.planner.expert.perception import PerceivedHuman
-
-Float64Array = npt.NDArray[np.float64]
 
 
 class HumanBody(NamedTuple):

@@ -5,8 +5,8 @@ import math
 import time
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.avatars import footprint_xy
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.grid_search import UNREACHED
@@ -26,9 +26,6 @@ from readygo.services.planner.expert.perception import HumanTracks, PerceivedHum
 from readygo.services.planner.expert.records import state_of
 from readygo.services.planner.expert.rollouts import AHEAD_S
 from readygo.services.planner.expert.tracking import PathTracker
-
-Float64Array = npt.NDArray[np.float64]
-UInt8Array = npt.NDArray[np.uint8]
 
 _PREDICTION_S = 2.0
 """Constant-velocity prediction of humans [s] (paper)."""

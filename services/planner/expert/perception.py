@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int32Array
 from readygo.common.camera.view import FieldOfView, in_view, view_of
 from readygo.common.maps import GridFrame
 from readygo.services.planner.expert.ground import EpisodeGround, SceneGround
 from readygo.services.planner.expert.prediction import follow_route, predict_walk, window_steps
 
-Float64Array = npt.NDArray[np.float64]
-Int32Array = npt.NDArray[np.int32]
 Pose = tuple[float, float, float]
 STANDING_MPS = 0.1
 """Slower humans are taken to stand [m/s]."""

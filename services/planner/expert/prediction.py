@@ -7,15 +7,12 @@ Measured over 100 scenarios each of the embedded flat, a real flat and an office
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int32Array
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import GridFrame
 from readygo.common.robot.kinematics import DT_S
-
-Float64Array = npt.NDArray[np.float64]
-Int32Array = npt.NDArray[np.int32]
 
 WINDOW_S = 0.2
 """A velocity is estimated over this time, a turn over twice as long [s]."""

@@ -11,17 +11,13 @@ where they will be k + 1 steps from now.
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int32Array, UInt8Array
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.episode.grid_search import FREE
 from readygo.common.kernels import kernel_with_cache
 from readygo.services.planner.expert.delay import nearness_cost
 from readygo.services.planner.expert.records import HumansAhead, Obstacles
-
-Float64Array = npt.NDArray[np.float64]
-Int32Array = npt.NDArray[np.int32]
-UInt8Array = npt.NDArray[np.uint8]
 
 CHECK_STEPS = 2
 """Steps between two checks of a primitive against walls and humans."""

@@ -3,16 +3,11 @@
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float64Array, Int32Array, UInt8Array
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import DT_S
-
-Float64Array = npt.NDArray[np.float64]
-Int32Array = npt.NDArray[np.int32]
-UInt8Array = npt.NDArray[np.uint8]
-BoolArray = npt.NDArray[np.bool_]
 
 
 class State(NamedTuple):

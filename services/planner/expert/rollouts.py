@@ -12,15 +12,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int32Array
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
 from readygo.common.kernels import kernel_with_cache
 from readygo.services.planner.expert.records import Limits, Obstacles, State, Surroundings
-
-Float64Array = npt.NDArray[np.float64]
-Int32Array = npt.NDArray[np.int32]
 
 FREE_RUN = 1 << 20
 """Steps of a run that meets no obstacle."""

@@ -7,14 +7,9 @@ that a better one of its key has replaced stays in the heap; searches skip it wh
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int32Array, Int64Array
 from readygo.common.kernels import kernel_with_cache
-
-Float64Array = npt.NDArray[np.float64]
-Int32Array = npt.NDArray[np.int32]
-Int64Array = npt.NDArray[np.int64]
-
 
 X, Y, YAW, COST = 0, 1, 2, 3
 """Places in a node."""

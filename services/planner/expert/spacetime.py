@@ -4,8 +4,8 @@ import math
 import time
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.grid_search import FREE
 from readygo.common.messages import EpisodeMotions, Scenario
@@ -17,8 +17,6 @@ from readygo.services.planner.expert.perception import HumanTracks, PerceivedHum
 from readygo.services.planner.expert.records import HumansAhead, State, Surroundings, robot_limits, state_of
 from readygo.services.planner.expert.rollouts import AHEAD_S, EVASION_GAP_M, TRACKING_MARGIN_M, choose_evasion
 from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch, TimedPlan
-
-Float64Array = npt.NDArray[np.float64]
 
 _PREDICTION_S, _ORACLE_PREDICTION_S = 4.0, 8.0
 """Times that humans are predicted ahead, and that an oracle knows them ahead [s]."""

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int32Array, UInt8Array
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.robot import RobotConfig
@@ -42,10 +42,6 @@ from readygo.services.planner.expert.search_memory import (
     slot_of,
 )
 from readygo.services.planner.expert.timed_primitives import PrimitiveTable, make_timed_primitives
-
-Float64Array = npt.NDArray[np.float64]
-Int32Array = npt.NDArray[np.int32]
-UInt8Array = npt.NDArray[np.uint8]
 
 _HEURISTIC_WEIGHT = 1.2
 """1.0 searches for the cheapest plan, more is faster."""

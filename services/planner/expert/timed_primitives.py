@@ -16,17 +16,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int32Array
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.robot import RobotConfig
 from readygo.services.planner.expert.config import GEAR_COST_M, PRIMITIVE_S, REVERSE_COST
 from readygo.services.planner.expert.primitive_cost import CHECK_STEPS
 from readygo.services.planner.expert.records import Limits, State, robot_limits
 from readygo.services.planner.expert.rollouts import limit_command
-
-Float64Array = npt.NDArray[np.float64]
-Int32Array = npt.NDArray[np.int32]
 
 _STEERING_COST = 0.15
 """Cost of full turning for a second, as a share of full speed."""

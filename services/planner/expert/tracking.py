@@ -8,8 +8,8 @@ the robot evades on the arc that keeps the widest gap.
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.robot import RobotConfig
 from readygo.services.planner.expert.ground import EpisodeGround
@@ -27,8 +27,6 @@ from readygo.services.planner.expert.rollouts import (
     slow_ahead,
     try_arc,
 )
-
-Float64Array = npt.NDArray[np.float64]
 
 _LOOKAHEADS_M = np.array([1.0, 0.7, 0.45, 0.3, 0.2])
 """Pursuit distances, the first that keeps the disc free is taken [m]."""

@@ -7,8 +7,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float64Array
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import Driver, Observer, run_episode
 from readygo.common.errors import RunError
@@ -17,7 +17,6 @@ from readygo.services.planner.expert.handlers import RobotPlanner, drive
 from readygo.services.planner.expert.interface import Decision, Expert
 from readygo.services.planner.expert.perception import PerceivedHuman
 
-Float64Array = npt.NDArray[np.float64]
 EXPERT = "expert"
 """The driver of runs whose journal says why they went as they did."""
 
@@ -57,7 +56,7 @@ class Journal:
         """The changes at which there was a way that was given up for the new one."""
         return tuple(step for step in self.changes if step > 0 and len(self.paths_m[step - 1]))
 
-    def steps_in_view(self, human: int) -> npt.NDArray[np.bool_]:
+    def steps_in_view(self, human: int) -> BoolArray:
         """True at the steps at which a human was in view."""
         return np.array([any(who.seen and who.index == human for who in row) for row in self.perceived], dtype=np.bool_)
 

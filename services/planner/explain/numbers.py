@@ -4,8 +4,8 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray
 from readygo.common.episode.metrics import EpisodeResult
 from readygo.common.messages import Scenario
 from readygo.services.planner.explain.journal import DrivenRun
@@ -67,7 +67,7 @@ def _plan_numbers(run: DrivenRun) -> Numbers:
     }
 
 
-def spans(flags: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
+def spans(flags: BoolArray) -> list[tuple[int, int]]:
     """Begin and end of the stretches of True; the end is the first False behind."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

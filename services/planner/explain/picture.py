@@ -4,10 +4,9 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.drawing import plan_view
-from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import GOAL, INK, ROBOT, WHITE, Rgb
 from readygo.common.drawing.sheet import (
     GAP_PX,
@@ -44,8 +43,7 @@ from readygo.services.planner.explain.picture_layers import (
     put_diamond,
 )
 
-Float64Array = npt.NDArray[np.float64]
-Look = Callable[[int], Picture]
+Look = Callable[[int], UInt8Array]
 """What the robot's camera shows at a step of a run, shape (H, W, 3)."""
 
 SIDE_MAX_PX, SCALE_MAX_PX_PER_M = 1100, 85
@@ -70,7 +68,7 @@ def draw_episode(
     episode_config: EpisodeConfig | None = None,
     pixels_per_m: int = 60,
     margin_m: float = 1.0,
-) -> Picture:
+) -> UInt8Array:
     """Draw an episode from above, x to the right and y up.
 
     Args:
@@ -93,7 +91,7 @@ def draw_episode(
     return sheet([[picture]], _headline(scenario, trajectory, None), _legend(scenario, trajectory, None))
 
 
-def draw_run(planner: RobotPlanner, run: DrivenRun, look: Look | None = None) -> Picture:
+def draw_run(planner: RobotPlanner, run: DrivenRun, look: Look | None = None) -> UInt8Array:
     """Draw what the robot did and why: the episode, the expert's changes of plan, and the moments that explain it.
 
     Args:
@@ -118,7 +116,7 @@ def draw_run(planner: RobotPlanner, run: DrivenRun, look: Look | None = None) ->
     return sheet(rows, _headline(scenario, trajectory, run), _legend(scenario, trajectory, run))
 
 
-def _widest_view(robot_map: OccupancyMap, run: DrivenRun, panels: list[Picture]) -> tuple[TopView, bool]:
+def _widest_view(robot_map: OccupancyMap, run: DrivenRun, panels: list[UInt8Array]) -> tuple[TopView, bool]:
     """The view of the episode at the largest scale, and whether the panels are below it, not beside."""
     row_px = (max(SIDE_PX[0], sum(panel.shape[1] + GAP_PX for panel in panels) - GAP_PX), BELOW_HEIGHT_PX)
     column_px = (SIDE_PX[0], max(SIDE_PX[1], sum(len(panel) + GAP_PX for panel in panels) - GAP_PX))
@@ -175,7 +173,7 @@ def _ways(scenario: Scenario, motions: EpisodeMotions | None) -> list[Float64Arr
 
 
 def draw_ways(
-    picture: Picture,
+    picture: UInt8Array,
     view: TopView,
     scenario: Scenario,
     trajectory: RobotTrajectory | None,
@@ -200,7 +198,7 @@ def draw_ways(
     plan_view.draw_disc(picture, view, trajectory.xyyaw[-1, :2], robot.radius_m, OUTCOMES[trajectory.outcome])
 
 
-def _put_numbers(picture: Picture, view: TopView, poses: Float64Array) -> None:
+def _put_numbers(picture: UInt8Array, view: TopView, poses: Float64Array) -> None:
     """Numbers to the right of the robot's poses, where they hide neither its way nor each other."""
     placed: list[Float64Array] = []
     for number, (x, y, yaw) in enumerate(poses.tolist(), start=1):
@@ -212,7 +210,9 @@ def _put_numbers(picture: Picture, view: TopView, poses: Float64Array) -> None:
         plan_view.put_mark(picture, view, place, str(number), INK)
 
 
-def _moment_panel(planner: RobotPlanner, run: DrivenRun, moment: RunMoment, number: int, look: Look | None) -> Picture:
+def _moment_panel(
+    planner: RobotPlanner, run: DrivenRun, moment: RunMoment, number: int, look: Look | None
+) -> UInt8Array:
     """The robot's surroundings at one moment, with what the expert knew and what the camera showed."""
     pose = run.trajectory.xyyaw[moment.step]
     centre_m = pose[:2] + AHEAD_M * np.array([np.cos(pose[2]), np.sin(pose[2])])
@@ -234,7 +234,7 @@ def _moment_panel(planner: RobotPlanner, run: DrivenRun, moment: RunMoment, numb
     return np.concatenate([bar, *([] if look is None else [_scale_image(look(moment.step), MOMENT_PX)]), picture])
 
 
-def _scale_image(image: Picture, width_px: int) -> Picture:
+def _scale_image(image: UInt8Array, width_px: int) -> UInt8Array:
     size = (width_px, round(image.shape[0] * width_px / image.shape[1]))
     method = cv2.INTER_AREA if image.shape[1] > width_px else cv2.INTER_CUBIC
     return np.asarray(cv2.resize(image, size, interpolation=method), dtype=np.uint8)

@@ -2,11 +2,10 @@
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.camera.view import FieldOfView, view_of
 from readygo.common.drawing import plan_view
-from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, ROBOT, WHITE, Rgb
 from readygo.common.messages import Outcome
 from readygo.common.robot.kinematics import RATE_HZ
@@ -14,8 +13,6 @@ from readygo.common.scenes.top_view import TopView
 from readygo.services.planner.expert.handlers import RobotPlanner
 from readygo.services.planner.explain.journal import DrivenRun
 from readygo.services.planner.explain.wedge import wedge_m
-
-Float64Array = npt.NDArray[np.float64]
 
 SIGHT: Rgb = (240, 214, 60)
 SUPERSEDED: Rgb = (142, 186, 218)
@@ -39,7 +36,7 @@ def human_colour(human: int) -> Rgb:
 
 
 def draw_way(
-    picture: Picture, view: TopView, xy_m: Float64Array, colour: Rgb, *, end: int | None, rate_hz: int = RATE_HZ
+    picture: UInt8Array, view: TopView, xy_m: Float64Array, colour: Rgb, *, end: int | None, rate_hz: int = RATE_HZ
 ) -> None:
     """A way: thin as a whole, thick with a dot at every second up to step `end`."""
     plan_view.draw_path(picture, view, xy_m, colour, width_px=1)
@@ -51,7 +48,7 @@ def draw_way(
         cv2.circle(picture, (u, v), 4, colour, cv2.FILLED, cv2.LINE_AA)
 
 
-def draw_superseded(picture: Picture, view: TopView, run: DrivenRun, steps: range | None = None) -> None:
+def draw_superseded(picture: UInt8Array, view: TopView, run: DrivenRun, steps: range | None = None) -> None:
     """The driver's plans that another one replaced, at any time or at some steps, as they were then."""
     if not run.explained:
         return
@@ -60,7 +57,7 @@ def draw_superseded(picture: Picture, view: TopView, run: DrivenRun, steps: rang
             plan_view.draw_path(picture, view, run.journal.paths_m[step - 1], SUPERSEDED, width_px=1)
 
 
-def draw_changes(picture: Picture, view: TopView, run: DrivenRun) -> None:
+def draw_changes(picture: UInt8Array, view: TopView, run: DrivenRun) -> None:
     """A diamond where the robot was when its driver chose another way; of close ones only the first."""
     if not run.explained:
         return
@@ -72,7 +69,7 @@ def draw_changes(picture: Picture, view: TopView, run: DrivenRun) -> None:
             last = place
 
 
-def put_diamond(picture: Picture, centre_px: tuple[int, int]) -> None:
+def put_diamond(picture: UInt8Array, centre_px: tuple[int, int]) -> None:
     """The mark of a replan."""
     u, v = centre_px
     corners = np.array([[u - 6, v], [u, v - 6], [u + 6, v], [u, v + 6]], dtype=np.int32)
@@ -80,7 +77,7 @@ def put_diamond(picture: Picture, centre_px: tuple[int, int]) -> None:
     cv2.polylines(picture, [corners], True, ROBOT, 2, cv2.LINE_AA)
 
 
-def draw_knowledge(picture: Picture, view: TopView, planner: RobotPlanner, run: DrivenRun, step: int) -> None:
+def draw_knowledge(picture: UInt8Array, view: TopView, planner: RobotPlanner, run: DrivenRun, step: int) -> None:
     """What the expert sees, expects and intends at a step: field of view, where humans will be, plan."""
     _draw_sight(picture, view, planner, run.trajectory.xyyaw[step])
     radius_m = planner.episode_config.human_radius_m
@@ -91,7 +88,7 @@ def draw_knowledge(picture: Picture, view: TopView, planner: RobotPlanner, run: 
     plan_view.draw_path(picture, view, run.journal.paths_m[step], ROBOT if run.explained else ADVICE, width_px=1)
 
 
-def _draw_sight(picture: Picture, view: TopView, planner: RobotPlanner, pose: Float64Array) -> None:
+def _draw_sight(picture: UInt8Array, view: TopView, planner: RobotPlanner, pose: Float64Array) -> None:
     """Where the expert sees humans, and the outline of its fields of view and of what it feels nearby."""
     ground = planner.ground
     for camera in planner.robot.all_cameras.values():
@@ -100,7 +97,9 @@ def _draw_sight(picture: Picture, view: TopView, planner: RobotPlanner, pose: Fl
         plan_view.draw_ring(picture, view, pose[:2], ground.config.near_field_m, SIGHT)
 
 
-def _draw_field(picture: Picture, view: TopView, planner: RobotPlanner, eye: Float64Array, shown: FieldOfView) -> None:
+def _draw_field(
+    picture: UInt8Array, view: TopView, planner: RobotPlanner, eye: Float64Array, shown: FieldOfView
+) -> None:
     """Draw what one camera sees."""
     ground, range_m = planner.ground, planner.ground.config.range_m
 
@@ -114,7 +113,7 @@ def _draw_field(picture: Picture, view: TopView, planner: RobotPlanner, eye: Flo
     plan_view.draw_path(picture, view, np.concatenate([whole, whole[:1]]), SIGHT, width_px=1)
 
 
-def draw_closest(picture: Picture, view: TopView, run: DrivenRun) -> None:
+def draw_closest(picture: UInt8Array, view: TopView, run: DrivenRun) -> None:
     """A line between the robot and the nearest human when they were closest, with its length."""
     gaps = [run.gap_m(k) for k in range(len(run.scenario.humans))]
     if not gaps:
@@ -129,7 +128,7 @@ def draw_closest(picture: Picture, view: TopView, run: DrivenRun) -> None:
     put_label(picture, text, (round(u) + 10, round(v) + 4))
 
 
-def put_label(picture: Picture, text: str, xy_px: tuple[int, int]) -> None:
+def put_label(picture: UInt8Array, text: str, xy_px: tuple[int, int]) -> None:
     """Text on a white ground that keeps within the picture."""
     width = plan_view.text_width_px(text, size=0.4) + 6
     x = min(max(xy_px[0], 0), picture.shape[1] - width)

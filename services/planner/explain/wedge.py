@@ -4,9 +4,9 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
-Float64Array = npt.NDArray[np.float64]
+from readygo.common.arrays import Float64Array
+
 RAY_SPACING_RAD = math.radians(1.0)
 COARSE_M, FINE_M = 0.2, 0.05
 """Steps along a ray: how far apart humans are looked for, and how well the place where they vanish is known [m]."""

@@ -8,13 +8,11 @@ and the first cell to meet is its middle. Source: Meyer, Topographic distance an
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int32Array, Int64Array
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import GridFrame
 from readygo.services.planner.humans.robot_task import Point
-
-Float64Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +48,7 @@ def find_passages(
 
 
 @kernel_with_cache
-def _root(parent: npt.NDArray[np.int32], label: int) -> int:
+def _root(parent: Int32Array, label: int) -> int:
     while parent[label] != label:
         parent[label] = parent[parent[label]]
         label = parent[label]
@@ -58,7 +56,7 @@ def _root(parent: npt.NDArray[np.int32], label: int) -> int:
 
 
 @kernel_with_cache
-def _meetings(clearance: Float64Array, order: npt.NDArray[np.int64], deeper_m: float) -> npt.NDArray[np.int64]:
+def _meetings(clearance: Float64Array, order: Int64Array, deeper_m: float) -> Int64Array:
     """Cells at which two deep basins meet first, shape (M, 2); further meetings beside them do not count."""
     height, width = clearance.shape
     label = np.zeros((height, width), np.int32)

@@ -4,9 +4,9 @@ import itertools
 import math
 
 import numpy as np
-import numpy.typing as npt
 from scipy import ndimage
 
+from readygo.common.arrays import BoolArray, Float64Array, Int32Array
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.episode.grid_search import FACTOR_MAX, FREE
 from readygo.common.kernels import kernel_with_cache
@@ -16,9 +16,6 @@ from readygo.services.planner.humans.polyline import length_m
 from readygo.services.planner.humans.robot_task import Point
 from readygo.services.planner.humans.spline import smooth_path
 from readygo.services.planner.humans.window_search import WindowSearch
-
-Float64Array = npt.NDArray[np.float64]
-
 
 _KNOT_SPACING_M = 0.4
 """Distance of the B-spline's control points [m]."""
@@ -138,7 +135,7 @@ def keeps_clear(occupancy: OccupancyMap, xy_m: Float64Array, radius_m: float) ->
 
 @kernel_with_cache
 def _reach_m(
-    component: npt.NDArray[np.int32],
+    component: Int32Array,
     ox: float,
     oy: float,
     resolution: float,
@@ -169,9 +166,7 @@ def _reach_m(
 
 
 @kernel_with_cache
-def _keeps_clear(
-    occupied: npt.NDArray[np.bool_], ox: float, oy: float, resolution: float, xy: Float64Array, radius: float
-) -> bool:
+def _keeps_clear(occupied: BoolArray, ox: float, oy: float, resolution: float, xy: Float64Array, radius: float) -> bool:
     for row in range(len(xy)):
         if disc_meets_cells(occupied, ox, oy, resolution, xy[row, 0], xy[row, 1], radius):
             return False

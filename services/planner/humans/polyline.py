@@ -3,11 +3,9 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.kernels import kernel_with_cache
-
-Float64Array = npt.NDArray[np.float64]
 
 
 def resample(points_m: Float64Array, count: int) -> Float64Array:

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.episode import EpisodeConfig, EpisodeSimulation
 from readygo.common.episode.resample import place_between
 from readygo.common.frames.turning import turn_between
@@ -25,8 +25,6 @@ from readygo.common.robot.kinematics import DT_S, RATE_HZ
 from readygo.services.planner.humans.polyline import length_m
 from readygo.services.planner.humans.timing import first_rows
 from readygo.services.planner.humans.velocity_choice import Cells, Sight, Wish, next_place, next_row
-
-Float64Array = npt.NDArray[np.float64]
 
 HUMAN_SIGHT = Sight(cos_half_cone=math.cos(0.5 * math.radians(200.0)), range_m=5.0)
 """Humans react within a cone of 200 degrees and 5 m."""

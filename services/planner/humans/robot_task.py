@@ -5,13 +5,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner.humans.polyline import at_lengths
 
-Float64Array = npt.NDArray[np.float64]
 Point = tuple[float, float]
 
 SPACING_M = 0.05

@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterator
 from itertools import islice
 
 import numpy as np
-import numpy.typing as npt
 from scipy import ndimage
 
+from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.episode import EpisodeConfig, Purpose, episode_rng
 from readygo.common.episode.grid_search import FREE, taut_path_m
 from readygo.common.errors import AvatarError, SceneError
@@ -23,9 +23,6 @@ from readygo.services.planner.humans.polyline import length_m, resample
 from readygo.services.planner.humans.robot_task import SPACING_M, ExpectedDrive, Point, RobotTask
 from readygo.services.planner.humans.timing import nearest_m
 from readygo.services.planner.humans.window_search import WindowSearch
-
-Float64Array = npt.NDArray[np.float64]
-UInt8Array = npt.NDArray[np.uint8]
 
 PARKED_GAP_M = 0.05
 """Room beyond its planning radius that the robot keeps to a human who has arrived [m]."""

@@ -25,8 +25,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.config import section_from_mapping
 from readygo.common.documents import TOML_BYTES_MAX, parse_toml
 from readygo.common.errors import ConfigError
@@ -87,7 +87,7 @@ class ScriptedHuman:
                 )
 
     @property
-    def xy_m(self) -> npt.NDArray[np.float64]:
+    def xy_m(self) -> Float64Array:
         """The rows of `trajectory_m`, shape (T, 2)."""
         return np.array(self.trajectory_m, np.float64).reshape(-1, 2)
 

@@ -6,8 +6,8 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.episode import EpisodeConfig, GridSearch, Purpose, episode_rng, meets_obstacle
 from readygo.common.episode.grid_search import FREE
 from readygo.common.errors import ConfigError
@@ -19,8 +19,6 @@ from readygo.services.planner.humans.polyline import length_m
 from readygo.services.planner.humans.robot_task import Point, apart_m
 from readygo.services.planner.humans.scenario_file import ScenarioFile, ScriptedHuman, ScriptedScenario
 from readygo.services.planner.humans.timing import time_path
-
-Float64Array = npt.NDArray[np.float64]
 
 _SETTLE_M = 0.3
 """A waypoint nearer to a wall than humans walk moves by at most this [m]."""

@@ -8,13 +8,11 @@ Sources: Nocedal & Wright, Numerical Optimization, 2nd ed., algorithm 7.4; de Bo
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int64Array
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import GridFrame
 from readygo.services.planner.humans.polyline import length_m, resample
-
-Float64Array = npt.NDArray[np.float64]
 
 SAMPLES_PER_POINT = 5
 _MEMORY = 8
@@ -23,7 +21,7 @@ _MEMORY = 8
 class Energy(NamedTuple):
     """What J is made of besides the control points."""
 
-    first: npt.NDArray[np.int64]
+    first: Int64Array
     """First control point of each sample, shape (S,)."""
     weights: Float64Array
     """Weights of four control points at each sample, shape (S, 4)."""
@@ -41,7 +39,7 @@ class Energy(NamedTuple):
 
 
 @kernel_with_cache
-def spline_basis(point_count: int, sample_count: int) -> tuple[npt.NDArray[np.int64], Float64Array]:
+def spline_basis(point_count: int, sample_count: int) -> tuple[Int64Array, Float64Array]:
     """First control point (S,) and weights (S, 4) of samples along a clamped uniform cubic B-spline."""
     first = np.empty(sample_count, np.int64)
     weights = np.zeros((sample_count, 4))
@@ -66,7 +64,7 @@ def spline_basis(point_count: int, sample_count: int) -> tuple[npt.NDArray[np.in
 
 
 @kernel_with_cache
-def spline_points(control: Float64Array, first: npt.NDArray[np.int64], weights: Float64Array) -> Float64Array:
+def spline_points(control: Float64Array, first: Int64Array, weights: Float64Array) -> Float64Array:
     """Points of a spline, shape (S, 2)."""
     points = np.zeros((len(first), 2))
     for s in range(len(first)):

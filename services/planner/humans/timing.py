@@ -5,14 +5,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner.humans.polyline import at_lengths, length_m, resample
 from readygo.services.planner.humans.robot_task import Point
-
-Float64Array = npt.NDArray[np.float64]
 
 ACCELERATION_MPS2 = 1.2
 """How humans speed up, and slow down for a stop (ours; mocap of everyday walking has 1 to 1.5)."""

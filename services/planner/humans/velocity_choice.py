@@ -14,17 +14,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float64Array, UInt8Array
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.episode.grid_search import line_is_free
 from readygo.common.episode.simulation import time_to_contact_s
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.robot.kinematics import DT_S
-
-Float64Array = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-UInt8Array = npt.NDArray[np.uint8]
 
 _BEHIND_M = 0.35
 """The drawn row waits for a human who is farther from it than this [m]."""

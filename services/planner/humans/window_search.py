@@ -3,15 +3,13 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Int64Array, UInt8Array
 from readygo.common.episode import GridSearch
 from readygo.common.episode.grid_search import FREE
 from readygo.common.kernels import kernel_with_cache
 
 Cell = tuple[int, int]
-Cells = npt.NDArray[np.int64]
-UInt8Array = npt.NDArray[np.uint8]
 
 
 class WindowSearch:
@@ -20,7 +18,7 @@ class WindowSearch:
     def __init__(self, shape: tuple[int, int]) -> None:
         self._search = GridSearch(shape)
 
-    def path(self, factor: UInt8Array, start: Cell, goal: Cell, *, longest: float) -> Cells | None:
+    def path(self, factor: UInt8Array, start: Cell, goal: Cell, *, longest: float) -> Int64Array | None:
         """Cheapest way between two cells, see `GridSearch.path`; None if there is none, or none of a length.
 
         Windows around the two cells are searched first: a way in one of them is the map's cheapest if no way that
@@ -54,7 +52,7 @@ class WindowSearch:
             return True
         return self._search.path(factor, start, goal) is not None
 
-    def _in_window(self, factor: UInt8Array, start: Cell, goal: Cell, margin: int) -> Cells | bool | None:
+    def _in_window(self, factor: UInt8Array, start: Cell, goal: Cell, margin: int) -> Int64Array | bool | None:
         """The cheapest way inside of a window, None if there is none, False if the window is most of the map."""
         i, j = max(min(start[0], goal[0]) - margin, 0), max(min(start[1], goal[1]) - margin, 0)
         rows, columns = slice(i, max(start[0], goal[0]) + margin + 1), slice(j, max(start[1], goal[1]) + margin + 1)
@@ -67,7 +65,7 @@ class WindowSearch:
 
 
 @kernel_with_cache
-def _cost(cells: Cells, factor: UInt8Array) -> int:
+def _cost(cells: Int64Array, factor: UInt8Array) -> int:
     """What the search counts for a way that was flooded from its end."""
     total = 0
     for k in range(len(cells) - 1):

@@ -4,10 +4,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-Grey = npt.NDArray[np.uint8]
-Array = npt.NDArray[np.float64]
+from readygo.common.arrays import Float64Array, Int64Array, UInt8Array
 
 _WIDTH_PX = 320
 """Frames are judged at this width [px]."""
@@ -21,20 +19,20 @@ _NEIGHBOURS = 15
 class FrameScores:
     """What is known of every frame of a video."""
 
-    sharpness: Array
+    sharpness: Float64Array
     """Contrast of the finest details over that of the picture, shape (N,)."""
-    motion: Array
+    motion: Float64Array
     """Median way of the picture since the frame before, as share of its width, shape (N,)."""
 
 
-def small_grey(bgr: npt.NDArray[np.uint8]) -> Grey:
+def small_grey(bgr: UInt8Array) -> UInt8Array:
     """An image (H, W, 3) as it is judged."""
     height = max(1, round(bgr.shape[0] * _WIDTH_PX / bgr.shape[1]))
     grey = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
     return np.asarray(cv2.resize(grey, (_WIDTH_PX, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
-def sharpness(bgr: npt.NDArray[np.uint8]) -> float:
+def sharpness(bgr: UInt8Array) -> float:
     """Standard deviation of the Laplacian over that of the image: blur lowers it, light does not change it."""
     grey = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
     if grey.shape[1] > 2 * _WIDTH_PX:
@@ -43,7 +41,7 @@ def sharpness(bgr: npt.NDArray[np.uint8]) -> float:
     return float(cv2.Laplacian(grey, cv2.CV_32F).std() / (grey.std() + 1.0))
 
 
-def motion(before: Grey, now: Grey) -> float:
+def motion(before: UInt8Array, now: UInt8Array) -> float:
     """Median way of corners from one small frame to the next, as share of the width; 0 where there are none."""
     corners = cv2.goodFeaturesToTrack(before, _CORNERS, 0.01, 7)
     if corners is None:
@@ -54,7 +52,7 @@ def motion(before: Grey, now: Grey) -> float:
     return float(np.median(way_px)) / before.shape[1] if 2 * len(way_px) > len(corners) else 0.25
 
 
-def choose_frames(scores: FrameScores, *, count_max: int, step: float) -> npt.NDArray[np.int64]:
+def choose_frames(scores: FrameScores, *, count_max: int, step: float) -> Int64Array:
     """Numbers of the frames to keep, in order.
 
     The video is cut where the picture has moved by `step`, or by more where that gives too many; of each part the

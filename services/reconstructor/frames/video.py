@@ -7,8 +7,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import UInt8Array
 from readygo.common.errors import SceneError
 from readygo.services.reconstructor.frames.config import FramesConfig
 from readygo.services.reconstructor.frames.select import FrameScores, choose_frames, motion, sharpness, small_grey
@@ -22,8 +22,6 @@ JPEG_QUALITY = 97
 
 # FFmpeg writes what it thinks of a broken file to stderr itself, beside our line.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
-
-Bgr = npt.NDArray[np.uint8]
 
 
 def extract_frames(video: Path, folder: Path, config: FramesConfig) -> dict[str, Any]:
@@ -63,7 +61,7 @@ def extract_frames(video: Path, folder: Path, config: FramesConfig) -> dict[str,
     return {"frames": count, "seconds": round(seconds, 2), "kept": len(chosen), "size_px": list(size)}
 
 
-def shrunk(bgr: Bgr, side_max_px: int) -> Bgr:
+def shrunk(bgr: UInt8Array, side_max_px: int) -> UInt8Array:
     """An image (H, W, 3) whose longer side has at most so many pixels."""
     share = side_max_px / max(bgr.shape[:2])
     if share >= 1.0:
@@ -72,7 +70,7 @@ def shrunk(bgr: Bgr, side_max_px: int) -> Bgr:
     return np.asarray(cv2.resize(bgr, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
-def write_jpeg(path: Path, bgr: Bgr) -> None:
+def write_jpeg(path: Path, bgr: UInt8Array) -> None:
     """Write an image (H, W, 3).
 
     Raises:
@@ -96,7 +94,7 @@ def _scores(video: Path) -> tuple[FrameScores, float]:
     return FrameScores(sharpness=np.array(sharp), motion=np.array(moved)), len(sharp) / rate_hz
 
 
-def _frames(video: Path) -> Iterator[Bgr]:
+def _frames(video: Path) -> Iterator[UInt8Array]:
     """All frames, turned as the video says that it was held."""
     capture = _open_video(video)
     try:

@@ -4,12 +4,10 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
+from readygo.common.arrays import Float64Array
 from readygo.services.reconstructor.posed import PosedImages
-
-Array = npt.NDArray[np.float64]
 
 CORRELATED = 3.0
 """Poses are off by so many times what their residuals say as if matches erred independently, which those of one surface
@@ -28,7 +26,7 @@ class PoseErrors:
 
     names: tuple[str, ...]
     """Names of the images."""
-    covariance: Array
+    covariance: Float64Array
     """Joint covariance of all poses: rotation vector [rad], from the left, and translation [units of the map] of
     T_camera_world, image after image, shape (6 V, 6 V)."""
 
@@ -76,12 +74,12 @@ def drift(
     return sigma if sigma <= _DRIFT_MAX else None
 
 
-def _size(T_world_camera: Array) -> float:
+def _size(T_world_camera: Float64Array) -> float:
     centres = T_world_camera[:, :3, 3]
     return float(np.sqrt(((centres - centres.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 
-def _nudge_pose(T_world_camera: Array, k: int, step: float) -> Array:
+def _nudge_pose(T_world_camera: Float64Array, k: int, step: float) -> Float64Array:
     """A pose of which a rotation (k < 3) or a translation of its inverse is changed, as `PoseErrors` has them."""
     T_camera_world = np.linalg.inv(T_world_camera)
     if k < 3:

@@ -7,8 +7,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.errors import ConfigError
 from readygo.common.images.encoded import read_pixels
 
@@ -25,7 +25,7 @@ class MarkerSighting:
     image: str
     marker: int
     """Id of the marker."""
-    corners_px: npt.NDArray[np.float64]
+    corners_px: Float64Array
     """Upper left, upper right, lower right, lower left as printed; pixel centres at +0.5; shape (4, 2)."""
 
 
@@ -47,7 +47,7 @@ def open_dictionary(name: str) -> Any:
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, _PREFIX + known[wanted]))
 
 
-def find_markers(grey: npt.NDArray[np.uint8], dictionary: str) -> Iterator[tuple[int, npt.NDArray[np.float64]]]:
+def find_markers(grey: UInt8Array, dictionary: str) -> Iterator[tuple[int, Float64Array]]:
     """Ids and corners, shape (4, 2) [px], of the markers in an image (H, W).
 
     AprilTag's refinement is the one without a bias: others see markers 0.2-4 % too small, and it alone has the centres
@@ -73,7 +73,7 @@ def _detector(dictionary: str, refinement: int) -> Any:
     return cv2.aruco.ArucoDetector(open_dictionary(dictionary), parameters)
 
 
-def _detect(detector: Any, grey: npt.NDArray[np.uint8]) -> Iterator[tuple[int, npt.NDArray[np.float64]]]:
+def _detect(detector: Any, grey: UInt8Array) -> Iterator[tuple[int, Float64Array]]:
     corners, ids, _ = detector.detectMarkers(np.ascontiguousarray(grey))
     for corners_px, marker in zip(corners, [] if ids is None else ids.ravel(), strict=True):
         yield int(marker), np.asarray(corners_px, dtype=np.float64).reshape(4, 2)

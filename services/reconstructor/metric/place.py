@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.common.errors import ConfigError, SceneError
 from readygo.services.reconstructor.metric.config import MetricConfig
@@ -29,8 +28,6 @@ from readygo.services.reconstructor.metric.up import (
 )
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.similarity import Similarity
-
-Array = npt.NDArray[np.float64]
 
 _MARKER_SIGMA_M = 0.0002
 """Standard deviation of a marker's printed side, as measured with a ruler [m]."""

@@ -5,15 +5,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int64Array
 from readygo.common.errors import SceneError
 from readygo.services.reconstructor.metric.markers import MarkerSighting
 from readygo.services.reconstructor.metric.triangulate import triangulate
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.similarity import Similarity, umeyama
-
-Array = npt.NDArray[np.float64]
 
 VIEWS_MIN = 3
 """Fewer images say too little of a marker's corners."""
@@ -32,7 +30,7 @@ class MarkerMeasure:
     """A marker in the map."""
 
     marker: int
-    corners: Array
+    corners: Float64Array
     """Corners in units of the map, shape (4, 3)."""
     map_from_marker: Similarity
     """From metres in the marker's frame (x right, y up, z out of the paper) to the map."""
@@ -72,7 +70,7 @@ class Scale:
         return self.metres_per_unit - half, self.metres_per_unit + half
 
 
-def square_corners_m(size_m: float) -> Array:
+def square_corners_m(size_m: float) -> Float64Array:
     """Corners of a marker in its own frame, in the order of `MarkerSighting`, shape (4, 3) [m]."""
     half = 0.5 * size_m
     return np.array([[-half, half, 0.0], [half, half, 0.0], [half, -half, 0.0], [-half, -half, 0.0]])
@@ -126,7 +124,7 @@ def marker_side(images: PosedImages, sightings: Sequence[MarkerSighting]) -> flo
     return umeyama(square_corners_m(1.0), _corners(images, views, rays, np.arange(len(views)))[0]).scale
 
 
-def _marker_views(images: PosedImages, sightings: Sequence[MarkerSighting]) -> tuple[npt.NDArray[np.int64], Array]:
+def _marker_views(images: PosedImages, sightings: Sequence[MarkerSighting]) -> tuple[Int64Array, Float64Array]:
     """Which images with a pose see a marker, shape (V,), and where its corners are at depth 1, shape (V, 4, 2)."""
     index = {name: number for number, name in enumerate(images.names)}
     seen = [sighting for sighting in sightings if sighting.image in index]
@@ -136,8 +134,8 @@ def _marker_views(images: PosedImages, sightings: Sequence[MarkerSighting]) -> t
 
 
 def _corners(
-    images: PosedImages, views: npt.NDArray[np.int64], rays: Array, chosen: npt.NDArray[np.int64]
-) -> tuple[Array, Array, Array]:
+    images: PosedImages, views: Int64Array, rays: Float64Array, chosen: Int64Array
+) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Corners (4, 3), residuals (4, V) and covariances (4, 3, 3) of the chosen sightings."""
     poses, focal_px = images.T_world_camera[views[chosen]], images.focal_px[views[chosen]]
     found = [triangulate(rays[chosen, corner], poses, focal_px) for corner in range(4)]
@@ -148,7 +146,7 @@ def _corners(
     )
 
 
-def _bootstrap_sigma(images: PosedImages, views: npt.NDArray[np.int64], rays: Array, size_m: float) -> float:
+def _bootstrap_sigma(images: PosedImages, views: Int64Array, rays: Float64Array, size_m: float) -> float:
     """Relative spread of the scale over draws of images with replacement."""
     rng = np.random.default_rng(0)
     logs = []

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from readygo.common.arrays import Float64Array
 
 _ITERATIONS = 10
 _HUBER_PX = 1.0
@@ -16,15 +15,15 @@ _HUBER_PX = 1.0
 class Triangulated:
     """A point with how well it is known."""
 
-    point: Array
+    point: Float64Array
     """Position in the cameras' world, shape (3,)."""
-    covariance: Array
+    covariance: Float64Array
     """Covariance of the position for an error of 1 px in each sighting, shape (3, 3)."""
-    residuals_px: Array
+    residuals_px: Float64Array
     """Distance between where it was seen and where it should be, shape (V,)."""
 
 
-def intersect_rays(xy: Array, T_world_camera: Array) -> Array:
+def intersect_rays(xy: Float64Array, T_world_camera: Float64Array) -> Float64Array:
     """The point nearest to all rays, in least squares.
 
     Args:
@@ -44,11 +43,11 @@ def intersect_rays(xy: Array, T_world_camera: Array) -> Array:
     if np.linalg.eigvalsh(normal)[0] < 1e-10 * len(xy):
         raise ValueError("the rays are parallel: the point was seen from one direction only.")
     centres = T_world_camera[:, :3, 3]
-    point: Array = np.linalg.solve(normal, np.einsum("vij,vj->i", away, centres))
+    point: Float64Array = np.linalg.solve(normal, np.einsum("vij,vj->i", away, centres))
     return point
 
 
-def triangulate(xy: Array, T_world_camera: Array, focal_px: Array) -> Triangulated:
+def triangulate(xy: Float64Array, T_world_camera: Float64Array, focal_px: Float64Array) -> Triangulated:
     """The point with the least robust error in the images, beginning where the rays nearly meet.
 
     Lens distortion is taken out before: `xy` are rays, and an error of `xy` times the focal length is one in pixels.
@@ -79,7 +78,9 @@ def triangulate(xy: Array, T_world_camera: Array, focal_px: Array) -> Triangulat
     return Triangulated(point=point, covariance=np.linalg.inv(normal), residuals_px=np.linalg.norm(error_px, axis=1))
 
 
-def _errors(point: Array, xy: Array, R_camera_world: Array, centres: Array, focal_px: Array) -> tuple[Array, Array]:
+def _errors(
+    point: Float64Array, xy: Float64Array, R_camera_world: Float64Array, centres: Float64Array, focal_px: Float64Array
+) -> tuple[Float64Array, Float64Array]:
     """Errors in the images, shape (V, 2), and how they change with the point, shape (V, 2, 3)."""
     seen = np.einsum("vij,vj->vi", R_camera_world, point - centres)
     x, y, z = seen.T

@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.similarity import Similarity
-
-Array = npt.NDArray[np.float64]
 
 FLOOR_MARKER_MAX_DEG = 20.0
 """A marker that leans more against how the cameras were held does not lie on the floor."""
@@ -25,9 +23,9 @@ _FLOOR_POINTS_MIN = 50
 class Floor:
     """The plane that the place stands on, in units of the map."""
 
-    up: Array
+    up: Float64Array
     """Unit vector, shape (3,)."""
-    point: Array
+    point: Float64Array
     """A point on the floor, shape (3,)."""
     source: str
     """What determined the floor, in words."""
@@ -35,7 +33,7 @@ class Floor:
     """Points of the map that lie in it."""
 
 
-def held_up(T_world_camera: Array) -> Array:
+def held_up(T_world_camera: Float64Array) -> Float64Array:
     """Where up is if cameras were held level, turned about the vertical and nodded, but hardly rolled.
 
     Args:
@@ -55,7 +53,7 @@ def held_up(T_world_camera: Array) -> Array:
     return np.asarray(up / np.linalg.norm(up))
 
 
-def floor_of_points(images: PosedImages, up: Array) -> Floor | None:
+def floor_of_points(images: PosedImages, up: Float64Array) -> Floor | None:
     """The plane below the cameras that most points lie in and hardly any below, nearly across `up`.
 
     Args:
@@ -85,7 +83,7 @@ def floor_of_points(images: PosedImages, up: Array) -> Floor | None:
     return Floor(up=normal, point=inliers.mean(axis=0), source="floor plane of the points", point_count=len(inliers))
 
 
-def _best_plane(points: Array, up: Array, tolerance: float) -> tuple[Array, float] | None:
+def _best_plane(points: Float64Array, up: Float64Array, tolerance: float) -> tuple[Float64Array, float] | None:
     """Normal and offset of the plane through three points with the most others in it."""
     rng = np.random.default_rng(0)
     best, best_count = None, 0
@@ -105,19 +103,19 @@ def _best_plane(points: Array, up: Array, tolerance: float) -> tuple[Array, floa
     return best
 
 
-def _fit_plane(points: Array, up: Array) -> tuple[Array, float]:
+def _fit_plane(points: Float64Array, up: Float64Array) -> tuple[Float64Array, float]:
     mean = points.mean(axis=0)
     normal = np.linalg.svd(points - mean, full_matrices=False)[2][2]
     normal = normal if normal @ up >= 0 else -normal
     return normal, float(normal @ mean)
 
 
-def lean_deg(up: Array, other: Array) -> float:
+def lean_deg(up: Float64Array, other: Float64Array) -> float:
     """Angle between two directions [deg]."""
     return float(np.degrees(np.arccos(np.clip(up @ other, -1.0, 1.0))))
 
 
-def world_from_map(floor: Floor, forward: Array, origin: Array, metres_per_unit: float) -> Similarity:
+def world_from_map(floor: Floor, forward: Float64Array, origin: Float64Array, metres_per_unit: float) -> Similarity:
     """The similarity that makes a map metric, z up, with z = 0 on the floor.
 
     Args:

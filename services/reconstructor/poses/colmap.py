@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int64Array
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.errors import ConfigError, RunError, SceneError
 from readygo.common.extras import install_command
@@ -19,9 +19,8 @@ from readygo.services.reconstructor.poses.config import PosesConfig
 from readygo.services.reconstructor.poses.tags import tag_matches
 from readygo.services.reconstructor.similarity import Similarity
 
-Array = npt.NDArray[np.float64]
-Poses = Mapping[str, Array]
-TagFeatures = Mapping[str, tuple[npt.NDArray[np.int64], Array]]
+Poses = Mapping[str, Float64Array]
+TagFeatures = Mapping[str, tuple[Int64Array, Float64Array]]
 
 MODEL_FILES = ("cameras", "images", "points3D")
 _ADJUSTMENTS = 3
@@ -157,7 +156,7 @@ def add_tag_matches(database: Path, tags: TagFeatures, config: PosesConfig) -> N
                 db.write_two_view_geometry(a.image_id, b.image_id, geometry)
 
 
-def _append_keypoints(db: Any, image_id: int, pixels: Array) -> tuple[int, Array]:
+def _append_keypoints(db: Any, image_id: int, pixels: Float64Array) -> tuple[int, Float64Array]:
     """Add points without descriptors; gives the number of the first, and where all points are."""
     old = db.read_keypoints(image_id)
     added = np.zeros((len(pixels), old.shape[1]), dtype=np.float32)
@@ -299,7 +298,7 @@ def read_map(model: Path) -> PosedImages:
     points = [rec.points3D[number] for number in ids]
     seen = {(number_of[e.image_id], n) for n, p in enumerate(points) for e in p.track.elements}
 
-    def rays(view: int, pixels: Array) -> Array:
+    def rays(view: int, pixels: Float64Array) -> Float64Array:
         # The model stays alive as long as its cameras are asked.
         assert rec is not None
         return np.asarray(cameras[view].cam_from_img(np.asarray(pixels, dtype=np.float64)))
@@ -342,7 +341,7 @@ def pinhole_views(model: Path) -> CapturedViews:
     )
 
 
-def _pose(image: Any) -> Array:
+def _pose(image: Any) -> Float64Array:
     T = np.eye(4)
     T[:3] = image.cam_from_world().inverse().matrix()
     return T

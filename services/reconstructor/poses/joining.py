@@ -4,16 +4,15 @@ from collections.abc import Iterator, Sequence
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.services.reconstructor.metric.markers import MarkerSighting
 from readygo.services.reconstructor.metric.scale import square_corners_m
 from readygo.services.reconstructor.metric.triangulate import triangulate
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.similarity import Similarity, umeyama
 
-Array = npt.NDArray[np.float64]
-Corners = dict[int, Array]
+Corners = dict[int, Float64Array]
 """Corners of markers by id, shape (4, 3) each."""
 
 _PIECE_ERROR_MAX = 0.03
@@ -22,7 +21,7 @@ _ERROR_MAX = 0.005
 """Corners may miss by this in the mean, as share of the image's longer side, for an image to be placed by them."""
 
 
-def placed_by_markers(pieces: Sequence[PosedImages], sightings: Sequence[MarkerSighting]) -> dict[str, Array]:
+def placed_by_markers(pieces: Sequence[PosedImages], sightings: Sequence[MarkerSighting]) -> dict[str, Float64Array]:
     """Poses of all images that markers tie to the first piece, by name; shape (4, 4) each, in its frame.
 
     A piece that shares markers with what is placed already is moved there as a whole; an image that is in no piece is
@@ -46,7 +45,7 @@ def placed_by_markers(pieces: Sequence[PosedImages], sightings: Sequence[MarkerS
         poses |= new
 
 
-def marker_corners(lens: PosedImages, poses: dict[str, Array], sightings: Sequence[MarkerSighting]) -> Corners:
+def marker_corners(lens: PosedImages, poses: dict[str, Float64Array], sightings: Sequence[MarkerSighting]) -> Corners:
     """Corners of the markers that posed images show; where that is one image, by the size that the others have.
 
     Args:
@@ -72,7 +71,7 @@ def marker_corners(lens: PosedImages, poses: dict[str, Array], sightings: Sequen
     return found | {marker: corners for marker, corners in once.items() if corners is not None}
 
 
-def _seen_often(lens: PosedImages, poses: dict[str, Array], seen: list[MarkerSighting]) -> Array | None:
+def _seen_often(lens: PosedImages, poses: dict[str, Float64Array], seen: list[MarkerSighting]) -> Float64Array | None:
     rays = np.stack([lens.rays(0, each.corners_px) for each in seen])
     T = np.stack([poses[each.image] for each in seen])
     focal_px = np.full(len(seen), lens.focal_px[0])
@@ -82,7 +81,9 @@ def _seen_often(lens: PosedImages, poses: dict[str, Array], seen: list[MarkerSig
         return None
 
 
-def _seen_once(lens: PosedImages, poses: dict[str, Array], seen: MarkerSighting, side: float) -> Array | None:
+def _seen_once(
+    lens: PosedImages, poses: dict[str, Float64Array], seen: MarkerSighting, side: float
+) -> Float64Array | None:
     square = square_corners_m(side)
     T_marker_camera = pose_of_points(square, lens.rays(0, seen.corners_px), _error_max(lens))
     if T_marker_camera is None:
@@ -97,8 +98,8 @@ def _error_max(lens: PosedImages) -> float:
 
 
 def _of_pieces(
-    pieces: Sequence[PosedImages], poses: dict[str, Array], corners: Corners, sightings: Sequence[MarkerSighting]
-) -> Iterator[tuple[str, Array]]:
+    pieces: Sequence[PosedImages], poses: dict[str, Float64Array], corners: Corners, sightings: Sequence[MarkerSighting]
+) -> Iterator[tuple[str, Float64Array]]:
     """Poses of the images of the pieces that share markers with what is placed."""
     for piece in pieces:
         if all(name in poses for name in piece.names):
@@ -117,8 +118,8 @@ def _of_pieces(
 
 
 def _of_images(
-    lens: PosedImages, poses: dict[str, Array], corners: Corners, by_image: dict[str, list[MarkerSighting]]
-) -> Iterator[tuple[str, Array]]:
+    lens: PosedImages, poses: dict[str, Float64Array], corners: Corners, by_image: dict[str, list[MarkerSighting]]
+) -> Iterator[tuple[str, Float64Array]]:
     """Poses of images that see markers whose corners are known."""
     for name, seen in sorted(by_image.items()):
         known = [each for each in seen if each.marker in corners]
@@ -131,7 +132,7 @@ def _of_images(
             yield name, T
 
 
-def pose_of_points(points: Array, rays: Array, error_max: float) -> Array | None:
+def pose_of_points(points: Float64Array, rays: Float64Array, error_max: float) -> Float64Array | None:
     """The pose of a camera that sees points of a plane or of space, shape (4, 4); None if they do not fit.
 
     Args:

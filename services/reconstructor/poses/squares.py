@@ -3,24 +3,23 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from readygo.common.arrays import Float64Array
 from readygo.services.reconstructor.metric.markers import MarkerSighting
 from readygo.services.reconstructor.metric.scale import square_corners_m
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.poses.joining import marker_corners
 from readygo.services.reconstructor.similarity import umeyama
 
-Array = npt.NDArray[np.float64]
 _ERROR_PX = 1.0
 """Corners that miss by more count less [px]."""
 
 
 def adjusted_by_squares(
-    lens: PosedImages, poses: Mapping[str, Array], sightings: Sequence[MarkerSighting]
-) -> tuple[dict[str, Array], float]:
+    lens: PosedImages, poses: Mapping[str, Float64Array], sightings: Sequence[MarkerSighting]
+) -> tuple[dict[str, Float64Array], float]:
     """Poses of the images that show markers, and a factor of the focal length, with the least error of corners.
 
     Every marker is a square of the same size, which free points do not know: a board's parts keep their scale.
@@ -53,7 +52,7 @@ def adjusted_by_squares(
     marker = np.array([markers.index(each.marker) for each in seen])
     rays = np.stack([lens.rays(0, each.corners_px) for each in seen])
 
-    def errors_px(values: Array) -> Array:
+    def errors_px(values: Float64Array) -> Float64Array:
         all_poses = np.concatenate([start[1:7], values[1:]]).reshape(-1, 6)
         R, t = _unpack_poses(all_poses[: len(names)])
         R_marker, t_marker = _unpack_poses(all_poses[len(names) :])
@@ -71,9 +70,9 @@ def adjusted_by_squares(
     return dict(zip(names, result, strict=True)), float(np.exp(found[0]))
 
 
-def _pack_pose(R: Array, t: Array) -> Array:
+def _pack_pose(R: Float64Array, t: Float64Array) -> Float64Array:
     return np.column_stack([Rotation.from_matrix(R).as_rotvec(), t])
 
 
-def _unpack_poses(values: Array) -> tuple[Array, Array]:
+def _unpack_poses(values: Float64Array) -> tuple[Float64Array, Float64Array]:
     return Rotation.from_rotvec(values[:, :3]).as_matrix(), values[:, 3:]

@@ -4,18 +4,16 @@ from collections.abc import Mapping, Sequence
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int64Array
 from readygo.services.reconstructor.metric.markers import MarkerSighting
-
-Array = npt.NDArray[np.float64]
 
 GRID = 4
 """Points of a marker along each side. Four corners of a few markers would be fewer matches than mappers ask for."""
 _UNIT_SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]], dtype=np.float32)
 
 
-def tag_features(sightings: Sequence[MarkerSighting]) -> dict[str, tuple[npt.NDArray[np.int64], Array]]:
+def tag_features(sightings: Sequence[MarkerSighting]) -> dict[str, tuple[Int64Array, Float64Array]]:
     """Points of markers that each image shows: numbers that all images share, and positions.
 
     Points between the corners come from the homography of the square; a lens bends it by less than a pixel.
@@ -25,7 +23,7 @@ def tag_features(sightings: Sequence[MarkerSighting]) -> dict[str, tuple[npt.NDA
     """
     steps = np.linspace(0.0, 1.0, GRID, dtype=np.float32)
     grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 1, 2)
-    found: dict[str, tuple[list[int], list[Array]]] = {}
+    found: dict[str, tuple[list[int], list[Float64Array]]] = {}
     for sighting in sightings:
         H = cv2.getPerspectiveTransform(_UNIT_SQUARE, sighting.corners_px.astype(np.float32))
         numbers, pixels = found.setdefault(sighting.image, ([], []))
@@ -34,7 +32,7 @@ def tag_features(sightings: Sequence[MarkerSighting]) -> dict[str, tuple[npt.NDA
     return {image: (np.array(numbers), np.concatenate(pixels)) for image, (numbers, pixels) in found.items()}
 
 
-def tag_matches(first: npt.NDArray[np.int64], second: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def tag_matches(first: Int64Array, second: Int64Array) -> Int64Array:
     """Rows of two images' tag features that are the same point, shape (M, 2)."""
     _, rows, columns = np.intersect1d(first, second, return_indices=True)
     return np.column_stack([rows, columns])

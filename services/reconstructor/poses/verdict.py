@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array, Int64Array
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.similarity import umeyama
 
@@ -89,7 +89,7 @@ def judge(images: PosedImages, *, asked: int, components: tuple[int, ...], seque
     )
 
 
-def _links(images: PosedImages, views_of_point: npt.NDArray[np.int64]) -> tuple[int, int]:
+def _links(images: PosedImages, views_of_point: Int64Array) -> tuple[int, int]:
     """Fewest points across a place of the sequence, and pairs of images far apart that share points."""
     count, total = len(images.names), len(views_of_point)
     view, point = images.seen.T
@@ -135,7 +135,7 @@ def disagreement(first: PosedImages, second: PosedImages | None) -> str | None:
     return None
 
 
-def _places(images: PosedImages, names: list[str]) -> npt.NDArray[np.float64]:
+def _places(images: PosedImages, names: list[str]) -> Float64Array:
     index = {name: number for number, name in enumerate(images.names)}
     return images.T_world_camera[[index[name] for name in names], :3, 3]
 

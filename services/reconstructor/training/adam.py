@@ -8,14 +8,13 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Int32Array
 from readygo.common.kernels import kernel_with_cache
-from readygo.services.reconstructor.training.parameters import PARAMETERS, Array, Gaussians
+from readygo.services.reconstructor.training.parameters import PARAMETERS, Gaussians
 
 _BETAS = (0.9, 0.999)
 EPSILON = 1e-15
-Places = npt.NDArray[np.int32]
 
 
 class Adam:
@@ -33,15 +32,15 @@ class Adam:
         """Factor of the learning rates."""
         count = np.arange(1, steps + 2, dtype=np.float64)
         correction = np.sqrt(1.0 - beta2**count) / (1.0 - beta1**count)
-        self.corrections: Array = np.concatenate([[1.0], correction]).astype(np.float32)
+        self.corrections: Float32Array = np.concatenate([[1.0], correction]).astype(np.float32)
         """Corrections of the moments by the number of updates, shape (steps + 2,)."""
 
     def step(
         self,
         gaussians: Gaussians,
-        gradients: Sequence[dict[str, Array]],
-        places: Places,
-        rates: dict[str, Array],
+        gradients: Sequence[dict[str, Float32Array]],
+        places: Int32Array,
+        rates: dict[str, Float32Array],
         part: slice,
     ) -> None:
         """Change the Gaussians of `part` that some view has a gradient of; parts may be changed side by side.
@@ -75,14 +74,14 @@ class Adam:
 
 @kernel_with_cache(error_model="numpy", nogil=True)
 def _step(
-    values: Array,
-    first: Array,
-    second: Array,
-    gradients: tuple[Array, ...],
-    places: Places,
-    updates: Array,
-    corrections: Array,
-    rates: Array,
+    values: Float32Array,
+    first: Float32Array,
+    second: Float32Array,
+    gradients: tuple[Float32Array, ...],
+    places: Int32Array,
+    updates: Float32Array,
+    corrections: Float32Array,
+    rates: Float32Array,
     beta1: np.float32,
     beta2: np.float32,
     begin: int,

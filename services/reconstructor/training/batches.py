@@ -1,7 +1,8 @@
 """Which views a step of a training draws."""
 
 import numpy as np
-import numpy.typing as npt
+
+from readygo.common.arrays import Int64Array
 
 
 def batch_views(train: tuple[int, ...], step: int, batch: int, seed: int) -> list[int]:
@@ -11,5 +12,5 @@ def batch_views(train: tuple[int, ...], step: int, batch: int, seed: int) -> lis
     return [train[orders[place // len(train)][place % len(train)]] for place in places]
 
 
-def _order(count: int, seed: int, epoch: int) -> npt.NDArray[np.int64]:
+def _order(count: int, seed: int, epoch: int) -> Int64Array:
     return np.random.default_rng((seed, epoch, 1)).permutation(count)

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
+from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.services.reconstructor.training.photos import Photo, PhotoStore, Posed
 
-Floats = npt.NDArray[np.float64]
 SIDE_PX = 64
 """Each pixel of images so small (longer side) is a place that is looked at."""
 _DEPTHS_MAX = 1.4
@@ -23,7 +23,7 @@ _CELL = 0.02
 """So many images agree where they have places in one cell, so large in median depths of the map's points."""
 
 
-def points_between(posed: Posed, numbers: tuple[int, ...], count_max: int) -> tuple[Floats, npt.NDArray[np.uint8]]:
+def points_between(posed: Posed, numbers: tuple[int, ...], count_max: int) -> tuple[Float64Array, UInt8Array]:
     """Places on which images agree.
 
     Args:
@@ -46,7 +46,7 @@ def points_between(posed: Posed, numbers: tuple[int, ...], count_max: int) -> tu
     return found[:, :3], np.rint(255.0 * found[:, 3:]).astype(np.uint8)
 
 
-def _agreed_means(found: Floats, view: npt.NDArray[np.intp], cell_m: float) -> Floats:
+def _agreed_means(found: Float64Array, view: npt.NDArray[np.intp], cell_m: float) -> Float64Array:
     """Means of what lies in one cell, of the cells in which enough views have something, shape (n, 6)."""
     cells = np.floor(found[:, :3] / cell_m).astype(np.int64)
     _, cell, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
@@ -56,7 +56,7 @@ def _agreed_means(found: Floats, view: npt.NDArray[np.intp], cell_m: float) -> F
     return np.asarray(means[views >= _VIEWS_MIN], dtype=np.float64)
 
 
-def _of_photo(photo: Photo, points_m: Floats) -> Floats:
+def _of_photo(photo: Photo, points_m: Float64Array) -> Float64Array:
     """Places and colours of the pixels of a photo that lie between points that it shows, shape (n, 6)."""
     T, K = photo.T_world_camera, photo.K_px
     p_C = (points_m - T[:3, 3]) @ T[:3, :3]
@@ -83,7 +83,9 @@ def _of_photo(photo: Photo, points_m: Floats) -> Floats:
     return np.column_stack([places, photo.rgb[:, v, u].T])
 
 
-def _with_border(p_px: Floats, depths_m: Floats, size_px: tuple[int, int]) -> tuple[Floats, Floats]:
+def _with_border(
+    p_px: Float64Array, depths_m: Float64Array, size_px: tuple[int, int]
+) -> tuple[Float64Array, Float64Array]:
     """Pixels and depths of points, and of as many on the image's border as the points can tell of."""
     if len(p_px) < _NEAREST:
         return p_px, depths_m

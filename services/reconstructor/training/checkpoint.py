@@ -5,16 +5,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.common.array_files import load_npz
+from readygo.common.arrays import AnyArray
 from readygo.common.documents import parse_json
 from readygo.common.errors import RunError
 from readygo.common.files import write_then_rename
 
 FORMAT = "readygo-gaussians/1"
 CHECKPOINT_FILE = "checkpoint.npz"
-Arrays = dict[str, npt.NDArray[Any]]
+Arrays = dict[str, AnyArray]
 
 
 def save_checkpoint(folder: Path, identity: str, numbers: dict[str, Any], arrays: Arrays) -> None:

@@ -6,14 +6,14 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Int64Array
 from readygo.services.reconstructor.training.adam import Adam
 from readygo.services.reconstructor.training.config import GaussiansConfig
 from readygo.services.reconstructor.training.density import Sightings, add_noise, limit_stretch
 from readygo.services.reconstructor.training.drawing import Geometry, ViewGradients, leaves_of, observe, view_gradients
 from readygo.services.reconstructor.training.engine import ViewLoss, ViewTask
-from readygo.services.reconstructor.training.parameters import Array, Change, Gaussians
+from readygo.services.reconstructor.training.parameters import Change, Gaussians
 from readygo.services.reconstructor.training.photos import PhotoStore
 
 
@@ -35,7 +35,7 @@ class CpuEngine:
         """The Gaussians and what views have seen of them, not copies."""
         return self._gaussians, self._seen
 
-    def shapes(self) -> tuple[dict[str, Array], Sightings]:
+    def shapes(self) -> tuple[dict[str, Float32Array], Sightings]:
         """All arrays of the parameters by name, and what views have seen of the Gaussians; not copies."""
         return self._gaussians.values, self._seen
 
@@ -65,7 +65,7 @@ class CpuEngine:
         self._views = list(self._pool.map(one, tasks))
         return [ViewLoss(loss=view.loss, exposure=view.exposure) for view in self._views]
 
-    def change(self, rates: dict[str, Array]) -> None:
+    def change(self, rates: dict[str, Float32Array]) -> None:
         """Take the step that the last views want, at these rates of the columns of each parameter."""
         count = len(self._gaussians)
         places = np.full((len(self._views), count), -1, dtype=np.int32)
@@ -85,7 +85,7 @@ class CpuEngine:
         """Move faint Gaussians at random; see `density.add_noise`."""
         add_noise(self._gaussians, size_m, rng)
 
-    def seen_by(self, photos: PhotoStore, numbers: Sequence[int], pixels_min: float) -> npt.NDArray[np.int64]:
+    def seen_by(self, photos: PhotoStore, numbers: Sequence[int], pixels_min: float) -> Int64Array:
         """In how many of these views each Gaussian covers more than so many pixels, shape (N,)."""
         leaves, views = leaves_of(self._gaussians), np.zeros(len(self._gaussians), dtype=np.int64)
         for rows in self._pool.map(lambda number: observe(leaves, photos[number], pixels_min), numbers):

@@ -6,12 +6,11 @@ another order each time, so two runs differ in their last digits, and soon in mo
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch
 
+from readygo.common.arrays import AnyArray, Float32Array, Float64Array, Int64Array
 from readygo.common.rasterizer.differentiable.reference import colours_along, rotations
 from readygo.common.rasterizer.gpu.availability import require_kernels
 from readygo.common.rasterizer.gpu.gsplat_kernels import Rasterization, gsplat_rasterization
@@ -20,7 +19,7 @@ from readygo.services.reconstructor.training.adam import EPSILON, Adam
 from readygo.services.reconstructor.training.config import GaussiansConfig
 from readygo.services.reconstructor.training.density import NOISE_OPACITY, NOISE_SLOPE, REGULAR, STRETCH_MAX, Sightings
 from readygo.services.reconstructor.training.engine import ViewLoss, ViewTask
-from readygo.services.reconstructor.training.parameters import PARAMETERS, SHAPES, Array, Change, Gaussians
+from readygo.services.reconstructor.training.parameters import PARAMETERS, SHAPES, Change, Gaussians
 from readygo.services.reconstructor.training.photometric import SSIM_WEIGHT, photometric_loss
 from readygo.services.reconstructor.training.photos import BRIGHTNESS, PhotoStore
 from readygo.services.reconstructor.training.planes import plane_features
@@ -28,7 +27,6 @@ from readygo.services.reconstructor.training.surfaces import between, normals_wi
 
 Tensor = torch.Tensor
 Tensors = dict[str, Tensor]
-Floats = npt.NDArray[np.float64]
 
 
 def cuda_engine(settings: GaussiansConfig) -> "CudaEngine":
@@ -47,8 +45,8 @@ class _View:
 
     pixels: Tensor
     """Colours, uint8, shape (3, H, W)."""
-    K_px: Floats
-    T_world_camera: Floats
+    K_px: Float64Array
+    T_world_camera: Float64Array
 
     @property
     def size_px(self) -> tuple[int, int]:
@@ -98,7 +96,7 @@ class CudaEngine:
         seen = Sightings(_array(self._gradient), _array(self._views))
         return Gaussians(values, first, second, _array(self._updates)), seen
 
-    def shapes(self) -> tuple[dict[str, Array], Sightings]:
+    def shapes(self) -> tuple[dict[str, Float32Array], Sightings]:
         """Copies of what decides where Gaussians are added and removed."""
         arrays = {name: _array(self._values[name]) for name in SHAPES}
         return arrays, Sightings(_array(self._gradient), _array(self._views))
@@ -135,7 +133,7 @@ class CudaEngine:
         return [self._one_view(photos, task, sh_degree) for task in tasks]
 
     @torch.no_grad()
-    def change(self, rates: dict[str, Array]) -> None:
+    def change(self, rates: dict[str, Float32Array]) -> None:
         """Take the step that the last views want: Adam for the Gaussians that they have seen."""
         used = self._used[:, None].float()
         self._updates += used[:, 0]
@@ -162,7 +160,7 @@ class CudaEngine:
         axes = rotations(self._values["quats_wxyz"]) * torch.exp(self._values["log_scales"])[:, None]
         self._values["means_m"] += (axes @ (axes.mT @ noise))[..., 0] * strength
 
-    def seen_by(self, photos: PhotoStore, numbers: Sequence[int], pixels_min: float) -> npt.NDArray[np.int64]:
+    def seen_by(self, photos: PhotoStore, numbers: Sequence[int], pixels_min: float) -> Int64Array:
         """In how many of these views each Gaussian covers more than so many pixels, shape (N,)."""
         views = torch.zeros(len(self), dtype=torch.int64, device=self._device)
         shapes = {name: value.detach() for name, value in self._values.items()}
@@ -171,7 +169,7 @@ class CudaEngine:
             drawn = self._draw(shapes, self._view(photos, number), nothing)
             drawn.nothing.backward()  # type: ignore[no-untyped-call]
             views += drawn.weight > pixels_min
-        counts: npt.NDArray[np.int64] = views.cpu().numpy()
+        counts: Int64Array = views.cpu().numpy()
         return counts
 
     @property
@@ -273,11 +271,11 @@ class CudaEngine:
             self._kept[number] = view
         return view
 
-    def _on_device(self, array: npt.NDArray[Any]) -> Tensor:
+    def _on_device(self, array: AnyArray) -> Tensor:
         return torch.tensor(array, device=self._device)
 
 
-def _array(tensor: Tensor) -> Array:
+def _array(tensor: Tensor) -> Float32Array:
     """Copy of a tensor as a NumPy array."""
-    array: Array = tensor.detach().to("cpu", copy=True).numpy()
+    array: Float32Array = tensor.detach().to("cpu", copy=True).numpy()
     return array

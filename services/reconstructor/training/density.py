@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, Int64Array
 from readygo.common.rasterizer.differentiable.order import spatial_order
 from readygo.common.rasterizer.differentiable.reference import rotations
 from readygo.services.reconstructor.training.config import DensityConfig
-from readygo.services.reconstructor.training.parameters import Array, Change, Gaussians, Rows
+from readygo.services.reconstructor.training.parameters import Change, Gaussians
 
 SPLIT_SCALE = 0.01
 """Gaussians larger than this are split, smaller ones cloned: in extents of the scene."""
@@ -37,9 +37,9 @@ NOISE_SLOPE, NOISE_OPACITY = 100.0, 0.005
 class Sightings:
     """What the views since the last change said of N Gaussians."""
 
-    gradient: Array
+    gradient: Float32Array
     """Sum of the gradients of their projected means, absolute ones if those decide anything, shape (N,)."""
-    views: Array
+    views: Float32Array
     """Number of views in which each Gaussian had weight, shape (N,)."""
 
     @classmethod
@@ -47,14 +47,18 @@ class Sightings:
         """Sightings of Gaussians that no view has seen yet."""
         return cls(np.zeros(count, dtype=np.float32), np.zeros(count, dtype=np.float32))
 
-    def add(self, rows: Rows, gradient: Array) -> None:
+    def add(self, rows: Int64Array, gradient: Float32Array) -> None:
         """What a view says: rows of the Gaussians with weight, and their gradients, shape (n,)."""
         self.gradient[rows] += gradient
         self.views[rows] += 1.0
 
 
 def changed_density(
-    shapes: Mapping[str, Array], seen: Sightings, config: DensityConfig, extent_m: float, rng: np.random.Generator
+    shapes: Mapping[str, Float32Array],
+    seen: Sightings,
+    config: DensityConfig,
+    extent_m: float,
+    rng: np.random.Generator,
 ) -> Change:
     """Add and remove Gaussians by the configured method; the result is in spatial order.
 
@@ -73,7 +77,7 @@ def changed_density(
     return changed.select(spatial_order(changed.means_m))
 
 
-def make_faint(gaussians: Gaussians, rows: npt.NDArray[np.bool_], config: DensityConfig) -> None:
+def make_faint(gaussians: Gaussians, rows: BoolArray, config: DensityConfig) -> None:
     """Make some so faint that the next change moves them, or removes them where no budget is kept."""
     limit = 0.5 * config.opacity_min
     gaussians.values["logits"][rows] = np.float32(np.log(limit / (1.0 - limit)))
@@ -114,11 +118,11 @@ def add_noise(gaussians: Gaussians, size_m: float, rng: np.random.Generator) -> 
     gaussians.values["means_m"][rows] += np.einsum("nij,nj->ni", covariance, noise[rows] * strength[rows, None])
 
 
-def _axes(quats_wxyz: Array, log_scales: Array) -> Array:
+def _axes(quats_wxyz: Float32Array, log_scales: Float32Array) -> Float32Array:
     """Principal axes as columns, as long as the standard deviations [m], shape (n, 3, 3)."""
     import torch
 
-    R: Array = rotations(torch.from_numpy(quats_wxyz)).numpy()
+    R: Float32Array = rotations(torch.from_numpy(quats_wxyz)).numpy()
     return R * np.exp(log_scales)[:, None, :]
 
 
@@ -138,7 +142,7 @@ def _densify(same: Change, seen: Sightings, config: DensityConfig, extent_m: flo
     return same.select(keep).join(added[0].join(added[1]).join(added[2]))
 
 
-def _sample_copies(same: Change, rows: Rows, rng: np.random.Generator) -> Change:
+def _sample_copies(same: Change, rows: Int64Array, rng: np.random.Generator) -> Change:
     """Copies, each at a place drawn from its Gaussian: copies in one place would stay together."""
     copies = same.select(rows)
     copies.fresh[:] = True
@@ -178,14 +182,14 @@ def _grow(changed: Change, config: DensityConfig, rng: np.random.Generator) -> C
     return changed.join(changed.select(chosen))
 
 
-def _draw_rows(weights: Array, count: int, rng: np.random.Generator) -> Rows:
+def _draw_rows(weights: Float32Array, count: int, rng: np.random.Generator) -> Int64Array:
     """Numbers drawn in proportion to weights."""
     ends = np.cumsum(weights, dtype=np.float64)
-    chosen: Rows = np.searchsorted(ends, rng.random(count) * ends[-1], side="right").clip(max=len(weights) - 1)
+    chosen: Int64Array = np.searchsorted(ends, rng.random(count) * ends[-1], side="right").clip(max=len(weights) - 1)
     return chosen
 
 
-def _share(change: Change, chosen: Rows) -> None:
+def _share(change: Change, chosen: Int64Array) -> None:
     """Make the chosen ones fainter and smaller so that as many copies of them as were drawn look as each did alone."""
     rows, drawn = np.unique(chosen, return_counts=True)
     copies = np.minimum(drawn + 1, _COPIES_MAX)
@@ -196,9 +200,7 @@ def _share(change: Change, chosen: Rows) -> None:
     change.fresh[rows] = True
 
 
-def shared_opacity(
-    opacity: npt.NDArray[np.float64], copies: npt.NDArray[np.int64]
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def shared_opacity(opacity: Float64Array, copies: Int64Array) -> tuple[Float64Array, Float64Array]:
     """Opacity and factor of size of several Gaussians in one place that together look like one.
 
     Args:

@@ -4,20 +4,20 @@ import threading
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import torch
 
+from readygo.common.arrays import Float32Array, Int64Array, UInt8Array
 from readygo.common.rasterizer.differentiable.autograd import Rendered, rasterize
 from readygo.services.reconstructor.training.config import GaussiansConfig
 from readygo.services.reconstructor.training.density import REGULAR
-from readygo.services.reconstructor.training.parameters import Array, Gaussians, Rows
+from readygo.services.reconstructor.training.parameters import Gaussians
 from readygo.services.reconstructor.training.photometric import SSIM_WEIGHT, Photometric
 from readygo.services.reconstructor.training.photos import Photo
 from readygo.services.reconstructor.training.plane_kernels import add_feature_slopes, write_features
 from readygo.services.reconstructor.training.surface_slopes import PlaneView, surface_slopes
 
 Leaves = dict[str, torch.Tensor]
-Gradients = dict[str, Array]
+Gradients = dict[str, Float32Array]
 OBSERVED_PX = 0.1
 """A view shows a Gaussian that covers so much of a whole image [px]."""
 
@@ -37,15 +37,15 @@ class ViewGradients:
     """Loss and gradients of one view."""
 
     loss: float
-    rows: Rows
+    rows: Int64Array
     """The Gaussians with weight in the image or in its neighbour's, ascending, shape (n,)."""
-    gradients: dict[str, Array]
+    gradients: dict[str, Float32Array]
     """Rows of the parameters' gradients, shape (n, K)."""
-    moved_rows: Rows
+    moved_rows: Int64Array
     """The Gaussians with weight in the view itself, ascending, shape (m,)."""
-    moved: Array
+    moved: Float32Array
     """Gradients of the projected means of these, for an image of 2x2 units, shape (m,)."""
-    exposure: Array
+    exposure: Float32Array
     """Gradients by the logarithms of the image's gains and by its offsets, shape (2, 3)."""
 
 
@@ -90,17 +90,17 @@ def draw(leaves: Leaves, photo: Photo, sh_degree: int, *, gradients: bool = Fals
     )
 
 
-def planes_of(rendered: Rendered) -> Array:
+def planes_of(rendered: Rendered) -> Float32Array:
     """The colours of an image, shape (3, H, W)."""
     assert rendered.rgb is not None
-    planes: Array = rendered.rgb.detach().permute(2, 0, 1).contiguous().numpy()
+    planes: Float32Array = rendered.rgb.detach().permute(2, 0, 1).contiguous().numpy()
     return planes
 
 
 def view_gradients(
     leaves: Leaves,
     photo: Photo,
-    exposure: Array,
+    exposure: Float32Array,
     sh_degree: int,
     settings: GaussiansConfig,
     geometry: Geometry | None = None,
@@ -151,13 +151,13 @@ def view_gradients(
     )
 
 
-def observe(leaves: Leaves, photo: Photo, pixels_min: float = OBSERVED_PX) -> Rows:
+def observe(leaves: Leaves, photo: Photo, pixels_min: float = OBSERVED_PX) -> Int64Array:
     """The Gaussians that cover more than so many pixels of a photo."""
     leaves = {name: leaf.detach().requires_grad_() for name, leaf in leaves.items() if name != "sh"}
     rendered = draw(leaves, photo, 0, gradients=True)
     rendered.transmittance.backward(torch.zeros_like(rendered.transmittance))  # type: ignore[no-untyped-call]
     assert rendered.visibility.weight is not None
-    rows: Rows = rendered.visibility.index[rendered.visibility.weight > pixels_min].numpy()
+    rows: Int64Array = rendered.visibility.index[rendered.visibility.weight > pixels_min].numpy()
     return rows
 
 
@@ -170,7 +170,7 @@ def _planes(leaves: Leaves, photo: Photo) -> torch.Tensor:
 
 def _shape_loss(
     leaves: Leaves, rendered: Rendered, photo: Photo, geometry: Geometry, settings: GaussiansConfig
-) -> tuple[float, Array, Leaves | None]:
+) -> tuple[float, Float32Array, Leaves | None]:
     """The loss of surfaces, its derivatives by the view's planes, and the leaves of its neighbour with theirs."""
     one, alpha = _plane_view(rendered, photo), rendered.alpha.detach().numpy()
     neighbour = geometry.neighbour
@@ -190,11 +190,11 @@ def _shape_loss(
 
 def _plane_view(rendered: Rendered, photo: Photo) -> PlaneView:
     assert rendered.features is not None
-    planes: Array = rendered.features.detach().permute(2, 0, 1).contiguous().numpy()
+    planes: Float32Array = rendered.features.detach().permute(2, 0, 1).contiguous().numpy()
     return PlaneView(photo=photo, planes=planes)
 
 
-def _parameter_gradients(leaves: Leaves, photo: Photo, settings: GaussiansConfig) -> tuple[Rows, Gradients]:
+def _parameter_gradients(leaves: Leaves, photo: Photo, settings: GaussiansConfig) -> tuple[Int64Array, Gradients]:
     """Gradients by what is stored: logarithms of scales, logits of opacities."""
     sparse = {name: leaf.grad for name, leaf in leaves.items() if leaf.grad is not None}
     if not sparse:
@@ -217,7 +217,7 @@ def _parameter_gradients(leaves: Leaves, photo: Photo, settings: GaussiansConfig
     return rows, gradients
 
 
-def _add_plane_gradients(slopes: Gradients, leaves: Leaves, rows: Rows, photo: Photo) -> None:
+def _add_plane_gradients(slopes: Gradients, leaves: Leaves, rows: Int64Array, photo: Photo) -> None:
     """What normals and distances of planes want of means and quaternions."""
     means, quats, scales = (leaves[name].detach().numpy() for name in ("means_m", "quats_wxyz", "scales_m"))
     camera_m = photo.T_world_camera[:3, 3].copy()
@@ -225,7 +225,7 @@ def _add_plane_gradients(slopes: Gradients, leaves: Leaves, rows: Rows, photo: P
     add_feature_slopes(means, quats, scales, camera_m, rows, by_features, by_means, by_quats)
 
 
-def _add_regular(slopes: Gradients, scales: Array, count: int, settings: GaussiansConfig) -> None:
+def _add_regular(slopes: Gradients, scales: Float32Array, count: int, settings: GaussiansConfig) -> None:
     """Losses of the Gaussians alone: faint and small ones for MCMC, flat ones for surfaces."""
     if settings.density.method == "mcmc":
         regular = np.float32(REGULAR / count)
@@ -236,7 +236,7 @@ def _add_regular(slopes: Gradients, scales: Array, count: int, settings: Gaussia
         slopes["scales_m"] = flat
 
 
-def _merge(one: tuple[Rows, Gradients], other: tuple[Rows, Gradients]) -> tuple[Rows, Gradients]:
+def _merge(one: tuple[Int64Array, Gradients], other: tuple[Int64Array, Gradients]) -> tuple[Int64Array, Gradients]:
     """Sums of rows of two views of the same Gaussians."""
     place = np.zeros(max(part.max(initial=-1) for part in (one[0], other[0])) + 1, dtype=np.int64)
     place[one[0]], place[other[0]] = 1, 1
@@ -251,16 +251,16 @@ def _merge(one: tuple[Rows, Gradients], other: tuple[Rows, Gradients]) -> tuple[
     return rows, total
 
 
-def _move(rendered: Rendered, shape: tuple[int, ...], absolute: bool) -> Array:
+def _move(rendered: Rendered, shape: tuple[int, ...], absolute: bool) -> Float32Array:
     seen = rendered.visibility
     gradients = seen.absolute_gradient_px if absolute else seen.gradient_px
     assert gradients is not None
     assert seen.weight is not None
     gradient = gradients[seen.weight > 0].numpy()
-    moved: Array = np.hypot(gradient[:, 0] * (0.5 * shape[2]), gradient[:, 1] * (0.5 * shape[1]))
+    moved: Float32Array = np.hypot(gradient[:, 0] * (0.5 * shape[2]), gradient[:, 1] * (0.5 * shape[1]))
     return moved
 
 
-def quantise(planes: Array) -> npt.NDArray[np.uint8]:
+def quantise(planes: Float32Array) -> UInt8Array:
     """Colours (3, H, W) in 0..1 as a picture (H, W, 3)."""
     return np.ascontiguousarray((np.clip(planes, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8).transpose(1, 2, 0))

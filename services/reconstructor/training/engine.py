@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Int64Array
 from readygo.services.reconstructor.training.density import Sightings
-from readygo.services.reconstructor.training.parameters import Array, Change, Gaussians
+from readygo.services.reconstructor.training.parameters import Change, Gaussians
 from readygo.services.reconstructor.training.photos import PhotoStore
 
 
@@ -17,7 +17,7 @@ class ViewTask:
     """One view of a training step."""
 
     number: int
-    exposure: Array
+    exposure: Float32Array
     """Logarithms of the image's gains, and offsets, shape (2, 3)."""
     rng: np.random.Generator | None
     """Chooses patches of surfaces; None: surfaces are not compared in this step."""
@@ -30,7 +30,7 @@ class ViewLoss:
     """What a view says of the Gaussians."""
 
     loss: float
-    exposure: Array
+    exposure: Float32Array
     """Derivatives by the logarithms of the image's gains and by its offsets, shape (2, 3)."""
 
 
@@ -43,7 +43,7 @@ class Engine(Protocol):
     def arrays(self) -> tuple[Gaussians, Sightings]:
         """The Gaussians and what views have seen of them; call `load` after a change."""
 
-    def shapes(self) -> tuple[dict[str, Array], Sightings]:
+    def shapes(self) -> tuple[dict[str, Float32Array], Sightings]:
         """What decides where Gaussians are added and removed: arrays by the names of `SHAPES`, to be read only."""
 
     def rebuild(self, change: Change) -> None:
@@ -58,13 +58,13 @@ class Engine(Protocol):
     def views(self, photos: PhotoStore, tasks: Sequence[ViewTask], sh_degree: int) -> list[ViewLoss]:
         """Losses of the views of a step; their gradients are kept for `change`."""
 
-    def change(self, rates: dict[str, Array]) -> None:
+    def change(self, rates: dict[str, Float32Array]) -> None:
         """Take the step that the last views want, at these rates of the columns of each parameter."""
 
     def add_noise(self, size_m: float, rng: np.random.Generator) -> None:
         """Move faint Gaussians at random; see `density.add_noise`."""
 
-    def seen_by(self, photos: PhotoStore, numbers: Sequence[int], pixels_min: float) -> npt.NDArray[np.int64]:
+    def seen_by(self, photos: PhotoStore, numbers: Sequence[int], pixels_min: float) -> Int64Array:
         """In how many of these views each Gaussian covers more than so many pixels, shape (N,)."""
 
     @property

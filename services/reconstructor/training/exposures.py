@@ -3,15 +3,14 @@
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float32]
+from readygo.common.arrays import Float32Array
 
 
 class Exposures:
     """Gain and offset of every colour of every photo, and how they are learned."""
 
-    def __init__(self, values: Array, moments: Array) -> None:
+    def __init__(self, values: Float32Array, moments: Float32Array) -> None:
         """Start from given exposures and moments.
 
         Args:
@@ -25,7 +24,9 @@ class Exposures:
         """Neutral exposures of `count` photos: gains of 1, offsets of 0."""
         return cls(np.zeros((count, 2, 3), dtype=np.float32), np.zeros((2, count, 2, 3), dtype=np.float32))
 
-    def step(self, numbers: Sequence[int], gradients: Sequence[Array], rate: float, train: Sequence[int]) -> None:
+    def step(
+        self, numbers: Sequence[int], gradients: Sequence[Float32Array], rate: float, train: Sequence[int]
+    ) -> None:
         """Adam without corrections; gains and offsets of all images have no common part, which colours could hold.
 
         Args:

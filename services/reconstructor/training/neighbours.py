@@ -6,14 +6,13 @@ Source: Chen et al., PGSR, 2024, section 4.2.
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch.nn.functional import grid_sample
 
+from readygo.common.arrays import Float64Array
 from readygo.services.reconstructor.training.planes import plane_depth
 
 Tensor = torch.Tensor
-Floats = npt.NDArray[np.float64]
 NEAR_M = 0.1
 """Nearer points of a neighbour are not compared."""
 PATCH_PX = 7
@@ -22,7 +21,7 @@ NCC_MAX = 0.9
 
 
 def choose_neighbours(
-    T_world_camera: Floats, *, angle_max_deg: float, distance_m: tuple[float, float], count: int
+    T_world_camera: Float64Array, *, angle_max_deg: float, distance_m: tuple[float, float], count: int
 ) -> list[tuple[int, ...]]:
     """For each view the nearest others that look the same way.
 

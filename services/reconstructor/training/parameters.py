@@ -5,15 +5,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, FloatingArray, Int64Array, UInt8Array
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.spherical_harmonics import SH_C0
 
-Array = npt.NDArray[np.float32]
-Rows = npt.NDArray[np.int64]
-Bools = npt.NDArray[np.bool_]
 PARAMETERS = ("means_m", "quats_wxyz", "log_scales", "logits", "sh")
 SHAPES = ("means_m", "quats_wxyz", "log_scales", "logits")
 """What decides where Gaussians are added and removed."""
@@ -24,26 +21,26 @@ _NEIGHBOURS = 3
 class Gaussians:
     """N Gaussians in training."""
 
-    values: dict[str, Array]
+    values: dict[str, Float32Array]
     """Arrays by the names of PARAMETERS: shapes (N, 3), (N, 4), (N, 3), (N, 1) and (N, 3 K)."""
-    first: dict[str, Array]
+    first: dict[str, Float32Array]
     """Adam's means of the gradients."""
-    second: dict[str, Array]
+    second: dict[str, Float32Array]
     """Adam's means of their squares."""
-    updates: Array
+    updates: Float32Array
     """How often each Gaussian was changed, shape (N,): Adam moves those alone that a step has seen."""
 
     def __len__(self) -> int:
         return len(self.updates)
 
     @classmethod
-    def fresh(cls, values: Mapping[str, npt.NDArray[np.floating[Any]]]) -> "Gaussians":
+    def fresh(cls, values: Mapping[str, FloatingArray]) -> "Gaussians":
         """Gaussians that were never changed."""
         singles = {name: np.ascontiguousarray(values[name], dtype=np.float32) for name in PARAMETERS}
         zeros = [{name: np.zeros_like(value) for name, value in singles.items()} for _ in range(2)]
         return cls(singles, zeros[0], zeros[1], np.zeros(len(singles["logits"]), dtype=np.float32))
 
-    def select(self, index: Rows | npt.NDArray[np.bool_]) -> "Gaussians":
+    def select(self, index: Int64Array | BoolArray) -> "Gaussians":
         """Some of the Gaussians, with their state."""
         parts = [
             {name: np.ascontiguousarray(array[index]) for name, array in part.items()}
@@ -60,7 +57,7 @@ class Gaussians:
         gaussians.forget(np.flatnonzero(change.fresh))
         return gaussians
 
-    def forget(self, rows: Rows) -> None:
+    def forget(self, rows: Int64Array) -> None:
         """Reset the optimiser's state of some Gaussians."""
         for part in (self.first, self.second):
             for array in part.values():
@@ -68,12 +65,12 @@ class Gaussians:
         self.updates[rows] = 0.0
 
     @property
-    def opacities(self) -> Array:
+    def opacities(self) -> Float32Array:
         """Peak opacities, shape (N,)."""
         return opacities_of(self.values["logits"])
 
     @property
-    def scales_m(self) -> Array:
+    def scales_m(self) -> Float32Array:
         """Standard deviations along the principal axes [m], shape (N, 3)."""
         return np.exp(self.values["log_scales"])
 
@@ -88,7 +85,7 @@ class Gaussians:
             sh=self.values["sh"].reshape(len(self), -1, 3),
         )
 
-    def state(self) -> dict[str, Array]:
+    def state(self) -> dict[str, Float32Array]:
         """All arrays by name, for a checkpoint."""
         parts = {"value": self.values, "first": self.first, "second": self.second}
         arrays = {f"{part}_{name}": arrays[name] for part, arrays in parts.items() for name in PARAMETERS}
@@ -105,30 +102,30 @@ class Gaussians:
 class Change:
     """M Gaussians that the present ones become."""
 
-    source: Rows
+    source: Int64Array
     """Row of the present Gaussian whose colours and optimiser's state each one takes, shape (M,)."""
-    fresh: Bools
+    fresh: BoolArray
     """True where the optimiser's state is reset, shape (M,)."""
-    means_m: Array
+    means_m: Float32Array
     """Positions [m], shape (M, 3)."""
-    quats_wxyz: Array
+    quats_wxyz: Float32Array
     """Rotations, shape (M, 4)."""
-    log_scales: Array
+    log_scales: Float32Array
     """Logarithms of the scales in metres, shape (M, 3)."""
-    logits: Array
+    logits: Float32Array
     """Logits of the opacities, shape (M, 1)."""
 
     def __len__(self) -> int:
         return len(self.source)
 
     @classmethod
-    def none(cls, shapes: Mapping[str, Array]) -> "Change":
+    def none(cls, shapes: Mapping[str, Float32Array]) -> "Change":
         """The change that keeps all Gaussians: arrays by the names of SHAPES, which are copied."""
         count = len(shapes["logits"])
         arrays = {name: shapes[name].copy() for name in SHAPES}
         return cls(source=np.arange(count), fresh=np.zeros(count, dtype=bool), **arrays)
 
-    def select(self, index: Rows | Bools) -> "Change":
+    def select(self, index: Int64Array | BoolArray) -> "Change":
         """The change with some of its Gaussians."""
         return Change(**{name: getattr(self, name)[index] for name in self.__dataclass_fields__})
 
@@ -138,25 +135,23 @@ class Change:
         return Change(**{name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names})
 
     @property
-    def opacities(self) -> Array:
+    def opacities(self) -> Float32Array:
         """Peak opacities, shape (M,)."""
         return opacities_of(self.logits)
 
     @property
-    def scales_m(self) -> Array:
+    def scales_m(self) -> Float32Array:
         """Standard deviations along the principal axes [m], shape (M, 3)."""
         return np.exp(self.log_scales)
 
 
-def opacities_of(logits: Array) -> Array:
+def opacities_of(logits: Float32Array) -> Float32Array:
     """Peak opacities, shape (N,) for (N, 1)."""
-    opacities: Array = np.float32(1) / (np.float32(1) + np.exp(-logits[:, 0]))
+    opacities: Float32Array = np.float32(1) / (np.float32(1) + np.exp(-logits[:, 0]))
     return opacities
 
 
-def initial_gaussians(
-    points_m: npt.NDArray[np.float64], rgb: npt.NDArray[np.uint8], sh_degree: int, opacity: float
-) -> Gaussians:
+def initial_gaussians(points_m: Float64Array, rgb: UInt8Array, sh_degree: int, opacity: float) -> Gaussians:
     """A round Gaussian for each point, as large as its three neighbours are away (root mean square).
 
     Args:

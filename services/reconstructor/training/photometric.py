@@ -8,15 +8,11 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch
 
+from readygo.common.arrays import Float32Array
 from readygo.common.kernels import kernel_with_cache
 
-Planes = npt.NDArray[np.float32]
-"""Channels, rows, columns."""
-Row = npt.NDArray[np.float32]
-Plane = npt.NDArray[np.float32]
 SSIM_WEIGHT = 0.2
 """The share w of 3DGS (Kerbl et al., 2023)."""
 TAPS = 11
@@ -25,10 +21,10 @@ _SUMS, _PARTS = 5, 3
 """Filtered images of a channel: x, y, xx, yy, xy; and derivatives by the filtered x, xx and xy."""
 
 
-def _window() -> npt.NDArray[np.float32]:
+def _window() -> Float32Array:
     offsets = np.arange(TAPS) - TAPS // 2
     weights = np.exp(-0.5 * (offsets / _SIGMA_PX) ** 2)
-    window: Row = (weights / weights.sum()).astype(np.float32)
+    window: Float32Array = (weights / weights.sum()).astype(np.float32)
     return window
 
 
@@ -43,7 +39,9 @@ class Photometric:
         self._parts = np.empty((_PARTS, height_px, width_px), dtype=np.float32)
         self._padded = np.zeros((_SUMS, width_px + TAPS - 1), dtype=np.float32)
 
-    def __call__(self, image: Planes, photo: Planes, ssim_weight: float) -> tuple[float, float, Planes]:
+    def __call__(
+        self, image: Float32Array, photo: Float32Array, ssim_weight: float
+    ) -> tuple[float, float, Float32Array]:
         """The loss of an image.
 
         Args:
@@ -89,14 +87,14 @@ def _band(side_px: int, like: torch.Tensor) -> torch.Tensor:
     return torch.where((taps >= 0) & (taps < TAPS), weights, 0.0)
 
 
-def psnr_db(image: npt.NDArray[np.float32], photo: npt.NDArray[np.float32]) -> float:
+def psnr_db(image: Float32Array, photo: Float32Array) -> float:
     """Peak signal-to-noise ratio of an image in 0..1 [dB]."""
     error = float(np.mean(np.square(np.clip(image, 0.0, 1.0) - photo, dtype=np.float64)))
     return -10.0 * math.log10(max(error, 1e-12))
 
 
 @kernel_with_cache(error_model="numpy", nogil=True)
-def _filter_row(padded: Row, w: Row, out: Plane) -> None:
+def _filter_row(padded: Float32Array, w: Float32Array, out: Float32Array) -> None:
     """Filter a row that has five zeros on either side."""
     w0, w1, w2, w3, w4, w5 = w[0], w[1], w[2], w[3], w[4], w[5]
     n = len(out)
@@ -112,7 +110,7 @@ def _filter_row(padded: Row, w: Row, out: Plane) -> None:
 
 
 @kernel_with_cache(error_model="numpy", nogil=True)
-def _filter_columns(rows: Plane, v: int, w: Row, out: Plane) -> None:
+def _filter_columns(rows: Float32Array, v: int, w: Float32Array, out: Float32Array) -> None:
     """Row v of an image whose columns are filtered; `out` may have more columns on the right."""
     height, width = rows.shape
     out[:width] = 0.0
@@ -126,13 +124,13 @@ def _filter_columns(rows: Plane, v: int, w: Row, out: Plane) -> None:
 
 @kernel_with_cache(error_model="numpy", nogil=True)
 def _ssim(
-    x: Plane,
-    y: Plane,
-    w: Row,
-    padded: Planes,
-    rows: Planes,
-    parts: Planes,
-    out: Plane,
+    x: Float32Array,
+    y: Float32Array,
+    w: Float32Array,
+    padded: Float32Array,
+    rows: Float32Array,
+    parts: Float32Array,
+    out: Float32Array,
 ) -> float:
     """Sum of SSIM over the pixels of a channel; `out` gets its derivative by x."""
     height, width = x.shape
@@ -165,10 +163,10 @@ def _ssim(
 
 @kernel_with_cache(error_model="numpy", nogil=True)
 def _pixels(
-    sums: Planes,
-    by_mean: npt.NDArray[np.float32],
-    by_square: npt.NDArray[np.float32],
-    by_product: npt.NDArray[np.float32],
+    sums: Float32Array,
+    by_mean: Float32Array,
+    by_square: Float32Array,
+    by_product: Float32Array,
 ) -> float:
     """Sum of SSIM over a row, and its derivatives by the filtered x, xx and xy."""
     c1, c2, one, two = np.float32(_C1), np.float32(_C2), np.float32(1), np.float32(2)
@@ -191,7 +189,7 @@ def _pixels(
 
 
 @kernel_with_cache(error_model="numpy", nogil=True)
-def _add_l1(x: Plane, y: Plane, ssim_weight: float, count: int, out: Plane) -> float:
+def _add_l1(x: Float32Array, y: Float32Array, ssim_weight: float, count: int, out: Float32Array) -> float:
     """Sum of absolute differences; `out` becomes the loss's derivative by x, from that of the sum of SSIM."""
     ssim, absolute = np.float32(-ssim_weight / count), np.float32((1.0 - ssim_weight) / count)
     total = 0.0

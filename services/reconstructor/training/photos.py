@@ -6,8 +6,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array, Int64Array, UInt8Array
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.errors import SceneError
 from readygo.common.images.encoded import read_pixels
@@ -20,7 +20,6 @@ KEPT_BYTES = 2 << 30
 """Photos that need more than this are read from disk each time that they are used."""
 BRIGHTNESS = np.float32(1 / 255)
 """Brightness of one step of a pixel's value."""
-Floats = npt.NDArray[np.float64]
 _POINTS_MIN, _VIEWS_MIN = 30, 3
 _EXTENT = 1.1
 """The scene's extent is this times the largest distance of a camera from their mean."""
@@ -33,11 +32,11 @@ class Posed:
     views: CapturedViews
     folder: Path
     """Folder of the images."""
-    points_m: npt.NDArray[np.float64]
+    points_m: Float64Array
     """Points of the map [m], shape (P, 3)."""
-    points_rgb: npt.NDArray[np.uint8]
+    points_rgb: UInt8Array
     """Colours of the points, shape (P, 3)."""
-    seen: npt.NDArray[np.int64]
+    seen: Int64Array
     """Sightings of points: rows of the numbers of view and point, shape (M, 2)."""
 
     @property
@@ -53,10 +52,10 @@ class Photo:
 
     number: int
     """Number of the view."""
-    rgb: npt.NDArray[np.float32]
+    rgb: Float32Array
     """Colours in 0..1, shape (3, H, W)."""
-    K_px: npt.NDArray[np.float64]
-    T_world_camera: npt.NDArray[np.float64]
+    K_px: Float64Array
+    T_world_camera: Float64Array
 
 
 def open_posed(folder: Path, undistorted: Path) -> Posed:
@@ -129,12 +128,12 @@ class PhotoStore:
         """Whether the photos fit into memory."""
         return bool(self._kept)
 
-    def pixels(self, number: int) -> npt.NDArray[np.uint8]:
+    def pixels(self, number: int) -> UInt8Array:
         """The photo of a view as it is read, shape (H, W, 3)."""
         pixels = self._kept.get(number)
         return self._read(number) if pixels is None else pixels
 
-    def camera(self, number: int, size_px: tuple[int, int]) -> tuple[Floats, Floats]:
+    def camera(self, number: int, size_px: tuple[int, int]) -> tuple[Float64Array, Float64Array]:
         """`K_px` of a view whose photo has so many rows and columns, and `T_world_camera`."""
         views = self._posed.views
         K = views.K_px[number].copy()
@@ -154,7 +153,7 @@ class PhotoStore:
         """Names of the images, and their photos."""
         return ((self._posed.views.images[number], self[number]) for number in self._numbers)
 
-    def _read(self, number: int) -> npt.NDArray[np.uint8]:
+    def _read(self, number: int) -> UInt8Array:
         """Read a view's pixels, shape (H, W, 3)."""
         path = self._posed.folder / self._posed.views.images[number]
         pixels = read_pixels(path, cv2.IMREAD_COLOR)

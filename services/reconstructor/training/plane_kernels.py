@@ -8,17 +8,12 @@ sign = -1 if n looks away from the camera, else 1. The features are sign n and s
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
+from readygo.common.arrays import Float32Array, Float64Array, Int64Array
 from readygo.common.kernels import inline_kernel, kernel_with_cache
-from readygo.services.reconstructor.training.parameters import Array, Rows
-
-Point = npt.NDArray[np.float64]
 
 
 @inline_kernel
-def _shortest(scales_m: Array, n: int) -> int:
+def _shortest(scales_m: Float32Array, n: int) -> int:
     """Number of a Gaussian's shortest axis, the first one of equals."""
     first = 1 if scales_m[n, 1] < scales_m[n, 0] else 0
     return 2 if scales_m[n, 2] < scales_m[n, first] else first
@@ -62,7 +57,7 @@ def _axis_slopes(
 
 
 @inline_kernel
-def _unit(quats_wxyz: Array, n: int) -> tuple[float, float, float, float, float]:
+def _unit(quats_wxyz: Float32Array, n: int) -> tuple[float, float, float, float, float]:
     """A quaternion of length one, and one over its length."""
     w, x, y, z = float(quats_wxyz[n, 0]), float(quats_wxyz[n, 1]), float(quats_wxyz[n, 2]), float(quats_wxyz[n, 3])
     per_length = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
@@ -70,7 +65,9 @@ def _unit(quats_wxyz: Array, n: int) -> tuple[float, float, float, float, float]
 
 
 @kernel_with_cache(error_model="numpy", nogil=True)
-def write_features(means_m: Array, quats_wxyz: Array, scales_m: Array, camera_m: Point, out: Array) -> None:
+def write_features(
+    means_m: Float32Array, quats_wxyz: Float32Array, scales_m: Float32Array, camera_m: Float64Array, out: Float32Array
+) -> None:
     """Normals towards the camera, and distances of the planes from it.
 
     Args:
@@ -92,14 +89,14 @@ def write_features(means_m: Array, quats_wxyz: Array, scales_m: Array, camera_m:
 
 @kernel_with_cache(error_model="numpy", nogil=True)
 def add_feature_slopes(
-    means_m: Array,
-    quats_wxyz: Array,
-    scales_m: Array,
-    camera_m: Point,
-    rows: Rows,
-    by_features: Array,
-    by_means: Array,
-    by_quats: Array,
+    means_m: Float32Array,
+    quats_wxyz: Float32Array,
+    scales_m: Float32Array,
+    camera_m: Float64Array,
+    rows: Int64Array,
+    by_features: Float32Array,
+    by_means: Float32Array,
+    by_quats: Float32Array,
 ) -> None:
     """Add what derivatives by the features of some of the Gaussians are by their means and quaternions.
 

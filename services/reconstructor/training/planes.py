@@ -5,10 +5,9 @@ ray of a pixel at depth 1, the depth is D / -(N . r): it is exact for a flat sur
 are in the world's frame here, and so are rays. Source: Chen et al., PGSR, 2024, section 4.1.
 """
 
-import numpy as np
-import numpy.typing as npt
 import torch
 
+from readygo.common.arrays import Float64Array
 from readygo.common.rasterizer.differentiable.reference import rotations
 
 Tensor = torch.Tensor
@@ -34,7 +33,7 @@ def plane_features(means_m: Tensor, quats_wxyz: Tensor, scales_m: Tensor, camera
 
 
 def rays_of(
-    K_px: npt.NDArray[np.float64],
+    K_px: Float64Array,
     size_px: tuple[int, int],
     *,
     dtype: torch.dtype = torch.float32,

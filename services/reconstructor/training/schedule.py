@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array
 from readygo.services.reconstructor.training.config import GaussiansConfig
 
 MEANS_RATE = 1.6e-4
@@ -54,7 +54,7 @@ class TrainingSchedule:
         """Learning rate of the means [m]."""
         return float(MEANS_RATE * self.extent_m * _MEANS_END ** (step / self.settings.steps))
 
-    def rates(self, step: int) -> dict[str, npt.NDArray[np.float32]]:
+    def rates(self, step: int) -> dict[str, Float32Array]:
         """Learning rates of the columns of each parameter."""
         coefficients = (self.settings.sh_degree + 1) ** 2
         colours = np.full(3 * coefficients, COLOURS_RATE * _HIGHER_SHARE)

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
+from readygo.common.arrays import Float32Array
 from readygo.common.drawing.files import write_png
 from readygo.services.reconstructor.training.drawing import draw, leaves_of, planes_of, quantise
-from readygo.services.reconstructor.training.parameters import Array, Gaussians
+from readygo.services.reconstructor.training.parameters import Gaussians
 from readygo.services.reconstructor.training.photometric import Photometric, psnr_db
 from readygo.services.reconstructor.training.photos import PhotoStore
 
@@ -19,9 +20,9 @@ class HeldOut:
     image: str
     psnr_db: float
     ssim: float
-    photo: Array
+    photo: Float32Array
     """The photo, shape (3, H, W)."""
-    rendered: Array
+    rendered: Float32Array
     """The rendered view, shape (3, H, W)."""
 
 

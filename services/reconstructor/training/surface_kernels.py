@@ -13,13 +13,10 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array, Int64Array
 from readygo.common.kernels import inline_kernel, kernel_with_cache
 
-Image = npt.NDArray[np.float32]
-Planes = npt.NDArray[np.float32]
-Camera = npt.NDArray[np.float64]
 CAMERA = 18
 _FX, _FY, _CX, _CY, _R, _P, _PER_FX, _PER_FY = 0, 1, 2, 3, 4, 13, 16, 17
 """Places in a camera."""
@@ -35,7 +32,7 @@ _VARIANCE_MIN = 1e-8
 
 
 @inline_kernel
-def _into(camera: Camera, x: float, y: float, z: float) -> tuple[float, float, float]:
+def _into(camera: Float64Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """A direction of the world in a camera: R_WC^T (x, y, z)."""
     return (
         camera[_R] * x + camera[_R + 3] * y + camera[_R + 6] * z,
@@ -45,7 +42,7 @@ def _into(camera: Camera, x: float, y: float, z: float) -> tuple[float, float, f
 
 
 @inline_kernel
-def _out_of(camera: Camera, x: float, y: float, z: float) -> tuple[float, float, float]:
+def _out_of(camera: Float64Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """A direction of a camera in the world: R_WC (x, y, z)."""
     return (
         camera[_R] * x + camera[_R + 1] * y + camera[_R + 2] * z,
@@ -55,7 +52,7 @@ def _out_of(camera: Camera, x: float, y: float, z: float) -> tuple[float, float,
 
 
 @inline_kernel
-def _ray(camera: Camera, u: float, v: float) -> tuple[float, float, float]:
+def _ray(camera: Float64Array, u: float, v: float) -> tuple[float, float, float]:
     """Ray of a point of the image [px], at depth 1, in the world."""
     x, y = (u - camera[_CX]) * camera[_PER_FX], (v - camera[_CY]) * camera[_PER_FY]
     ray: tuple[float, float, float] = _out_of(camera, x, y, 1.0)
@@ -63,7 +60,7 @@ def _ray(camera: Camera, u: float, v: float) -> tuple[float, float, float]:
 
 
 @kernel_with_cache(error_model="numpy", nogil=True)
-def plane_depths(planes: Planes, camera: Camera, facing_min: float, depth_m: Image) -> None:
+def plane_depths(planes: Float32Array, camera: Float64Array, facing_min: float, depth_m: Float32Array) -> None:
     """Depths of the planes along the optical axis [m]: D / -(N . r); see `planes.plane_depth`."""
     height, width = depth_m.shape
     for v in range(height):
@@ -75,7 +72,9 @@ def plane_depths(planes: Planes, camera: Camera, facing_min: float, depth_m: Ima
 
 
 @kernel_with_cache(error_model="numpy", nogil=True)
-def add_depth_slopes(planes: Planes, camera: Camera, depth_m: Image, by_depth: Image, out: Planes) -> None:
+def add_depth_slopes(
+    planes: Float32Array, camera: Float64Array, depth_m: Float32Array, by_depth: Float32Array, out: Float32Array
+) -> None:
     """Add what derivatives by depths are by the planes.
 
     With depth = D / f and f = -(N . r): d depth / dD = 1 / f, d depth / dN = D / f^2 r = depth / f r.
@@ -102,7 +101,7 @@ def _is_known(depth: Any) -> float:
 
 
 @inline_kernel
-def _add_along(by_depth: Image, depth_m: Image, v: int, u: int, slope: float) -> None:
+def _add_along(by_depth: Float32Array, depth_m: Float32Array, v: int, u: int, slope: float) -> None:
     """Add a slope to that of a pixel's depth, if the pixel has one."""
     if depth_m[v, u] > 0.0:
         by_depth[v, u] += slope
@@ -110,14 +109,14 @@ def _add_along(by_depth: Image, depth_m: Image, v: int, u: int, slope: float) ->
 
 @kernel_with_cache(error_model="numpy", nogil=True)
 def normal_slopes(
-    planes: Planes,
-    alpha: Image,
-    weights: Image,
-    camera: Camera,
-    depth_m: Image,
+    planes: Float32Array,
+    alpha: Float32Array,
+    weights: Float32Array,
+    camera: Float64Array,
+    depth_m: Float32Array,
     scale: float,
-    by_depth: Image,
-    out: Planes,
+    by_depth: Float32Array,
+    out: Float32Array,
 ) -> float:
     """`scale` times the sum that `planes.normal_loss` is the mean of.
 
@@ -204,15 +203,15 @@ def _between(place: float, size: int) -> tuple[int, int, float, float]:
 
 @kernel_with_cache(error_model="numpy", nogil=True)
 def return_slopes(
-    depth_m: Image,
-    other_depth_m: Image,
-    camera: Camera,
-    other: Camera,
+    depth_m: Float32Array,
+    other_depth_m: Float32Array,
+    camera: Float64Array,
+    other: Float64Array,
     near_m: float,
     noise_px: float,
-    away_px: Image,
-    by_depth: Image,
-    by_other: Image,
+    away_px: Float32Array,
+    by_depth: Float32Array,
+    by_other: Float32Array,
 ) -> tuple[int, float]:
     """How many pixels count in `neighbours.there_and_back`, and their weighted distances summed up.
 
@@ -322,7 +321,7 @@ def return_slopes(
 
 
 @inline_kernel
-def _sample(image: Image, u: float, v: float) -> tuple[float, float, float]:
+def _sample(image: Float32Array, u: float, v: float) -> tuple[float, float, float]:
     """An image between its pixels, and its gradient [1/px]; beyond the border the border's value holds."""
     height, width = image.shape
     c0, c1, cu, grows_u = _between(u, width)
@@ -339,17 +338,17 @@ def _sample(image: Image, u: float, v: float) -> tuple[float, float, float]:
 
 @kernel_with_cache(error_model="numpy", nogil=True)
 def patch_slopes(
-    planes: Planes,
-    grey: Image,
-    other_grey: Image,
-    camera: Camera,
-    other: Camera,
-    chosen: npt.NDArray[np.int64],
-    away_px: Image,
+    planes: Float32Array,
+    grey: Float32Array,
+    other_grey: Float32Array,
+    camera: Float64Array,
+    other: Float64Array,
+    chosen: Int64Array,
+    away_px: Float32Array,
     side_px: int,
     differs_max: float,
-    work: npt.NDArray[np.float64],
-    slopes: npt.NDArray[np.float64],
+    work: Float64Array,
+    slopes: Float64Array,
 ) -> tuple[int, float]:
     """How many patches count in `neighbours.neighbour_losses`, and their weighted 1 - NCC^2 summed up.
 

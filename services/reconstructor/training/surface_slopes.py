@@ -8,14 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.services.reconstructor.training.config import GeometryConfig
 from readygo.services.reconstructor.training.neighbours import NCC_MAX, NEAR_M, PATCH_PX
-from readygo.services.reconstructor.training.parameters import Array
 from readygo.services.reconstructor.training.photos import Photo
 from readygo.services.reconstructor.training.planes import FACING_MIN, edge_weights
 from readygo.services.reconstructor.training.surface_kernels import (
     CAMERA,
-    Camera,
     add_depth_slopes,
     normal_slopes,
     patch_slopes,
@@ -30,7 +29,7 @@ class PlaneView:
     """A view with its planes."""
 
     photo: Photo
-    planes: Array
+    planes: Float32Array
     """Blended `plane_features`, shape (4, H, W)."""
 
 
@@ -43,24 +42,24 @@ class _Slopes:
         plane_depths(self.planes, self.camera, FACING_MIN, self.depth_m)
         self.by_planes, self.by_depth = np.zeros_like(view.planes), np.zeros_like(self.depth_m)
 
-    def whole(self) -> Array:
+    def whole(self) -> Float32Array:
         """Derivatives by the planes, those through depths included, shape (4, H, W)."""
         add_depth_slopes(self.planes, self.camera, self.depth_m, self.by_depth, self.by_planes)
         return self.by_planes
 
 
-def camera_numbers(photo: Photo) -> Camera:
+def camera_numbers(photo: Photo) -> Float64Array:
     """A photo's camera as kernels take it."""
     K, T = photo.K_px, photo.T_world_camera
-    numbers: Camera = np.empty(CAMERA)
+    numbers: Float64Array = np.empty(CAMERA)
     numbers[:4], numbers[16:] = (K[0, 0], K[1, 1], K[0, 2], K[1, 2]), (1.0 / K[0, 0], 1.0 / K[1, 1])
     numbers[4:13], numbers[13:16] = T[:3, :3].reshape(-1), T[:3, 3]
     return numbers
 
 
 def surface_slopes(
-    one: PlaneView, other: PlaneView | None, alpha: Array, config: GeometryConfig, rng: np.random.Generator
-) -> tuple[float, Array, Array | None]:
+    one: PlaneView, other: PlaneView | None, alpha: Float32Array, config: GeometryConfig, rng: np.random.Generator
+) -> tuple[float, Float32Array, Float32Array | None]:
     """The loss, and its derivatives by the planes of a view and of its neighbour.
 
     Args:
@@ -109,6 +108,6 @@ def _between(
     return float(config.consistent * total / count + config.ncc * differences / patches)
 
 
-def _grey(photo: Photo) -> Array:
-    grey: Array = np.tensordot(np.array(GREY, dtype=np.float32), photo.rgb, 1)
+def _grey(photo: Photo) -> Float32Array:
+    grey: Float32Array = np.tensordot(np.array(GREY, dtype=np.float32), photo.rgb, 1)
     return grey

@@ -1,19 +1,18 @@
 """The loss of a view's surfaces: normals within it, and what a neighbour says of them."""
 
 import numpy as np
-import numpy.typing as npt
 import torch
 
+from readygo.common.arrays import Float64Array
 from readygo.services.reconstructor.training.config import GeometryConfig
 from readygo.services.reconstructor.training.neighbours import Side, neighbour_losses
 from readygo.services.reconstructor.training.planes import edge_weights, normal_loss, rays_of
 
 Tensor = torch.Tensor
-Floats = npt.NDArray[np.float64]
 GREY = (0.299, 0.587, 0.114)
 
 
-def side_of(planes: Tensor, rgb: Tensor, K_px: Floats, T_world_camera: Floats) -> Side:
+def side_of(planes: Tensor, rgb: Tensor, K_px: Float64Array, T_world_camera: Float64Array) -> Side:
     """A view as it is compared with others.
 
     Args:

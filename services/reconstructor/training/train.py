@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch
 
+from readygo.common.arrays import BoolArray, Float64Array, UInt8Array
 from readygo.common.config import section_to_mapping
 from readygo.common.documents import read_json
 from readygo.common.errors import RunError
@@ -172,7 +172,7 @@ class _Training:
         seen = Sightings(arrays.pop("seen_gradient"), arrays.pop("seen_views"))
         self._engine.load(Gaussians.from_state(arrays), seen)
 
-    def _points(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint8]]:
+    def _points(self) -> tuple[Float64Array, UInt8Array]:
         """Positions and colours that Gaussians begin with."""
         posed, room = self._posed, self._settings.density.count_max - len(self._posed.points_m)
         if room <= 0:
@@ -269,7 +269,7 @@ class _Training:
         change(gaussians)
         self._engine.load(gaussians, seen)
 
-    def _rarely_seen(self, photos: PhotoStore, views_min: int) -> npt.NDArray[np.bool_]:
+    def _rarely_seen(self, photos: PhotoStore, views_min: int) -> BoolArray:
         """True for Gaussians that fewer than `views_min` training views show, shape (N,)."""
         # What is small on a reduced image may be what a whole one needs.
         pixels_min = OBSERVED_PX / self._fraction**2

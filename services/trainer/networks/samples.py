@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import torch
 
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, Int64Array
 from readygo.common.dataset import Dataset
 from readygo.common.errors import DatasetError
 from readygo.common.messages import DriverKind
@@ -13,7 +13,6 @@ from readygo.common.networks import LOOK_HZ
 from readygo.common.networks.images import normalise_images, small_image
 from readygo.services.trainer.networks.config import GOAL_LOOKS_MAX
 
-Indices = npt.NDArray[np.int64]
 LOOKS_MIN = 4
 """Shorter trajectories teach nothing."""
 
@@ -22,13 +21,13 @@ LOOKS_MIN = 4
 class Looks:
     """L images of trajectories, a quarter of a second apart, in the order of the trajectories."""
 
-    rows: Indices
+    rows: Int64Array
     """Samples of the dataset, shape (L,)."""
-    first: Indices
+    first: Int64Array
     """First look of each one's trajectory, shape (L,)."""
-    last: Indices
+    last: Int64Array
     """Last look of each one's trajectory, shape (L,)."""
-    xyyaw: npt.NDArray[np.float64]
+    xyyaw: Float64Array
     """Robot's pose: x, y [m], yaw [rad], shape (L, 3)."""
     unit_m: float
     """Way between two looks at full speed [m]."""
@@ -97,13 +96,13 @@ def looks_of(dataset: Dataset, names: set[str]) -> Looks:
 class Choice:
     """Which looks make a batch, and with which goals."""
 
-    looks: Indices
+    looks: Int64Array
     """The present ones, shape (B,)."""
-    goals: Indices
+    goals: Int64Array
     """Looks at goals, shape (B,)."""
-    distances: Indices
+    distances: Int64Array
     """Looks until the goal, shape (B,)."""
-    other: npt.NDArray[np.bool_]
+    other: BoolArray
     """True where the goal is out of another trajectory, shape (B,)."""
 
 
@@ -121,7 +120,7 @@ def choose(looks: Looks, count: int, rng: np.random.Generator) -> Choice:
     return Choice(looks=present, goals=goals, distances=np.where(other, GOAL_LOOKS_MAX, distances), other=other)
 
 
-def places_of(looks: Looks, present: Indices, count: int) -> npt.NDArray[np.float32]:
+def places_of(looks: Looks, present: Int64Array, count: int) -> Float32Array:
     """Where the robot was at the next looks, see `NetworkBatch.places`; at a trajectory's end it stays there."""
     following = np.minimum(present[:, None] + np.arange(1, count + 1), looks.last[present][:, None])
     now, then = looks.xyyaw[present][:, None], looks.xyyaw[following]
@@ -141,7 +140,7 @@ class Pictures:
         self._kept: dict[int, torch.Tensor] = {}
         self._kept_max = cache_mb * 1_000_000 // (3 * width_px * height_px)
 
-    def of(self, looks: Indices) -> torch.Tensor:
+    def of(self, looks: Int64Array) -> torch.Tensor:
         """Images as a network takes them, shape (*looks.shape, 3, H, W)."""
         images = torch.stack([self._one(int(look)) for look in looks.reshape(-1)])
         return normalise_images(images.float() / 255).reshape(*looks.shape, *images.shape[1:])

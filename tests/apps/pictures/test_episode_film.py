@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
-from readygo.common.drawing.files import Picture
+from readygo.common.arrays import UInt8Array
 from readygo.common.drawing.film import write_film
 from readygo.common.drawing.plan_view import GOAL, HUMANS, ROBOT
 from readygo.common.maps import GridFrame
@@ -122,7 +122,7 @@ def test_time_line_marks_when_a_human_is_seen(film: EpisodeFilm, top_view: TopVi
     assert warm.min() < 20
 
 
-def test_film_looks_as_it_did(top_view: TopView, golden_image: Callable[[str, Picture], None]) -> None:
+def test_film_looks_as_it_did(top_view: TopView, golden_image: Callable[[str, UInt8Array], None]) -> None:
     rng, count = np.random.default_rng(3), 25
     yaw = np.linspace(2.5, 3.4, count)
     crooked = EpisodeFilm(
@@ -149,7 +149,7 @@ def test_film_looks_as_it_did(top_view: TopView, golden_image: Callable[[str, Pi
 
 
 def test_outcome_stands_in_the_last_second(film: EpisodeFilm, top_view: TopView) -> None:
-    def pictures(outcome: str) -> list[Picture]:
+    def pictures(outcome: str) -> list[UInt8Array]:
         told = dataclasses.replace(film, outcome=outcome, rate_hz=5)
         return list(film_frames(told, top_view, camera_height_px=36))
 

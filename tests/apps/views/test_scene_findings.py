@@ -7,7 +7,7 @@ import pytest
 from readygo.apps.pictures.scene_maps import REACHABLE
 from readygo.apps.views.scene_findings import COLOURS, SHARE, findings_map
 from readygo.apps.views.views import SceneViews, ViewPlace
-from readygo.common.drawing.files import Picture
+from readygo.common.arrays import UInt8Array
 from readygo.common.gaussians import concatenate
 from readygo.common.maps import MapConfig, ScenePlan, plan_scene
 from readygo.common.scenes.findings import UNFILMED
@@ -26,7 +26,7 @@ def seen(sharpness: float) -> SceneViews:
     return SceneViews(places=(ViewPlace(looks=(look, look)),))
 
 
-def has(picture: Picture, colour: tuple[float, ...]) -> bool:
+def has(picture: UInt8Array, colour: tuple[float, ...]) -> bool:
     return bool((np.abs(picture.astype(int) - np.rint(colour).astype(int)) <= 1).all(axis=2).sum() > 100)
 
 
@@ -45,7 +45,7 @@ def test_places_in_fog_are_numbered(plan: ScenePlan) -> None:
 
 
 def test_map_looks_as_it_did(
-    plan: ScenePlan, golden_image: Callable[[str, Picture], None], monkeypatch: pytest.MonkeyPatch
+    plan: ScenePlan, golden_image: Callable[[str, UInt8Array], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     blurred, coarse = np.zeros_like(plan.blurred), plan.coarse.copy()
     blurred[20:40, 8:30] = True

@@ -1,7 +1,7 @@
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from readygo.common.arrays import Float32Array
 from readygo.common.avatars import Avatar, avatar_paths, load_avatars, pose_avatar
 from readygo.common.avatars.file import EMBEDDED_FOLDER
 from readygo.common.gaussians.spherical_harmonics import SH_C0
@@ -85,7 +85,7 @@ def test_standing_human_touches_the_floor_and_is_as_wide_as_a_human(avatar: Avat
     assert 0.2 < extent[1] < 0.5
 
 
-def run_pose() -> npt.NDArray[np.float32]:
+def run_pose() -> Float32Array:
     """One knee at 90 degrees behind, the other ahead, arms held out to the sides."""
     pose = np.zeros((24, 3), dtype=np.float32)
     pose[1], pose[2], pose[4], pose[5] = (-0.7, 0, 0), (0.3, 0, 0), (0.8, 0, 0), (1.5, 0, 0)

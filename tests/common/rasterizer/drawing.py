@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array, FloatingArray, UInt8Array
 from readygo.common.avatars import Avatar, pose_avatar
 from readygo.common.gaussians import GaussianCloud, concatenate
 from readygo.common.images.images import Images
@@ -22,7 +22,7 @@ def numbered(avatars: Sequence[T]) -> dict[str, T]:
 
 def images_of(
     rasterizer: Rasterizer,
-    T_world_camera: npt.NDArray[np.float64],
+    T_world_camera: Float64Array,
     humans: Sequence[PosedHuman] = (),
     outputs: Sequence[str] = ("rgb",),
 ) -> Images:
@@ -30,28 +30,24 @@ def images_of(
     return rasterizer.render([View(T_world_camera=T_world_camera, humans=humans)], outputs)[0]
 
 
-def rgb_of(
-    rasterizer: Rasterizer, T_world_camera: npt.NDArray[np.float64], humans: Sequence[PosedHuman] = ()
-) -> npt.NDArray[np.uint8]:
+def rgb_of(rasterizer: Rasterizer, T_world_camera: Float64Array, humans: Sequence[PosedHuman] = ()) -> UInt8Array:
     """The colours of one view."""
     return images_of(rasterizer, T_world_camera, humans).rgb
 
 
-def float_rgb_of(
-    rasterizer: Any, T_world_camera: npt.NDArray[np.float64], humans: Sequence[PosedHuman] = ()
-) -> npt.NDArray[np.float32]:
+def float_rgb_of(rasterizer: Any, T_world_camera: Float64Array, humans: Sequence[PosedHuman] = ()) -> Float32Array:
     """The colours of one view before rounding."""
-    image: npt.NDArray[np.float32] = rasterizer.render_float(View(T_world_camera=T_world_camera, humans=humans))
+    image: Float32Array = rasterizer.render_float(View(T_world_camera=T_world_camera, humans=humans))
     return image
 
 
-def batch_of(T_world_camera: Sequence[npt.NDArray[np.float64]], humans: Sequence[Sequence[PosedHuman]]) -> list[View]:
+def batch_of(T_world_camera: Sequence[Float64Array], humans: Sequence[Sequence[PosedHuman]]) -> list[View]:
     """Views of several cameras, each with its own humans."""
     pairs = zip(T_world_camera, humans, strict=True)
     return [View(T_world_camera=pose, humans=there) for pose, there in pairs]
 
 
-def psnr_db(a: npt.NDArray[np.floating], b: npt.NDArray[np.floating]) -> float:
+def psnr_db(a: FloatingArray, b: FloatingArray) -> float:
     """Of images of floats."""
     error = float(((a.astype(np.float64) - b) ** 2).mean())
     return math.inf if error == 0 else -10 * math.log10(error)
@@ -69,13 +65,13 @@ def posed(cloud: GaussianCloud, avatars: Sequence[Avatar], humans: Sequence[Pose
     return concatenate([cloud, *bodies])
 
 
-def assert_like_reference(image: npt.NDArray[np.float32], reference: npt.NDArray[np.float32]) -> None:
+def assert_like_reference(image: Float32Array, reference: Float32Array) -> None:
     assert reference.max() > 0.1
     assert psnr_db(image, reference) > 60
     assert np.abs(image - reference).max() < 2 / 255
 
 
-def with_arrays(cloud: GaussianCloud, **arrays: npt.NDArray[np.float32]) -> GaussianCloud:
+def with_arrays(cloud: GaussianCloud, **arrays: Float32Array) -> GaussianCloud:
     """The cloud with other arrays."""
     names = ("means_m", "quats_wxyz", "scales_m", "opacities", "sh")
     return GaussianCloud(**{name: arrays.get(name, getattr(cloud, name)) for name in names})

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from readygo.common.arrays import Float32Array
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.packed.scene import pack_cloud
@@ -29,7 +30,7 @@ def cloud(make_cloud) -> GaussianCloud:
     return make_cloud(600, coefficients=4, low=(-1.5, -1.0, 1.5), high=(1.5, 1.0, 5.0))
 
 
-def draw(cloud: GaussianCloud) -> npt.NDArray[np.float32]:
+def draw(cloud: GaussianCloud) -> Float32Array:
     return float_rgb_of(CpuRasterizer(pack_cloud(cloud), {}, K, HEIGHT, WIDTH), np.eye(4))
 
 

@@ -4,14 +4,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.services.reconstructor.metric.markers import MarkerSighting
 from readygo.services.reconstructor.metric.scale import square_corners_m
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.similarity import Similarity
-
-Array = npt.NDArray[np.float64]
 
 FOCAL_PX, WIDTH_PX, HEIGHT_PX = 600.0, 800, 600
 MIDDLE_PX = np.array([WIDTH_PX / 2, HEIGHT_PX / 2])
@@ -19,7 +17,7 @@ CURVATURE = 0.05
 """Of the lens: x_distorted = x (1 + CURVATURE r^2)."""
 
 
-def looking(centre: Array, at: Array) -> Array:
+def looking(centre: Float64Array, at: Float64Array) -> Float64Array:
     """A level camera's pose."""
     z = (at - centre) / np.linalg.norm(at - centre)
     x = np.cross(z, [0.0, 0.0, 1.0])
@@ -29,21 +27,21 @@ def looking(centre: Array, at: Array) -> Array:
     return T
 
 
-def ring(count: int = 12, *, radius_m: float = 1.5, height_m: float = 1.4) -> Array:
+def ring(count: int = 12, *, radius_m: float = 1.5, height_m: float = 1.4) -> Float64Array:
     """Poses around the origin, shape (count, 4, 4)."""
     angles = np.linspace(0.0, 1.5 * np.pi, count)
     centres = np.column_stack([radius_m * np.cos(angles), radius_m * np.sin(angles), np.full(count, height_m)])
     return np.stack([looking(centre, np.zeros(3)) for centre in centres])
 
 
-def projected(T_world_camera: Array, points: Array) -> Array:
+def projected(T_world_camera: Float64Array, points: Float64Array) -> Float64Array:
     """Where a camera sees points through its lens, shape (N, 2) [px]."""
     seen = (points - T_world_camera[:3, 3]) @ T_world_camera[:3, :3]
     xy = seen[:, :2] / seen[:, 2:]
     return FOCAL_PX * xy * (1.0 + CURVATURE * (xy**2).sum(axis=1, keepdims=True)) + MIDDLE_PX
 
 
-def undistorted(view: int, pixels: Array) -> Array:
+def undistorted(view: int, pixels: Float64Array) -> Float64Array:
     """Rays of pixels: the lens solved by iteration."""
     bent = (np.asarray(pixels) - MIDDLE_PX) / FOCAL_PX
     xy = bent.copy()
@@ -52,7 +50,7 @@ def undistorted(view: int, pixels: Array) -> Array:
     return xy
 
 
-def mapped(T_world_camera: Array, points_m: Array, map_from_world: Similarity) -> PosedImages:
+def mapped(T_world_camera: Float64Array, points_m: Float64Array, map_from_world: Similarity) -> PosedImages:
     """A perfect map of cameras that all see all points, in units of its own."""
     count, total = len(T_world_camera), len(points_m)
     seen = np.array([(v, p) for p in range(total) for v in range(count)], dtype=np.int64).reshape(-1, 2)
@@ -69,7 +67,9 @@ def mapped(T_world_camera: Array, points_m: Array, map_from_world: Similarity) -
     )
 
 
-def sighted(T_world_camera: Array, corners_m: Array, marker: int, noise_px: float = 0.0) -> list[MarkerSighting]:
+def sighted(
+    T_world_camera: Float64Array, corners_m: Float64Array, marker: int, noise_px: float = 0.0
+) -> list[MarkerSighting]:
     """A marker as all cameras see it."""
     rng = np.random.default_rng(marker)
     return [
@@ -84,7 +84,7 @@ def sighted(T_world_camera: Array, corners_m: Array, marker: int, noise_px: floa
     ]
 
 
-def floor_points(count: int = 300) -> Array:
+def floor_points(count: int = 300) -> Float64Array:
     """Points on the floor and some above it [m]."""
     rng = np.random.default_rng(5)
     floor = np.column_stack([rng.uniform(-2, 2, (count, 2)), np.zeros(count)])
@@ -98,7 +98,7 @@ def some_similarity() -> Similarity:
     return Similarity(scale=0.37, R=R * np.sign(np.linalg.det(R)), t=np.array([1.0, -2.0, 0.5]))
 
 
-def marker_at(xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0), size_m: float = 0.2) -> Array:
+def marker_at(xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0), size_m: float = 0.2) -> Float64Array:
     """Corners of a marker that lies flat [m]."""
     return square_corners_m(size_m) + np.array(xyz_m)
 

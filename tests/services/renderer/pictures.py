@@ -2,9 +2,7 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-import numpy.typing as npt
-
+from readygo.common.arrays import Float64Array
 from readygo.common.images.images import Images
 from readygo.common.messages import HumanMotion
 from readygo.common.rasterizer.interface import Rasterizer, View
@@ -14,7 +12,7 @@ from readygo.services.renderer.camera import PoseAt
 
 def drawn(
     renderer: Renderer,
-    T_world_camera: npt.NDArray[np.float64],
+    T_world_camera: Float64Array,
     humans: Sequence[HumanMotion],
     step: int,
     outputs: tuple[str, ...] = ("rgb",),
@@ -53,9 +51,7 @@ class Watched:
         return images
 
 
-def view_of(
-    renderer: Renderer, T_world_camera: npt.NDArray[np.float64], humans: Sequence[HumanMotion], step: float
-) -> View:
+def view_of(renderer: Renderer, T_world_camera: Float64Array, humans: Sequence[HumanMotion], step: float) -> View:
     """What the first camera's rasterizer draws of one view in which nothing moves."""
     rasterizer = renderer.rasterizers[""]
     renderer.rasterizers[""] = watched = Watched(rasterizer)

@@ -2,9 +2,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from readygo.common.arrays import UInt8Array
 from readygo.common.avatars import load_avatars
 from readygo.common.maps import FloorMap, GridFrame
 from readygo.common.messages import HumanMotion, Humans, RenderRequest, RenderView
@@ -14,7 +14,7 @@ from readygo.services.animator.gait.human import skeleton_of
 from readygo.services.animator.gait.walk import walk
 from readygo.services.renderer import Renderer, RendererConfig, handle_render
 
-Golden = Callable[[str, npt.NDArray[np.uint8]], None]
+Golden = Callable[[str, UInt8Array], None]
 VIEWS = {"living_room": (1.17, 1.27, -3.1), "study": (1.17, -4.03, 1.21)}
 """Robot poses in the embedded scene: x [m], y [m], yaw [rad]."""
 

@@ -2,11 +2,10 @@
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars import Avatar
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.rasterizer.gpu.batch import ViewBatch
@@ -35,7 +34,7 @@ class TritonKernels:
         self,
         scenes: Sequence[GaussianCloud],
         avatars: Sequence[Avatar],
-        K_px: npt.NDArray[np.float64],
+        K_px: Float64Array,
         height_px: int,
         width_px: int,
         device: torch.device,

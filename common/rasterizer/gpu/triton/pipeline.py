@@ -3,12 +3,11 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor
 from torch.nn import functional
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars.torch_posing import joint_transforms
 from readygo.common.rasterizer.gpu.batch import ViewBatch
 from readygo.common.rasterizer.gpu.device_clouds import DeviceClouds
@@ -67,7 +66,7 @@ class TritonPipeline:
     def __init__(
         self,
         clouds: DeviceClouds,
-        K_px: npt.NDArray[np.float64],
+        K_px: Float64Array,
         height_px: int,
         width_px: int,
         settings: TritonSettings,

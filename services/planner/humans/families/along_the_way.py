@@ -3,15 +3,13 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner.humans.families.site import Encounter, Site
 from readygo.services.planner.humans.polyline import at_constant_speed, length_m
 from readygo.services.planner.humans.robot_task import Point, RobotTask, apart_m, offset_point, rotate_left
 from readygo.services.planner.humans.timing import Walk, cut_to_meet, first_rows, timed_to_meet
-
-Float64Array = npt.NDArray[np.float64]
 
 PASSING_M = 0.85
 """Least distance to the side at which a faster human overtakes the robot [m]: it cannot see who comes from behind."""

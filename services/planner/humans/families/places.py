@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner.humans.families.along_the_way import path_across, path_against
 from readygo.services.planner.humans.families.site import Encounter, Site
@@ -17,8 +17,6 @@ from readygo.services.planner.humans.timing import (
     time_path,
     timed_to_meet,
 )
-
-Float64Array = npt.NDArray[np.float64]
 
 _HIDDEN_UNTIL_S = 2.0
 """A human who comes round a blind corner is hidden from the robot's expected path until this long before they meet

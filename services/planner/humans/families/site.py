@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.episode import EpisodeConfig
 from readygo.common.maps import SightMap
 from readygo.common.robot import RobotConfig
@@ -18,7 +18,6 @@ from readygo.services.planner.humans.paths import HumanPathPlanner
 from readygo.services.planner.humans.robot_task import ExpectedDrive, Point, RobotTask
 from readygo.services.planner.humans.timing import Walk, first_rows
 
-Float64Array = npt.NDArray[np.float64]
 Encounter = tuple[Walk, ...]
 """Humans who meet the robot together."""
 

@@ -11,14 +11,12 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from scipy import sparse
 
+from readygo.common.arrays import Float64Array, Int64Array
 from readygo.common.avatars import SMPL_PARENTS
 from readygo.common.avatars.importers.joints import JOINT, JOINT_NAMES
 from readygo.common.frames import matrix_from_axis_angle
-
-Array = npt.NDArray[np.float64]
 
 HEIGHT_M = 1.75
 _LEFT = {
@@ -50,7 +48,7 @@ MIXAMO = {
 }  # fmt: skip
 
 
-def tpose_joints_m() -> Array:
+def tpose_joints_m() -> Float64Array:
     """The joints of the human, shape (24, 3)."""
     place = {joint: np.array(p, dtype=float) for joint, p in _MIDDLE.items()}
     for part, p in _LEFT.items():
@@ -59,7 +57,7 @@ def tpose_joints_m() -> Array:
     return np.array([place[joint] for joint in JOINT_NAMES])
 
 
-def lowered_arms(points: Array, angle_rad: float) -> Array:
+def lowered_arms(points: Float64Array, angle_rad: float) -> Float64Array:
     """Points of the arms after these are lowered about the shoulders: the A-pose of many figures."""
     lowered = points.copy()
     for sign in (1.0, -1.0):
@@ -70,7 +68,7 @@ def lowered_arms(points: Array, angle_rad: float) -> Array:
     return lowered
 
 
-def boxes() -> tuple[Array, Array, npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def boxes() -> tuple[Float64Array, Float64Array, Int64Array, Int64Array]:
     """Vertices (V, 3), normals (V, 3), joint of each vertex (V,), triangles (F, 3); the T-pose."""
     joints = tpose_joints_m()
     vertices, normals, owners, triangles = [], [], [], []
@@ -141,7 +139,7 @@ def write_smpl_pickle(path: Path, *, protocol: int = 2, drop: tuple[str, ...] = 
     module = types.ModuleType("chumpy.ch")
 
     class Ch:
-        def __init__(self, x: Array) -> None:
+        def __init__(self, x: Float64Array) -> None:
             self.x, self.label, self._dirty_vars = x, None, set()
 
     Ch.__module__, Ch.__qualname__ = "chumpy.ch", "Ch"
@@ -164,7 +162,7 @@ def write_glb(
     names: Mapping[str, str] = MIXAMO,
     prefix: str = "mixamorig:",
     lowered_rad: float = 0.0,
-    M_world_bind: Array | None = None,
+    M_world_bind: Float64Array | None = None,
     drop: tuple[str, ...] = (),
     texture: bool = True,
     posed: bool = False,
@@ -266,7 +264,9 @@ def write_glb(
     return path
 
 
-def _bones(joints: Array, kept: list[int], names: Mapping[str, str]) -> tuple[Array, list[str], list[int]]:
+def _bones(
+    joints: Float64Array, kept: list[int], names: Mapping[str, str]
+) -> tuple[Float64Array, list[str], list[int]]:
     """Heads, names and parents of the kept joints' bones, and of a few that SMPL has not."""
     place = {number: k for k, number in enumerate(kept)}
     above = []

@@ -2,9 +2,9 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars.importers.assemble import CanonicalHuman, assemble_avatar, scale_to_metres, strongest_four
 from readygo.common.avatars.importers.joints import JOINT
 from readygo.common.errors import AvatarError
@@ -63,7 +63,7 @@ def test_four_strongest_joints_are_kept_and_their_weights_sum_to_one() -> None:
     np.testing.assert_allclose(weight[0], np.array([0.4, 0.25, 0.2, 0.1]) / 0.95)
 
 
-def without_weight() -> npt.NDArray[np.float64]:
+def without_weight() -> Float64Array:
     weights = human().weights.copy()
     weights[2] = 0.0
     return weights

@@ -4,9 +4,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars import SMPL_PARENTS, pose_avatar
 from readygo.common.avatars.importers import ImportOptions, import_human, load_smpl_model
 from readygo.common.avatars.importers.hugs import da_pose, load_checkpoint
@@ -19,7 +19,6 @@ torch = pytest.importorskip("torch", reason="torch is not installed")
 functional = torch.nn.functional
 
 COUNT, FEATURES, SIZE, HIDDEN = 300, 4, 16, 12
-Array = npt.NDArray[np.float64]
 
 
 def _linear(rng: np.random.Generator, outputs: int, inputs: int) -> dict[str, Any]:
@@ -35,7 +34,7 @@ def _decoder(rng: np.random.Generator, heads: dict[str, int], hidden: int) -> di
     return {f"{name}.{kind}": value for name, layer in layers.items() for kind, value in layer.items()}
 
 
-def _checkpoint(model_joints: Array) -> dict[str, Any]:
+def _checkpoint(model_joints: Float64Array) -> dict[str, Any]:
     """The released layout: random decoders, points on the body in the da-pose."""
     rng = np.random.default_rng(7)
     vertices, _, owners, _ = boxes()
@@ -75,7 +74,7 @@ def _checkpoint(model_joints: Array) -> dict[str, Any]:
     return state
 
 
-def _forward(state: dict[str, Any]) -> dict[str, Array]:
+def _forward(state: dict[str, Any]) -> dict[str, Float64Array]:
     """The decoders as torch modules, a second way to the same numbers."""
 
     def network(decoder: dict[str, Any]) -> Any:
@@ -113,10 +112,10 @@ def _forward(state: dict[str, Any]) -> dict[str, Array]:
     return {key: value.numpy().astype(np.float64) for key, value in out.items()}
 
 
-def _smpl_matrices(joints: Array, pose: Array) -> Array:
+def _smpl_matrices(joints: Float64Array, pose: Float64Array) -> Float64Array:
     """SMPL's joint transforms with the rest pose removed, shape (24, 4, 4)."""
     R = matrix_from_axis_angle(pose)
-    chain: list[Array] = []
+    chain: list[Float64Array] = []
     for joint in range(24):
         parent = int(SMPL_PARENTS[joint])
         T = np.eye(4)

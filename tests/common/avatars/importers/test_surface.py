@@ -1,15 +1,14 @@
 import dataclasses
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy.spatial import cKDTree
 
+from readygo.common.arrays import Float64Array, Int64Array
 from readygo.common.avatars.importers.surface import FLATNESS, Mesh, gaussians_of_mesh
 from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import rgb_of_sh
 
-Array = npt.NDArray[np.float64]
 COUNT = 400
 
 
@@ -22,7 +21,7 @@ def square(z_m: float = 0.0, joint: int = 3) -> Mesh:
     return Mesh(corners_m=np.array([[a, b, c], [a, c, d]]), normals=normals, weights=weights, density=np.ones(2))
 
 
-def red(triangle: npt.NDArray[np.int64], bary: Array) -> Array:
+def red(triangle: Int64Array, bary: Float64Array) -> Float64Array:
     return np.tile(np.array([0.8, 0.1, 0.1, 1.0]), (len(triangle), 1))
 
 
@@ -58,7 +57,7 @@ def test_skin_below_a_shirt_is_left_out_and_a_transparent_layer_hides_nothing() 
     assert (cloud.means_m[:, 2] > 0.007).mean() > 0.95
     np.testing.assert_array_equal(skin[:, 6] > 0.5, cloud.means_m[:, 2] > 0.007)
 
-    def glass(triangle: npt.NDArray[np.int64], bary: Array) -> Array:
+    def glass(triangle: Int64Array, bary: Float64Array) -> Float64Array:
         return np.where((triangle >= 2)[:, None], (0.8, 0.1, 0.1, 0.0), (0.1, 0.1, 0.8, 1.0))
 
     cloud, _ = gaussians_of_mesh(layers, glass, COUNT)
@@ -74,7 +73,7 @@ def test_layer_that_faces_away_hides_nothing() -> None:
 
 
 def test_gaussian_averages_the_colours_that_it_covers() -> None:
-    def checks(triangle: npt.NDArray[np.int64], bary: Array) -> Array:
+    def checks(triangle: Int64Array, bary: Float64Array) -> Float64Array:
         grain = np.random.default_rng(0).integers(0, 2, (len(triangle), 1))
         return np.concatenate([np.tile(grain, (1, 3)), np.ones_like(grain)], axis=1).astype(np.float64)
 

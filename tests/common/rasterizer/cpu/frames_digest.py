@@ -11,8 +11,8 @@ import sys
 from collections.abc import Iterable
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.avatars import Avatar
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.images.images import OUTPUTS
@@ -60,7 +60,7 @@ def make_rasterizer(scenes: list[PackedScene]) -> CpuRasterizer:
     return CpuRasterizer(scenes, numbered([avatar()]), K, 80, 128)
 
 
-def view(k: int) -> tuple[npt.NDArray[np.float64], list[PosedHuman]]:
+def view(k: int) -> tuple[Float64Array, list[PosedHuman]]:
     c, s = math.cos(0.7 * k), math.sin(0.7 * k)
     T = np.array([[s, 0.0, c, -2.0 * c], [-c, 0.0, s, -2.0 * s], [0.0, -1.0, 0.0, 0.1 * k], [0.0, 0.0, 0.0, 1.0]])
     pose = 0.3 * np.sin(np.arange(72.0) * (k + 1)).reshape(24, 3)
@@ -69,7 +69,7 @@ def view(k: int) -> tuple[npt.NDArray[np.float64], list[PosedHuman]]:
     return T, [PosedHuman(avatar="0", root_m=np.zeros(3), pose_axis_angle=pose, **stand)] * (1 + k % 2)
 
 
-def frames(scenes: list[PackedScene], numbers: Iterable[int]) -> list[npt.NDArray[np.float32]]:
+def frames(scenes: list[PackedScene], numbers: Iterable[int]) -> list[Float32Array]:
     rasterizer = make_rasterizer(scenes)
     return [float_rgb_of(rasterizer, *view(k)) for k in numbers]
 

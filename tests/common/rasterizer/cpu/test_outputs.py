@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars import Avatar, pose_avatar
 from readygo.common.gaussians import GaussianCloud, concatenate
 from readygo.common.images.images import OUTPUTS, Images
@@ -33,7 +34,7 @@ def sky_around(make_cloud) -> GaussianCloud:
     return dataclasses.replace(ball, means_m=direction * np.float32(1800.0), scales_m=ball.scales_m * 400)
 
 
-def rasterizer(clouds: Sequence[GaussianCloud], avatars: Sequence[Avatar], K: npt.NDArray[np.float64]) -> CpuRasterizer:
+def rasterizer(clouds: Sequence[GaussianCloud], avatars: Sequence[Avatar], K: Float64Array) -> CpuRasterizer:
     return CpuRasterizer([pack_cloud(cloud, normals=True) for cloud in clouds], numbered(avatars), K, HEIGHT, WIDTH)
 
 

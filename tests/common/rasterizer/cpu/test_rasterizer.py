@@ -1,9 +1,9 @@
 import dataclasses
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars import Avatar
 from readygo.common.gaussians import GaussianCloud, concatenate
 from readygo.common.images.images import OUTPUTS
@@ -150,7 +150,7 @@ def test_empty_scene_is_black(make_cloud, camera) -> None:
 
 
 @pytest.mark.parametrize("pose", [np.full((4, 4), np.nan), np.eye(3)])
-def test_bad_camera_pose_is_refused(make_cloud, pose: npt.NDArray[np.float64]) -> None:
+def test_bad_camera_pose_is_refused(make_cloud, pose: Float64Array) -> None:
     rasterizer = CpuRasterizer(pack_cloud(make_cloud(10)), {}, np.eye(3) * 20, 16, 16)
     with pytest.raises(ValueError, match="T_world_camera"):
         rgb_of(rasterizer, pose)

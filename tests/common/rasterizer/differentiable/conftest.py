@@ -3,10 +3,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import torch
 
+from readygo.common.arrays import Float64Array
 from readygo.common.gaussians import GaussianCloud
 
 Tensor = torch.Tensor
@@ -19,7 +19,7 @@ class Case:
 
     parameters: dict[str, Tensor]
     T_world_camera: Tensor
-    K_px: npt.NDArray[np.float64]
+    K_px: Float64Array
     height_px: int
     width_px: int
 

@@ -1,14 +1,14 @@
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars import Avatar, pose_avatar
 from readygo.common.gaussians import GaussianCloud, concatenate
 from readygo.common.rasterizer.interface import PosedHuman
 
-Pose = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
+Pose = tuple[Float64Array, Float64Array]
 
 
 @pytest.fixture(scope="session")

@@ -1,9 +1,9 @@
 import itertools
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
@@ -56,7 +56,7 @@ def rasterizer(wall, avatar, packed: PackedAvatar | AvatarTree, **options: float
 
 
 def at(x_m: float) -> list[PosedHuman]:
-    pose: npt.NDArray[np.float64] = 0.3 * np.sin(np.arange(72.0)).reshape(24, 3)
+    pose: Float64Array = 0.3 * np.sin(np.arange(72.0)).reshape(24, 3)
     pose[0] = (0.0, 1.0, 0.0)
     return [PosedHuman(avatar="0", root_m=np.array([x_m, 0.2, 0.95]), pose_axis_angle=pose)]
 

@@ -2,8 +2,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from readygo.common.arrays import Float64Array
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.drawing.files import write_png
 from readygo.services.reconstructor.training.between import points_between
@@ -14,7 +14,7 @@ SIZE_PX = (128, 96)
 K_PX = np.array([[120.0, 0.0, 64.0], [0.0, 120.0, 48.0], [0.0, 0.0, 1.0]])
 
 
-def posed_wall(folder: Path, depth_m: npt.NDArray[np.float64]) -> Posed:
+def posed_wall(folder: Path, depth_m: Float64Array) -> Posed:
     """Three cameras beside each other that all see nine points, as far away as told."""
     x, y = np.meshgrid([-0.7, 0.0, 0.7], [-0.5, 0.0, 0.5])
     points = np.column_stack([x.reshape(-1), y.reshape(-1), depth_m])
@@ -30,7 +30,7 @@ def posed_wall(folder: Path, depth_m: npt.NDArray[np.float64]) -> Posed:
     return Posed(views=views, folder=folder, points_m=points, points_rgb=np.zeros((9, 3), np.uint8), seen=seen)
 
 
-def slanted(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def slanted(x: Float64Array) -> Float64Array:
     return 2.0 + 0.3 * x
 
 
