@@ -38,7 +38,7 @@ from readygo.services.evaluator import handle_evaluate
 from readygo.services.evaluator.records import EpisodeRecord
 from readygo.services.evaluator.scores import compare_all, scores_of
 from readygo.services.trainer.finetune import load_network, save_network
-from readygo.services.trainer.inputs import GOAL_SCALE_M, Fusion, Goal, MotionInput
+from readygo.services.trainer.inputs import GOAL_SCALE_M, Fusion, GoalForm, MotionInput
 from readygo.services.trainer.model import PolicyNet
 
 NOISE = 0.1
@@ -65,7 +65,7 @@ class Rides(VecEnv):
         self._limits = np.array([robot.v_max_mps, robot.w_max_radps], np.float32)
         self._memories = [policy.start() for _ in range(count)]
         self._inputs = inputs = load_network(folder).inputs
-        if inputs.fusion is not Fusion.LATE or inputs.goal is not Goal.POINT or inputs.robot:
+        if inputs.fusion is not Fusion.LATE or inputs.goal is not GoalForm.POINT or inputs.robot:
             raise PolicyError(f"{folder} must hold a policy of late fusion, for one robot, whose goal is a point.")
         features = spaces.Box(-np.inf, np.inf, (inputs.feature_count,), np.float32)
         shares = spaces.Box(np.float32([0.0, -1.0]), np.float32([1.0, 1.0]))

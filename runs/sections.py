@@ -86,11 +86,13 @@ class Sections:
                 close = difflib.get_close_matches(name, known, n=1)
                 meant = f" (did you mean {_flag(*path, close[0])}?)" if close else ""
                 of = f"key {word!r} of {_flag(*path)}" if path else f"section --{word}"
-                raise ConfigError(f"unknown {of}{meant}; known: {', '.join(map(_dashed, known))}")
+                raise ConfigError(f"unknown {of}{meant}; known: {', '.join(map(_with_dashes, known))}")
             hint = known.get(name, known.get("*"))
             path.append(name)
         if known := _members(hint):
-            raise ConfigError(f"{_flag(*path)} is a section; name one of its keys: {', '.join(map(_dashed, known))}")
+            raise ConfigError(
+                f"{_flag(*path)} is a section; name one of its keys: {', '.join(map(_with_dashes, known))}"
+            )
         return path, hint
 
 
@@ -112,7 +114,7 @@ def with_keys(config: Config, keys: Keys, where: str = "") -> Config:
     except ConfigError as error:
         named = str(error).startswith((*keys, where.rstrip(".") or ":"))
         path, _, words = re.sub(r"^([\w.]+): (\w+) must", r"\1.\2 must", str(error)).partition(" ")
-        raise ConfigError(f"--{_dashed(path)} {words}" if named else str(error)) from error
+        raise ConfigError(f"--{_with_dashes(path)} {words}" if named else str(error)) from error
 
 
 def merge_tables(tables: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
@@ -193,8 +195,8 @@ def _plain(hint: Any) -> Any:
 
 
 def _flag(*path: str) -> str:
-    return f"--{'.'.join(map(_dashed, path))}"
+    return f"--{'.'.join(map(_with_dashes, path))}"
 
 
-def _dashed(name: str) -> str:
+def _with_dashes(name: str) -> str:
     return name.replace("_", "-")

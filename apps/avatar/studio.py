@@ -95,7 +95,7 @@ def turntable(avatar: Avatar, poses: Sequence[Float32Array]) -> UInt8Array:
     for pose in poses:
         tiles = []
         for view in range(VIEW_COUNT):
-            turned = _turned(pose, 2 * np.pi * view / VIEW_COUNT)
+            turned = _turn_pose(pose, 2 * np.pi * view / VIEW_COUNT)
             motion = Motion(root_m=_grounded_root(avatar, turned)[None], pose_axis_angle=turned[None])
             tiles.append(studio.picture(camera, motion, 0, joint_positions(avatar, motion)))
         rows.append(np.concatenate(tiles, axis=1))
@@ -127,7 +127,7 @@ def _after(axis_angle: Float32Array, swing_rad: float) -> Float32Array:
     return axis_angle_from_matrix(R).astype(np.float32)
 
 
-def _turned(pose: Float32Array, angle_rad: float) -> Float32Array:
+def _turn_pose(pose: Float32Array, angle_rad: float) -> Float32Array:
     turned = pose.copy()
     R = matrix_from_axis_angle((0.0, angle_rad, 0.0)) @ matrix_from_axis_angle(pose[0])
     turned[0] = axis_angle_from_matrix(R)

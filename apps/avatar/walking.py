@@ -42,7 +42,7 @@ def walk_frames(avatar: Avatar, *, seed: int = 0) -> Iterator[UInt8Array]:
         RGB, shape (540, 960, 3), 20 frames per second.
     """
     motion = s_curve_walk(avatar, seed=seed)
-    targets = _smoothed(motion.root_m[:, :2].astype(np.float64))
+    targets = _smooth_path(motion.root_m[:, :2].astype(np.float64))
     joints = joint_positions(avatar, motion)
     studio = Studio(avatar, FRAMING)
     for row, target in enumerate(targets):
@@ -123,7 +123,7 @@ def phase_rows(joints_m: Float64Array) -> tuple[int, int, int, int]:
     return first, first + round(0.25 * stride), first + round(0.5 * stride), first + round(0.75 * stride)
 
 
-def _smoothed(xy: Float64Array) -> Float64Array:
+def _smooth_path(xy: Float64Array) -> Float64Array:
     """The path of the camera's target: the pelvis, averaged over 1 s before and after."""
     padded = np.concatenate([np.repeat(xy[:1], FPS, axis=0), xy, np.repeat(xy[-1:], FPS, axis=0)])
     kernel = np.hanning(2 * FPS + 3)[1:-1]

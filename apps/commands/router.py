@@ -11,7 +11,7 @@ from readygo.common.errors import RunError
 
 
 @dataclass(frozen=True, kw_only=True)
-class RouterOptions:
+class RouterCommandOptions:
     """Run a router for the coordinators, recorders and workers of several runs, until Ctrl-C or SIGTERM.
 
     Runs can start and end at any time: `readygo generate ... --on hosts --connect` begins one, `readygo worker ROLE
@@ -26,7 +26,7 @@ class RouterOptions:
     """Names of all recorders of the runs; each has separate rights."""
 
 
-def router(options: RouterOptions) -> None:
+def router(options: RouterCommandOptions) -> None:
     """Run a router for the coordinators, recorders and workers of several runs, until Ctrl-C or SIGTERM."""
     token = given_token()
     if not token and not options.listen.startswith(TLS):

@@ -12,7 +12,7 @@ MEASUREMENTS_MIN = 4
 
 
 @dataclass(frozen=True, kw_only=True)
-class Measurement:
+class PolicyMeasurement:
     """Success rates of a policy on the split val."""
 
     fraction: float
@@ -33,13 +33,13 @@ class Measurement:
         return low
 
 
-def best_of(measurements: Sequence[Measurement]) -> int | None:
+def best_of(measurements: Sequence[PolicyMeasurement]) -> int | None:
     """Index of the measurement with the best score, the later one of equals; None without measurements."""
     rows = range(len(measurements))
     return max(rows, key=lambda row: (measurements[row].score, row), default=None)
 
 
-def has_stopped_rising(measurements: Sequence[Measurement], fraction: float, patience: float) -> bool:
+def has_stopped_rising(measurements: Sequence[PolicyMeasurement], fraction: float, patience: float) -> bool:
     """True if the score has not risen for the share `patience` of the budget, and for some measurements.
 
     Args:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from readygo.apps.learn.choice import Measurement
+from readygo.apps.learn.choice import PolicyMeasurement
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.documents import read_json
 from readygo.common.errors import ConfigError, RunError
@@ -28,7 +28,7 @@ class CurvePoint:
     """Training loss since the previous point; None if unknown."""
     driven: float | None = None
     """Success rate of the latest recorded episodes that policies drove; None before there are any."""
-    measurement: Measurement | None = None
+    measurement: PolicyMeasurement | None = None
     """Measurement on the split val at this point; None without one."""
 
 
@@ -52,6 +52,6 @@ def save_curve(path: Path, points: Sequence[CurvePoint]) -> None:
     write_whole(path, text + "\n", raises=RunError)
 
 
-def measurements_of(points: Sequence[CurvePoint]) -> list[Measurement]:
+def measurements_of(points: Sequence[CurvePoint]) -> list[PolicyMeasurement]:
     """The measurements among the points, in order."""
     return [point.measurement for point in points if point.measurement is not None]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from readygo.apps.learn.choice import Measurement
+from readygo.apps.learn.choice import PolicyMeasurement
 from readygo.apps.learn.curve import CurvePoint
 from readygo.apps.learn.plan import LearnPlan
 from readygo.apps.learn.training import read_losses
@@ -41,7 +41,7 @@ SEARCHED = 20
 def gather(
     plan: LearnPlan,
     points: Sequence[CurvePoint],
-    chosen: Measurement | None,
+    chosen: PolicyMeasurement | None,
     replies: Mapping[str, EvaluateReply],
     run: RunNumbers,
     commands: tuple[CommandLine, ...],
@@ -135,7 +135,7 @@ def _intervals(rates: Sequence[tuple[float, int]]) -> Any:
     return 100 * np.array(ends, dtype=np.float64).reshape(-1, 2).T
 
 
-def _chosen_note(chosen: Measurement | None) -> str:
+def _chosen_note(chosen: PolicyMeasurement | None) -> str:
     if chosen is None:
         return "The policy is the last one: none was measured on the split val."
     return (

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from readygo.apps.fleet.worker import make_coordinator
-from readygo.apps.learn.choice import Measurement
+from readygo.apps.learn.choice import PolicyMeasurement
 from readygo.apps.learn.crew import ALONE, Reach
 from readygo.apps.learn.curve import CurvePoint
 from readygo.apps.learn.gather import TEST_FOLDER, gather
@@ -27,7 +27,7 @@ class Learned:
 
     plan: LearnPlan
     points: list[CurvePoint]
-    chosen: Measurement | None
+    chosen: PolicyMeasurement | None
     """The measurement of the policy that was kept."""
     replies: dict[str, EvaluateReply]
     """Results of the test episodes by scene."""

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from readygo.apps.evaluation.replay import Replays
 from readygo.apps.evaluation.watch import write_pages
-from readygo.apps.learn.choice import Measurement
+from readygo.apps.learn.choice import PolicyMeasurement
 from readygo.apps.learn.plan import LearnPlan
 from readygo.common.messages import Outcome, Split
 from readygo.common.policy import PolicySpec, load_policy
@@ -42,7 +42,7 @@ from readygo.services.renderer import Renderer
 class Measured:
     """A measurement, with its policy and time."""
 
-    measurement: Measurement
+    measurement: PolicyMeasurement
     folder: Path
     """Folder of the policy."""
     episode_s: float
@@ -85,7 +85,7 @@ class Measuring:
             for place, evaluator in zip(self._plan.places, evaluators, strict=True)
         ]
         records = [record for reply in replies for record in reply.records]
-        measurement = Measurement(
+        measurement = PolicyMeasurement(
             fraction=fraction,
             policy=sha256,
             episodes=each * len(self._plan.places),

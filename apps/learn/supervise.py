@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from readygo.apps.learn.background import Background
-from readygo.apps.learn.choice import Measurement, best_of, episodes_to_measure, has_stopped_rising
+from readygo.apps.learn.choice import PolicyMeasurement, best_of, episodes_to_measure, has_stopped_rising
 from readygo.apps.learn.cores import CoreSplit, cores_here, is_ahead, split_cores
 from readygo.apps.learn.crew import ALONE, Crew, Reach
 from readygo.apps.learn.curve import CurvePoint, load_curve, measurements_of, save_curve
@@ -58,7 +58,7 @@ class Now:
     policies: int
     driven: float | None
     """Success rate of the latest recorded policy-driven episodes; None before there are any."""
-    latest: Measurement | None
+    latest: PolicyMeasurement | None
     """Latest measurement on the split val; None before the first."""
 
 
@@ -89,11 +89,11 @@ class Supervisor:
         return self._spent_s / 60
 
     @property
-    def measurements(self) -> list[Measurement]:
+    def measurements(self) -> list[PolicyMeasurement]:
         """All measurements on the split val, in order."""
         return measurements_of(self.points)
 
-    def learn(self) -> Measurement | None:
+    def learn(self) -> PolicyMeasurement | None:
         """Train until the budget is spent or nothing improves; returns the measurement of the policy that is kept.
 
         Raises:
@@ -229,7 +229,7 @@ class Supervisor:
         if training.samples and (not self.points or self.minutes - self.points[-1].minutes >= apart):
             self._add_point(crew, training, None)
 
-    def _add_point(self, crew: Crew, training: Training, measurement: Measurement | None) -> None:
+    def _add_point(self, crew: Crew, training: Training, measurement: PolicyMeasurement | None) -> None:
         point = CurvePoint(
             minutes=self.minutes,
             recorded=crew.images,

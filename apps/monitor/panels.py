@@ -36,15 +36,15 @@ Segments = Sequence[tuple[float, str]]
 
 def html(*parts: str) -> str:
     """Parts of the page in its style."""
-    return _drawn("panel", parts)
+    return _draw_panel("panel", parts)
 
 
 def sentence(text: str) -> str:
     """A panel that says one sentence."""
-    return html(_drawn("soft", text))
+    return html(_draw_panel("soft", text))
 
 
-def _drawn(macro: str, *data: Any) -> str:
+def _draw_panel(macro: str, *data: Any) -> str:
     return draw("panels.html", macro, *data)
 
 
@@ -61,7 +61,9 @@ def header(name: str, watch: RunWatch, recorded: int, note: str = "") -> str:
     kind, words = _health(watch, recorded)
     if status is None:
         tiles = [(f"{recorded:,}", "episodes")] if recorded else []
-        return html(_drawn("header", name, kind, words, tiles, [], [], ["" if recorded else watch.connection, note]))
+        return html(
+            _draw_panel("header", name, kind, words, tiles, [], [], ["" if recorded else watch.connection, note])
+        )
     rate = watch.samples_hz
     tiles = [
         (f"{status.committed:,}", f"of {status.wanted:,} episodes"),
@@ -72,7 +74,7 @@ def header(name: str, watch: RunWatch, recorded: int, note: str = "") -> str:
     progress = [(status.committed / max(status.wanted, 1), BAR_COLOURS[0])]
     troubles = [text for text in (status.trouble, status.failed) if text]
     notes = [watch.connection if kind == "lost" else "", note]
-    return html(_drawn("header", name, kind, words, tiles, progress, troubles, notes))
+    return html(_draw_panel("header", name, kind, words, tiles, progress, troubles, notes))
 
 
 def _health(watch: RunWatch, recorded: int) -> tuple[str, str]:
@@ -100,12 +102,12 @@ def moment(state: LiveState, track: EpisodeTrack | None, worker: str = "") -> st
     }
     driver = state.driver.value + (f" on {worker}" if worker else "")
     ended = (outcome.value.replace("_", " "), OUTCOME_COLOURS[outcome]) if outcome else ("", "")
-    return html(_drawn("moment", state.episode.episode_id, driver, *ended, facts))
+    return html(_draw_panel("moment", state.episode.episode_id, driver, *ended, facts))
 
 
 def pictures(images: Pictures, kind: str, robot: RobotConfig) -> str:
     """Images of all cameras at one time, over the whole width."""
-    return html(_drawn("images", _image_rows(images, kind, robot))) if images else ""
+    return html(_draw_panel("images", _image_rows(images, kind, robot))) if images else ""
 
 
 def cameras(workers: Iterable[Seen], robot: RobotConfig) -> str:
@@ -121,7 +123,7 @@ def cameras(workers: Iterable[Seen], robot: RobotConfig) -> str:
     if not previews:
         return sentence("Images appear as soon as an episode is rendered.")
     # Several cameras of one robot side by side need the width.
-    return html(_drawn("cameras", "wide" if robot.cameras else "cams", previews))
+    return html(_draw_panel("cameras", "wide" if robot.cameras else "cams", previews))
 
 
 def _image_rows(images: Pictures, kind: str, robot: RobotConfig) -> list[list[tuple[str, str]]]:
@@ -158,19 +160,19 @@ def stages(status: StatusReply | None, spec: RunSpec | None) -> str:
         (name, [(leased / most, BAR_COLOURS[0]), (waiting / most, "#4a5766")], f"{leased} + {waiting}")
         for name, (leased, waiting) in counts.items()
     ]
-    parts = [_drawn("bars", "Episodes at each stage: at work + waiting", rows)]
+    parts = [_draw_panel("bars", "Episodes at each stage: at work + waiting", rows)]
     if status.rejected:
         tried = status.committed + sum(status.rejected.values())
-        parts.append(_drawn("bars", f"Rejected, of {tried:,} tried", _count_bars(status.rejected, "#ff6b6b")))
+        parts.append(_draw_panel("bars", f"Rejected, of {tried:,} tried", _count_bars(status.rejected, "#ff6b6b")))
     if status.kept:
-        parts.append(_drawn("bars", "Kept although they failed", _count_bars(status.kept, "#f5a623")))
+        parts.append(_draw_panel("bars", "Kept although they failed", _count_bars(status.kept, "#f5a623")))
     if total := sum(status.cpu_s.values()):
         shares = {name: seconds / total for name, seconds in status.cpu_s.items()}
         segments = [(share, BAR_COLOURS[k % len(BAR_COLOURS)]) for k, share in enumerate(shares.values())]
         words = ", ".join(f"{name} {100 * share:.0f} %" for name, share in shares.items())
-        parts.append(_drawn("processor_time", segments, words))
+        parts.append(_draw_panel("processor_time", segments, words))
     if status.requeued:
-        parts.append(_drawn("soft", f"{status.requeued} leases ended without a result"))
+        parts.append(_draw_panel("soft", f"{status.requeued} leases ended without a result"))
     return "".join(parts)
 
 
@@ -209,7 +211,7 @@ def evaluations(watch: RunWatch) -> str:
         (f"{method} {policy[:8]} {task}", [(rate, BAR_COLOURS[2])], f"{100 * rate:.0f} % of {count}")
         for (policy, method, task), (rate, count) in rates.items()
     ]
-    return _drawn("bars", "Evaluations: success rate", rows[:ROWS_MAX]) if rows else ""
+    return _draw_panel("bars", "Evaluations: success rate", rows[:ROWS_MAX]) if rows else ""
 
 
 def workers(watch: RunWatch) -> str:
@@ -219,7 +221,7 @@ def workers(watch: RunWatch) -> str:
     now_s = watch.clock()
     rows = [_worker(seen, now_s) for seen in sorted(watch.workers.values(), key=lambda seen: (seen.role, seen.name))]
     troubles = [f"{seen.name}: {seen.trouble}" for seen in watch.workers.values() if seen.trouble]
-    return html(_drawn("workers", rows, troubles))
+    return html(_draw_panel("workers", rows, troubles))
 
 
 def _worker(seen: Seen, now_s: float) -> tuple[str, ...]:

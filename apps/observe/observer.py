@@ -68,7 +68,7 @@ class ProcessObserver:
         """A worker's work functions with measured stages."""
         if self._metrics is None:
             return works
-        return {stage: _measured(self._metrics, stage, work) for stage, work in works.items()}
+        return {stage: _measure_work(self._metrics, stage, work) for stage, work in works.items()}
 
     def coordinator(self, coordinator: Coordinator) -> None:
         """Add the metrics of a coordinator."""
@@ -100,8 +100,8 @@ class ProcessObserver:
             self._target = target
 
 
-def _measured(metrics: Metrics, stage: Stage, work: Work) -> Work:
-    def measured(claim: ClaimReply, inputs: Inputs) -> StageResult | None:
+def _measure_work(metrics: Metrics, stage: Stage, work: Work) -> Work:
+    def measure(claim: ClaimReply, inputs: Inputs) -> StageResult | None:
         begin_s, begin_cpu_s, outcome = time.perf_counter(), time.thread_time(), "failed"
         try:
             result = work(claim, inputs)
@@ -111,4 +111,4 @@ def _measured(metrics: Metrics, stage: Stage, work: Work) -> Work:
             wall_s, cpu_s = time.perf_counter() - begin_s, time.thread_time() - begin_cpu_s
             metrics.stage_done(stage.name, outcome, wall_s, cpu_s)
 
-    return measured
+    return measure

@@ -69,14 +69,14 @@ def summary_lines(summary: Mapping[str, Any]) -> dict[str, str]:
     blurred, nearest = clarity["episodes_blurred"], summary["human_distance_min_m"]
     labels = f"; labels: {', '.join(summary['labels'])}" if summary["labels"] else ""
 
-    def told(output: str) -> str:
+    def name_output(output: str) -> str:
         return f"{output} ({summary['depth']})" if kind_of(output) == DEPTH else output
 
     lines = {
         "folder": f"{summary['folder']}, {summary['shards']} shards, {summary['size_bytes'] / 1e6:.1f} MB",
         "episodes": f"{summary['episodes']:,} ({', '.join(summary['splits'])})",
         "samples": f"{summary['samples']:,}, {60 * summary['hours']:.1f} min",
-        "images": f"{_sizes(summary)}, {', '.join(map(told, summary['outputs']))}{labels}",
+        "images": f"{_sizes(summary)}, {', '.join(map(name_output, summary['outputs']))}{labels}",
         "sharpness": f"median {clarity['sharpness_median']:.0f}, 5 % below {clarity['sharpness_5_percent']:.0f}; "
         f"{blurred} of {clarity['episodes_looked_at']} episodes blurred",
         "driving": f"{summary['speed_mean_mps']:.2f} m/s on average, {summary['replans']:,} replans",

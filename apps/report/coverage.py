@@ -11,7 +11,7 @@ from readygo.apps.report.page import (
     MediaFigure,
     Meter,
     PageTable,
-    arranged,
+    arrange_blocks,
     drawing,
     page,
     percent,
@@ -145,7 +145,7 @@ def _places(coverage: Coverage, facts: RunFacts, heat: UInt8Array) -> list[Block
         chart=rose_chart(coverage.headings.counts, name="Samples by heading"),
         caption="Where the robot looked, in the world; areas are samples.",
     )
-    return arranged("pair", [drawing(heat, note, alt="Where robots went"), rose])
+    return arrange_blocks("pair", [drawing(heat, note, alt="Where robots went"), rose])
 
 
 def _encounters(coverage: Coverage, facts: RunFacts) -> list[Block]:
@@ -181,7 +181,7 @@ def _encounters(coverage: Coverage, facts: RunFacts) -> list[Block]:
             "never",
         ),
     ]
-    return [PageTable(columns, rows), small_print(note), *arranged("pair", charts)]
+    return [PageTable(columns, rows), small_print(note), *arrange_blocks("pair", charts)]
 
 
 def _driving(coverage: Coverage) -> list[Block]:
@@ -202,7 +202,7 @@ def _driving(coverage: Coverage) -> list[Block]:
             "How much of an episode shows a pedestrian.",
         ),
     ]
-    return arranged("pair", figures)
+    return arrange_blocks("pair", figures)
 
 
 def _histogram(histogram: Histogram, axis: str, caption: str, none_name: str = "") -> MediaFigure:

@@ -48,7 +48,7 @@ def gather(data: Path, dataset: Dataset, casts: list[Cast], measured: Coverage, 
     recorded = dataset.provenance
     occupancy = robot_map(data, scene, recorded.scene.hash)
     radius_m = (dataset.robot or RobotConfig()).planning_radius_m
-    reasons = rejected(data)
+    reasons = rejection_reasons(data)
     return RunFacts(
         name=data.resolve().name,
         scene=recorded.scene.name,
@@ -80,7 +80,7 @@ def page_numbers(coverage: Coverage, facts: RunFacts, dataset: Dataset) -> dict[
         "visited_share": None if facts.visited_share is None else round(facts.visited_share, 4),
         "human_visible_share": round(coverage.visible_total, 4),
         "encounters": {
-            kind: {"episodes": episodes, "people": humans, "failed": _failed(facts, kind)}
+            kind: {"episodes": episodes, "people": humans, "failed": _failure_counts(facts, kind)}
             for kind, (episodes, humans) in coverage.encounters.items()
         },
         "avatars": dict(coverage.avatars),
@@ -136,7 +136,7 @@ def robot_map(data: Path, scene: str, scene_hash: str) -> OccupancyMap | None:
         return None
 
 
-def rejected(data: Path) -> Mapping[int, str] | None:
+def rejection_reasons(data: Path) -> Mapping[int, str] | None:
     """Reason of every index that the run rejected; None if its ledger is missing or not accessible."""
     folder = RunFolder(data)
     if not os.access(folder.ledger, os.R_OK | os.W_OK):
@@ -185,5 +185,5 @@ def _encounters(planner: HumanPlanner, episode: EpisodeKey, *, static: bool) -> 
     return None if scenario is None else tuple(human.encounter for human in scenario.humans)
 
 
-def _failed(facts: RunFacts, kind: str) -> dict[str, int] | None:
+def _failure_counts(facts: RunFacts, kind: str) -> dict[str, int] | None:
     return None if facts.failed is None else dict(facts.failed.get(kind, {}))

@@ -12,7 +12,7 @@ from readygo.apps.report.page import (
     Block,
     PageTable,
     Paragraph,
-    arranged,
+    arrange_blocks,
     drawing,
     fact_table,
     page,
@@ -69,11 +69,11 @@ def health_page(numbers: Mapping[str, Any], pictures: Mapping[str, UInt8Array]) 
         "From above": _figures(pictures, {TOP: "Without its ceiling.", ROBOT_MAP: _MAP_NOTE}),
         "Scale and registration": [fact_table(_origin(numbers))],
         "Held-out images": _held_out(numbers["held_out"], pictures),
-        "What was filmed": _filmed(numbers["filmed"], pictures),
+        "What was filmed": _coverage_section(numbers["filmed"], pictures),
         "What the robot sees": _figures(pictures, {VIEWS: "From places all over its ground.", CLARITY: _FOG_NOTE}),
         "Floor and walls": [fact_table(_floor(numbers)), *_figures(pictures, {SIGHT: _SIGHT_NOTE})],
         "Gaussians": [
-            PageTable(("Kind", "Gaussians", "Share"), _unwanted(numbers)),
+            PageTable(("Kind", "Gaussians", "Share"), _defect_rows(numbers)),
             small_print(floaters),
         ],
     }
@@ -189,7 +189,7 @@ def _held_out(held_out: Mapping[str, Any] | None, pictures: Mapping[str, UInt8Ar
     return [*_figures(pictures, where), PageTable(("Number", "Image", "PSNR", "SSIM"), rows, text_columns=2)]
 
 
-def _filmed(filmed: Mapping[str, Any] | None, pictures: Mapping[str, UInt8Array]) -> list[Block]:
+def _coverage_section(filmed: Mapping[str, Any] | None, pictures: Mapping[str, UInt8Array]) -> list[Block]:
     if not filmed:
         return []
     limit = percent(filmed["share_min"])
@@ -209,7 +209,7 @@ def _floor(numbers: Mapping[str, Any]) -> list[tuple[str, str]]:
     ]
 
 
-def _unwanted(numbers: Mapping[str, Any]) -> list[list[str]]:
+def _defect_rows(numbers: Mapping[str, Any]) -> list[list[str]]:
     rows = [
         [kind, f"{entry['count']:,}", f"{100 * entry['share']:.2f} %"] for kind, entry in numbers["unwanted"].items()
     ]
@@ -219,7 +219,7 @@ def _unwanted(numbers: Mapping[str, Any]) -> list[list[str]]:
 def _figures(pictures: Mapping[str, UInt8Array], captions: Mapping[str, str]) -> list[Block]:
     """The existing pictures with captions, side by side if there is room."""
     given = {name: caption for name, caption in captions.items() if name in pictures}
-    return arranged(
+    return arrange_blocks(
         "pair",
         [
             (photograph if name in _PHOTOGRAPHS else drawing)(_shrunk(pictures[name]), caption)

@@ -100,7 +100,7 @@ def health(scene: Scene, radius_m: float, lines: Sightlines, seen: SceneViews) -
         },
         "floor_holes": holes,
         "open_share": round(lines.open_share, 4),
-        "filmed": _filmed(scene),
+        "filmed": _coverage_numbers(scene),
         "views": seen.to_mapping(),
         "findings": [*_findings(scene), *_hole_lines(holes), *warnings(seen), *made.get("notes", [])],
         **figures,
@@ -167,7 +167,7 @@ def _floor_holes(scene: Scene) -> dict[str, Any]:
     }
 
 
-def _filmed(scene: Scene) -> dict[str, Any] | None:
+def _coverage_numbers(scene: Scene) -> dict[str, Any] | None:
     """Median filmed share of the views from the ground, and the area where it suffices; None without cameras."""
     share = scene.maps.filmed_share
     if share is None:

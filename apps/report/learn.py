@@ -14,7 +14,7 @@ from readygo.apps.report.page import (
     PageTable,
     Paragraph,
     StripImage,
-    arranged,
+    arrange_blocks,
     drawing,
     image_strip,
     page,
@@ -179,8 +179,8 @@ def _failures(content: ReportContent) -> list[Block]:
         coloured = list(zip(content.ends, _END_COLOURS, strict=False))
         legend = ColourLegend([(f"{ends.name} {len(ends.xy_m)}", colour) for ends, colour in coloured])
         picture = drawing(_draw_ends(content, coloured), content.ends_note, alt="Map of the places of failure")
-        blocks += arranged("stack", [legend, picture])
-    blocks = arranged("pair", [*blocks, *arranged("stack", content.films)])
+        blocks += arrange_blocks("stack", [legend, picture])
+    blocks = arrange_blocks("pair", [*blocks, *arrange_blocks("stack", content.films)])
     links = small_print("Test episodes, beside this page:", links=content.pages)
     return [*blocks, links] if content.pages else blocks
 
@@ -205,7 +205,7 @@ def _training(content: ReportContent) -> list[Block]:
     charts[caption] = line_chart(content.losses, x_name="samples learned from")
     figures = [MediaFigure(chart=svg, caption=caption) for caption, svg in charts.items() if svg]
     notes = [small_print(content.training_note)] if content.training_note else []
-    return [*arranged("pair", figures), *notes]
+    return [*arrange_blocks("pair", figures), *notes]
 
 
 def _place(content: ReportContent) -> list[Block]:
@@ -219,7 +219,7 @@ def _place(content: ReportContent) -> list[Block]:
     if content.occupancy or (content.top_view and content.episodes):
         picture = draw_episodes(_plan(content), content.episodes)
         blocks.append(drawing(picture, _paths_note(content), alt="Map with the paths of robot and humans"))
-    return arranged("pair", blocks)
+    return arrange_blocks("pair", blocks)
 
 
 def _plan(content: ReportContent) -> TopView:
@@ -258,4 +258,4 @@ def _run(run: RunNumbers) -> list[Block]:
         for stage, seconds in run.cpu_s_by_stage.items()
     ]
     stages = PageTable(("Stage", "CPU time", "per sample", "share"), rows) if rows else None
-    return [Paragraph(text=text), *arranged("pair", [stages, rejections(run.rejected, run.episodes)])]
+    return [Paragraph(text=text), *arrange_blocks("pair", [stages, rejections(run.rejected, run.episodes)])]

@@ -219,10 +219,10 @@ def image_strip(images: Sequence[StripImage]) -> list[Block]:
         photograph(image.rgb, f"{image.time_s:.2f} s", alt=f"Robot's view after {image.time_s:.2f} s")
         for image in images
     ]
-    return arranged("strip", figures)
+    return arrange_blocks("strip", figures)
 
 
-def arranged(kind: Literal["pair", "strip", "stack"], blocks: Sequence[Block | None]) -> list[Block]:
+def arrange_blocks(kind: Literal["pair", "strip", "stack"], blocks: Sequence[Block | None]) -> list[Block]:
     """The blocks that there are in one arrangement; an empty list without any."""
     given = [block for block in blocks if block is not None]
     return [Arrangement(kind=kind, blocks=given)] if given else []

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from readygo.apps.capture.compare import FoundPoseErrors
-from readygo.apps.report.page import Block, PageTable, arranged, drawing, fact_table, film, page
+from readygo.apps.report.page import Block, PageTable, arrange_blocks, drawing, fact_table, film, page
 from readygo.common.arrays import UInt8Array
 from readygo.common.dataset import Dataset
 from readygo.common.documents import read_json
@@ -51,7 +51,7 @@ def reconstruction_page(made: Reconstructed, episode: Path) -> str:
         tiles=tiles(made),
         sections={
             "Filmed and reconstructed": _held_out(made),
-            "From above": arranged(
+            "From above": arrange_blocks(
                 "pair",
                 [
                     drawing(top_view(made.source).rgb, "The flat."),

@@ -68,7 +68,7 @@ class RunObserver:
                 raise TimeoutError(f"Nothing happens for {PATIENCE_S:g} s.")
         return time.monotonic()
 
-    def requeued(self) -> tuple[int, int]:
+    def count_requeued(self) -> tuple[int, int]:
         """Leases that ended without a result so far, and the episodes that are leased."""
         try:
             status = self.bus.request(topics.STATUS, StatusRequest(), timeout_s=1.0)
@@ -117,15 +117,15 @@ def main(
 
 def measure(site: DataSite, repeats: int) -> dict[str, dict[str, float]]:
     """All rows, by name: fastest and median [s]."""
-    watch = _joined(site)
+    watch = _join(site)
     try:
-        return _measured(site, watch, repeats)
+        return _measure(site, watch, repeats)
     finally:
         # While the router is there: a session that is left open keeps the process from ending.
         watch.bus.close()
 
 
-def _measured(site: DataSite, watch: RunObserver, repeats: int) -> dict[str, dict[str, float]]:
+def _measure(site: DataSite, watch: RunObserver, repeats: int) -> dict[str, dict[str, float]]:
     watch.until(lambda: watch.committed_s > 0.0)
     times: dict[str, list[float]] = {}
 
@@ -134,7 +134,7 @@ def _measured(site: DataSite, watch: RunObserver, repeats: int) -> dict[str, dic
 
     for _ in range(repeats):
         for name in sorted(site.processes().keys() - {"launcher"}):
-            for row, value in _killed(site, watch, name).items():
+            for row, value in _kill(site, watch, name).items():
                 note(row, value)
         note("silent host -> requeued", _silent(site, watch))
     return {
@@ -143,7 +143,7 @@ def _measured(site: DataSite, watch: RunObserver, repeats: int) -> dict[str, dic
     }
 
 
-def _joined(site: DataSite) -> RunObserver:
+def _join(site: DataSite) -> RunObserver:
     deadline_s = time.monotonic() + PATIENCE_S
     while True:
         try:
@@ -154,7 +154,7 @@ def _joined(site: DataSite) -> RunObserver:
             time.sleep(0.2)
 
 
-def _killed(site: DataSite, watch: RunObserver, name: str) -> dict[str, float]:
+def _kill(site: DataSite, watch: RunObserver, name: str) -> dict[str, float]:
     """Kill a process; when its successor is ready, and what else is waited for."""
     pid, before = site.processes()[name], watch.requeued()[0]
     begin_s = time.monotonic()

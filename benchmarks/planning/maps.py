@@ -66,7 +66,7 @@ def find_map(name: str, data: Path | None) -> MapSource:
                 return MapSource(name=name, path=str(found))
         for found in _gaussian_files(data, name):
             return MapSource(
-                name=name, path=str(_imported(name, found, next(_gaussian_files(data, name + SKY_ENDING), None)))
+                name=name, path=str(_import_map(name, found, next(_gaussian_files(data, name + SKY_ENDING), None)))
             )
     raise ConfigError(_unknown(name, data))
 
@@ -100,7 +100,7 @@ def _unknown(name: str, data: Path | None) -> str:
     return f"Unknown map {name!r}: neither a scene bundle nor a map file, and {data} holds {known}."
 
 
-def _imported(name: str, source: Path, sky: Path | None) -> Path:
+def _import_map(name: str, source: Path, sky: Path | None) -> Path:
     """The bundle of a Gaussian file in the user's cache, made again when the file or the code of maps has changed."""
     digest = hashlib.sha256()
     makers = [*(ROOT / "common" / "maps").glob("*.py"), ROOT / "common" / "scenes" / "bundle.py"]

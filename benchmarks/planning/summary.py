@@ -46,15 +46,15 @@ def row_of(runs: Sequence[PlanningRun], scenario_ms: float) -> dict[str, Any]:
     return {
         **{key: round(value, 4) for key, value in score.items()},
         "near_misses": sum(contact_m <= run.closest_m < contact_m + NEAR_MISS_M for run in runs),
-        "avatar_gap_p5_m": _rounded(np.percentile(gaps_m, 5)) if gaps_m else None,
+        "avatar_gap_p5_m": _round_values(np.percentile(gaps_m, 5)) if gaps_m else None,
         "replans_per_episode": round(sum(len(run.replan_ms) for run in runs) / len(runs), 2),
-        "replan_p50_ms": _rounded(np.percentile(replans_ms, 50)),
-        "replan_p99_ms": _rounded(np.percentile(replans_ms, 99)),
+        "replan_p50_ms": _round_values(np.percentile(replans_ms, 50)),
+        "replan_p99_ms": _round_values(np.percentile(replans_ms, 99)),
         "expert_ms": round(expert_ms, 2),
         "scenario_ms": round(scenario_ms, 2),
         "episodes_per_core_s": round(1e3 / (scenario_ms + expert_ms), 1),
-        "turn_change_radps2": _rounded(sum(run.turn_change_radps for run in runs) / duration_s),
-        "free_speed_mps": _rounded(sum(run.free_m for run in runs) / free_s) if free_s > 0 else None,
+        "turn_change_radps2": _round_values(sum(run.turn_change_radps for run in runs) / duration_s),
+        "free_speed_mps": _round_values(sum(run.free_m for run in runs) / free_s) if free_s > 0 else None,
         "failures": dict(Counter(run.failure for run in runs if run.failure).most_common()),
     }
 
@@ -123,5 +123,5 @@ def _notes(row: dict[str, Any]) -> list[str]:
     return notes
 
 
-def _rounded(value: float) -> float | None:
+def _round_values(value: float) -> float | None:
     return round(float(value), 3) if math.isfinite(value) else None

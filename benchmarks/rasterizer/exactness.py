@@ -107,7 +107,7 @@ def scene_errors(scene: Scene, views: int, people: int = 0, seed: int = 0) -> li
     for place in random_places(scenery, people, views, seed):
         T = place.T_world_camera(camera, 0)
         posed = [
-            _posed(name, motion.root_m[40], motion.pose_axis_angle[40], place.humans_m[number])
+            _pose(name, motion.root_m[40], motion.pose_axis_angle[40], place.humans_m[number])
             for number, (name, motion) in enumerate(motions.items())
         ]
         bodies = [pose_avatar(avatars[p.avatar], p.root_m, p.pose_axis_angle) for p in posed]
@@ -116,7 +116,7 @@ def scene_errors(scene: Scene, views: int, people: int = 0, seed: int = 0) -> li
     return errors
 
 
-def _posed(name: str, root_m: Float32Array, pose: Float32Array, standpoint_m: Sequence[float]) -> PosedHuman:
+def _pose(name: str, root_m: Float32Array, pose: Float32Array, standpoint_m: Sequence[float]) -> PosedHuman:
     x_m, y_m, floor_m = standpoint_m
     return PosedHuman(avatar=name, root_m=np.array([x_m, y_m, floor_m + root_m[2]]), pose_axis_angle=pose)
 

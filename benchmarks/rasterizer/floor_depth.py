@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from readygo.benchmarks.rasterizer.scenery import Scenery
+from readygo.benchmarks.rasterizer.scenery import BenchScenery
 from readygo.benchmarks.rasterizer.setting import Measurement, open_setting
 from readygo.common.arrays import BoolArray, Float64Array
 from readygo.common.maps import OccupancyMap
@@ -78,7 +78,9 @@ def errors(relative: Float64Array) -> dict[str, Any]:
     return {"pixels": len(relative), **{name: float(100 * np.mean(off)) for name, off in bad.items()}}
 
 
-def floor_depths(scenery: Scenery, camera: CameraConfig, T_world_camera: Float64Array, reach_m: float) -> Float64Array:
+def floor_depths(
+    scenery: BenchScenery, camera: CameraConfig, T_world_camera: Float64Array, reach_m: float
+) -> Float64Array:
     """Depth of the floor map along pixels' rays [m], shape (H, W); NaN where that is not free floor within reach."""
     K = camera.K_px
     u, v = np.meshgrid(np.arange(camera.width_px) + 0.5, np.arange(camera.height_px) + 0.5)

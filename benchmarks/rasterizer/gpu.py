@@ -118,7 +118,7 @@ def main(
     }
     for name in kernels:
         try:
-            result["kernels"][name] = _measured(job, name, batches, checks, seconds, sweep)
+            result["kernels"][name] = _measure(job, name, batches, checks, seconds, sweep)
         except ReadygoError as error:
             result["kernels"][name] = {"error": str(error)}
         # Written after each part: what was measured is kept if the next part fails.
@@ -147,7 +147,7 @@ def _machine(device: str) -> dict[str, Any] | None:
     }
 
 
-def _measured(
+def _measure(
     job: GpuJob, name: str, batches: Sequence[int], checks: int, seconds: float, sweep: bool
 ) -> dict[str, Any]:
     """Correctness first, then speed."""

@@ -36,7 +36,7 @@ _TRIES = 200
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Scenery:
+class BenchScenery:
     """A scene as benchmarks need it."""
 
     name: str
@@ -64,9 +64,9 @@ class Standpoint:
         return camera.T_world_camera(self.x_m, self.y_m, self.yaw_rad + TURN_RAD * image, self.floor_m)
 
 
-def scene_scenery(scene: Scene) -> Scenery:
+def scene_scenery(scene: Scene) -> BenchScenery:
     """A bundle's scenery."""
-    return Scenery(
+    return BenchScenery(
         name=scene.name,
         layers=lambda: [packed_cloud(cloud, pack_folder(scene)) for cloud in static_clouds(scene)],
         cloud=lambda: scene.cloud if scene.sky is None else concatenate([scene.cloud, scene.sky]),
@@ -75,7 +75,7 @@ def scene_scenery(scene: Scene) -> Scenery:
     )
 
 
-def synthetic_scenery(count: int, seed: int) -> Scenery:
+def synthetic_scenery(count: int, seed: int) -> BenchScenery:
     """The synthetic flat with `count` Gaussians; packed once into the user's cache.
 
     Packs that another version of `synthetic_room.py` has left there are removed.
@@ -86,7 +86,7 @@ def synthetic_scenery(count: int, seed: int) -> Scenery:
         if not stale.name.startswith(f"room-{source}-"):
             shutil.rmtree(stale, ignore_errors=True)
     occupancy, floor = synthetic_room.room_maps(seed)
-    return Scenery(
+    return BenchScenery(
         name=f"synthetic flat, seed {seed}",
         layers=lambda: [load_or_pack(folder, lambda: synthetic_room.room_cloud(count, seed))],
         cloud=lambda: synthetic_room.room_cloud(count, seed),
@@ -95,7 +95,7 @@ def synthetic_scenery(count: int, seed: int) -> Scenery:
     )
 
 
-def open_scenery(scene: str, synthetic: str, seed: int) -> Scenery:
+def open_scenery(scene: str, synthetic: str, seed: int) -> BenchScenery:
     """The scenery of the command line's `--scene` and `--synthetic`; the embedded scene if both are empty.
 
     Raises:
@@ -125,7 +125,9 @@ def gaussian_count(text: str) -> int:
     return count
 
 
-def random_places(scenery: Scenery, humans: int, count: int, seed: int, *, in_sight: bool = True) -> list[Standpoint]:
+def random_places(
+    scenery: BenchScenery, humans: int, count: int, seed: int, *, in_sight: bool = True
+) -> list[Standpoint]:
     """Standpoints and headings in the largest free area.
 
     Args:
@@ -156,7 +158,7 @@ def random_places(scenery: Scenery, humans: int, count: int, seed: int, *, in_si
     return places
 
 
-def _place(scenery: Scenery, cell: Int64Array, yaw_rad: float, humans: int) -> Standpoint:
+def _place(scenery: BenchScenery, cell: Int64Array, yaw_rad: float, humans: int) -> Standpoint:
     x_m, y_m = scenery.occupancy.frame.centre_m(int(cell[0]), int(cell[1]))
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     points = [(x_m + c * forward - s * left, y_m + s * forward + c * left) for forward, left in AHEAD[:humans]]

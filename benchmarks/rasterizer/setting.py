@@ -7,7 +7,14 @@ from typing import Literal
 
 import numpy as np
 
-from readygo.benchmarks.rasterizer.scenery import Scenery, Standpoint, open_scenery, random_places, walk_motion, wearers
+from readygo.benchmarks.rasterizer.scenery import (
+    BenchScenery,
+    Standpoint,
+    open_scenery,
+    random_places,
+    walk_motion,
+    wearers,
+)
 from readygo.common.avatars import Avatar, load_avatars, pose_avatar
 from readygo.common.errors import ConfigError
 from readygo.common.gaussians import GaussianCloud, concatenate
@@ -56,7 +63,7 @@ class Setting:
     """Scene, camera, standpoints, and people in motion."""
 
     job: Measurement
-    scenery: Scenery
+    scenery: BenchScenery
     camera: CameraConfig
     places: list[Standpoint]
     avatars: list[Avatar]

@@ -75,7 +75,7 @@ def line_chart(curves: Sequence[Curve], *, x_name: str, what: str = "Loss", y_ma
         top_px=top_px,
     )
     kind = f"{what}, logarithmic" if log else what
-    lines = [_coloured(f"c{k % CURVE_COUNT}", _line(axes, curve)) for k, curve in enumerate(drawn)]
+    lines = [_with_colours(f"c{k % CURVE_COUNT}", _line(axes, curve)) for k, curve in enumerate(drawn)]
     parts = [_text(4, 14, kind, "start"), legend, _y_axis(axes, y_ticks), _x_axis(axes, x_name), *lines]
     return _svg(f"{kind} over {x_name}", parts)
 
@@ -101,7 +101,7 @@ def bar_chart(
     )
     slot_px = (right_px - _LEFT) / len(counts)
     bars = [
-        _bar(axes, _LEFT + k * slot_px, slot_px, count, f"{_rounded(edges[k])} to {_rounded(edges[k + 1])}")
+        _bar(axes, _LEFT + k * slot_px, slot_px, count, f"{_number_label(edges[k])} to {_number_label(edges[k + 1])}")
         for k, count in enumerate(counts.tolist())
     ]
     beyond, names = [], []
@@ -109,7 +109,13 @@ def bar_chart(
         middle_px = right_px + (k + 0.5) * _REST_PX + 8
         beyond.append(_bar(axes, middle_px - slot_px / 2, slot_px, count, name))
         names.append(_text(middle_px, _HEIGHT - 22, name))
-    parts = [_y_axis(axes, ticks), _coloured("c0", bars), _coloured("rest", beyond), *names, _x_axis(axes, axis)]
+    parts = [
+        _y_axis(axes, ticks),
+        _with_colours("c0", bars),
+        _with_colours("rest", beyond),
+        *names,
+        _x_axis(axes, axis),
+    ]
     return _svg(f"{count_name} by {axis}", parts)
 
 
@@ -134,7 +140,9 @@ def rose_chart(counts: Int64Array, *, name: str) -> str:
         petals.append(_tag("path", _title(f"{math.degrees(k * width):.0f} deg: {count}"), d=path))
     places = (("+x", radius + 16, 4), ("+y", 0, -radius - 8), ("-x", -radius - 16, 4), ("-y", 0, radius + 18))
     texts = [_text(middle + x, middle + y, text) for text, x, y in places]
-    return _svg(name, [_gridded(rings), _coloured("c0", petals), *texts], size=(_ROSE_PX, _ROSE_PX), kind="chart rose")
+    return _svg(
+        name, [_with_grid(rings), _with_colours("c0", petals), *texts], size=(_ROSE_PX, _ROSE_PX), kind="chart rose"
+    )
 
 
 def grid_chart(
@@ -168,10 +176,10 @@ def grid_chart(
     ]
     frame = _tag("rect", x=_LEFT, y=_TOP, width=_WIDTH - _LEFT - _RIGHT, height=_HEIGHT - _TOP - _BOTTOM, fill="none")
     named_rows = range(0, rows + 1, max(1, round(rows / 5)))
-    y_texts = [_text(_LEFT - 8, axes.y(i) + 4, _rounded(y_edges[i]), "end") for i in named_rows]
+    y_texts = [_text(_LEFT - 8, axes.y(i) + 4, _number_label(y_edges[i]), "end") for i in named_rows]
     middle = (_TOP + _HEIGHT - _BOTTOM) / 2
     name = _tag("text", escape(y_axis), x=12, y=middle, text_anchor="middle", transform=f"rotate(-90 12 {middle:.1f})")
-    parts = [_gridded([frame]), _coloured("c0", fields), *y_texts, name, _x_axis(axes, x_axis)]
+    parts = [_with_grid([frame]), _with_colours("c0", fields), *y_texts, name, _x_axis(axes, x_axis)]
     return _svg(f"{count_name} by {x_axis} and {y_axis}", parts)
 
 
@@ -250,14 +258,14 @@ class _Axes:
 def _y_axis(axes: _Axes, ticks: Sequence[float]) -> str:
     places = [(axes.y(tick), number_text(tick)) for tick in ticks]
     lines = [_tag("line", x1=_LEFT, x2=_WIDTH - _RIGHT, y1=y, y2=y) for y, _ in places]
-    return _gridded(lines) + "".join(_text(_LEFT - 7, y + 4, text, "end") for y, text in places)
+    return _with_grid(lines) + "".join(_text(_LEFT - 7, y + 4, text, "end") for y, text in places)
 
 
 def _x_axis(axes: _Axes, name: str) -> str:
     """Round numbers along the horizontal axis, and its name."""
     reach = axes.x_high + 1e-6 * (axes.x_high - axes.x_low)
     ticks = [tick for tick in nice_ticks(axes.x_low, axes.x_high) if tick <= reach]
-    texts = [_text(axes.x(tick), _HEIGHT - 22, _rounded(tick)) for tick in ticks]
+    texts = [_text(axes.x(tick), _HEIGHT - 22, _number_label(tick)) for tick in ticks]
     return "".join([*texts, _text((_LEFT + axes.right_px) / 2, _HEIGHT - 4, name)])
 
 
@@ -303,7 +311,7 @@ def _legend(curves: Sequence[Curve]) -> tuple[str, float]:
         if x_px > _LEFT and x_px + width_px > _WIDTH:
             x_px, y_px = float(_LEFT), y_px + _ROW_PX
         swatch = _tag("rect", x=x_px, y=y_px - 6, width=18, height=4)
-        parts += [_coloured(f"c{k % CURVE_COUNT}", [swatch]), _text(x_px + 24, y_px, text, "start")]
+        parts += [_with_colours(f"c{k % CURVE_COUNT}", [swatch]), _text(x_px + 24, y_px, text, "start")]
         x_px += width_px
     return "".join(parts), y_px + 14
 
@@ -315,7 +323,7 @@ def _finite(curve: Curve) -> Curve:
     return Curve(name=curve.name, x=x[keep], y=y[keep], interval=interval)
 
 
-def _rounded(value: float) -> str:
+def _number_label(value: float) -> str:
     return number_text(round(float(value), 6) + 0.0)
 
 
@@ -332,13 +340,13 @@ def _svg(label: str, parts: Sequence[str], *, size: tuple[int, int] = (_WIDTH, _
     )
 
 
-def _coloured(kind: str, parts: Sequence[str]) -> str:
+def _with_colours(kind: str, parts: Sequence[str]) -> str:
     """Elements in the colour of a class; empty without any."""
     colour = COLOURS[kind]
     return _tag("g", "".join(parts), class_=kind, color=colour, fill="currentColor") if parts else ""
 
 
-def _gridded(parts: Sequence[str]) -> str:
+def _with_grid(parts: Sequence[str]) -> str:
     return _tag("g", "".join(parts), class_="grid", stroke="#d9dee3")
 
 

@@ -14,7 +14,7 @@ Pose = tuple[float, float, float]
 
 
 @dataclass(eq=False, slots=True)
-class Frame:
+class SeenFrame:
     """What came of the images of one time."""
 
     image: UInt8Array | None
@@ -33,7 +33,7 @@ class Kept:
     """The latest command: v [m/s], w [rad/s], shape (2,)."""
     due_ns: int = 0
     """Simulated time of its next decision [ns]."""
-    goal: Frame | None = None
+    goal: SeenFrame | None = None
     """What the robot would see at the goal; None where it is not known."""
 
 
@@ -56,7 +56,7 @@ class PolicyMemory:
         self._spacing_ns, self._latency_ns, self._count = spacing_ns, latency_ns, frame_count
         self._clock, self._steps = clock or Clock(), 0
         self._seen_ns: list[int] = []
-        self._seen: list[Frame] = []
+        self._seen: list[SeenFrame] = []
         self._poses_ns: list[int] = []
         self._poses: list[Pose] = []
         self.traits = np.zeros(0, np.float32)
@@ -72,7 +72,7 @@ class PolicyMemory:
             time_ns: When it was taken [ns]; by default the latency before the robot's last pose.
         """
         self._seen_ns.append(self._poses_ns[-1] - self._latency_ns if time_ns is None else time_ns)
-        self._seen.append(Frame(image))
+        self._seen.append(SeenFrame(image))
         # One that is older than all that can be asked for stays: it is the nearest one after a pause.
         stale = max(bisect_right(self._seen_ns, self._seen_ns[-1] - self._span_ns) - 1, 0)
         del self._seen_ns[:stale], self._seen[:stale]
@@ -83,14 +83,14 @@ class PolicyMemory:
         Args:
             image: sRGB, shape (H, W, 3).
         """
-        self.kept.goal = Frame(image)
+        self.kept.goal = SeenFrame(image)
 
     @property
     def seen_ns(self) -> int:
         """When the newest frame was taken [ns]."""
         return self._seen_ns[-1]
 
-    def window(self) -> list[Frame]:
+    def window(self) -> list[SeenFrame]:
         """What the policy sees together, oldest first: the newest, and what is nearest to each spacing before it.
 
         An episode's first one stands for those before.

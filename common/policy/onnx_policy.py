@@ -14,7 +14,7 @@ from readygo.common.errors import PolicyError
 from readygo.common.extras import install_command
 from readygo.common.policy.artifact import SPEC_FILE, PolicySpec, load_spec
 from readygo.common.policy.graph import GRAPH_FILE, Given, GraphSpec, Port
-from readygo.common.policy.memory import Frame, PolicyMemory
+from readygo.common.policy.memory import PolicyMemory, SeenFrame
 from readygo.common.policy.policy import Policy, check_policy_camera
 from readygo.common.policy.sight import channels_by_image, channels_of
 from readygo.common.policy.traits import LIMITS_AT
@@ -109,14 +109,14 @@ class OnnxPolicy(Policy):
         rows = {frame: row for row, frame in enumerate([*known, *new])}
         fed = {name: kept.state.get(name, self._ports[name].zeros()) for name in graph.state}
         fed |= {name: self._ports[name].rows([frame.cached[name] for frame in known]) for name in graph.cache}
-        seen = self._stacked(new if graph.cache else frames)
+        seen = self._stack_frames(new if graph.cache else frames)
         numbers = {Given.GOAL: goal_xy_m, Given.COMMAND: command, Given.ROBOT: memory.traits}
         for name, given in graph.inputs.items():
             port = self._ports[name]
             if given in self._channels:
                 fed[name] = port.images(seen[..., self._channels[given]], together=not graph.cache)
             elif given == Given.GOAL_IMAGE:
-                fed[name] = port.images(self._stacked(goal))
+                fed[name] = port.images(self._stack_frames(goal))
             elif given == Given.WINDOW:
                 fed[name] = np.array([rows[frame] for frame in frames], port.dtype)
             elif given == Given.GOAL_FRAME:
@@ -130,15 +130,15 @@ class OnnxPolicy(Policy):
         for name, cached in zip(graph.cache, after[len(graph.state) :], strict=True):
             for frame, row in zip(new, cached, strict=True):
                 frame.cached[name], frame.image = row, None
-        return self._limited(action, memory.traits[LIMITS_AT:])
+        return self._clip_to_limits(action, memory.traits[LIMITS_AT:])
 
-    def _stacked(self, frames: Sequence[Frame]) -> UInt8Array:
+    def _stack_frames(self, frames: Sequence[SeenFrame]) -> UInt8Array:
         """Images of frames that are not encoded yet, shape (N, H, W, C)."""
         images, camera = [frame.image for frame in frames if frame.image is not None], self.spec.robot.camera
         shape = (0, camera.height_px, camera.width_px, channels_of(self.spec.images))
         return np.stack(images) if images else np.empty(shape, np.uint8)
 
-    def _goal_frame(self, memory: PolicyMemory) -> Frame:
+    def _goal_frame(self, memory: PolicyMemory) -> SeenFrame:
         if memory.kept.goal is None:
             raise PolicyError(
                 "The policy wants an image of the goal: `readygo evaluate` draws it, `readygo drive` takes "
@@ -146,7 +146,7 @@ class OnnxPolicy(Policy):
             )
         return memory.kept.goal
 
-    def _limited(self, action: AnyArray, limits: Float32Array) -> Float32Array:
+    def _clip_to_limits(self, action: AnyArray, limits: Float32Array) -> Float32Array:
         if action.size != 2:
             raise PolicyError(f"The policy's {self._graph.action} must be v and w, got {action.size} numbers.")
         (v, w), (v_max, w_max) = action.reshape(2).tolist(), limits.tolist()

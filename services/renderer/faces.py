@@ -153,7 +153,7 @@ def make_remap(lens: Lens, faces: Faces) -> Remap:
         pixels = slice(row * width, (row + 1) * width)
         samples, first = _samples(centres[pixels], taps[pixels])
         uv = _face_uv(_known_rays(lens, samples), np.repeat(place[pixels], np.diff(first)), faces)
-        count, source, weight = _merged(uv, first, faces.height_px, faces.width_px)
+        count, source, weight = _merge_faces(uv, first, faces.height_px, faces.width_px)
         start[row * width + 1 : (row + 1) * width + 1] = count
         offset = np.repeat(face[pixels], count) * (faces.height_px * faces.width_px)
         sources.append((source + offset).astype(np.int32))
@@ -293,7 +293,9 @@ def _samples(centres: Float64Array, taps: Int64Array) -> tuple[Float64Array, Int
 
 
 @kernel_with_cache(error_model="numpy")
-def _merged(uv: Float64Array, first: Int64Array, height: int, width: int) -> tuple[Int64Array, Int32Array, Int32Array]:
+def _merge_faces(
+    uv: Float64Array, first: Int64Array, height: int, width: int
+) -> tuple[Int64Array, Int32Array, Int32Array]:
     """Sources of pixels: how many each has, their places in the face, and integer weights."""
     pixels = len(first) - 1
     count = np.zeros(pixels, np.int64)

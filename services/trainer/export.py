@@ -24,7 +24,7 @@ from readygo.common.policy.sight import channels_of
 from readygo.common.policy.traits import TRAIT_COUNT
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
-from readygo.services.trainer.inputs import Fusion, Goal, MotionInput, PolicyInputs
+from readygo.services.trainer.inputs import Fusion, GoalForm, MotionInput, PolicyInputs
 from readygo.services.trainer.model import Encoder, PolicyNet, ResidualBlock
 
 OPSET = 17
@@ -86,14 +86,14 @@ class InferenceModule(nn.Module):
 
 def fold_norms(encoder: Encoder) -> None:
     """Fold an encoder's batch normalisations into the convolutions before them."""
-    encoder.stem, encoder.stem_norm = _folded(encoder.stem, encoder.stem_norm)
+    encoder.stem, encoder.stem_norm = _fold(encoder.stem, encoder.stem_norm)
     for block in encoder.blocks:
         assert isinstance(block, ResidualBlock)
-        block.conv1, block.norm1 = _folded(block.conv1, block.norm1)
-        block.conv2, block.norm2 = _folded(block.conv2, block.norm2)
+        block.conv1, block.norm1 = _fold(block.conv1, block.norm1)
+        block.conv2, block.norm2 = _fold(block.conv2, block.norm2)
 
 
-def _folded(conv: nn.Conv2d, norm: nn.BatchNorm2d) -> tuple[nn.Conv2d, Any]:
+def _fold(conv: nn.Conv2d, norm: nn.BatchNorm2d) -> tuple[nn.Conv2d, Any]:
     fused: nn.Conv2d = fuse_conv_bn_eval(conv.double(), norm.double()).float()
     return fused, nn.Identity()
 
@@ -103,16 +103,16 @@ def graph_spec(inputs: PolicyInputs) -> GraphSpec:
     late = inputs.fusion is Fusion.LATE
     named = {
         Given.WINDOW: late,
-        Given.GOAL_FRAME: inputs.goal is not Goal.POINT,
+        Given.GOAL_FRAME: inputs.goal is not GoalForm.POINT,
         Given.MOTION: inputs.motion is MotionInput.POSES,
         Given.COMMAND: inputs.motion is MotionInput.COMMAND,
-        Given.GOAL: inputs.goal is not Goal.IMAGE,
+        Given.GOAL: inputs.goal is not GoalForm.IMAGE,
         Given.ROBOT: inputs.robot,
     }
     given = {name: name for name in (*inputs.images, *(each.value for each, takes in named.items() if takes))}
     cache = {"latents": "latent"} if late else {}
     # One that sees its goal holds its command between two images.
-    rate_hz = None if inputs.goal is Goal.POINT else float(RATE_HZ)
+    rate_hz = None if inputs.goal is GoalForm.POINT else float(RATE_HZ)
     return GraphSpec(
         inputs={name: name for name in given}, cache=cache, frame_count=inputs.frame_count, rate_hz=rate_hz
     )

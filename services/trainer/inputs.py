@@ -20,7 +20,7 @@ class Fusion(enum.Enum):
     """The encoder sees all frames stacked: one latent."""
 
 
-class Goal(enum.Enum):
+class GoalForm(enum.Enum):
     """What a policy is told of its goal."""
 
     POINT = "point"
@@ -56,7 +56,7 @@ class PolicyInputs:
     """Frames that it sees together, one frame spacing apart."""
     images: tuple[str, ...] = (RGB,)
     """What each frame is of, in this order: see `readygo.common.policy.sight`."""
-    goal: Goal = Goal.POINT
+    goal: GoalForm = GoalForm.POINT
     """Form in which the policy gets its goal."""
     robot: bool = False
     """True if the head is told which robot it drives."""
@@ -75,9 +75,9 @@ class PolicyInputs:
     def latents_width(self) -> int:
         """Latents that the head takes: of the frames, and after them of the goal's image."""
         frames = 1 if self.fusion is Fusion.EARLY else self.frame_count
-        return self.latent_count * (frames + (self.goal is not Goal.POINT))
+        return self.latent_count * (frames + (self.goal is not GoalForm.POINT))
 
     @property
     def feature_count(self) -> int:
         """Numbers that the head takes: latents, ego-motion, goal."""
-        return self.latents_width + self.motion.width(self.frame_count) + (0 if self.goal is Goal.IMAGE else 2)
+        return self.latents_width + self.motion.width(self.frame_count) + (0 if self.goal is GoalForm.IMAGE else 2)

@@ -22,7 +22,7 @@ from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import SPEED_SHARES, TURN_SHARES, backward_rows
 from readygo.services.trainer.config import NetworkConfig
 from readygo.services.trainer.frames import pooling_of
-from readygo.services.trainer.inputs import GOAL_SCALE_M, Fusion, Goal, MotionInput, PolicyInputs
+from readygo.services.trainer.inputs import GOAL_SCALE_M, Fusion, GoalForm, MotionInput, PolicyInputs
 
 NECK_CHANNELS = 32
 HEAD_WIDTHS = (256, 128)
@@ -146,7 +146,7 @@ class PolicyNet(nn.Module):
             motion=MotionInput(config.motion),
             frame_count=config.frame_count,
             images=config.images,
-            goal=Goal(config.goal),
+            goal=GoalForm(config.goal),
             robot=robot.ranges.varies,
         )
         by_image = channels_by_image(self.inputs.images, self.inputs.frames_together)
@@ -218,7 +218,7 @@ class PolicyNet(nn.Module):
                 (B, TRAIT_COUNT).
         """
         features = [latents, motion]
-        if self.inputs.goal is not Goal.IMAGE:
+        if self.inputs.goal is not GoalForm.IMAGE:
             features.append((goal_xy_m / GOAL_SCALE_M).clamp(-1.0, 1.0))
         if self.inputs.robot:
             assert traits is not None

@@ -11,14 +11,14 @@ from readygo.__main__ import main
 from readygo.apps.commands import learn as command
 from readygo.apps.commands.learn import LearnOptions, LearnTrainingOptions, learn, line_of
 from readygo.apps.fleet.options import RouterOptions
-from readygo.apps.learn.choice import Measurement
+from readygo.apps.learn.choice import PolicyMeasurement
 from readygo.apps.learn.supervise import Now
 
 
 def test_line_says_what_is_known() -> None:
     early = Now(fraction=0, minutes=0.1, samples=6004, images=1200, learned=0, policies=0, driven=None, latest=None)
     assert line_of(early) == "0.1 min, 6,004 samples recorded, 1,200 with an image, 0 learned from, 0 policies"
-    latest = Measurement(fraction=0.1, policy="ab", episodes=8, static=0.5, dynamic=0.25)
+    latest = PolicyMeasurement(fraction=0.1, policy="ab", episodes=8, static=0.5, dynamic=0.25)
     late = dataclasses.replace(early, images=30_000, learned=135_000, policies=4, driven=0.42, latest=latest)
     assert ", 135,000 learned from (4.5 times each), 4 policies, driving SR 42 %, val SR 50 / 25 %" in line_of(late)
 

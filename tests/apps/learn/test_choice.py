@@ -1,10 +1,10 @@
 import pytest
 
-from readygo.apps.learn.choice import Measurement, best_of, episodes_to_measure, has_stopped_rising
+from readygo.apps.learn.choice import PolicyMeasurement, best_of, episodes_to_measure, has_stopped_rising
 
 
-def measured(fraction: float, static: float, dynamic: float = 0.0, episodes: int = 20) -> Measurement:
-    return Measurement(fraction=fraction, policy=f"{fraction}", episodes=episodes, static=static, dynamic=dynamic)
+def measured(fraction: float, static: float, dynamic: float = 0.0, episodes: int = 20) -> PolicyMeasurement:
+    return PolicyMeasurement(fraction=fraction, policy=f"{fraction}", episodes=episodes, static=static, dynamic=dynamic)
 
 
 def test_both_tasks_count_alike() -> None:

@@ -2,13 +2,13 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.learn.choice import Measurement
+from readygo.apps.learn.choice import PolicyMeasurement
 from readygo.apps.learn.curve import CurvePoint, load_curve, measurements_of, save_curve
 from readygo.common.errors import RunError
 
 
 def test_points_come_back_as_they_were(tmp_path: Path) -> None:
-    measurement = Measurement(fraction=0.2, policy="ab", episodes=8, static=0.5, dynamic=0.25)
+    measurement = PolicyMeasurement(fraction=0.2, policy="ab", episodes=8, static=0.5, dynamic=0.25)
     points = [
         CurvePoint(minutes=0.5, recorded=100, learned=0, policies=0),
         CurvePoint(minutes=1.0, recorded=200, learned=900, policies=2, loss=0.1, driven=0.4, measurement=measurement),

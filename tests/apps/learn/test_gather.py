@@ -1,7 +1,7 @@
 import dataclasses
 import json
 
-from readygo.apps.learn.choice import Measurement
+from readygo.apps.learn.choice import PolicyMeasurement
 from readygo.apps.learn.curve import CurvePoint
 from readygo.apps.learn.gather import _story
 from readygo.apps.learn.learn import Learned, report_content
@@ -12,7 +12,7 @@ from readygo.common.dataset import Dataset
 from readygo.common.episode.metrics import EpisodeResult, summarize
 from readygo.common.messages import DriverKind, Outcome
 
-CHOSEN = Measurement(fraction=0.5, policy="ab", episodes=8, static=0.5, dynamic=0.25)
+CHOSEN = PolicyMeasurement(fraction=0.5, policy="ab", episodes=8, static=0.5, dynamic=0.25)
 POINTS = [
     CurvePoint(minutes=0.5, recorded=100, learned=400, policies=1, loss=0.2),
     CurvePoint(minutes=1.0, recorded=200, learned=900, policies=2, loss=0.1, measurement=CHOSEN),

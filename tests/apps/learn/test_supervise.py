@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 
 from readygo.apps.learn import supervise
-from readygo.apps.learn.choice import Measurement
+from readygo.apps.learn.choice import PolicyMeasurement
 from readygo.apps.learn.config import LearnConfig
 from readygo.apps.learn.cores import CoreSplit
 from readygo.apps.learn.measure import Measured
@@ -109,7 +109,7 @@ class StandInMeasuring:
     def val(self, folder: Path, sha256: str, episodes: int, fraction: float, **_: object) -> Measured:
         rate = self.rates[min(len(self.asked), len(self.rates) - 1)]
         self.asked.append((sha256, fraction))
-        measurement = Measurement(fraction=fraction, policy=sha256, episodes=20, static=rate, dynamic=rate)
+        measurement = PolicyMeasurement(fraction=fraction, policy=sha256, episodes=20, static=rate, dynamic=rate)
         return Measured(measurement=measurement, folder=folder, episode_s=0.5)
 
 
@@ -137,7 +137,7 @@ def crew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> type[StandInCrew]:
     return StandInCrew
 
 
-def learn(plan: LearnPlan, rates: list[float]) -> tuple[Supervisor, StandInMeasuring, Measurement | None]:
+def learn(plan: LearnPlan, rates: list[float]) -> tuple[Supervisor, StandInMeasuring, PolicyMeasurement | None]:
     measuring = StandInMeasuring(rates)
     supervisor = Supervisor(plan, measuring, lambda now: None)
     return supervisor, measuring, supervisor.learn()

@@ -7,7 +7,7 @@ import pytest
 
 from readygo.apps.commands.coverage import CoverageOptions, coverage
 from readygo.apps.report.coverage_numbers import casts_of, measure
-from readygo.apps.report.coverage_run import failed_encounters, gather, page_numbers, rejected, robot_map
+from readygo.apps.report.coverage_run import failed_encounters, gather, page_numbers, rejection_reasons, robot_map
 from readygo.common.dataset import Dataset, ShardWriter, encode_episode, shard_name
 from readygo.common.dataset.casts import Cast
 from readygo.common.errors import RunError
@@ -55,7 +55,7 @@ def test_failures_are_told_by_the_scenarios_of_rejected_indices(data, monkeypatc
 
 
 def test_folder_without_a_run_knows_no_failures(data) -> None:
-    assert rejected(data) is None
+    assert rejection_reasons(data) is None
     assert failed_encounters(data, {}, []) is None
 
 
@@ -91,7 +91,7 @@ def test_run_and_map_add_shares_and_reasons(
 ) -> None:
     save_ros_map(room, tmp_path / "room.yaml")
     monkeypatch.setattr(
-        "readygo.apps.report.coverage_run.rejected", lambda data: {3: "timeout", 5: "no way", 9: "timeout"}
+        "readygo.apps.report.coverage_run.rejection_reasons", lambda data: {3: "timeout", 5: "no way", 9: "timeout"}
     )
     monkeypatch.setattr(
         "readygo.apps.report.coverage_run.failed_encounters",

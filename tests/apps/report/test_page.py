@@ -18,7 +18,7 @@ from readygo.apps.report.page import (
     RateRow,
     StripImage,
     Subheading,
-    arranged,
+    arrange_blocks,
     drawing,
     film,
     image_strip,
@@ -126,9 +126,9 @@ def test_rejections_are_sorted_and_counted() -> None:
 
 
 def test_arrangement_has_the_blocks_that_there_are() -> None:
-    (pair,) = arranged("pair", [None, Paragraph(text="a")])
+    (pair,) = arrange_blocks("pair", [None, Paragraph(text="a")])
     assert html_of([pair]).replace("\n", "") == '<div class="pair"><p>a</p></div>'
-    assert arranged("pair", [None]) == []
+    assert arrange_blocks("pair", [None]) == []
     assert html_of(image_strip([StripImage(time_s=1.5, rgb=np.zeros((2, 2, 3), np.uint8))])).count("1.50 s") == 2
 
 
@@ -146,7 +146,7 @@ def test_page_looks_as_it_did(golden_page: Callable[[str, str], None], tmp_path:
         ColourLegend([("<n>", (1, 2, 3)), ("m", (40, 50, 60))]),
         MediaFigure(image="x.png", caption="a & b", alt='"c"'),
         film(tmp_path / "a.webm", "<c>", plays=True),
-        *arranged("stack", [film(tmp_path / "a.webm", "d"), MediaFigure(video="films/b.webm", caption="")]),
+        *arrange_blocks("stack", [film(tmp_path / "a.webm", "d"), MediaFigure(video="films/b.webm", caption="")]),
         RateRow(name="<r>", meter=Meter(-0.1, (-0.2, 1.4)), stands_out=True),
         CommandLine(line="echo <1>", what="say"),
     ]

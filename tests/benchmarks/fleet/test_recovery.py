@@ -42,7 +42,7 @@ def test_successor_is_ready_when_it_came_however_long_the_end_of_a_lease_was_wai
             threading.Timer(0.1, lambda: bus.announce("animator", "animator0")).start()
             threading.Timer(2.5, lambda: watch._committed(None)).start()
             begin_s = time.monotonic()
-            rows = recovery._killed(site, watch, "animator0")
+            rows = recovery._kill(site, watch, "animator0")
             assert time.monotonic() - begin_s > 2.0
             assert rows["ready: animator"] < 2.0 + begin_s - recovery._started_s(second.pid)
         finally:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from readygo.benchmarks.rasterizer.floor_depth import errors, floor_depths
-from readygo.benchmarks.rasterizer.scenery import Scenery
+from readygo.benchmarks.rasterizer.scenery import BenchScenery
 from readygo.common.maps import FloorMap, GridFrame, OccupancyMap
 from readygo.common.robot import CameraConfig
 
@@ -14,7 +14,7 @@ def test_depth_of_free_level_floor_is_that_of_a_pinhole_camera() -> None:
     occupied[:, 60:62] = True
     floor = FloorMap(frame=frame, height_m=np.full((160, 160), 0.2, np.float32))
     occupancy = OccupancyMap(frame=frame, occupied=occupied)
-    scenery = Scenery(name="", layers=list, cloud=lambda: None, occupancy=occupancy, floor=floor)
+    scenery = BenchScenery(name="", layers=list, cloud=lambda: None, occupancy=occupancy, floor=floor)
     camera = CameraConfig(height_px=72, width_px=128)
     found = floor_depths(scenery, camera, camera.T_world_camera(0.0, 0.0, 0.0, 0.2), 3.0)
     rows = np.arange(72) + 0.5 - camera.K_px[1, 2]
