@@ -70,7 +70,7 @@ class Fleet:
             data: Data folder of the run, or one for each run.
             logs: Folder for the logs of the processes.
             token: Token of the run.
-            observing: Metrics, logs and traces of the processes.
+            observing: Metrics and logs of the processes.
             certs: Folder of certificates, for an endpoint tls/...
             forks: Server that forks the processes; by default a separate one, which ends with the fleet.
         """

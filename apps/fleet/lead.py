@@ -45,7 +45,7 @@ def lead(
         endpoint: Endpoint of the run's router.
         joins: True joins a running router, which several runs may share; False opens one.
         certs: Folder of certificates, for a tls/ endpoint.
-        observer: Metrics, logs and traces of this process.
+        observer: Metrics and logs of this process.
 
     Raises:
         RunError: If another process works on the folder, the run is of another version, its ledger is lost, it cannot

@@ -72,7 +72,7 @@ def record(
         show: Called with the run's status periodically.
         together: True for workers that do all stages each.
         slurm: Options of sbatch, for workers that are Slurm jobs and do all stages; None starts them here.
-        observing: Metrics, logs and traces of the processes; this one is the launcher.
+        observing: Metrics and logs of the processes; this one is the launcher.
         certs: Folder of certificates, for an endpoint tls/...
 
     Returns:
@@ -135,7 +135,7 @@ def run_in_process(
         folder: Data folder that holds the run's spec.
         show: Called with the run's status.
         line: Builders of the stages' work functions.
-        observing: Metrics, logs and traces of this process.
+        observing: Metrics and logs of this process.
     """
     with _observer(folder, observing) as observer:
         return _run_in_process(folder, show, line, observer)
