@@ -2,8 +2,6 @@
 
 import collections
 import functools
-import importlib
-import inspect
 import re
 import shlex
 import tomllib
@@ -12,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.cli import option_name, parse
+from readygo.apps.cli import function_of, options_of, parse
+from readygo.apps.options import describe_options, section_groups
 from readygo.commands import COMMANDS
 from readygo.common.config import section_from_mapping
 from readygo.runs.config import RunConfig
@@ -50,10 +49,11 @@ def _command_lines(text: str) -> Iterator[str]:
 
 @functools.cache
 def _options(command: str) -> set[str]:
-    """The options of a command."""
-    module, name = COMMANDS[command].path.split(":")
-    parameters = inspect.signature(getattr(importlib.import_module(module), name)).parameters.values()
-    return {"--help"} | {option_name(p.name) for p in parameters if p.kind is p.KEYWORD_ONLY}
+    """The options of a command, keys of its configuration included."""
+    about = describe_options(options_of(function_of(COMMANDS[command])))
+    groups = section_groups(about.sections, about.options) if about.sections else ()
+    keys = {option.flag for group in groups for option in group.options}
+    return {"--help", "--help-all"} | {option.flag for option in about.options} | keys
 
 
 def _spans(name: str) -> list[str]:
@@ -89,7 +89,7 @@ def test_commands_in_sentences_exist_with_their_options(name: str) -> None:
             words = span.split()[1:3]
             command = next((known for known in (" ".join(words), words[0]) if known in COMMANDS), None)
             assert command, span
-            used = re.findall(r"--[a-z][a-z-]*", span.split(", and ")[0])
+            used = re.findall(r"--[a-z](?:[a-z-]|\.[a-z])*", span.split(", and ")[0])
             assert set(used) <= _options(command), span
 
 

@@ -11,11 +11,16 @@ INTERRUPTED = """
 import sys
 from readygo import __main__, commands
 from readygo.apps.cli import Command
+from dataclasses import dataclass
 from readygo.common.bus.foreign import ForeignSession
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.messages import topics
 
-def hear() -> None:
+@dataclass
+class NoOptions:
+    pass
+
+def hear(options: NoOptions) -> None:
     router = Router(free_endpoint())
     bus = ZenohBus(router.endpoint, "run")
     bus.subscribe(topics.PROGRESS, print)

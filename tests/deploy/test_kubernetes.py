@@ -3,7 +3,6 @@
 `kubectl` renders both the Kustomize overlay and, as it holds Go's template engine, the Helm chart; no cluster is asked.
 """
 
-import inspect
 import json
 import re
 import shutil
@@ -13,7 +12,8 @@ from typing import Any
 
 import pytest
 
-from readygo.apps.cli import function_of
+from readygo.apps.cli import function_of, options_of
+from readygo.apps.options import describe_options
 from readygo.commands import COMMANDS
 
 yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
@@ -83,9 +83,9 @@ def _check_pod(spec: Document) -> None:
 
 def _check_command(words: list[str]) -> None:
     """All options are those of the command."""
-    parameters = inspect.signature(function_of(COMMANDS[words[0]])).parameters
-    options = [re.match(r"--([a-z-]+)=", word) for word in words if word.startswith("--")]
-    assert all(option and option[1].replace("-", "_") in parameters for option in options), words
+    known = {option.flag for option in describe_options(options_of(function_of(COMMANDS[words[0]]))).options}
+    options = [re.match(r"(--[a-z-]+)=", word) for word in words if word.startswith("--")]
+    assert all(option and option[1] in known for option in options), words
 
 
 def _check_certificates(documents: list[Document]) -> None:

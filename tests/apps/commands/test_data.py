@@ -92,9 +92,10 @@ def test_validate_says_how_sharp_the_pictures_are(folder, capsys) -> None:
 
 
 def test_missing_folder_is_one_clear_line(tmp_path) -> None:
-    for command in (validate, inspect):
-        with pytest.raises(DatasetError, match="does not exist"):
-            command(tmp_path / "nowhere")
+    with pytest.raises(DatasetError, match="does not exist"):
+        validate(ValidateOptions(data=tmp_path / "nowhere"))
+    with pytest.raises(DatasetError, match="does not exist"):
+        inspect(InspectOptions(data=tmp_path / "nowhere"))
 
 
 def test_inspect_lists_the_outputs(folder, tmp_path, capsys) -> None:

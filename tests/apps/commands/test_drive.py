@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from contextlib import closing
+from pathlib import Path
 from types import SimpleNamespace
 
 import cv2
@@ -109,8 +110,12 @@ def test_whoever_ends_it_the_robot_stands(policy, standing_robot, tmp_path, numb
     [
         ({}, ConfigError, "either --goal X Y or --goal-topic"),
         ({"goal": (1.0, 0.0), "goal_topic": "/goal_pose"}, ConfigError, "either --goal X Y or --goal-topic"),
-        ({"goal": (1.0, 0.0), "v_max": 3.0}, ConfigError, "at most 1, what the policy learned, got 3"),
-        ({"goal": (1.0, 0.0), "rate_hz": 5.0}, ConfigError, "--rate-hz must be at least 20"),
+        (
+            {"goal": (1.0, 0.0), "limits": DriveLimitOptions(v_max=3.0)},
+            ConfigError,
+            "at most 1, what the policy learned, got 3",
+        ),
+        ({"goal": (1.0, 0.0), "limits": DriveLimitOptions(rate_hz=5.0)}, ConfigError, "--rate-hz must be at least 20"),
         ({"goal": (1.0, 0.0), "connect": "tcp/127.0.0.1:1"}, BusError, "No Zenoh router answers at tcp/127.0.0.1:1"),
     ],
 )
@@ -146,16 +151,25 @@ def trained(**changes):
 
 
 def test_limits_are_the_policys_unless_others_are_named():
-    plain = command._config(trained(), True, None, None, None, None)
+    plain = command._config(trained(), DriveOptions(policy=Path()))
     assert (plain.v_max_mps, plain.w_max_radps, plain.goal_in_start_frame) == (0.9, 0.7, True)
     episode = command.settings_of_policy(trained().spec).episode
     assert (plain.goal_radius_m, plain.time_limit_s) == (episode.success_radius_m, episode.time_limit_s)
-    own = command._config(trained(), False, 0.4, 30.0, 0.5, 0.3)
+    own = command._config(
+        trained(),
+        DriveOptions(
+            policy=Path(),
+            limits=DriveLimitOptions(goal_frame="odom", goal_radius=0.4, time_limit=30.0, v_max=0.5, w_max=0.3),
+        ),
+    )
     assert (own.v_max_mps, own.w_max_radps, own.goal_radius_m, own.time_limit_s) == (0.5, 0.3, 0.4, 30.0)
     assert not own.goal_in_start_frame
     for radius_m, limit_s in ((0.0, 30.0), (0.4, 0.0)):
         with pytest.raises(ConfigError, match="--goal-radius and --time-limit must be positive"):
-            command._config(trained(), True, radius_m, limit_s, None, None)
+            command._config(
+                trained(),
+                DriveOptions(policy=Path(), limits=DriveLimitOptions(goal_radius=radius_m, time_limit=limit_s)),
+            )
 
 
 @pytest.mark.parametrize(("age_s", "told"), [(0.16, True), (0.14, False), (0.06, False), (0.04, True)])

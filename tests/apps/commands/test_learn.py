@@ -81,7 +81,7 @@ def test_command_passes_on_what_it_is_told(wired, tmp_path: Path, capsys: pytest
         )
     )  # fmt: skip
     assert asked["identity_for"] == (("tls/lab:1", "coordinator"), {"certs": certs})
-    assert asked["learn_configs"] == ((config, robot, "rgb,depth", "left", "image"), {"scene_count": 2})
+    assert asked["learn_configs"] == ((config, robot, "rgb,depth", "left", "image"), {"scene_count": 2, "keys": {}})
     words, more = asked["make_plan"]
     assert words[:4] == (("one", "two"), out, "robot", "settings")
     assert (words[4].minutes, words[4].samples, more) == (7.0, 900, {"avatars": tmp_path, "seed": 3})
@@ -107,7 +107,7 @@ def test_command_on_this_machine_is_neither_watched_nor_joined(wired, tmp_path: 
     asked, plan, _ = wired
     learn(LearnOptions(scenes=(), out=tmp_path / "run"))
     assert set(asked) == {"learn_configs", "make_plan", "learn_policy", "report_content", "write_report"}
-    assert asked["learn_configs"][1] == {"scene_count": 1}
+    assert asked["learn_configs"][1] == {"scene_count": 1, "keys": {}}
     assert asked["report_content"][1]["seed"] is None
     reach = asked["learn_policy"][1]["reach"]
     assert (reach.listen, reach.hosts) == ("", False)

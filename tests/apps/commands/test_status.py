@@ -82,6 +82,9 @@ def test_run_that_nobody_leads_is_told_with_those_that_there_are(
     endpoint, token = folder.fleet_endpoint()
     monkeypatch.setenv(TOKEN_VARIABLE, token)
     monkeypatch.setattr(runs, "HEAR_S", 0.1)
-    for ask in (status, cancel):
-        with pytest.raises(BusError, match=rf"^No coordinator leads run other at {endpoint} \(there"):
-            ask(connect=endpoint, run="other")
+    fleet = JoinOptions(connect=endpoint, run="other")
+    words = rf"^No coordinator leads run other at {endpoint} \(there"
+    with pytest.raises(BusError, match=words):
+        status(StatusOptions(fleet=fleet))
+    with pytest.raises(BusError, match=words):
+        cancel(ControlOptions(fleet=fleet))

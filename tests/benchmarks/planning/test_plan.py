@@ -68,7 +68,7 @@ def test_json_is_one_object_and_pictures_show_every_failure(capsys, tmp_path):
 )
 def test_mistakes_are_one_line(options, message):
     with pytest.raises(ConfigError, match=message) as caught:
-        bench_plan(**options)
+        bench_plan(BenchPlanOptions(**options))
     assert "\n" not in str(caught.value)
 
 
