@@ -28,7 +28,7 @@ def kernel_with_cache(**flags: Any) -> Callable[[F], F]: ...
 def kernel_with_cache(function: Any = None, **flags: Any) -> Any:
     """Compile a function like numba's `njit`, and keep the machine code for later processes.
 
-    Use it as `@compiled`, or `@compiled(error_model="numpy")` with flags of `njit`.
+    Use it as `@kernel_with_cache`, or `@kernel_with_cache(error_model="numpy")` with flags of `njit`.
 
     Raises:
         ReadygoError: At the first call, if nothing can be kept.

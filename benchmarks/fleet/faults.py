@@ -180,7 +180,7 @@ def _lose_disk(site: DataSite, fault: Fault) -> Trace:
 def _given_up(site: DataSite, recorder: str) -> bool:
     """Give a recorder up as soon as the command that began the run lets go of the folder."""
     try:
-        with site.folder.locked():
+        with site.folder.lock():
             requeue(site.folder, recorder)
     except RunError as error:
         if "Another process" not in str(error):

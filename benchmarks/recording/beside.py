@@ -36,10 +36,10 @@ ALONE, MONITORS, FROZEN_MONITORS, FROZEN_TRAINER = "alone", "monitors", "frozen 
 KINDS = (ALONE, MONITORS, FROZEN_MONITORS, FROZEN_TRAINER)
 WATCHER = (
     "import sys, threading\n"
-    "from readygo.apps.monitor.link import Address, Link\n"
-    "from readygo.apps.monitor.watch import Watch\n"
-    "watch = Watch()\n"
-    "link = Link(watch, lambda: Address(*sys.argv[1:]))\n"
+    "from readygo.apps.monitor.link import Link, RunAddress\n"
+    "from readygo.apps.monitor.watch import RunWatch\n"
+    "watch = RunWatch()\n"
+    "link = Link(watch, lambda: RunAddress(*sys.argv[1:]))\n"
     "link.start()\n"
     "threading.Event().wait()\n"
 )

@@ -144,7 +144,7 @@ def measure_stage(requests: list[AppendRequest]) -> None:
         chunk = encode_episode(header, 1, samples)
         encode_s += time.thread_time() - begin_s
         begin_s = time.thread_time()
-        staged = stage.staged(chunk, 10**9, with_map=False)
+        staged = stage.stage_episode(chunk, 10**9, with_map=False)
         stage_s += time.thread_time() - begin_s
     report("encode an episode", encode_s / 10 / SAMPLES * 1e6, "us per sample")
     report("stage it for viewers", stage_s / 10 / SAMPLES * 1e6, "us per sample")

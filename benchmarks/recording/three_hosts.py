@@ -188,7 +188,7 @@ def committed(data: Path) -> int:
     """Durable episodes by the ledger of a data folder."""
     book = Ledger(RunFolder(data).ledger)
     try:
-        return book.census.committed()[0]
+        return book.census.committed_counts()[0]
     finally:
         book.close()
 

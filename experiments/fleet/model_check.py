@@ -196,7 +196,7 @@ def synthetic_run(folder: Path, workers: int) -> float:
 def fleet_of(run: RunFolder, spec: Any, episodes: int) -> Iterator[tuple[Fleet, str, str]]:
     """A router, a coordinator and a recorder."""
     endpoint, token = free_endpoint(), new_token()
-    with ExitStack() as opened, run.locked():
+    with ExitStack() as opened, run.lock():
         run.save(spec, episodes)
         opened.callback(Router(endpoint, token).close)
         fleet = Fleet(connect=endpoint, run=spec.run, data=run.path.resolve(), logs=run.logs, token=token)

@@ -202,7 +202,7 @@ sys.modules["waits"] = sys.modules["__main__"]
 # Whoever runs the tests in the background has it ignored.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.unraisablehook = cli.stop_later
-cli.run_command({{"wait": cli.Command("waits:wait", "waits")}}, ["wait"])
+cli.run_command({{"wait": cli.CliCommand("waits:wait", "waits")}}, ["wait"])
 """
 
 

@@ -13,10 +13,10 @@ from readygo.common.kernels import kernel_with_cache
 COMMON = Path(kernel_cache.__file__).resolve().parent
 CALLER = """
 from readygo.callee import callee
-from readygo.common.kernels import compiled
+from readygo.common.kernels import kernel_with_cache
 from readygo.pair import Pair
 
-@compiled
+@kernel_with_cache
 def caller(pair):
     return callee(pair.first)
 
@@ -49,7 +49,7 @@ def package(tmp_path: Path) -> Path:
     for name in ("__init__.py", "common/__init__.py"):
         (root / name).write_text("")
     (root / "caller.py").write_text(CALLER)
-    (root / "callee.py").write_text(CALLEE.format(decorator="compiled"))
+    (root / "callee.py").write_text(CALLEE.format(decorator="kernel_with_cache"))
     (root / "constants.py").write_text("STEP = 1.0\n")
     (root / "pair.py").write_text(PAIR)
     return root
@@ -73,7 +73,7 @@ def test_changed_callee_constant_or_argument_class_in_another_file_is_compiled_a
     assert run(package).stdout == "2.0 1\n"
     (package / "constants.py").write_text("STEP = 2.0\n")
     assert run(package).stdout == "3.0 0\n"
-    (package / "callee.py").write_text(CALLEE.format(decorator="inlined").replace("x + STEP", "x - STEP"))
+    (package / "callee.py").write_text(CALLEE.format(decorator="inline_kernel").replace("x + STEP", "x - STEP"))
     assert run(package).stdout == "-1.0 0\n"
     (package / "constants.py").write_text("STEP = 3.0\n")
     assert run(package).stdout == "-2.0 0\n"

@@ -14,22 +14,22 @@ from readygo.common.kernel_digest import kernel_digest, type_digest
 
 KERNEL = """
 import math
-from readygo.common.kernels import compiled, inlined
+from readygo.common.kernels import inline_kernel, kernel_with_cache
 from pieces import *
 
 {before}
 
-@inlined
+@inline_kernel
 def inner(x{default}):
     return x * FACTOR + TABLE[0] + OFFSETS[1]
 
-@inlined
+@inline_kernel
 def outer(x, y=0):
     if x > Kind.WALL:
         return inner(Point(x, x).x)
     return inner(x)
 
-@compiled{flags}
+@kernel_with_cache{flags}
 def root(x):
     return outer(x) + math.sin(x)
 
@@ -98,8 +98,8 @@ def module(tmp_path: Path) -> Iterator[Callable[..., ModuleType]]:
         {"flags": "(error_model='numpy')"},
         {"after": "outer.py_func.__defaults__ = (1,)"},
         {"after": "inner.py_func.__code__ = (lambda x: x * FACTOR + TABLE[0] + OFFSETS[0]).__code__"},
-        {"after": "@inlined\ndef inner(x):\n    return x * FACTOR - TABLE[0] + OFFSETS[1]"},
-        {"after": "@inlined\ndef inner(x):\n    return x * FACTOR + TABLE[0] + OFFSETS[1] + 0.5"},
+        {"after": "@inline_kernel\ndef inner(x):\n    return x * FACTOR - TABLE[0] + OFFSETS[1]"},
+        {"after": "@inline_kernel\ndef inner(x):\n    return x * FACTOR + TABLE[0] + OFFSETS[1] + 0.5"},
         {"after": "def min(x, y):\n    return x\nmath = __import__('cmath')"},
     ],
     ids=str,
@@ -116,7 +116,7 @@ def test_edit_of_what_a_kernel_refers_to_changes_its_digest(
         {},
         {"unused": "2"},
         {"before": "# A comment, and lines that move.\n\n\nOTHER = 5"},
-        {"after": "@compiled\ndef other(x):\n    return root(x)"},
+        {"after": "@kernel_with_cache\ndef other(x):\n    return root(x)"},
     ],
     ids=str,
 )

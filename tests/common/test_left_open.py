@@ -10,7 +10,7 @@ from readygo.common.left_open import close_all, note_open
 INTERRUPTED = """
 import sys
 from readygo import __main__, commands
-from readygo.apps.cli import Command
+from readygo.apps.cli import CliCommand
 from dataclasses import dataclass
 from readygo.common.bus.foreign import ForeignSession
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
@@ -28,7 +28,7 @@ def hear(options: NoOptions) -> None:
     foreign.hear("odom", print)
     raise KeyboardInterrupt
 
-commands.COMMANDS = {"hear": Command("__main__:hear", "hears")}
+commands.COMMANDS = {"hear": CliCommand("__main__:hear", "hears")}
 sys.argv = ["readygo", "hear"]
 __main__.main()
 """

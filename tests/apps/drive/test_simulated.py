@@ -143,7 +143,7 @@ def test_policy_sees_over_the_network_what_it_sees_in_an_evaluation(evaluator, c
             RosWire(7, "robot"),
             topics,
             {name: info_of(camera) for name, camera in cameras.items()},
-            lambda one: {name: images[0] for name, images in eyes.measured([one]).items()},
+            lambda one: {name: images[0] for name, images in eyes.measure([one]).items()},
             Manners(latency_s=0.01, jitter_s=0.005, drop_share=0.1, compressed=compressed, camera_hz=10.0),
             np.random.default_rng(0),
         )

@@ -215,7 +215,7 @@ def test_full_disk_is_one_line_and_with_room_it_goes_on(
     plan: Callable[..., LearnPlan], file: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(path: Path, data: bytes) -> int:
-        if path.parent.name.startswith(f".{Path(file).stem}-"):
+        if path.parent.name.startswith(f".{Path(file).stem}-") and path.suffix == Path(file).suffix:
             with path.open("wb") as half:
                 half.write(data[:10])
             raise OSError(errno.ENOSPC, "No space left on device")

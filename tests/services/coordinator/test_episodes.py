@@ -69,7 +69,7 @@ def test_episodes_are_found_by_holder_recorder_shard_and_deadline(episodes: Epis
     assert {episode.index for episode in episodes.of_recorder("rec0")} == {3, 4}
     assert episodes.of_recorder("rec1") == []
     assert [episode.index for episode in episodes.in_shard(WHOLE.shard)] == [4]
-    assert episodes.leased_episodes() == episodes.leased(before_s=10.5) == [WHOLE]
+    assert episodes.leased_episodes() == episodes.leased_episodes(before_s=10.5) == [WHOLE]
     assert episodes.leased_episodes(before_s=10.0) == []
     assert episodes.renew(3, 4, 20.0)
     assert not episodes.renew(3, 5, 30.0)

@@ -9,11 +9,11 @@ TOGETHER = """
 import json, sys
 from pathlib import Path
 from readygo.services.trainer.ranks import Ranks, join_ranks, leave_ranks
-from readygo.services.trainer.train import train
+from readygo.services.trainer.train import train_policy
 from tests.services.trainer.conftest import make_source, quick
 join_ranks("cpu")
 config = quick(samples=64, batch_size=16)
-metrics = train(make_source(), config, Path(sys.argv[1]) / str(Ranks().rank))
+metrics = train_policy(make_source(), config, Path(sys.argv[1]) / str(Ranks().rank))
 print(json.dumps(metrics))
 leave_ranks()
 """

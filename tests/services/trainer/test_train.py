@@ -23,16 +23,6 @@ def test_policy_learns_what_the_images_tell(source, tmp_path, monkeypatch):
     assert metrics["without_previous_ratio_v"] < 0.6
 
 
-def test_checkpoint_of_before_the_camera_was_one_section_is_gone_on_with(source, tmp_path):
-    train_policy(source, QUICK, tmp_path)
-    state = torch.load(tmp_path / "checkpoint.pt", weights_only=True)
-    camera = state["identity"]["robot"]["camera"]
-    old = ("height_px", "width_px", "horizontal_fov_deg", "mount_height_m")
-    state["identity"]["robot"]["camera"] = {name: camera[name] for name in old}
-    torch.save(state, tmp_path / "checkpoint.pt")
-    assert train_policy(source, quick(samples=960), tmp_path)["steps"] == 30
-
-
 def test_equal_seeds_give_equal_weights(source, tmp_path):
     for name in "ab":
         train_policy(source, QUICK, tmp_path / name)

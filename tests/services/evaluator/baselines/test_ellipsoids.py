@@ -66,7 +66,7 @@ def test_cells_are_blocked_where_one_ball_of_the_stack_meets_something():
     means, rotations, half_axes = some_ellipsoids(6, seed=2)
     half_axes = half_axes * 0.4
     heights = np.stack([np.full((12, 14), 0.1), np.full((12, 14), 0.5)])
-    blocked = ellipsoids_of(means, rotations, half_axes).blocked(heights, (-1.4, -1.2), 0.2, RADIUS_M)
+    blocked = ellipsoids_of(means, rotations, half_axes).blocked_cells(heights, (-1.4, -1.2), 0.2, RADIUS_M)
     i, j, z = np.meshgrid(np.arange(12), np.arange(14), [0.1, 0.5], indexing="ij")
     centres = np.stack([-1.4 + (j + 0.5) * 0.2, -1.2 + (i + 0.5) * 0.2, z], axis=-1).reshape(-1, 3)
     each = [distances_m(centres, *one) for one in zip(means, rotations, half_axes, strict=True)]
