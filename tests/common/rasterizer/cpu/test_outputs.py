@@ -136,7 +136,7 @@ def test_depths_are_those_of_a_slow_loop_over_pixels_and_gaussians(balls: list[t
         mean, median, margin = depths_of_a_pixel(cloud, u, v)
         if margin > 0.01:
             for images in (by_reference, by_cpu):
-                assert images.depth_m[v, u] == pytest.approx(mean, rel=1e-3)
+                assert images.depth_m[v, u] == pytest.approx(mean, rel=2e-3)
                 assert images.median_depth_m[v, u] == pytest.approx(median, rel=1e-5)
 
 
