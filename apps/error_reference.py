@@ -23,7 +23,7 @@ def errors_page(root: Path) -> str:
     """
     kinds = {name: kind for name, kind in vars(errors).items() if isinstance(kind, type)}
     found: dict[str, set[str]] = {}
-    for path in sorted(path for top in ("common", "services", "apps") for path in (root / top).rglob("*.py")):
+    for path in sorted(path for top in ("common", "services", "runs", "apps") for path in (root / top).rglob("*.py")):
         for name, message in _raised_errors(ast.parse(path.read_text()), set(kinds)):
             found.setdefault(name, set()).add(message)
     parts = [_INTRO]

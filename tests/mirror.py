@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-TOPS = ("common", "services", "apps", "benchmarks")
+TOPS = ("common", "services", "runs", "apps", "benchmarks")
 GAPS = ROOT / "tests" / "mirror_gaps.txt"
 
 

@@ -52,7 +52,7 @@ DATA = {
     "apps/export/common.py": "anybody",
 }
 """Words that are part of recorded or exported data, by file."""
-FOLDERS = ("apps", "benchmarks", "common", "deploy", "docs", "examples", "experiments", "readygo", "services")
+FOLDERS = ("apps", "benchmarks", "common", "deploy", "docs", "examples", "experiments", "readygo", "runs", "services")
 EXEMPT = ("CHANGELOG.md",)
 """What was once written stays."""
 GENERATED = ("docs/commands.md", "docs/tables.md")

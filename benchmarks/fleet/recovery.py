@@ -156,7 +156,7 @@ def _join(site: DataSite) -> RunObserver:
 
 def _kill(site: DataSite, watch: RunObserver, name: str) -> dict[str, float]:
     """Kill a process; when its successor is ready, and what else is waited for."""
-    pid, before = site.processes()[name], watch.requeued()[0]
+    pid, before = site.processes()[name], watch.count_requeued()[0]
     begin_s = time.monotonic()
     os.kill(pid, signal.SIGKILL)
     rows: dict[str, float] = {}
@@ -182,7 +182,7 @@ def _kill(site: DataSite, watch: RunObserver, name: str) -> dict[str, float]:
 def _requeued(watch: RunObserver, before: int, begin_s: float) -> dict[str, float]:
     """When the lease of a worker that was killed ended; nothing if it held none."""
     while time.monotonic() - begin_s < LEASELESS_S:
-        if before >= 0 and watch.requeued()[0] > before:
+        if before >= 0 and watch.count_requeued()[0] > before:
             return {"worker kill -> lease free": time.monotonic() - begin_s}
         time.sleep(POLL_S)
     return {}
@@ -200,10 +200,10 @@ def _silent(site: DataSite, watch: RunObserver) -> float:
 
 def _stopped(site: DataSite, watch: RunObserver) -> float | None:
     pid = next(pid for name, pid in site.processes().items() if name.startswith("renderer"))
-    before, begin_s = watch.requeued()[0], time.monotonic()
+    before, begin_s = watch.count_requeued()[0], time.monotonic()
     os.kill(pid, signal.SIGSTOP)
     try:
-        while watch.requeued()[0] <= before and time.monotonic() - begin_s < LEASELESS_S:
+        while watch.count_requeued()[0] <= before and time.monotonic() - begin_s < LEASELESS_S:
             time.sleep(POLL_S)
         held_s = time.monotonic() - begin_s
         return held_s if held_s < LEASELESS_S else None

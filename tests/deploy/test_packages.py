@@ -15,26 +15,26 @@ import readygo
 from tests.common.dataset.episodes import write_shard
 
 ROOT = Path(__file__).resolve().parents[2]
-TOPS = ("apps", "benchmarks", "common", "services")
+TOPS = ("apps", "benchmarks", "common", "runs", "services")
 SHIPPED = {".css", ".html", ".json", ".md", ".npz", ".proto", ".py", ".pyi"}
 # Of somebody who uses readygo from a project with packages of the same names as the folders of ours.
 JOB = """
 import sys
 before = list(sys.path)
-import apps, benchmarks, common, services
+import apps, benchmarks, common, runs, services
 import readygo
 from readygo import Dataset, load_avatars
 for name in readygo.__all__:
     getattr(readygo, name)
-assert {module.OWNER for module in (apps, benchmarks, common, services)} == {"them"}
+assert {module.OWNER for module in (apps, benchmarks, common, runs, services)} == {"them"}
 assert sys.path == before
 print(len(Dataset("data")), *load_avatars())
 print(readygo.__file__)
 """
-# What docs/learn.md shows, in a process that knows of no environment before.
+# What docs/own-policy.md shows, in a process that knows of no environment before.
 GYMNASIUM = next(
     example
-    for example in re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "learn.md").read_text(), re.DOTALL)
+    for example in re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "own-policy.md").read_text(), re.DOTALL)
     if "gymnasium" in example
 )
 FLEET = """

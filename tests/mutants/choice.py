@@ -41,7 +41,9 @@ class TestChoice:
 
     @cached_property
     def _product_imports(self) -> dict[str, frozenset[str]]:
-        files = (file for top in ("common", "services", "apps") for file in sorted((self._root / top).rglob("*.py")))
+        files = (
+            file for top in ("common", "services", "runs", "apps") for file in sorted((self._root / top).rglob("*.py"))
+        )
         return {self._path(file): frozenset(self._modules(file)) for file in files if file.name != "__init__.py"}
 
     def _imports_of_helpers(self, test: str) -> set[str]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from tests.mutants.operators import Mutation, find_mutations
 
-TOPS = ("common", "services", "apps")
+TOPS = ("common", "services", "runs", "apps")
 HAND = "hand"
 """Operator of changes that a person wrote: their `before` stands once in the file."""
 

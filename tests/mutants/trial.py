@@ -25,7 +25,7 @@ _FAILED = re.compile(r"^(?:FAILED|ERROR) (\S+)", re.MULTILINE)
 _DIGESTS = """
 import json, pathlib
 from readygo.common.kernels import sources_digest
-files = [path for top in ("common", "services", "apps") for path in pathlib.Path("readygo", top).rglob("*.py")]
+files = [path for top in ("common", "services", "runs", "apps") for path in pathlib.Path("readygo", top).rglob("*.py")]
 print(json.dumps({".".join(path.with_suffix("").parts): sources_digest(path.absolute()) for path in files}))
 """
 
@@ -90,7 +90,9 @@ class Bench:
             shutil.copy2(root / name, target, follow_symlinks=False)
         self._choice = TestChoice(self.tree)
         # Compiled files that are found by their content: a change may keep size and time of its file.
-        tops = [top for top in ("common", "services", "apps", "benchmarks", "tests") if (self.tree / top).is_dir()]
+        tops = [
+            top for top in ("common", "services", "runs", "apps", "benchmarks", "tests") if (self.tree / top).is_dir()
+        ]
         compileall = ("-m", "compileall", "-q", "--invalidation-mode", "checked-hash", *tops)
         subprocess.run((sys.executable, *compileall), cwd=self.tree, check=False)
         digests = subprocess.run(

@@ -5,11 +5,13 @@ import pytest
 
 from readygo.common.errors import ConfigError, PolicyError
 from readygo.runs.training import default_recipe, make_config, run_training
+from readygo.services import trainer
 from readygo.services.trainer import TrainConfig, best_recipe, paper_recipe
 
 
 def test_missing_torch_is_one_line_with_the_command_that_installs_it(tmp_path, monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "readygo.services.trainer.train", None)
+    monkeypatch.delitem(vars(trainer), "train_policy", raising=False)
     with pytest.raises(PolicyError, match=r"^Training needs .*; run: .*pip install -e .*\[train\]"):
         run_training(SimpleNamespace(), TrainConfig(), tmp_path / "policy")
 

@@ -104,7 +104,7 @@ def test_inspect_lists_the_outputs(folder, tmp_path, capsys) -> None:
         inspect(InspectOptions(data=data, json=True))
         assert json.loads(capsys.readouterr().out)["outputs"] == want
     inspect(InspectOptions(data=tmp_path / "rich"))
-    assert "rgb, depth (mean), mask" in capsys.readouterr().out
+    assert "rgb, depth (median), mask" in capsys.readouterr().out
 
 
 def test_inspect_lists_the_labels(folder, tmp_path, capsys) -> None:

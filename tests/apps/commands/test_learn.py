@@ -62,7 +62,7 @@ def wired(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
         ("learn_policy", learned),
         ("report_content", "content"),
         ("write_report", None),
-        ("watched", nullcontext()),
+        ("show_page", nullcontext()),
         ("identity_for", None),
     ):
         monkeypatch.setattr(command, name, note(name, result))

@@ -63,7 +63,7 @@ class Fakes:
         self.calls: list[tuple[object, ...]] = []
         self.stop = threading.Event()
         self.bus, self.folder = Mock(name="bus"), Mock(path=tmp_path)
-        self.folder.coordinated.return_value = nullcontext()
+        self.folder.lock_coordinator.return_value = nullcontext()
         self.observer = Mock()
         self.observer.bus.side_effect = lambda bus: bus
         self._monkeypatch = monkeypatch
@@ -93,7 +93,7 @@ def test_coordinator_takes_the_lead_attaches_and_ticks_until_it_is_stopped(fakes
     stop = Mock(wait=lambda seconds: order.append(f"{seconds}") or next(waits))
     assert _coordinate(fakes.bus, fakes.folder, stop, fakes.observer)
     assert order == ["lead", "attach", "0.2", "on", "tick", "0.2", "on", "tick", "0.2"]
-    fakes.folder.coordinated.assert_called_once_with(patience_s=2 * LATE_S)
+    fakes.folder.lock_coordinator.assert_called_once_with(patience_s=2 * LATE_S)
     fakes.observer.coordinator.assert_called_once_with(coordinator)
 
 

@@ -72,7 +72,7 @@ def test_summary_says_what_it_was_made_of(data: Path) -> None:
     assert summary["config"]["episode"] == {"time_limit_s": 50.0}
 
 
-@pytest.mark.parametrize(("renderer", "depth"), [({}, "mean"), ({"depth": "median"}, "median")])
+@pytest.mark.parametrize(("renderer", "depth"), [({"depth": "mean"}, "mean"), ({}, "median")])
 def test_summary_says_which_depth_was_recorded(tmp_path: Path, renderer: dict[str, str], depth: str) -> None:
     provenance = dataclasses.replace(PROVENANCE, config={**PROVENANCE.config, "renderer": renderer})
     write_shard(tmp_path, [0], outputs=("depth", "mask"), provenance=provenance)

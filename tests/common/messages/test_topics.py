@@ -51,7 +51,7 @@ def test_names_of_the_wire_do_not_change_silently() -> None:
     assert topics.presence("renderer", "r0") == "alive/renderer/r0"
 
 
-@pytest.mark.parametrize("folder", ["common", "services", "apps", "benchmarks"])
+@pytest.mark.parametrize("folder", ["common", "services", "runs", "apps", "benchmarks"])
 def test_no_topic_is_written_down_anywhere_else(folder: str) -> None:
     literal = re.compile(r"""["'](coord/|ctl["'/]|rec/|render/|blob["']|reconstruct/|alive/|live/|train/)""")
     found = [
