@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from readygo.apps.cli import function_of, options_of, parse
-from readygo.apps.export import formats
+from readygo.apps.export.formats import FORMATS
 from readygo.apps.options import describe_options, section_groups
 from readygo.commands import COMMANDS
 from readygo.common.config import section_from_mapping
@@ -69,8 +69,12 @@ def test_python_runs(name: str, example: str, tmp_path: Path, monkeypatch: pytes
     write_shard(tmp_path / "out" / "data", [0, 1], labels=True)
     write_policy(tmp_path / "out" / "policy")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(formats, "FORMATS", dict(formats.FORMATS))
-    exec(compile(example, name, "exec"), {})
+    known = dict(FORMATS)
+    try:
+        exec(compile(example, name, "exec"), {})
+    finally:
+        FORMATS.clear()
+        FORMATS.update(known)
 
 
 def test_there_is_python_to_run() -> None:

@@ -85,7 +85,7 @@ def test_command_passes_on_what_it_is_told(wired, tmp_path: Path, capsys: pytest
     words, more = asked["make_plan"]
     assert words[:4] == (("one", "two"), out, "robot", "settings")
     assert (words[4].minutes, words[4].samples, more) == (7.0, 900, {"avatars": tmp_path, "seed": 3})
-    (where, begun, by), _ = asked["watched"]
+    (where, begun, by), _ = asked["show_page"]
     assert (where, by) == (out, certs)
     assert not begun()
     plan.places[0].folder.state.mkdir()
