@@ -14,9 +14,9 @@ from readygo.apps.capture.ground import WalkableGround, walking_ground
 from readygo.apps.capture.marker import FloorMarker, MarkedRasterizer, lay_down
 from readygo.apps.capture.truth import truth_path, write_truth
 from readygo.apps.capture.walk import CameraWalk, Sway, plan_walk
+from readygo.apps.pictures.film import CODECS, write_film
 from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.camera import CameraConfig
-from readygo.common.drawing.film import CODECS, write_film
 from readygo.common.errors import ConfigError, SceneError
 from readygo.common.files import unfinished_folder
 from readygo.common.robot import RobotConfig

@@ -58,7 +58,7 @@ def avatar_preview(options: AvatarPreviewOptions) -> None:
     """Draw an avatar from all sides, draw four phases of its gait, or write a video of it walking."""
     if options.out is None and options.sheet is None and options.video is None:
         raise AvatarError("Say what to make: --out person.png, --sheet gait.png, --video person.webm, or several.")
-    from readygo.common.drawing.film import CODECS, write_film
+    from readygo.apps.pictures.film import CODECS, write_film
 
     for option, path, endings in (
         ("--out", options.out, (".png",)),

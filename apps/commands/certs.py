@@ -71,7 +71,7 @@ def certs_issue(options: CertsIssueOptions) -> None:
 
 def _certificates() -> ModuleType:
     try:
-        from readygo.common import certificates
+        from readygo.apps.fleet import certificates
     except ImportError as error:
         raise CertificateError(f"Certificates need cryptography; run: {install_command('tls')}") from error
     return certificates

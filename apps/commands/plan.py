@@ -14,12 +14,12 @@ from tyro.conf import Positional
 
 from readygo.apps.evaluation.again import kept_episode
 from readygo.apps.options import option_name
+from readygo.apps.pictures.film import CODECS
 from readygo.apps.terminal import PlainConsole
 from readygo.common.arrays import UInt8Array
 from readygo.common.avatars import Avatar
 from readygo.common.avatars.cast import load_cast
 from readygo.common.drawing.files import write_png
-from readygo.common.drawing.film import CODECS
 from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeKey, Split
 from readygo.common.policy import Policy, load_policy
@@ -246,8 +246,8 @@ def _write_video(path: Path, take: Take, planner: RobotPlanner, look: "RobotView
     Raises:
         RunError: If the episode has no run.
     """
+    from readygo.apps.pictures.film import write_film
     from readygo.apps.pictures.plan_film import run_film
-    from readygo.common.drawing.film import write_film
 
     if take.run is None:
         raise RunError(f"There is nothing to film in {take.scenario.episode.episode_id}: {take.rejected}.")

@@ -6,10 +6,10 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from readygo.apps.pictures.episode_film import film_frames
+from readygo.apps.pictures.film import write_film
 from readygo.apps.pictures.playback import background, recorded_film
 from readygo.apps.terminal import PlainConsole
 from readygo.common.dataset import Dataset
-from readygo.common.drawing.film import write_film
 from readygo.common.errors import DatasetError
 
 

@@ -18,12 +18,12 @@ from readygo.apps.learn.config import LearnConfig
 from readygo.apps.learn.learn import Learned, learn_policy, report_content
 from readygo.apps.learn.plan import Budget, learn_settings, make_plan
 from readygo.apps.pictures.episode_film import film_frames
+from readygo.apps.pictures.film import write_film
 from readygo.apps.pictures.recorded import RecordedEpisodes
 from readygo.apps.report.learn import write_report
 from readygo.apps.report.page import CommandLine
 from readygo.apps.terminal import PlainConsole
 from readygo.common.dataset import Dataset, Report, validate
-from readygo.common.drawing.film import write_film
 from readygo.common.errors import DatasetError, RunError
 from readygo.common.scenes.top_view import top_view
 from readygo.runs.config import RunConfig

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from readygo.apps.pictures.film import write_film
 from readygo.apps.pictures.plan_film import RobotView, run_film
 from readygo.apps.report.page import StripImage
 from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.drawing import plan_view
-from readygo.common.drawing.film import write_film
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import Command, DriverFailure, run_episode
 from readygo.common.errors import RunError

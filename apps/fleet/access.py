@@ -100,7 +100,7 @@ def identity_for(endpoint: str, role: str, *, name: str = "", certs: Path | None
     if certs is None:
         return None
     try:
-        from readygo.common.certificates import load_identity
+        from readygo.apps.fleet.certificates import load_identity
     except ImportError as error:
         raise CertificateError(f"Certificates need cryptography; run: {install_command('tls')}") from error
     return load_identity(certs, f"{role}.{name}" if role == RECORDER else role)

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
+from readygo.apps.pictures.film import write_film
 from readygo.apps.pictures.playback import recorded_film, rows_of
 from readygo.apps.pictures.side_by_side import CAMERAS_WIDTH_PX
 from readygo.common.arrays import Float64Array
 from readygo.common.dataset import Dataset, EpisodeEntry
-from readygo.common.drawing.film import write_film
 from readygo.common.drawing.plan_view import DrawnEpisode
 from readygo.common.frames import wrap_angle
 from readygo.common.messages import AnimateRequest, HumanPlanRequest, Scenario

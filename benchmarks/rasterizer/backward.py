@@ -21,11 +21,11 @@ import tyro
 
 from readygo.benchmarks.rasterizer.scenery import random_places, synthetic_scenery
 from readygo.benchmarks.rasterizer.synthetic_room import room_cloud
-from readygo.common.rasterizer.differentiable import frame
-from readygo.common.rasterizer.differentiable.autograd import Rendered, rasterize
-from readygo.common.rasterizer.differentiable.order import spatial_order
-from readygo.common.rasterizer.differentiable.reference import rasterize_with_torch
 from readygo.common.robot import CameraConfig
+from readygo.services.reconstructor.differentiable import frame
+from readygo.services.reconstructor.differentiable.autograd import Rendered, rasterize
+from readygo.services.reconstructor.differentiable.order import spatial_order
+from readygo.services.reconstructor.differentiable.reference import rasterize_with_torch
 
 Parameters = dict[str, torch.Tensor]
 

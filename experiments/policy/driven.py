@@ -28,11 +28,11 @@ from readygo.benchmarks.rasterizer.render import machine
 from readygo.common.bus.zenoh_bus import free_endpoint
 from readygo.common.dataset.ros_log import read_record
 from readygo.common.episode.metrics import wilson_interval
-from readygo.common.episode.statistics import mcnemar_p
 from readygo.common.files import write_whole
 from readygo.common.messages import Outcome
 from readygo.services.evaluator.records import record_of_mapping
 from readygo.services.evaluator.results import RECORDS_FILE
+from readygo.services.evaluator.statistics import mcnemar_p
 
 EVALUATOR, REHEARSED, DRIVEN = "evaluator", "rehearsed", "driven"
 LINE = re.compile(r"^(\w+) (\S+): (\w+) after ([\d.]+) s$")

@@ -105,7 +105,7 @@ def plane_depths(cloud: GaussianCloud, T_world_camera: Float64Array, camera: Cam
     """Depths of a cloud's planes as the training of surfaces has them [m], inf where there are none, shape (H, W)."""
     import torch
 
-    from readygo.common.rasterizer.differentiable.autograd import rasterize
+    from readygo.services.reconstructor.differentiable.autograd import rasterize
     from readygo.services.reconstructor.training.planes import plane_depth, plane_features, rays_of
 
     arrays = (cloud.means_m, cloud.quats_wxyz, cloud.scales_m, cloud.opacities)

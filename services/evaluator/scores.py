@@ -12,11 +12,11 @@ import numpy as np
 from readygo.common.arrays import Float64Array
 from readygo.common.episode import wilson_interval
 from readygo.common.episode.metrics import EpisodeResult, spl_of
-from readygo.common.episode.statistics import bootstrap_interval, mcnemar_p
 from readygo.common.messages import EpisodeKey, Outcome
 from readygo.services.evaluator.categories import Category
 from readygo.services.evaluator.episodes import Task
 from readygo.services.evaluator.records import EpisodeRecord
+from readygo.services.evaluator.statistics import bootstrap_interval, mcnemar_p
 
 Group = tuple[Task, str]
 """Task and method."""

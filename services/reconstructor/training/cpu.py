@@ -18,7 +18,7 @@ from readygo.services.reconstructor.training.photos import PhotoStore
 
 
 class CpuEngine:
-    """Trains with `readygo.common.rasterizer.differentiable`; see `engine.Engine`."""
+    """Trains with `readygo.services.reconstructor.differentiable`; see `engine.Engine`."""
 
     def __init__(self, settings: GaussiansConfig) -> None:
         self._settings = settings

@@ -11,14 +11,14 @@ import numpy as np
 import torch
 
 from readygo.common.arrays import AnyArray, Float32Array, Float64Array, Int64Array
-from readygo.common.rasterizer.differentiable.reference import colours_along, rotations
 from readygo.common.rasterizer.gpu.availability import require_kernels
 from readygo.common.rasterizer.gpu.gsplat_kernels import Rasterization, gsplat_rasterization
-from readygo.common.rasterizer.gpu.gsplat_values import Blended, blend_values
+from readygo.services.reconstructor.differentiable.reference import colours_along, rotations
 from readygo.services.reconstructor.training.adam import EPSILON, Adam
 from readygo.services.reconstructor.training.config import GaussiansConfig
 from readygo.services.reconstructor.training.density import NOISE_OPACITY, NOISE_SLOPE, REGULAR, STRETCH_MAX, Sightings
 from readygo.services.reconstructor.training.engine import ViewLoss, ViewTask
+from readygo.services.reconstructor.training.gsplat_values import Blended, blend_values
 from readygo.services.reconstructor.training.parameters import PARAMETERS, SHAPES, Change, Gaussians
 from readygo.services.reconstructor.training.photometric import SSIM_WEIGHT, photometric_loss
 from readygo.services.reconstructor.training.photos import BRIGHTNESS, PhotoStore

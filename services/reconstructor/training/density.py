@@ -11,8 +11,8 @@ from math import comb
 import numpy as np
 
 from readygo.common.arrays import BoolArray, Float32Array, Float64Array, Int64Array
-from readygo.common.rasterizer.differentiable.order import spatial_order
-from readygo.common.rasterizer.differentiable.reference import rotations
+from readygo.services.reconstructor.differentiable.order import spatial_order
+from readygo.services.reconstructor.differentiable.reference import rotations
 from readygo.services.reconstructor.training.config import DensityConfig
 from readygo.services.reconstructor.training.parameters import Change, Gaussians
 

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from readygo.common.arrays import Float32Array, Int64Array, UInt8Array
-from readygo.common.rasterizer.differentiable.autograd import Rendered, rasterize
+from readygo.services.reconstructor.differentiable.autograd import Rendered, rasterize
 from readygo.services.reconstructor.training.config import GaussiansConfig
 from readygo.services.reconstructor.training.density import REGULAR
 from readygo.services.reconstructor.training.parameters import Gaussians

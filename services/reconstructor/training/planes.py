@@ -8,7 +8,7 @@ are in the world's frame here, and so are rays. Source: Chen et al., PGSR, 2024,
 import torch
 
 from readygo.common.arrays import Float64Array
-from readygo.common.rasterizer.differentiable.reference import rotations
+from readygo.services.reconstructor.differentiable.reference import rotations
 
 Tensor = torch.Tensor
 FACING_MIN = 0.05

@@ -7,7 +7,7 @@ from readygo.apps.commands.certs import CertsInitOptions, CertsIssueOptions
 pytest.importorskip("cryptography", reason="needs the extra tls")
 
 from readygo.apps.commands.certs import certs_init, certs_issue
-from readygo.common.certificates import load_identity
+from readygo.apps.fleet.certificates import load_identity
 from readygo.common.errors import CertificateError
 
 

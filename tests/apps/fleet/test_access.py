@@ -15,8 +15,8 @@ from readygo.apps.fleet.access import (
     reached_here,
     refusals_on_stderr,
 )
+from readygo.apps.fleet.certificates import issue, make_authority
 from readygo.common.bus.zenoh_bus import Router, free_endpoint
-from readygo.common.certificates import issue, make_authority
 from readygo.common.errors import BusError, CertificateError, PeerError
 from readygo.common.messages import RunSpecRequest, topics
 from tests.common.messages.run_specs import SPEC

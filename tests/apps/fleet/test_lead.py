@@ -20,13 +20,13 @@ pytest.importorskip("cryptography", reason="needs the extra tls")
 from readygo.apps.fleet import lead as leading
 from readygo.apps.fleet import worker
 from readygo.apps.fleet.access import join, open_router
+from readygo.apps.fleet.certificates import issue, make_authority
 from readygo.apps.fleet.lead import lead
 from readygo.apps.fleet.worker import make_coordinator, make_recorder, take_the_lead
 from readygo.apps.observe.observer import ProcessObserver
 from readygo.apps.observe.settings import NOTHING
 from readygo.common.bus import Member
 from readygo.common.bus.zenoh_bus import Router, free_endpoint
-from readygo.common.certificates import issue, make_authority
 from readygo.common.dataset import Dataset
 from readygo.common.errors import BusError, RunError
 from readygo.common.fleet import Worker, pull

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
+from readygo.apps.pictures.film import write_film
 from readygo.common.arrays import UInt8Array
-from readygo.common.drawing.film import write_film
 from readygo.common.drawing.plan_view import GOAL, HUMANS, ROBOT
 from readygo.common.maps import GridFrame
 from readygo.common.scenes.top_view import TopView

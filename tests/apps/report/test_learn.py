@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 import pytest
 
+from readygo.apps.pictures.film import write_film
 from readygo.apps.report.learn import Ends, ReportContent, RunNumbers, report_html, write_report
 from readygo.apps.report.page import CommandLine, PageLink, StripImage, film
 from readygo.apps.report.tables import DriverScore
 from readygo.common.drawing.charts import Curve
-from readygo.common.drawing.film import write_film
 from readygo.common.drawing.plan_view import GOAL, ROBOT, DrawnEpisode, draw_episodes, map_view, resize_view
 from readygo.common.episode.metrics import EpisodeResult, summarize
 from readygo.common.errors import ReadygoError

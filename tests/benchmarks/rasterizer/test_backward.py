@@ -4,7 +4,7 @@ import pytest
 pytest.importorskip("torch", reason="torch is not installed")
 
 from readygo.benchmarks.rasterizer import backward
-from readygo.common.rasterizer.differentiable import frame
+from readygo.services.reconstructor.differentiable import frame
 
 
 def test_scene_keeps_its_parameters_and_gets_features_on_request() -> None:

@@ -13,7 +13,7 @@ WORKERS = ("renderer", "animator")
 
 def certificates(folder: Path, *names: str, **options: float) -> None:
     """Issue certificates, with a new authority where there is none."""
-    from readygo.common.certificates import issue, make_authority
+    from readygo.apps.fleet.certificates import issue, make_authority
 
     if not (folder / "ca.key").exists():
         make_authority(folder)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from readygo.common.rasterizer.differentiable.autograd import rasterize
+from readygo.services.reconstructor.differentiable.autograd import rasterize
 
 
 class _Drawn(torch.autograd.Function):
