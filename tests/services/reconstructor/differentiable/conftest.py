@@ -8,7 +8,9 @@ import torch
 
 from readygo.common.arrays import Float64Array
 from readygo.common.gaussians import GaussianCloud
+from tests.common.conftest import camera, make_cloud
 
+__all__ = ["camera", "make_cloud"]
 Tensor = torch.Tensor
 NAMES = ("means_m", "quats_wxyz", "scales_m", "opacities", "sh", "features")
 
