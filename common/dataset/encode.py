@@ -45,7 +45,7 @@ def encode_episode(
         header: What is constant over the episode.
         attempt: The lease's number; only EpisodeCommit carries it.
         samples: All samples of the episode in order.
-        place: Where it is shown, as `Scenery.staged` would; None gives its canonical form.
+        place: Where it is shown, as `Scenery.stage_episode` would; None gives its canonical form.
 
     Raises:
         DatasetError: If samples are missing, do not all have the same outputs and their labels, or have numbers that

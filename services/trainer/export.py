@@ -76,7 +76,7 @@ class InferenceModule(nn.Module):
         x, factor = image.float(), self.net.pooling
         x = x.permute(0, 1, 4, 2, 3).flatten(1, 2) if x.dim() == 5 else x.permute(0, 3, 1, 2)
         if factor > 1 and kind_of(name) == DEPTH:
-            # What `thinned` gives.
+            # What `thin_pixels` gives.
             x = x[:, :, factor // 2 :: factor, factor // 2 :: factor]
         elif factor > 1:
             # Means of bytes, halves rounded up: what `pool` gives.

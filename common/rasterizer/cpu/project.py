@@ -124,7 +124,7 @@ class Lit(NamedTuple):
     normal: Int16Array
     """Packed normals that light falls on, as `packed_shading` gives them, flat."""
     terms: Float32Array
-    """Terms of the light in the camera's frame, as `turned` gives them, flat; empty: the avatar's own colours."""
+    """Terms of the light in the camera's frame, as `rotate_forms` gives them, flat; empty: the avatar's own colours."""
 
 
 @inline_kernel
