@@ -158,7 +158,7 @@ class ForkServer:
             report.settimeout(PATIENCE_S)
             said, descriptors, _, _ = socket.recv_fds(report, 64, 1)
         except OSError:
-            pass
+            pass  # The server is gone or silent: `start` tries a new one, and then names its log.
         finally:
             os.close(child_end)
         if not said:

@@ -61,7 +61,7 @@ class Background(Generic[Result]):
         try:
             self._done.put(work(self._check))
         except StoppedError:
-            pass
+            pass  # The context has ended: nothing takes a result.
         except BaseException as error:  # The main thread raises it.
             self._done.put(error)
 

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from readygo.apps.learn.plan import LearnPlan
 from readygo.common.documents import read_json, write_toml
 from readygo.common.drawing.charts import Curve
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
-from readygo.services.trainer import best_recipe
+from readygo.services.trainer import best_recipe, loss_curves
 
 _HISTORY = ("samples", "train_loss", "validation_loss")
 _NO_PROGRESS = (ValueError, TypeError, LookupError, AttributeError, OverflowError)
@@ -96,13 +94,7 @@ def read_losses(folder: Path) -> list[Curve]:
     Args:
         folder: Folder of the trainer.
     """
-    history = read_history(folder)
-    samples = np.array([float(entry["samples"]) for entry in history])
-    return [
-        Curve(name=name, x=samples, y=np.array([float(entry[key]) for entry in history]))
-        for name, key in (("training", "train_loss"), ("held out", "validation_loss"))
-        if history
-    ]
+    return loss_curves(read_history(folder))
 
 
 def read_history(folder: Path) -> list[dict[str, Any]]:

@@ -8,6 +8,7 @@ then in a cookie.
 
 import asyncio
 import hmac
+import logging
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ HEAD_MAX = 32_768
 """Largest size of a request's head [bytes]."""
 HEAD_TIMEOUT_S = 10.0
 PIECE = 65_536
+_log = logging.getLogger(__name__)
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
@@ -155,7 +157,7 @@ class Gate:
         self._tasks.add(task)
         try:
             await self._serve(reader, writer)
-        except (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, TimeoutError):
+        except (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
             # A browser may disconnect at any time.
             pass
         finally:
@@ -170,7 +172,13 @@ class Gate:
             writer.write(answer.to_bytes())
             await writer.drain()
             return
-        inner_reader, inner_writer = await asyncio.open_unix_connection(self._behind)
+        try:
+            inner_reader, inner_writer = await asyncio.open_unix_connection(self._behind)
+        except OSError as error:
+            _log.warning("The page's server does not answer: %s", error)
+            writer.write(Answer("502 Bad Gateway", "The page's server does not answer; see the log.\n").to_bytes())
+            await writer.drain()
+            return
         inner_writer.write(head)
         ways = [asyncio.ensure_future(_pass_on(*way)) for way in ((reader, inner_writer), (inner_reader, writer))]
         try:

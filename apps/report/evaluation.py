@@ -89,12 +89,12 @@ def report_html(content: EvaluationContent) -> str:
     ]
     watched = short_name(content.watched)
     tiles = [(percent(s.summary.success_rate), f"success, {s.task}") for s in scores if s.driver == watched]
-    counts = {summary.episode_count for summary in content.summaries.values()}
+    most = max((summary.episode_count for summary in content.summaries.values()), default=0)
     gallery = PageLink(href=GALLERY_FILE, what="The failures by kind, with maps and what the robot saw")
     failures = Paragraph(text="", links=[gallery]) if content.failure_count else Paragraph(text="No episode failed.")
     return page(
         content.title,
-        f"{_name(content.watched)} among others in the same {max(counts)} episodes of each task, in closed loop.",
+        f"{_name(content.watched)} among others in the same {most} episodes of each task, in closed loop.",
         tiles=[*tiles, (str(content.failure_count), "failures to look at")],
         sections={
             "Results": success_rates(scores, watched=watched),

@@ -206,7 +206,7 @@ def rejections(counts: Mapping[str, int], recorded: int) -> PageTable:
     """
     tried = recorded + sum(counts.values())
     rows = [
-        [reason.replace("_", " "), f"{count:,}", percent(count / tried)]
+        [reason.replace("_", " "), f"{count:,}", percent(count / max(tried, 1))]
         for reason, count in sorted(counts.items(), key=lambda item: (-item[1], item[0]))
     ]
     columns = (f"Not recorded, of {tried:,} tried", "Episodes", "Share")
@@ -270,6 +270,7 @@ def _environment() -> "Environment":
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        auto_reload=False,
     )
     environment.filters["percent"] = percent
     environment.filters["width"] = lambda share: f"{100 * min(max(share, 0.0), 1.0):.1f}%"

@@ -44,6 +44,13 @@ WATCHER = (
     "threading.Event().wait()\n"
 )
 """Hears all that `readygo monitor` hears."""
+IDLE_TRAINER = (
+    "from readygo.__main__ import main\n"
+    "from readygo.services.trainer import live\n"
+    "live.FIRST_EPISODES = 1_000_000\n"
+    "main()\n"
+)
+"""`readygo`, whose trainer never has enough episodes to begin."""
 
 
 def main(
@@ -166,10 +173,8 @@ def _beside(kind: str, endpoint: str, data: Path, folder: Path, monitors: int) -
 
 def _trainer(endpoint: str, run: str, data: Path, folder: Path, log: Path) -> subprocess.Popen[bytes]:
     """A live trainer that subscribes, and never trains."""
-    settings = folder / "trainer.toml"
-    settings.write_text("[live]\nfirst_episodes = 1000000\n")
     command = ["train", "--live", endpoint, "--run", run, str(data), "--out", str(folder / "policy")]
-    return _readygo([*command, "--config", str(settings)], log)
+    return _start([sys.executable, "-c", IDLE_TRAINER, *command], log)
 
 
 def _readygo(arguments: list[str], log: Path) -> subprocess.Popen[bytes]:

@@ -1,6 +1,6 @@
 """Shortest ways on a grid: a bucket queue over integer costs, as flood (Dijkstra) or towards one cell (A*).
 
-A cell's factor says what a step into it costs, in quarters of free ground: 0 is blocked, 4 is free, up to 60 is dear.
+A cell's factor says what a step into it costs, in quarters of free ground: 0 is blocked, 4 is free, up to 60 is costly.
 Source: R. Dial, Algorithm 360: Shortest-path forest with topological ordering, CACM 12 (1969).
 """
 
@@ -21,7 +21,7 @@ UNREACHED = 1 << 30
 """Distance of cells that the search did not reach."""
 
 _STRAIGHT, _DIAGONAL = 5, 7
-_BUCKET_COUNT = 512  # above the dearest step (7 * 60) plus the heuristic's change (28)
+_BUCKET_COUNT = 512  # above the costliest step (7 * 60) plus the heuristic's change (28)
 _BUCKET_MASK = _BUCKET_COUNT - 1
 
 Cell = tuple[int, int]

@@ -5,7 +5,6 @@ robot it drives and what its graph is given (`readygo.common.policy.graph`). Pol
 `weights.safetensors` holds the weights of the trained network, by their names in PyTorch, for training by other means.
 """
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,9 +12,8 @@ from typing import Any
 
 from readygo.common.camera import SensorConfig
 from readygo.common.config import section_from_mapping, section_to_mapping
-from readygo.common.documents import read_toml
+from readygo.common.documents import read_toml, write_toml
 from readygo.common.errors import ConfigError, PolicyError
-from readygo.common.files import write_whole
 from readygo.common.policy.graph import GRAPH_FILE, Given, GraphSpec
 from readygo.common.policy.sight import check_cameras
 from readygo.common.robot import RobotConfig
@@ -73,7 +71,7 @@ def save_spec(spec: PolicySpec, folder: Path) -> None:
         "sensor": section_to_mapping(spec.sensor),
         "training": dict(spec.training),
     }
-    write_whole(folder / SPEC_FILE, "\n".join(_toml_lines(mapping)) + "\n", raises=PolicyError)
+    write_toml(folder / SPEC_FILE, _without_none(mapping), raises=PolicyError)
 
 
 def load_spec(folder: Path) -> PolicySpec:
@@ -94,7 +92,8 @@ def load_spec(folder: Path) -> PolicySpec:
     if mapping.get("format") != POLICY_FORMAT:
         raise PolicyError(
             f"{path} has format {mapping.get('format')!r}, this version reads {POLICY_FORMAT!r}; run the "
-            "`readygo train` command that wrote it again, which exports it from its checkpoint, or train it again."
+            "`readygo train` command that wrote it again, which exports it from its checkpoint, or train it again. For "
+            "a graph of your own, write policy.toml as `readygo.common.policy.graph` shows."
         )
     try:
         return PolicySpec(
@@ -108,27 +107,10 @@ def load_spec(folder: Path) -> PolicySpec:
         raise PolicyError(f"{path} cannot be used: {error}; export the policy again.") from error
 
 
-def _toml_lines(mapping: Mapping[str, Any], path: str = "") -> list[str]:
-    # TOML has no null: what is not given is left out.
-    plain = {key: value for key, value in mapping.items() if value is not None and not isinstance(value, Mapping)}
-    lines = [f"{_toml_key(key)} = {_toml_value(value)}" for key, value in plain.items()]
-    for key, value in mapping.items():
-        if isinstance(value, Mapping):
-            table = f"{path}{_toml_key(key)}"
-            lines += ["", f"[{table}]", *_toml_lines(value, f"{table}.")]
-    return lines
-
-
-def _toml_key(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _toml_value(key)
-
-
-def _toml_value(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (int, float)):
-        return repr(value)
-    if isinstance(value, (list, tuple)):
-        return f"[{', '.join(_toml_value(item) for item in value)}]"
-    text = str(value).replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
-    return f'"{text}"'
+def _without_none(mapping: Mapping[str, Any]) -> dict[str, Any]:
+    """The values that are given: TOML has no null."""
+    return {
+        key: _without_none(value) if isinstance(value, Mapping) else value
+        for key, value in mapping.items()
+        if value is not None
+    }

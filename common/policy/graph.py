@@ -99,6 +99,8 @@ class GraphSpec:
             raise ValueError("a graph with a state needs rate_hz: how often the state advances.")
         if bool(self.cache) != (Given.WINDOW in self.inputs.values()):
             raise ValueError('a graph with a cache has an input "window", one without has none.')
+        if self.cache and Given.GOAL_IMAGE in self.inputs.values():
+            raise ValueError('a graph with a cache takes the image of its goal as "goal_frame".')
         if Given.GOAL_FRAME in self.inputs.values() and (not self.cache or self.images != (RGB,)):
             raise ValueError('an input "goal_frame" goes with a cache and "rgb" alone.')
 

@@ -177,8 +177,14 @@ def _check_graph(policy: Policy, folder: Path) -> None:
     shape = (1, camera.height_px, camera.width_px, channels_of(policy.spec.images))
     memory = policy.start()
     memory.show_goal(np.zeros((*shape[1:3], 3), np.uint8))
+    images = np.zeros(shape, np.uint8)
     try:
-        policy.step([memory], np.zeros(shape, np.uint8), zeros, zeros)
+        # An episode's first image, no new image, and one more: with a cache the graph is given other numbers of frames.
+        policy.step([memory], images, zeros, zeros)
+        memory.kept.decision = None
+        policy.decide([memory], zeros, zeros)
+        memory.kept.decision = None
+        policy.step([memory], images, zeros, zeros)
     except PolicyError:
         raise
     except Exception as error:  # as above: a graph of other inputs or shapes

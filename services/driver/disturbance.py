@@ -11,7 +11,7 @@ from readygo.common.robot import RobotConfig
 
 PUSH = 0.5
 """Standard deviation of the pushes, as a multiple of the largest changes of speed and yaw rate that the robot can make:
-it cannot resist what is above 1. Measured in the README, like the next two."""
+it cannot resist what is above 1. Measured, as `LATE_MAX_S`, in docs/results/driver.md."""
 PUSH_TIME_S = 0.5
 """Correlation time of the pushes, an Ornstein-Uhlenbeck process [s]."""
 LATE_MAX_S = 0.3

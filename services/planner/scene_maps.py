@@ -25,5 +25,5 @@ class PlanningMaps(Protocol):
 
     @property
     def sight(self) -> SightMap:
-        """What hides humans from a camera; dear to make, so only asked for where it is needed."""
+        """What hides humans from a camera; slow to make, so only asked for where it is needed."""
         ...

@@ -201,14 +201,14 @@ class Renderer:
         if not sub_frame.rows.any():
             outputs = (RGB,)
         maps, humans = self.scene.maps, sub_frame.humans
-        feet, shadows = feet_of(self.skeletons, humans), None
-        if self.config.draws("contact_shadow"):
-            shadows = shadow_cloud(feet, maps.floor, sub_frame.T_world_camera[:3, 3])
+        shadowed, on_floor = self.config.draws("contact_shadow"), self.config.draws("feet_on_floor")
+        feet = feet_of(self.skeletons, humans if shadowed or on_floor else ())
+        shadows = shadow_cloud(feet, maps.floor, sub_frame.T_world_camera[:3, 3]) if shadowed else None
         if self._light is not None:
             at = [self._light(float(human.root_m[0]), float(human.root_m[1])) for human in humans]
             humans = tuple(dataclasses.replace(human, light=light) for human, light in zip(humans, at, strict=True))
         for T_world_camera in face_poses(sub_frame.T_world_camera, camera.remap):
-            if self.config.draws("feet_on_floor"):
+            if on_floor:
                 stands = stands_of(feet, maps.floor, maps.robot, T_world_camera).tolist()
                 humans = tuple(
                     dataclasses.replace(human, ground_m=ground_m, lead_m=lead_m)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from readygo.services.trainer.config import fast_recipe as fast_recipe
     from readygo.services.trainer.config import paper_recipe as paper_recipe
     from readygo.services.trainer.config import with_overrides as with_overrides
+    from readygo.services.trainer.history import loss_curves as loss_curves
     from readygo.services.trainer.image_choice import chosen_images as chosen_images
     from readygo.services.trainer.live import LiveTrainer as LiveTrainer
     from readygo.services.trainer.networks.config import NetworkTrainConfig as NetworkTrainConfig
@@ -36,6 +37,7 @@ else:
             "paper_recipe",
             "with_overrides",
         ),
+        ".history": ("loss_curves",),
         ".image_choice": ("chosen_images",),
         ".live": ("LiveTrainer",),
         ".networks.config": ("NetworkTrainConfig",),

@@ -28,7 +28,8 @@ NECK_CHANNELS = 32
 HEAD_WIDTHS = (256, 128)
 HUMANS_WIDTH = 64
 CAUTION = 9.0
-"""Risk coefficient: subtracted from a command's log-likelihood for a certain collision; measured in the README."""
+"""Risk coefficient: subtracted from a command's log-likelihood for a certain collision; measured in
+docs/results/trainer.md."""
 V_BINS, W_BINS = 9, 17
 """Grid of the actions of output "bins"."""
 OFF = -1e4
@@ -151,7 +152,7 @@ class PolicyNet(nn.Module):
         )
         by_image = channels_by_image(self.inputs.images, self.inputs.frames_together)
         self._by_image = [channel for channels in by_image.values() for channel in channels]
-        """Channels in the order of an encoder's graph: the rgb of all frames, then their depths."""
+        """Channels in the order of the graph's images: the rgb of all frames, then their depths."""
         self.pooling = pooling_of(robot.camera, config.pooled_height_px)
         size_px = robot.camera.height_px // self.pooling, robot.camera.width_px // self.pooling
         self.encoder = Encoder(size_px, self.inputs.image_channels, config.widths, config.latent_count)
@@ -239,7 +240,7 @@ class PolicyNet(nn.Module):
         return motion * self.motion_scale
 
     def clip(self, normalised_actions: Tensor, traits: Tensor | None = None) -> Tensor:
-        """Normalised actions -> v [m/s] in [v_min, v_max], w [rad/s] in +-w_max, as the exported head answers them."""
+        """Normalised actions -> v [m/s] in [v_min, v_max], w [rad/s] in +-w_max, as the exported graph answers them."""
         return normalised_actions.clamp(self.lowest, torch.ones_like(self.lowest)) * self._limits_of(traits)
 
     def driving_weights(self) -> dict[str, Tensor]:

@@ -14,11 +14,12 @@ import numpy as np
 import torch
 
 from readygo.common.config import section_to_mapping
-from readygo.common.drawing.charts import Curve, line_chart, write_chart
+from readygo.common.drawing.charts import line_chart, write_chart
 from readygo.common.errors import PolicyError
 from readygo.common.files import write_whole
 from readygo.common.policy.artifact import METRICS_FILE
 from readygo.services.trainer.export import export_policy
+from readygo.services.trainer.history import loss_curves
 from readygo.services.trainer.model import PolicyNet, parameter_count
 from readygo.services.trainer.run import CANDIDATE_FOLDER, TrainRun
 from readygo.services.trainer.samples import spread_samples
@@ -42,12 +43,9 @@ def write_outcome(run: TrainRun) -> dict[str, Any]:
 
 def loss_chart(history: Sequence[Mapping[str, Any]]) -> str:
     """What training minimises, and the squared error on held-out episodes, from the records of the training loop."""
-    samples = np.array([float(record["samples"]) for record in history])
-    curves = [
-        Curve(name=name, x=samples, y=np.array([float(record[key]) for record in history]))
-        for name, key in (("training", "train_loss"), ("held out", "validation_loss"))
-    ]
-    return line_chart(curves, x_name="samples learned from", what="Loss, and squared error on held-out episodes")
+    return line_chart(
+        loss_curves(history), x_name="samples learned from", what="Loss, and squared error on held-out episodes"
+    )
 
 
 def export_chosen(run: TrainRun, folder: Path) -> None:

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from readygo.apps.cli import function_of, options_of
 from readygo.apps.options import describe_options
 from readygo.commands import COMMANDS
 
-yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
 kubernetes_validate = pytest.importorskip("kubernetes_validate", reason="kubernetes-validate is not installed")
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 CHART = DEPLOY / "helm" / "readygo"

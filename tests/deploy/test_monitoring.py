@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from readygo.apps.fleet.fleet import FleetMember
 from readygo.apps.fleet.run import run_in_process
@@ -22,7 +23,6 @@ from readygo.services.recorder import Recorder
 from tests.apps.fleet.toy_line import DRAW, FILM, make_folder
 from tests.common.dataset.episodes import PROVENANCE
 
-yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
 client = pytest.importorskip("prometheus_client", reason="prometheus-client (the extra `metrics`) is not installed")
 MONITORING = Path(__file__).resolve().parents[2] / "deploy" / "monitoring"
 OF_TARGETS = {"run", "service", "worker"}

@@ -64,7 +64,7 @@ def nearness_cost(squared: float, hard: float, width: float, weight: float) -> f
         return 0.0
     distance = math.sqrt(squared)
     if distance < hard:
-        # There is always a least evil: contact is dear, the deeper the dearer.
+        # There is always a least evil: contact is costly, the deeper the more.
         return weight + _CONTACT_COST * (2.0 - distance / hard)
     # Falls with the square of the distance from the outer rim, from `weight` at contact to 0.
     nearness = 1.0 - (distance - hard) / width

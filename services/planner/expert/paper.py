@@ -58,7 +58,7 @@ class _Margin(enum.Enum):
     CONTACT = enum.auto()
     """No margin beyond contact."""
     NOW = enum.auto()
-    """No contact with humans where they are now; predicted ground is dear."""
+    """No contact with humans where they are now; predicted ground is costly."""
 
 
 class PaperExpert:
@@ -172,7 +172,7 @@ class PaperExpert:
                 return
 
     def _is_old_as_good(self, plan: Plan, simulation: EpisodeSimulation) -> bool:
-        """True if the rest of the old plan is free on the latest map and hardly dearer; switching costs smoothness."""
+        """True if the rest of the old plan is free on the latest map and hardly longer; switching costs smoothness."""
         frame, tracker = self._local.frame, self._tracker
         if self._plan is None or tracker.turning or tracker.gap_m(simulation.x_m, simulation.y_m) > _OFF_PATH_M:
             return False
@@ -207,7 +207,7 @@ class PaperExpert:
     def _paint(
         self, factor: UInt8Array, human: PerceivedHuman, step: int, robot_m: tuple[float, float], margin: _Margin
     ) -> None:
-        """Put a human into the map: blocked ground, dear around it and wherever the robot itself stands in it."""
+        """Put a human into the map: blocked ground, costly around it and wherever the robot itself stands in it."""
         ground, frame = self._ground, self._local.frame
         ends = self._capsule(human)
         at = (human.x_m, human.y_m, human.x_m, human.y_m)

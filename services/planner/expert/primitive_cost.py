@@ -22,7 +22,7 @@ from readygo.services.planner.expert.records import HumansAhead, Obstacles
 CHECK_STEPS = 2
 """Steps between two checks of a primitive against walls and humans."""
 _ROUNDING_M = 1e-6
-_HALF_DIAGONAL = 0.71
+HALF_DIAGONAL = 0.71
 """Half the diagonal of a cell, in cells: how far a point of a cell may be from its centre."""
 
 
@@ -85,7 +85,7 @@ def wall_cost(
     """
     height, width = factor.shape
     occupied, clearance, _, _, resolution = obstacles
-    free = radius + _HALF_DIAGONAL * resolution
+    free = radius + HALF_DIAGONAL * resolution
     total, checks = 0, 0
     for k in range(CHECK_STEPS - 1, len(rows), CHECK_STEPS):
         px = place[0] + heading[0] * rows[k, 0] - heading[1] * rows[k, 1]

@@ -17,6 +17,7 @@ from readygo.common.arrays import Float64Array, Int32Array
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
 from readygo.common.kernels import kernel_with_cache
+from readygo.services.planner.expert.primitive_cost import HALF_DIAGONAL
 from readygo.services.planner.expert.records import Limits, Obstacles, State, Surroundings
 
 FREE_RUN = 1 << 20
@@ -31,8 +32,6 @@ _CREEP_MPS = 0.15
 """Speed at which a path is left for a stretch that leads the other way [m/s]."""
 _ARRIVED_M = 0.08
 """So near its end has the robot done such a stretch [m]."""
-_HALF_DIAGONAL = 0.71
-"""Half the diagonal of a cell, in cells: how far a point of a cell may be from its centre."""
 _SQUARED_MIN_M2 = 0.04
 """Targets count as at least 0.2 m away, which bounds the curvature."""
 _OVERLAP_M = 0.3
@@ -137,7 +136,7 @@ def meets(state: State, obstacles: Obstacles, radius: float) -> bool:
     if (
         0 <= i < occupied.shape[0]
         and 0 <= j < occupied.shape[1]
-        and clearance[i, j] > radius + _HALF_DIAGONAL * resolution
+        and clearance[i, j] > radius + HALF_DIAGONAL * resolution
     ):
         return False
     return disc_meets_cells(occupied, ox, oy, resolution, state[0], state[1], radius)

@@ -135,7 +135,7 @@ class SpaceTimeExpert:
         self._plan = self._search.search(factor, heuristic, self._local.obstacles, state, self._goal_m, ahead)
 
     def _widens(self, state: State, standing: list[PerceivedHuman]) -> bool:
-        """True if a larger window holds a way, which is tried once in an episode: it is dear and seldom helps."""
+        """True if a larger window holds a way, which is tried once in an episode: it is slow and seldom helps."""
         wider = None if self._widened else self._ground.wider(self._local, state[:2], self._goal_m)
         self._widened = True
         if wider is None or not self._finds_way(wider, state, standing):

@@ -191,7 +191,7 @@ def _key(x: float, y: float, yaw: float, counts: tuple[int, int, int], depth: in
 
 @kernel_with_cache
 def _wrap_yaw(yaw: float) -> float:
-    """An angle between -2 pi and 4 pi as one between 0 and 2 pi; a modulo is dear."""
+    """An angle between -2 pi and 4 pi as one between 0 and 2 pi; a modulo is slow."""
     if yaw < 0.0:
         return yaw + 2 * math.pi
     return yaw - 2 * math.pi if yaw >= 2 * math.pi else yaw

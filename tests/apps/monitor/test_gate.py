@@ -100,6 +100,14 @@ def test_token_comes_once_by_the_link_and_then_by_a_cookie(behind: Path) -> None
     gate.close()
 
 
+def test_a_viewer_that_is_gone_is_named(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    gate = Gate("127.0.0.1", 0, behind=tmp_path / "none")
+    status, _, text = get(gate.port)
+    gate.close()
+    assert (status, text) == (502, b"The page's server does not answer; see the log.\n")
+    assert "does not answer" in caplog.text
+
+
 def test_a_browser_that_goes_away_disturbs_nobody(behind: Path) -> None:
     gate = Gate("127.0.0.1", 0, behind=behind)
     for _ in range(3):

@@ -63,7 +63,7 @@ def test_policy_of_another_format_is_refused_with_the_way_to_export_it_again(tmp
 
 
 def test_names_that_toml_must_quote_come_back(tmp_path):
-    training = {"data": {"avatars": {"Anna B.": "12", "plain_name-3": "34"}}}
+    training = {"data": {"avatars": {"Anna B.": "12", "plain_name-3": "34"}}, "note": "a\x01b\n", "runs": [{"k": 1}]}
     save_spec(PolicySpec(robot=RobotConfig(), training=training), tmp_path)
     assert load_spec(tmp_path).training == training
 

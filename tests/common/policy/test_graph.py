@@ -39,6 +39,10 @@ def test_states_begin_with_zeros_of_the_graphs_shape():
         ({"inputs": {"image": "rgb", "rows": "window"}}, 'an input "window"'),
         ({"inputs": {"image": "rgb"}, "cache": {"latents": "latent"}}, 'an input "window"'),
         ({"inputs": {"image": "rgb", "row": "goal_frame"}}, '"goal_frame" goes with'),
+        (
+            {"inputs": {"image": "rgb", "w": "window", "g": "goal_image"}, "cache": {"latents": "latent"}},
+            'takes the image of its goal as "goal_frame"',
+        ),
     ],
 )
 def test_graphs_that_cannot_be_given_what_they_want_are_refused(mapping, words):

@@ -3,12 +3,14 @@
 import dataclasses
 
 import numpy as np
+import onnx
 import pytest
 from onnx import TensorProto, helper
 
 from readygo.common.errors import PolicyError
+from readygo.common.images.names import RGB
 from readygo.common.policy import PolicySpec, load_policy, load_spec, save_spec
-from readygo.common.policy.graph import Given, GraphSpec
+from readygo.common.policy.graph import GRAPH_FILE, Given, GraphSpec
 from readygo.common.robot import CameraConfig, RobotConfig, RobotRanges
 from tests.common.policy.artifacts import ROBOT, write_goal_policy, write_graph, write_policy
 
@@ -237,6 +239,16 @@ def test_broken_graph_is_named_in_one_line(tmp_path):
 def test_graph_that_does_not_fit_the_robots_images_is_refused(tmp_path):
     spec = load_spec(write_policy(tmp_path))
     save_spec(dataclasses.replace(spec, robot=RobotConfig()), tmp_path)
+    with pytest.raises(PolicyError, match="does not fit"):
+        load_policy(tmp_path)
+
+
+def test_graph_that_takes_no_decision_between_two_images_is_refused(tmp_path):
+    path = write_policy(tmp_path) / GRAPH_FILE
+    model = onnx.load(path)
+    (image,) = [value for value in model.graph.input if value.name == RGB]
+    image.type.tensor_type.shape.dim[0].dim_value = 1
+    onnx.save(model, path)
     with pytest.raises(PolicyError, match="does not fit"):
         load_policy(tmp_path)
 

@@ -223,7 +223,7 @@ def _along(site: Site, task: RobotTask, along_m: float, offset_m: float) -> Poin
 
 
 def _is_fair(site: Site, task: RobotTask, start: Point, end: Point) -> bool:
-    """True if a human starts away from the robot and ends away from its goal; asked before a dear search."""
+    """True if a human starts away from the robot and ends away from its goal; asked before a slow search."""
     away = apart_m(start, task.start_m) >= site.spacing.start_distance_min_m
     return away and apart_m(end, task.goal_m) >= site.spacing.parked_distance_min_m
 

@@ -27,7 +27,7 @@ PASSAGE_WIDER_M = 0.5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Site:
-    """One scene's maps and the settings. What is dear is computed when it is first asked for."""
+    """One scene's maps and the settings. What is slow to make is computed when it is first asked for."""
 
     paths: HumanPathPlanner
     robot: RobotConfig
@@ -35,7 +35,7 @@ class Site:
     spacing: Spacing
     drive: ExpectedDrive
     find_sight: Callable[[], SightMap]
-    """What hides humans from a camera: dear, so only asked for where a family needs it."""
+    """What hides humans from a camera: slow to make, so only asked for where a family needs it."""
     _on_way: dict[RobotTask, list[tuple[Point, float]]] = field(default_factory=dict, init=False)
 
     @cached_property
