@@ -279,10 +279,10 @@ def _rows(numbers: Numbers) -> list[tuple[str, str]]:
     if "outcome" in numbers:
         share = 100 * numbers["human_visible_share"]
         rows.insert(0, ("outcome", f"{numbers['outcome'].replace('_', ' ')} after {numbers['duration_s']:.2f} s"))
-        rows.append(("way", f"{numbers['path_length_m']:.2f} m"))
+        rows.append(("path", f"{numbers['path_length_m']:.2f} m"))
         rows += [("replans", _replans(numbers))] if "replans" in numbers else []
-        rows += [("a person in view", f"{share:.0f} % of the time")] if numbers["humans"] else []
-    rows += [(f"person {k}", _human_row(human)) for k, human in enumerate(numbers["humans"], start=1)]
+        rows += [("a pedestrian in view", f"{share:.0f} % of the time")] if numbers["humans"] else []
+    rows += [(f"pedestrian {k}", _human_row(human)) for k, human in enumerate(numbers["humans"], start=1)]
     if "rejected" in numbers:
         left_out = f"no: {numbers['rejected'].replace('_', ' ')}" if numbers["rejected"] else "yes"
         rows.append(("recorded by generate", left_out))
@@ -290,7 +290,7 @@ def _rows(numbers: Numbers) -> list[tuple[str, str]]:
 
 
 def _replans(numbers: Numbers) -> str:
-    text = f"{numbers['replans']}, {numbers['ways']} different ways"
+    text = f"{numbers['replans']}, {numbers['paths']} different paths"
     if not numbers["replans"]:
         return text
     return f"{text}; p50 {numbers['replan_p50_ms']:.2f} ms, p99 {numbers['replan_p99_ms']:.2f} ms"

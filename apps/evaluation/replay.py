@@ -186,6 +186,6 @@ def strip_steps(trajectory: RobotTrajectory) -> list[int]:
 
 def _another_way(record: EpisodeRecord) -> RunError:
     return RunError(
-        f"Episode {record.episode.episode_id} goes another way now than when it was evaluated: this version or machine "
+        f"Episode {record.episode.episode_id} goes differently now than when it was evaluated: this version or machine "
         "drives differently. Evaluate into a new folder with --out."
     )

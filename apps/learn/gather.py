@@ -186,7 +186,7 @@ def _film(
 
 def _pages(out: Path, replies: Mapping[str, EvaluateReply]) -> list[PageLink]:
     """The pages of the test episodes in each scene."""
-    pages = {GALLERY_FILE: "failures", REPORT_FILE: "all ways"}
+    pages = {GALLERY_FILE: "failures", REPORT_FILE: "all drivers"}
     return [
         PageLink(href=f"{TEST_FOLDER}/{name}/{file}", what=f"{what} in {name}")
         for name in replies

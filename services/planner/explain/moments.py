@@ -41,11 +41,11 @@ def _candidates(run: DrivenRun) -> list[RunMoment]:
     closest = sorted((float(run.gap_m(k).min()), k) for k in humans)
     if closest and closest[0][0] < CLOSE_M:
         step = int(np.argmin(run.gap_m(closest[0][1])))
-        moments.append(RunMoment(step=step, why=f"closest to person {closest[0][1] + 1}"))
+        moments.append(RunMoment(step=step, why=f"closest to pedestrian {closest[0][1] + 1}"))
         given_up = run.journal.given_up if run.explained else ()
         changed = [k for k in given_up if k < step - APART_S * run.trajectory.rate_hz and run.journal.perceived[k]]
-        moments += [RunMoment(step=k, why="takes another way") for k in changed[-1:]]
+        moments += [RunMoment(step=k, why="takes another path") for k in changed[-1:]]
     for _, k in closest:
         seen = np.flatnonzero(run.journal.steps_in_view(k))
-        moments += [RunMoment(step=int(step), why=f"first sees person {k + 1}") for step in seen[:1]]
+        moments += [RunMoment(step=int(step), why=f"first sees pedestrian {k + 1}") for step in seen[:1]]
     return [*moments, RunMoment(step=0, why="start")]

@@ -61,7 +61,7 @@ def _plan_numbers(run: DrivenRun) -> Numbers:
     times_ms = 1e3 * run.trajectory.replan_times_s
     return {
         "replans": int(run.trajectory.replanned.sum()),
-        "ways": len(run.journal.changes),
+        "paths": len(run.journal.changes),
         "replan_p50_ms": round(float(np.percentile(times_ms, 50)), 3) if len(times_ms) else None,
         "replan_p99_ms": round(float(np.percentile(times_ms, 99)), 3) if len(times_ms) else None,
     }

@@ -253,19 +253,19 @@ def _headline(scenario: Scenario, trajectory: RobotTrajectory | None, run: Drive
         words.append((f"{run.driver} drives", INK))
     elif run is not None:
         searches, changes = sum(run.journal.searched), len(run.journal.changes)
-        words.append((f"{searches} replans, {changes} ways", INK))
+        words.append((f"{searches} replans, {changes} paths", INK))
     return [*words, (scenario.episode.episode_id, INK)]
 
 
 def _legend(scenario: Scenario, trajectory: RobotTrajectory | None, run: DrivenRun | None) -> list[tuple[Swatch, str]]:
     items: list[tuple[Swatch, str]] = [(dotted_swatch(ROBOT), "robot, a dot a second")] if trajectory else []
     for k, human in enumerate(scenario.humans):
-        items.append((dotted_swatch(human_colour(k)), f"person {k + 1}: {human.avatar}, {human.encounter}"))
+        items.append((dotted_swatch(human_colour(k)), f"pedestrian {k + 1}: {human.avatar}, {human.encounter}"))
     if run is not None and not run.explained:
         items.append((line_swatch(ADVICE), "what the expert would do"))
     elif run is not None:
-        items.append((lambda picture, x, y: put_diamond(picture, (x, y)), "chose another way"))
-        items += [(line_swatch(SUPERSEDED), "way given up")] if run.journal.given_up else []
+        items.append((lambda picture, x, y: put_diamond(picture, (x, y)), "chose another path"))
+        items += [(line_swatch(SUPERSEDED), "abandoned path")] if run.journal.given_up else []
     if run is not None:
         items.append((area_swatch(SIGHT, SIGHT_SHARE), "field of view"))
     if run is not None and scenario.humans:

@@ -50,7 +50,7 @@ def test_numbers_tell_the_robots_and_every_humans_story(place, index, capsys) ->
     assert numbers["outcome"] in {"success", "human_collision", "static_collision", "timeout"}
     assert numbers["rejected"] == ("" if numbers["outcome"] == "success" else numbers["outcome"])
     assert 0 < numbers["replan_p50_ms"] <= numbers["replan_p99_ms"]
-    assert numbers["ways"] <= numbers["replans"]
+    assert numbers["paths"] <= numbers["replans"]
     closest = min(human["closest_m"] for human in numbers["humans"])
     assert closest == pytest.approx(numbers["human_distance_min_m"], abs=2e-3)
     for human in numbers["humans"]:
@@ -180,27 +180,27 @@ def test_rows_tell_the_same_as_the_numbers() -> None:
     unseen = met | {"visible_s": []}
     drawn = {"goal_distance_m": 7.126, "humans": [human], "rejected": "no_path"}
     assert _rows(drawn) == [
-        ("goal", "7.13 m away"), ("person 1", "ann, crossing, 1.24 m/s"), ("recorded by generate", "no: no path")
+        ("goal", "7.13 m away"), ("pedestrian 1", "ann, crossing, 1.24 m/s"), ("recorded by generate", "no: no path")
     ]  # fmt: skip
     driven = {
         **drawn, "outcome": "human_collision", "duration_s": 12.35, "path_length_m": 8.761,
-        "replans": 7, "ways": 3, "replan_p50_ms": 1.236, "replan_p99_ms": 9.876, "humans": [met, unseen],
+        "replans": 7, "paths": 3, "replan_p50_ms": 1.236, "replan_p99_ms": 9.876, "humans": [met, unseen],
         "rejected": "", "human_visible_share": 0.376,
     }  # fmt: skip
     closest = "closest 0.46 m at 3.22 s; in view"
     assert _rows(driven) == [
         ("outcome", "human collision after 12.35 s"),
         ("goal", "7.13 m away"),
-        ("way", "8.76 m"),
-        ("replans", "7, 3 different ways; p50 1.24 ms, p99 9.88 ms"),
-        ("a person in view", "38 % of the time"),
-        ("person 1", f"ann, crossing, 1.24 m/s; {closest} 1.00-2.50 s, 4.00-4.05 s"),
-        ("person 2", f"ann, crossing, 1.24 m/s; {closest} never"),
+        ("path", "8.76 m"),
+        ("replans", "7, 3 different paths; p50 1.24 ms, p99 9.88 ms"),
+        ("a pedestrian in view", "38 % of the time"),
+        ("pedestrian 1", f"ann, crossing, 1.24 m/s; {closest} 1.00-2.50 s, 4.00-4.05 s"),
+        ("pedestrian 2", f"ann, crossing, 1.24 m/s; {closest} never"),
         ("recorded by generate", "yes"),
     ]
     alone = {key: value for key, value in driven.items() if key != "rejected"} | {"humans": [], "replans": 0}
-    assert [row for row in _rows(alone) if row[0] in ("replans", "a person in view", "recorded by generate")] == [
-        ("replans", "0, 3 different ways")
+    assert [row for row in _rows(alone) if row[0] in ("replans", "a pedestrian in view", "recorded by generate")] == [
+        ("replans", "0, 3 different paths")
     ]
 
 

@@ -48,7 +48,7 @@ def test_film_has_an_image_per_step(evaluated, tmp_path):
 def test_episode_that_goes_another_way_is_refused(evaluated):
     record = of(evaluated, POLICY)[0]
     longer = dataclasses.replace(record, result=dataclasses.replace(record.result, duration_s=9.0))
-    with pytest.raises(RunError, match="goes another way now"):
+    with pytest.raises(RunError, match="goes differently now"):
         evaluated.replays.trajectory(longer)
 
 

@@ -26,11 +26,11 @@ def test_encounter_shows_first_sight_change_and_closest_approach_in_order():
     seen = {k: (0.0, 5.3) for k in range(12, 60)}
     run = make_run(NEAR, journal=journal(seen=seen, change=25))
     # Row 39 is the first of the two that are nearest to x = 0.
-    assert words(run) == [(12, "first sees person 1"), (25, "takes another way"), (39, "closest to person 1")]
+    assert words(run) == [(12, "first sees pedestrian 1"), (25, "takes another path"), (39, "closest to pedestrian 1")]
 
 
 def test_change_without_a_human_in_mind_is_not_shown():
-    assert (25, "takes another way") not in words(make_run(NEAR, journal=journal(change=25)))
+    assert (25, "takes another path") not in words(make_run(NEAR, journal=journal(change=25)))
 
 
 def test_human_far_away_is_not_approached():
@@ -45,21 +45,21 @@ def test_failure_is_always_shown_last():
 
 def test_moments_are_at_least_half_a_second_apart():
     seen = {k: (0.0, 5.3) for k in range(35, 60)}
-    assert words(make_run(NEAR, journal=journal(seen=seen))) == [(0, "start"), (39, "closest to person 1")]
+    assert words(make_run(NEAR, journal=journal(seen=seen))) == [(0, "start"), (39, "closest to pedestrian 1")]
 
 
 def test_second_person_who_comes_nearer_is_the_one_that_is_shown_and_seen_first():
     seen = {k: (0.0, 5.3) for k in range(30, 60)}
     run = make_run([(-1.0, 6.4)], [(1.0, 5.2)], journal=journal(seen=seen, change=22))
     shown = words(run)
-    assert shown[-1] == (int(np.argmin(np.abs(WAY[:, 0] - 1.0))), "closest to person 2")
-    assert (30, "first sees person 1") in shown
+    assert shown[-1] == (int(np.argmin(np.abs(WAY[:, 0] - 1.0))), "closest to pedestrian 2")
+    assert (30, "first sees pedestrian 1") in shown
     assert len(shown) == 3
 
 
 def test_three_meters_are_near_and_half_a_second_is_apart():
-    assert words(make_run([(0.0, 4.6 + 2.99)]))[-1][1] == "closest to person 1"
+    assert words(make_run([(0.0, 4.6 + 2.99)]))[-1][1] == "closest to pedestrian 1"
     assert words(make_run([(0.0, 4.6 + 3.01)])) == [(0, "start")]
     for first, shown in ((29, True), (30, False)):
         seen = {k: (0.0, 5.3) for k in range(first, 60)}
-        assert ((first, "first sees person 1") in words(make_run(NEAR, journal=journal(seen=seen)))) is shown
+        assert ((first, "first sees pedestrian 1") in words(make_run(NEAR, journal=journal(seen=seen)))) is shown

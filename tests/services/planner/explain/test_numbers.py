@@ -30,7 +30,7 @@ def test_run_in_numbers_tells_when_a_human_was_nearest_and_seen():
     assert human["closest_s"] == pytest.approx(0.05 * np.argmin(np.abs(WAY[:, 0])))
     assert human["visible_s"] == [[0.5, 1.5]]
     assert numbers["outcome"] == "success"
-    assert numbers["ways"] == 1
+    assert numbers["paths"] == 1
     assert numbers["replan_p50_ms"] == numbers["replan_p99_ms"] == 1.0
     assert numbers["human_distance_min_m"] is None
 
@@ -38,7 +38,7 @@ def test_run_in_numbers_tells_when_a_human_was_nearest_and_seen():
 def test_run_of_somebody_else_is_told_without_the_experts_plans():
     run = make_run(TRACK)
     numbers, others = run_numbers(run), run_numbers(dataclasses.replace(run, driver="policy"))
-    assert set(numbers) - set(others) == {"replans", "ways", "replan_p50_ms", "replan_p99_ms"}
+    assert set(numbers) - set(others) == {"replans", "paths", "replan_p50_ms", "replan_p99_ms"}
     assert others["outcome"] == numbers["outcome"]
 
 
