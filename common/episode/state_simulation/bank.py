@@ -39,7 +39,7 @@ class EpisodeBank:
     @property
     def human_max(self) -> int:
         """Most people of an episode that the arrays have room for."""
-        return self.walks_m.shape[2]
+        return int(self.walks_m.shape[2])
 
     def first(self, count: int) -> "EpisodeBank":
         """The first episodes."""

@@ -39,7 +39,7 @@ class GoalDistances:
         self._search = GridSearch(self._factor.shape)
 
     def to_goal_cm(self, goal_xy_m: tuple[float, float]) -> UInt16Array:
-        """Remaining distance from every coarse cell [cm], shape (H / 2, W / 2), rounded up.
+        """Remaining distance from every coarse cell [cm], shape (H / 2, W / 2), halves rounded up.
 
         Blocked cells have the distance of the nearest free one, and the way there.
 
@@ -60,7 +60,8 @@ class GoalDistances:
         away, (near_i, near_j) = ndimage.distance_transform_edt(blocked, return_indices=True)
         cell_m = self._frame.resolution_m
         metres = units[near_i, near_j] / UNITS_PER_CELL * cell_m + away * (COARSE * cell_m * BLOCKED_COST)
-        return np.minimum(np.round(metres * 100.0), _CM_MAX).astype(np.uint16)
+        field_cm: UInt16Array = np.minimum(np.round(metres * 100.0), _CM_MAX).astype(np.uint16)
+        return field_cm
 
 
 def _coarse_minimum(units: np.ndarray) -> Float64Array:
@@ -88,7 +89,7 @@ def remaining_m(field_cm: UInt16Array, place: Place, x_m: float, y_m: float) -> 
     u, v = along - i, across - j
     low = (1.0 - v) * field_cm[i, j] + v * field_cm[i, j + 1]
     high = (1.0 - v) * field_cm[i + 1, j] + v * field_cm[i + 1, j + 1]
-    return 0.01 * ((1.0 - u) * low + u * high)
+    return float(0.01 * ((1.0 - u) * low + u * high))
 
 
 @kernel_with_cache

@@ -139,7 +139,7 @@ def _tell_people(
             dy = mean[1] + elapsed_s * mean[3] - state[1]
             away[m] = math.sqrt(dx * dx + dy * dy)
     for k in range(min(world.told_people, slots)):
-        m = np.argmin(away)
+        m = int(np.argmin(away))
         if away[m] == np.inf:
             break
         _tell_person(world, tracks, n, m, elapsed_s, step, state, out[k * PERSON_COUNT : (k + 1) * PERSON_COUNT])
@@ -157,7 +157,7 @@ def _tell_person(
     state: tuple[float, float, float, float, float],
     out: Float32Array,
 ) -> None:
-    """Presence, place, velocity, age, uncertainty, whether it should be in view, free space before it, closest approach."""
+    """Presence, place, velocity, age, uncertainty, whether it should be in view, free space ahead, closest approach."""
     x, y, yaw, v, _ = state
     c, s = math.cos(yaw), math.sin(yaw)
     mean, cov = tracks.mean[n, m], tracks.cov[n, m]
@@ -218,10 +218,8 @@ def know(
     out[at:] = 0.0
     for m in range(count):
         for k in range(len(_AHEAD_S)):
-            row = min(step + int(round(_AHEAD_S[k] / world.dt_s)), last)
+            row = min(step + round(_AHEAD_S[k] / world.dt_s), last)
             hx, hy = walks_m[row, m, 0] - x, walks_m[row, m, 1] - y
             out[at], out[at + 1] = (c * hx + s * hy) / 4.0, (c * hy - s * hx) / 4.0
             out[at + 2] = math.exp(-math.sqrt(hx * hx + hy * hy))
             at += 3
-
-

@@ -1,13 +1,13 @@
 """Many robots at once: motion, limits, collisions and outcomes exactly as in `EpisodeSimulation`, in one kernel."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from readygo.common.arrays import BoolArray, Float32Array, Float64Array, Int8Array, Int64Array, UInt16Array
+from readygo.common.arrays import AnyArray, BoolArray, Float32Array, Float64Array, Int8Array, Int64Array, UInt16Array
 from readygo.common.episode.collision import disc_meets_cells, point_meets_humans
 from readygo.common.episode.state_simulation.bank import EpisodeBank
 from readygo.common.episode.state_simulation.goal_distances import remaining_m
@@ -33,7 +33,7 @@ OUTCOMES = {
     HUMAN_COLLISION: Outcome.HUMAN_COLLISION,
     TIMEOUT: Outcome.TIMEOUT,
 }
-_limit_command = kernel_with_cache(limit_command)
+_limit_command: Any = kernel_with_cache(limit_command)
 _step_unicycle = kernel_with_cache(step_unicycle)
 
 
@@ -130,6 +130,7 @@ class StateSimulation:
         truth: What a critic is told, shape (N, truth_count).
         state: x, y [m], yaw [rad], v [m/s], w [rad/s], shape (N, 5).
         step: Steps of the present episodes, shape (N,).
+        remaining_m: Remaining distances to the goals [m], shape (N,).
         last: Results of the last decision.
     """
 
@@ -179,6 +180,7 @@ class StateSimulation:
         )
         self.told, self.truth = self._robots.told, self._robots.truth
         self.state, self.step = self._robots.state, self._robots.step
+        self.remaining_m = self._robots.remaining_m
         self._draws = np.random.default_rng(seed)
         self.begin(np.zeros(n, np.int64), np.ones(n, np.bool_))
 
@@ -190,34 +192,43 @@ class StateSimulation:
         episodes: Sequence[int] | Int64Array,
         dynamic: Sequence[bool] | BoolArray,
         seeds: Sequence[int] | Int64Array | None = None,
+        *,
+        robots: Int64Array | None = None,
     ) -> None:
-        """Put every robot at the start of an episode.
+        """Put robots at the start of an episode.
 
         Args:
-            episodes: Rows of the bank, shape (N,).
-            dynamic: True where people take part, shape (N,).
-            seeds: Seed of every robot's stream, shape (N,); drawn by default.
+            episodes: Rows of the bank, shape (R,).
+            dynamic: True where people take part, shape (R,).
+            seeds: Seed of each robot's stream, shape (R,); drawn by default.
+            robots: Which robots, shape (R,); all by default.
         """
+        robots = np.arange(len(self)) if robots is None else robots
         if seeds is None:
-            seeds = self._draws.integers(2**62, size=len(self))
-        self.last.ended[:], self.last.outcome[:] = False, RUNNING
+            seeds = self._draws.integers(2**62, size=len(robots))
+        self.last.ended[robots], self.last.outcome[robots] = False, RUNNING
         _begin_all(
-            self.world, self._numbers, self._episodes, self._robots, self.tracks, self._knows,
+            self.world, self._numbers, self._episodes, self._robots, self.tracks, self._knows, robots,
             np.asarray(episodes, np.int64), np.asarray(dynamic, np.bool_), np.asarray(seeds, np.int64),
         )  # fmt: skip
 
-    def begin_anywhere(self) -> None:
-        """Put every robot into a random episode."""
-        count = len(self)
+    def begin_anywhere(self, robots: Int64Array | None = None) -> None:
+        """Put robots, all by default, into random episodes."""
+        count = len(self) if robots is None else len(robots)
         episodes = self._draws.integers(len(self.bank), size=count)
-        self.begin(episodes, self._draws.random(count) >= self.config.static_share)
+        self.begin(episodes, self._draws.random(count) >= self.config.static_share, robots=robots)
+
+    def seed(self, seed: int) -> None:
+        """Begin the stream of `begin_anywhere` and of `begin` again."""
+        self._draws = np.random.default_rng(seed)
 
     def advance(self, commands: Float64Array, *, again: bool = True) -> Ended:
         """Let every robot follow a command for `hold_steps`, or until its episode ends.
 
         Args:
             commands: v [m/s], w [rad/s], shape (N, 2).
-            again: True begins another, random episode where one has ended; else its robot stays where it is.
+            again: True begins another, random episode where one has ended; else its robot stays where it is, told
+                the last state.
 
         Returns:
             `last`, which the next call overwrites.
@@ -228,6 +239,19 @@ class StateSimulation:
             again, float(self.config.static_share), self.last,
         )  # fmt: skip
         return self.last
+
+    def snapshot(self) -> dict[str, AnyArray]:
+        """All that changes, by name: `restore` continues from it."""
+        return {name: array.copy() for name, array in self._arrays().items()}
+
+    def restore(self, arrays: Mapping[str, AnyArray]) -> None:
+        """Continue from a snapshot of as many robots in the same bank."""
+        for name, array in self._arrays().items():
+            array[...] = arrays[name]
+
+    def _arrays(self) -> dict[str, AnyArray]:
+        parts = (self._robots, self.tracks, self.last)
+        return {f"{type(part).__name__}.{name}": array for part in parts for name, array in part._asdict().items()}
 
 
 @kernel_with_cache
@@ -288,13 +312,15 @@ def _begin_all(
     robots: _Robots,
     tracks: Tracks,
     knows: bool,
+    which: Int64Array,
     rows: Int64Array,
     dynamic: BoolArray,
     seeds: Int64Array,
 ) -> None:
     humans_m = np.zeros((episodes.walks_m.shape[2], 2))
-    for n in range(len(rows)):
-        _begin_one(world, numbers, episodes, robots, tracks, n, rows[n], dynamic[n], seeds[n], humans_m)
+    for k in range(len(which)):
+        n = which[k]
+        _begin_one(world, numbers, episodes, robots, tracks, n, rows[k], dynamic[k], seeds[k], humans_m)
         _tell(world, numbers, episodes, robots, tracks, knows, n)
 
 
@@ -367,7 +393,7 @@ def _earn(
         earned += reward.near * (1.0 - max(gap_m, 0.0) / reward.near_m)
     if outcome == SUCCESS:
         earned += reward.success
-    elif outcome == STATIC_COLLISION or outcome == HUMAN_COLLISION:
+    elif outcome in (STATIC_COLLISION, HUMAN_COLLISION):
         earned += reward.collision
     return earned
 
@@ -405,9 +431,7 @@ def _advance_all(
         last.reward[n] = _earn(world, reward, outcome, progress, time_s, turned, gap)
         last.ended[n], last.outcome[n] = outcome != RUNNING, outcome
         last.length[n], last.dynamic[n] = robots.step[n], robots.humans[n] > 0
-        if outcome != RUNNING:
-            if not again:
-                continue
+        if outcome != RUNNING and again:
             stream = tracks.random[n]
             row, dynamic = next_index(stream, len(episodes.start_xyyaw)), next_uniform(stream) >= static_share
             seed = next_index(stream, 1 << 53)

@@ -1,7 +1,7 @@
 """A tracker of people in many episodes: simulated detections of those in view, filtered by person.
 
 Detections err as `PerceptionNoise` says. Every person has a Kalman filter, which coasts after the person left the view.
-False alarms have filters of their own slots. Who is who is known: detections are never confused.
+False alarms have separate slots. Who is who is known: detections are never confused.
 
 Legend: n = robot, m = slot of a track: the first ones are those of the episode's people.
 """
@@ -18,7 +18,7 @@ from readygo.common.episode.state_simulation.randomness import next_normal, next
 from readygo.common.episode.state_simulation.world import VIEW_RANGE_M, StateWorld
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps.sight import sees_human
-from readygo.common.perception.kalman import ACCELERATION_NOISE, predict, update
+from readygo.common.perception.kalman import ACCELERATION_NOISE, predict, update, update_velocity
 from readygo.common.perception.noise import MISSED_AT_M, MISSED_MAX, PerceptionNoise
 from readygo.common.robot import Clock
 
@@ -235,7 +235,7 @@ def _detect(
 def _take_velocity(
     world: StateWorld, numbers: TrackerNumbers, tracks: Tracks, n: int, m: int, human_x: float, human_y: float
 ) -> None:
-    """Take in a measured velocity: a position's update with places and velocities exchanged."""
+    """Take in a measured velocity."""
     between_s = numbers.every * world.dt_s
     measured, variance = np.empty(2), np.zeros((2, 2))
     measured[0] = (human_x - tracks.before[n, m, 0]) / between_s
@@ -244,22 +244,7 @@ def _take_velocity(
         if numbers.velocity_mps > 0.0:
             measured[axis] += numbers.velocity_mps * next_normal(tracks.random[n])
         variance[axis, axis] = numbers.velocity_mps * numbers.velocity_mps + FLOOR_MPS * FLOOR_MPS
-    mean, cov = tracks.mean[n, m], tracks.cov[n, m]
-    _exchange(mean, cov)
-    update(mean, cov, measured, variance)
-    _exchange(mean, cov)
-
-
-@kernel_with_cache
-def _exchange(mean: Float64Array, cov: Float64Array) -> None:
-    """Exchange places and velocities."""
-    for a in range(2):
-        mean[a], mean[a + 2] = mean[a + 2], mean[a]
-        for k in range(4):
-            cov[a, k], cov[a + 2, k] = cov[a + 2, k], cov[a, k]
-    for a in range(2):
-        for k in range(4):
-            cov[k, a], cov[k, a + 2] = cov[k, a + 2], cov[k, a]
+    update_velocity(tracks.mean[n, m], tracks.cov[n, m], measured, variance)
 
 
 @kernel_with_cache

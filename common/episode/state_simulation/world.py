@@ -134,7 +134,7 @@ def _cameras(robot: RobotConfig) -> Float64Array:
 
 def _bearings_rad(robot: RobotConfig, observation: ObservationConfig) -> Float64Array:
     if observation.rays == "around":
-        around: Float64Array = np.arange(RAY_COUNT) * (math.tau / RAY_COUNT)
-        return around
+        return np.arange(RAY_COUNT, dtype=np.float64) * (math.tau / RAY_COUNT)
     view, yaw_rad = view_of(robot.camera), math.radians(robot.camera.mount_yaw_deg)
-    return yaw_rad + np.linspace(-view.right_rad, view.left_rad, RAY_COUNT)
+    within: Float64Array = yaw_rad + np.linspace(-view.right_rad, view.left_rad, RAY_COUNT)
+    return within
