@@ -7,11 +7,13 @@
 | 37, 38 | v [m/s], w [rad/s] |
 | 39 .. 44 | shortest path to the goal: length / 10 m, exp(-length / 2 m), directions 0.6 m and 1.6 m ahead |
 | from 45 | for each told person, the nearest first, the `PERSON_COUNT` numbers of `_tell_person` |
+| then | for each arc: time to an obstacle, smallest distance to the tracked people and its time, see `_tell_arc` |
 
 The critic is told `truth`: the same, and what only the simulation knows.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +22,7 @@ from readygo.common.episode.state_simulation.goal_distances import point_ahead, 
 from readygo.common.episode.state_simulation.tracks import TrackerNumbers, Tracks, is_visible
 from readygo.common.episode.state_simulation.world import RAY_COUNT, RAY_M, StateWorld
 from readygo.common.kernels import kernel_with_cache
+from readygo.common.robot.kinematics import limit_command, step_unicycle
 
 GOAL, SPEED, PATH, PEOPLE = RAY_COUNT, RAY_COUNT + 5, RAY_COUNT + 7, RAY_COUNT + 13
 """First columns of goal, speeds, path and people."""
@@ -33,11 +36,16 @@ _TRUTH = 3
 _WALK_RAD, _WALK_M = 0.6, 4.0
 """Free distances before a person: to both sides of the direction of walking [rad], and the longest one told [m]."""
 _CLOSEST_S = 4.0
+ARC_COUNT = 3
+"""Numbers per arc."""
+_ARC_STEP_S, _ARC_STEPS = 0.25, 12
+_limit_command: Any = kernel_with_cache(limit_command)
+_step_unicycle = kernel_with_cache(step_unicycle)
 
 
 def told_count(world: StateWorld) -> int:
     """Numbers that a robot is told."""
-    return PEOPLE + world.told_people * PERSON_COUNT
+    return PEOPLE + world.told_people * PERSON_COUNT + len(world.arcs) * ARC_COUNT
 
 
 def truth_count(world: StateWorld, human_count: int) -> int:
@@ -99,7 +107,12 @@ def observe(
         out[PATH], out[PATH + 1] = 0.1 * length, math.exp(-0.5 * length)
         _tell_direction(world, field_cm, (x, y, c, s), _NEAR_CELLS, out[PATH + 2 : PATH + 4])
         _tell_direction(world, field_cm, (x, y, c, s), _FAR_CELLS, out[PATH + 4 : PATH + 6])
-    _tell_people(world, numbers, tracks, n, step, state, out[PEOPLE:])
+    arcs = PEOPLE + world.told_people * PERSON_COUNT
+    _tell_people(world, numbers, tracks, n, step, state, out[PEOPLE:arcs])
+    for k in range(world.arcs.shape[0]):
+        command = (world.arcs[k, 0], world.arcs[k, 1])
+        elapsed_s = (step % numbers.every) * world.dt_s
+        _tell_arc(world, tracks, n, elapsed_s, state, command, out[arcs + k * ARC_COUNT : arcs + (k + 1) * ARC_COUNT])
 
 
 @kernel_with_cache
@@ -183,6 +196,39 @@ def _tell_person(
     out[15] = math.exp(-wait / 1.5)
     out[16] = math.exp(-math.sqrt(near_x * near_x + near_y * near_y))
     out[17] = near_y / 4.0
+
+
+@kernel_with_cache
+def _tell_arc(
+    world: StateWorld,
+    tracks: Tracks,
+    n: int,
+    elapsed_s: float,
+    state: tuple[float, float, float, float, float],
+    command: tuple[float, float],
+    out: Float32Array,
+) -> None:
+    """What happens in 3 s if the robot holds a command and people keep their velocities."""
+    x, y, yaw, v, w = state
+    origin_x, origin_y, cell = world.place
+    least, least_s, free_s = np.inf, 0.0, 0.0
+    for k in range(1, _ARC_STEPS + 1):
+        v, w = _limit_command(command[0], command[1], v, w, world.robot, _ARC_STEP_S)
+        x, y, yaw = _step_unicycle(x, y, yaw, v, w, _ARC_STEP_S)
+        i, j = math.floor((y - origin_y) / cell), math.floor((x - origin_x) / cell)
+        inside = 0 <= i < world.clearance_m.shape[0] and 0 <= j < world.clearance_m.shape[1]
+        if not inside or world.clearance_m[i, j] <= world.robot.radius_m:
+            break
+        free_s = k * _ARC_STEP_S
+        for m in range(tracks.mean.shape[1]):
+            if tracks.seen_step[n, m] >= 0:
+                mean, later_s = tracks.mean[n, m], elapsed_s + free_s
+                dx, dy = mean[0] + later_s * mean[2] - x, mean[1] + later_s * mean[3] - y
+                away = math.sqrt(dx * dx + dy * dy) - world.contact_m
+                if away < least:
+                    least, least_s = away, free_s
+    out[0] = 1.0 - free_s / (_ARC_STEP_S * _ARC_STEPS)
+    out[1], out[2] = math.exp(-max(least, -0.5) / 0.5), least_s / (_ARC_STEP_S * _ARC_STEPS)
 
 
 @kernel_with_cache

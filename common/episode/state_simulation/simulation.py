@@ -119,6 +119,8 @@ class StateSimulationConfig:
     """Steps that a command is held."""
     static_share: float = 0.3
     """Share of the episodes that are played without people."""
+    repeats: float = 0.0
+    """Chance that a robot that collided with a person begins the same episode again."""
     reward: RewardConfig = field(default_factory=RewardConfig)
 
 
@@ -130,6 +132,7 @@ class StateSimulation:
         truth: What a critic is told, shape (N, truth_count).
         state: x, y [m], yaw [rad], v [m/s], w [rad/s], shape (N, 5).
         step: Steps of the present episodes, shape (N,).
+        episode: Rows of the present episodes in the bank, shape (N,).
         remaining_m: Remaining distances to the goals [m], shape (N,).
         last: Results of the last decision.
     """
@@ -180,7 +183,7 @@ class StateSimulation:
         )
         self.told, self.truth = self._robots.told, self._robots.truth
         self.state, self.step = self._robots.state, self._robots.step
-        self.remaining_m = self._robots.remaining_m
+        self.episode, self.remaining_m = self._robots.episode, self._robots.remaining_m
         self._draws = np.random.default_rng(seed)
         self.begin(np.zeros(n, np.int64), np.ones(n, np.bool_))
 
@@ -236,7 +239,7 @@ class StateSimulation:
         _advance_all(
             self.world, self._numbers, self._episodes, self._robots, self.tracks, self._knows,
             np.ascontiguousarray(commands, np.float64), self.config.hold_steps, self.config.reward.numbers,
-            again, float(self.config.static_share), self.last,
+            again, float(self.config.static_share), float(self.config.repeats), self.last,
         )  # fmt: skip
         return self.last
 
@@ -411,6 +414,7 @@ def _advance_all(
     reward: RewardNumbers,
     again: bool,
     static_share: float,
+    repeats: float,
     last: Ended,
 ) -> None:
     humans_m = np.zeros((episodes.walks_m.shape[2], 2))
@@ -434,6 +438,8 @@ def _advance_all(
         if outcome != RUNNING and again:
             stream = tracks.random[n]
             row, dynamic = next_index(stream, len(episodes.start_xyyaw)), next_uniform(stream) >= static_share
+            if outcome == HUMAN_COLLISION and next_uniform(stream) < repeats:
+                row, dynamic = e, True
             seed = next_index(stream, 1 << 53)
             _begin_one(world, numbers, episodes, robots, tracks, n, row, dynamic, seed, humans_m)
         _tell(world, numbers, episodes, robots, tracks, knows, n)

@@ -33,9 +33,15 @@ class ObservationConfig:
     """True tells where the shortest path to the goal leads, and its length: for robots that know their map."""
     people: Annotated[int, Range(low=1, high=8)] = 3
     """People that are told, the nearest ones."""
+    arcs: bool = True
+    """True tells where 15 commands would lead if they were held: to obstacles of the map, and how near to people."""
 
     def __post_init__(self) -> None:
         check_ranges(self)
+
+
+ARC_SPEEDS, ARC_TURNS = (0.5, 1.0), (-1.0, -2 / 3, -1 / 3, 0.0, 1 / 3, 2 / 3, 1.0)
+"""Commands of the told arcs, in shares of the robot's limits; and standing."""
 
 
 class RobotLimits(NamedTuple):
@@ -69,6 +75,8 @@ class StateWorld(NamedTuple):
     """By camera: the five numbers of its `FieldOfView`, mount x, y [m] and yaw [rad], shape (C, 8)."""
     bearings_rad: Float64Array
     """Directions of the rays in the robot's frame, shape (RAY_COUNT,)."""
+    arcs: Float64Array
+    """v [m/s], w [rad/s] of the told arcs, shape (R, 2)."""
     tells_path: bool
     told_people: int
     success_radius_m: float
@@ -113,6 +121,7 @@ def make_world(
         robot=RobotLimits(*(float(getattr(robot, name)) for name in RobotLimits._fields)),
         cameras=_cameras(robot),
         bearings_rad=_bearings_rad(robot, observation),
+        arcs=_arcs(robot) if observation.arcs else np.zeros((0, 2)),
         tells_path=observation.path,
         told_people=observation.people,
         success_radius_m=float(episode.success_radius_m),
@@ -130,6 +139,12 @@ def _cameras(robot: RobotConfig) -> Float64Array:
         for camera in robot.all_cameras.values()
     ]
     return np.array(mounts, np.float64)
+
+
+def _arcs(robot: RobotConfig) -> Float64Array:
+    shares = [(0.0, 0.0), *((speed, turn) for speed in ARC_SPEEDS for turn in ARC_TURNS)]
+    arcs: Float64Array = np.array(shares) * (robot.v_max_mps, robot.w_max_radps)
+    return arcs
 
 
 def _bearings_rad(robot: RobotConfig, observation: ObservationConfig) -> Float64Array:

@@ -56,6 +56,8 @@ class ReinforcementConfig:
     """Time that a command is held [s]."""
     static_share: Share = 0.3
     """Share of the episodes without people."""
+    repeats: Share = 0.0
+    """Chance that a robot that collided with a person begins the same episode again."""
     train_episodes: Count = 6000
     """Episodes of split train that robots drive in again and again."""
     val_episodes: Count = 400

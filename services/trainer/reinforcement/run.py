@@ -103,7 +103,10 @@ class Training:
         self.progress = Progress()
         numbers = tracker_numbers(spec.noise, spec.robot.clock)
         plays = StateSimulationConfig(
-            hold_steps=spec.hold_steps, static_share=config.static_share, reward=config.reward
+            hold_steps=spec.hold_steps,
+            static_share=config.static_share,
+            repeats=config.repeats,
+            reward=config.reward,
         )
         train, val = banks
         simulation = StateSimulation(world, train, numbers, config.ppo.robots, config=plays, seed=seed)

@@ -71,7 +71,7 @@ def test_one_robot_drives_as_an_environment_of_one() -> None:
 
 def test_truth_is_kept_for_a_critic() -> None:
     assert make(2).unwrapped.truth.shape == (2, 0)
-    assert make(2, truth=True).unwrapped.truth.shape[1] > 99
+    assert make(2, truth=True).unwrapped.truth.shape[1] > 144
 
 
 def test_what_cannot_be_is_refused() -> None:

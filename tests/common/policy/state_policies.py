@@ -5,16 +5,20 @@ from pathlib import Path
 
 import numpy as np
 
-from readygo.common.episode.state_simulation.observe import PEOPLE, PERSON_COUNT
+from readygo.common.episode.state_simulation.observe import ARC_COUNT, PEOPLE, PERSON_COUNT
+from readygo.common.episode.state_simulation.world import ARC_SPEEDS, ARC_TURNS, ObservationConfig
 from readygo.common.perception.noise import PERCEIVED, PerceptionNoise
 from readygo.common.policy.state_policy import StatePolicy, StatePolicySpec, commands_of
 from readygo.common.robot import RobotConfig
+
+TOLD_COUNT = PEOPLE + ObservationConfig().people * PERSON_COUNT + (1 + len(ARC_SPEEDS) * len(ARC_TURNS)) * ARC_COUNT
+"""Numbers that a robot is told by default."""
 
 
 def make_state_policy(noise: PerceptionNoise = PERCEIVED, seed: int = 0) -> StatePolicy:
     """A policy of one hidden layer that has learned nothing."""
     rng, spec = np.random.default_rng(seed), StatePolicySpec(robot=RobotConfig(), scene_hash="0" * 64, noise=noise)
-    sizes = [PEOPLE + spec.observation.people * PERSON_COUNT, 16, len(commands_of(spec.robot))]
+    sizes = [TOLD_COUNT, 16, len(commands_of(spec.robot))]
     layers = [
         (rng.normal(size=(after, before)).astype(np.float32), rng.normal(size=after).astype(np.float32))
         for before, after in itertools.pairwise(sizes)

@@ -15,11 +15,11 @@ from readygo.common.policy.state_policy import (
     load_state_policy,
 )
 from readygo.common.robot import RobotConfig
-from tests.common.policy.state_policies import make_state_policy, write_state_policy
+from tests.common.policy.state_policies import TOLD_COUNT, make_state_policy, write_state_policy
 
 
 def test_policy_comes_back_from_its_folder(tmp_path: Path) -> None:
-    policy, told = make_state_policy(), np.random.default_rng(1).normal(size=(5, 99)).astype(np.float32)
+    policy, told = make_state_policy(), np.random.default_rng(1).normal(size=(5, TOLD_COUNT)).astype(np.float32)
     assert not is_state_policy(tmp_path)
     policy.save(tmp_path)
     assert is_state_policy(tmp_path)
@@ -43,10 +43,10 @@ def test_damage_is_said_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(PolicyError, match="train it again"):
         load_state_policy(folder)
     (folder / STATE_POLICY_FILE).write_text(text)
-    np.savez(folder / ACTOR_FILE, w0=np.zeros((3, 99), np.float32), b0=np.zeros(3, np.float32))
+    np.savez(folder / ACTOR_FILE, w0=np.zeros((3, TOLD_COUNT), np.float32), b0=np.zeros(3, np.float32))
     with pytest.raises(PolicyError, match="do not fit"):
         load_state_policy(folder)
-    np.savez(folder / ACTOR_FILE, weights=np.zeros((3, 99), np.float32))
+    np.savez(folder / ACTOR_FILE, weights=np.zeros((3, TOLD_COUNT), np.float32))
     with pytest.raises(PolicyError, match="layers"):
         load_state_policy(folder)
 

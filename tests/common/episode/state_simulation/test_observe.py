@@ -6,6 +6,7 @@ import pytest
 from readygo.common.episode import EpisodeConfig
 from readygo.common.episode.state_simulation.goal_distances import GoalDistances
 from readygo.common.episode.state_simulation.observe import (
+    ARC_COUNT,
     GOAL,
     PATH,
     PEOPLE,
@@ -23,6 +24,7 @@ from readygo.common.maps import sight_of_occupancy
 from readygo.common.perception.noise import EXACT
 from readygo.common.robot import RobotConfig
 
+ARCS = PEOPLE + 3 * PERSON_COUNT
 NUMBERS = tracker_numbers(EXACT, RobotConfig().clock)
 
 
@@ -71,9 +73,24 @@ def test_nearest_people_come_first_in_the_robots_frame(hall) -> None:
     assert second[:3] == pytest.approx([1.0, 1.0, 0.25], abs=0.02)
     assert first[3:5] == pytest.approx([0.0, 0.0], abs=0.05)
     assert first[11] == 1.0
-    assert not told[PEOPLE + 2 * PERSON_COUNT :].any()
+    assert not told[PEOPLE + 2 * PERSON_COUNT : ARCS].any()
     # The robot passes the first person at a distance of 1 m, in 2.5 s.
     assert first[15:18] == pytest.approx([math.exp(-2.5 / 1.5), math.exp(-1.0), -0.25], abs=0.05)
+
+
+def test_arcs_tell_where_held_commands_lead(hall) -> None:
+    """15 commands: standing, half and full speed with seven yaw rates each, straight ahead in the middle."""
+    still, straight, left = 0, 11, 14
+    told = tell(hall, make(hall), (0.0, 0.0, 0.0, 0.0, 0.0), (6.0, 0.0), [(2.5, 0.0)])[ARCS:].reshape(15, ARC_COUNT)
+    assert told[still] == pytest.approx([0.0, math.exp(-2.0 / 0.5), 1 / 12], abs=0.01)
+    assert told[straight, 1] > 1.0, "it would run into the person"
+    assert told[straight, 2] > 0.7
+    assert told[left, 1] < 0.2
+    at_wall = tell(hall, make(hall), (8.3, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0))[ARCS:].reshape(15, ARC_COUNT)
+    assert at_wall[still, 0] == 0.0
+    assert at_wall[straight, 0] > 0.5
+    assert at_wall[:, 1].max() == 0.0
+    assert len(tell(hall, make(hall, arcs=False), (0.0,) * 5, (6.0, 0.0))) == ARCS
 
 
 def test_truth_has_where_people_will_be(hall) -> None:

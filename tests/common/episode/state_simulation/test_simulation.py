@@ -105,6 +105,18 @@ def test_rewards_of_an_episode_are_its_progress_time_and_end(drawn: Drawn) -> No
     assert earned == pytest.approx(expected, abs=1e-3)
 
 
+def test_robots_that_collided_with_people_try_again(drawn: Drawn) -> None:
+    fast = make(drawn, 64, config=StateSimulationConfig(repeats=1.0, static_share=0.0))
+    fast.begin_anywhere()
+    before, collided = fast.episode.copy(), 0
+    for _ in range(100):
+        last = fast.advance(np.tile([0.8, 0.0], (64, 1)))
+        hit = last.outcome == HUMAN_COLLISION
+        assert np.array_equal(fast.episode[hit], before[hit])
+        before, collided = fast.episode.copy(), collided + int(hit.sum())
+    assert collided > 10
+
+
 def test_ended_robots_begin_other_episodes_of_the_asked_share(drawn: Drawn) -> None:
     fast = make(drawn, 64, config=StateSimulationConfig(static_share=0.5))
     fast.begin_anywhere()

@@ -9,6 +9,7 @@ from readygo.common.perception.noise import PERCEIVED
 from readygo.common.policy.state_policy import StatePolicySpec, load_state_policy
 from readygo.services.trainer.reinforcement.config import PpoConfig, ReinforcementConfig
 from tests.common.episode.state_simulation.episodes import Drawn, draw
+from tests.common.policy.state_policies import TOLD_COUNT
 
 torch = pytest.importorskip("torch", reason="torch (extra train) is not installed")
 
@@ -45,7 +46,7 @@ def test_resumed_training_ends_as_one_without_interruption(drawn: Drawn, tmp_pat
     with pytest.raises(KeyboardInterrupt):
         first.run(Budget(decisions=1024), interrupt)
     training(drawn, tmp_path / "parts").run(Budget(decisions=1024))
-    told = np.random.default_rng(0).normal(size=(5, 99)).astype(np.float32)
+    told = np.random.default_rng(0).normal(size=(5, TOLD_COUNT)).astype(np.float32)
     one, two = (load_state_policy(tmp_path / name) for name in ("whole", "parts"))
     assert np.array_equal(one.logits(told), two.logits(told))
     assert one.spec.training["chosen"] == two.spec.training["chosen"]
