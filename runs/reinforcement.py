@@ -6,11 +6,12 @@ import importlib.metadata
 import json
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from readygo.common.config import section_to_mapping
 from readygo.common.episode.state_simulation.bank import EpisodeBank, join_banks, load_bank, make_bank
 from readygo.common.episode.state_simulation.goal_distances import GoalDistances
+from readygo.common.episode.state_simulation.world import StateWorld
 from readygo.common.errors import SceneError
 from readygo.common.files import cache_folder
 from readygo.common.messages import (
@@ -23,6 +24,7 @@ from readygo.common.messages import (
 )
 from readygo.common.perception.noise import PerceptionNoise
 from readygo.common.policy.state_policy import StatePolicySpec, hold_steps_of
+from readygo.runs.demonstrations import Teacher
 from readygo.runs.identity import identity
 from readygo.runs.sections import NO_KEYS, Keys, with_keys
 from readygo.runs.state_world import goal_distances, state_world
@@ -32,8 +34,13 @@ from readygo.services.animator import Animator, handle_animate
 from readygo.services.planner import HumanPlanner, handle_human_plan
 from readygo.services.trainer import ReinforcementConfig
 
+if TYPE_CHECKING:
+    from readygo.services.trainer import Training
+
 BANK_FORMAT = 2
 PART = 64
+ROUNDS, EPOCHS = 5, 12
+"""Rounds of demonstrations, and passes over all of them after each."""
 """Indices, accepted or not, of one file of a bank."""
 REJECTED_PARTS_MAX = 16
 """Parts in a row without an accepted episode after which the scene is called unusable."""
@@ -104,7 +111,20 @@ def run_reinforcement(
         for split, count in ((Split.TRAIN, config.train_episodes), (Split.VAL, config.val_episodes))
     )
     training = Training(seen, spec, config, (train, val), out, seed=world.spec.seed)
+    if config.demonstrations and not training.progress.decisions:
+        _teach(world, seen, training, config.demonstrations)
     return training.run(budget, lambda row: show(row, budget.share(row["decisions"], 60.0 * row["minutes"])))
+
+
+def _teach(world: World, seen: StateWorld, training: "Training", count: int) -> None:
+    """Let the expert teach the actor, in `ROUNDS` rounds in which the policy drives more and more."""
+    teacher = Teacher(world, seen, goal_distances(world))
+    policy, known = training.policy, None
+    for part in range(ROUNDS):
+        new = teacher.teach(policy, max(count // ROUNDS, 1), alone=part == 0)
+        known = new if known is None else known.joined(new)
+        policy = training.teach(known.told, known.shares, epochs=EPOCHS)
+    training.save()
 
 
 def draw_bank(world: World, split: Split, count: int, show: Show = lambda done, total: None) -> EpisodeBank:

@@ -52,7 +52,7 @@ class StateDriver:
         """
         self._policy, self._world, self._distances = policy, world, distances
         self._numbers = tracker_numbers(noise or policy.spec.noise, policy.spec.robot.clock)
-        self._hold_steps = policy.spec.hold_steps
+        self.hold_steps = policy.spec.hold_steps
         self._told = np.empty((1, told_count(world)), np.float32)
 
     def start(self, simulation: EpisodeSimulation) -> StateEpisode:
@@ -76,14 +76,18 @@ class StateDriver:
         )  # fmt: skip
         return self._told
 
-    def _command(self, simulation: EpisodeSimulation, episode: StateEpisode) -> Command:
+    def perceive(self, simulation: EpisodeSimulation, episode: StateEpisode) -> None:
+        """Detect the people in view, at the steps of looks; call it at every step."""
         one = simulation
         if one.step % self._numbers.every == 0:
             human_xy_m = np.ascontiguousarray(one.human_xy_m)
             pose = (one.x_m, one.y_m, one.yaw_rad)
             look(self._world, self._numbers, episode.tracks, 0, one.step, pose, human_xy_m, len(human_xy_m))
-        if one.step % self._hold_steps == 0:
-            v, w = self._policy.choose(self.told(one, episode))[0].tolist()
+
+    def _command(self, simulation: EpisodeSimulation, episode: StateEpisode) -> Command:
+        self.perceive(simulation, episode)
+        if simulation.step % self.hold_steps == 0:
+            v, w = self._policy.choose(self.told(simulation, episode))[0].tolist()
             episode.command = v, w
         return episode.command
 

@@ -21,7 +21,7 @@ from readygo.common.errors import ConfigError, PolicyError
 from readygo.common.files import write_then_rename
 from readygo.common.perception.noise import PerceptionNoise
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.command_grid import command_grid
+from readygo.common.robot.command_grid import TURN_SHARES, command_grid, speed_shares
 
 STATE_POLICY_FORMAT = "readygo-state-policy/1"
 STATE_POLICY_FILE, ACTOR_FILE = "state_policy.toml", "actor.npz"
@@ -77,6 +77,24 @@ def commands_of(robot: RobotConfig) -> Float64Array:
     """The commands that a state policy picks from: v [m/s], w [rad/s], shape (A, 2)."""
     commands: Float64Array = command_grid(robot) * (robot.v_max_mps, robot.w_max_radps)
     return commands
+
+
+def grid_weights(shares: Float64Array, robot: RobotConfig) -> Float32Array:
+    """Commands as weights of the robot's commands around them (bilinear), shape (N, 2) -> (N, A).
+
+    Args:
+        shares: Commands in shares of the robot's largest speed and yaw rate.
+        robot: Whose commands.
+    """
+    parts = []
+    for values, knots in ((shares[:, 0], np.array(speed_shares(robot))), (shares[:, 1], np.array(TURN_SHARES))):
+        at = np.clip((values - knots[0]) / (knots[1] - knots[0]), 0.0, len(knots) - 1.0)
+        low = np.minimum(at.astype(np.int64), len(knots) - 2)
+        rows, part = np.arange(len(at)), np.zeros((len(at), len(knots)))
+        part[rows, low], part[rows, low + 1] = 1.0 - (at - low), at - low
+        parts.append(part)
+    weights: Float32Array = (parts[0][:, :, None] * parts[1][:, None, :]).reshape(len(shares), -1).astype(np.float32)
+    return weights
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

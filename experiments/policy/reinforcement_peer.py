@@ -2,7 +2,8 @@
 
     python -m experiments.policy.reinforcement_peer --decisions 2097152
 
-Differences: the peer's critic is told what the robot is told, ours the truth; the peer's weight of the entropy is constant.
+Differences: the peer's critic is told what the robot is told, ours the truth; the peer's weight of the entropy is
+constant.
 Prints a line of JSON per learner: success on split val, and decisions per second of processor time.
 """
 

@@ -60,6 +60,10 @@ class ReinforcementConfig:
     """Chance that a robot that collided with a person begins the same episode again."""
     train_episodes: Count = 6000
     """Episodes of split train that robots drive in again and again."""
+    demonstrations: Annotated[int, Range(low=0)] = 0
+    """Episodes of split train in which the expert teaches the actor first (DAgger); 0 begins with a random actor."""
+    critic_first: Share = 0.04
+    """After demonstrations: share of the budget in which the critic learns alone."""
     val_episodes: Count = 400
     """Episodes of split val that choose the weights."""
     val_every: Count = 1 << 20

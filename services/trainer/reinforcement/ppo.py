@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from readygo.common.arrays import Float64Array
+from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.episode.state_simulation.simulation import StateSimulation
 from readygo.services.trainer.reinforcement.config import PpoConfig
 from readygo.services.trainer.reinforcement.networks import make_network
@@ -127,13 +127,39 @@ class Learner:
         explained = 1.0 - float(advantages.var() / returns.var())
         return advantages, returns, explained
 
-    def update(self, stretch: Stretch, *, learning_rate: float, entropy: float) -> UpdateFigures:
+    def imitate(self, told: Float32Array, weights: Float32Array, *, epochs: int, batch: int = 512) -> float:
+        """Teach the actor by cross-entropy; returns the mean loss of the last epoch.
+
+        Args:
+            told: What robots are told, shape (S, I).
+            weights: Weights of all commands, which sum to 1, shape (S, A).
+            epochs: Passes.
+            batch: States of a step.
+        """
+        optimizer = torch.optim.Adam(self.actor.parameters(), lr=1e-3)
+        states, targets, loss_sum = torch.from_numpy(told), torch.from_numpy(weights), 0.0
+        for epoch in range(epochs):
+            loss_sum = 0.0
+            for group in optimizer.param_groups:
+                group["lr"] = 1e-3 * (1.0 - 0.9 * epoch / max(epochs - 1, 1))
+            for rows in torch.randperm(len(states), generator=self._random).chunk(-(-len(states) // batch)):
+                loss = nn.functional.cross_entropy(self.actor(states[rows]), targets[rows])
+                optimizer.zero_grad()
+                loss.backward()  # type: ignore[no-untyped-call]
+                optimizer.step()
+                loss_sum += float(loss.detach()) * len(rows)
+        return loss_sum / max(len(states), 1)
+
+    def update(
+        self, stretch: Stretch, *, learning_rate: float, entropy: float, critic_only: bool = False
+    ) -> UpdateFigures:
         """Learn from a stretch.
 
         Args:
             stretch: From `drive`.
             learning_rate: Of this update.
             entropy: Weight of the entropy.
+            critic_only: True leaves the actor as it is.
         """
         config = self.config
         for group in self.optimizer.param_groups:
@@ -145,11 +171,11 @@ class Learner:
         figures = UpdateFigures()
         for _ in range(config.epochs):
             for rows in torch.randperm(len(decisions.action), generator=self._random).chunk(config.minibatches):
-                figures = self._step(_Batch(*(part[rows] for part in decisions)), entropy)
+                figures = self._step(_Batch(*(part[rows] for part in decisions)), entropy, critic_only)
         figures.explained = explained
         return figures
 
-    def _step(self, batch: _Batch, entropy: float) -> UpdateFigures:
+    def _step(self, batch: _Batch, entropy: float, critic_only: bool) -> UpdateFigures:
         """One step of the optimizer."""
         config, (told, truth, action, before, gain, returns) = self.config, batch
         logits = torch.log_softmax(self.actor(told), 1)
@@ -158,7 +184,9 @@ class Learner:
         clipped = ratio.clamp(1.0 - config.clip, 1.0 + config.clip)
         spread = -(logits.exp() * logits).sum(1).mean()
         value_loss = nn.functional.mse_loss(self.critic(truth)[:, 0], returns)
-        loss = -torch.min(ratio * gain, clipped * gain).mean() - entropy * spread + 0.5 * value_loss
+        loss = 0.5 * value_loss
+        if not critic_only:
+            loss = loss - torch.min(ratio * gain, clipped * gain).mean() - entropy * spread
         self.optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         for network in (self.actor, self.critic):

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from readygo.common.arrays import AnyArray, Int8Array
+from readygo.common.arrays import AnyArray, Float32Array, Float64Array, Int8Array
 from readygo.common.config import section_to_mapping
 from readygo.common.drawing.charts import Curve, line_chart, write_chart
 from readygo.common.episode.state_simulation.bank import EpisodeBank
@@ -34,7 +34,7 @@ from readygo.common.episode.state_simulation.tracks import tracker_numbers
 from readygo.common.episode.state_simulation.world import StateWorld
 from readygo.common.errors import PolicyError
 from readygo.common.files import write_then_rename, write_whole
-from readygo.common.policy.state_policy import StatePolicy, StatePolicySpec
+from readygo.common.policy.state_policy import StatePolicy, StatePolicySpec, grid_weights
 from readygo.services.trainer.reinforcement.config import ReinforcementConfig
 from readygo.services.trainer.reinforcement.networks import layers_of
 from readygo.services.trainer.reinforcement.ppo import Learner, UpdateFigures
@@ -120,6 +120,25 @@ class Training:
         if (out / CHECKPOINT_FILE).exists():
             self._resume()
 
+    @property
+    def policy(self) -> StatePolicy:
+        """The policy so far."""
+        return StatePolicy(spec=self._spec, layers=layers_of(self.learner.actor))
+
+    def teach(self, told: Float32Array, shares: Float64Array, *, epochs: int) -> StatePolicy:
+        """Teach the actor what an expert did, before `run`.
+
+        Args:
+            told: What robots were told, shape (S, I).
+            shares: Commands in shares of the robot's limits, shape (S, 2).
+            epochs: Passes over them.
+
+        Returns:
+            The policy so far.
+        """
+        self.learner.imitate(told, grid_weights(shares, self._spec.robot), epochs=epochs)
+        return self.policy
+
     def run(self, budget: Budget, show: Show = lambda _: None) -> dict[str, Any]:
         """Learn until the budget is spent.
 
@@ -137,23 +156,23 @@ class Training:
             stretch = self.learner.drive()
             entropy = ppo.entropy_first + (ppo.entropy_last - ppo.entropy_first) * share
             rate = ppo.learning_rate * max(1.0 - share, _FALLS_TO)
-            figures = self.learner.update(stretch, learning_rate=rate, entropy=entropy)
+            alone = config.demonstrations > 0 and share < config.critic_first
+            figures = self.learner.update(stretch, learning_rate=rate, entropy=entropy, critic_only=alone)
             before, progress.decisions = progress.decisions, progress.decisions + per_update
             progress.spent_s += time.process_time() - began_s
             if progress.decisions // config.val_every > before // config.val_every:
                 show(self._measure(figures))
             if time.monotonic() - saved_s > CHECKPOINT_S:
-                self._save()
+                self.save()
                 saved_s = time.monotonic()
         if not progress.curve or progress.curve[-1]["decisions"] < progress.decisions:
             show(self._measure(UpdateFigures()))
-        self._save()
+        self.save()
         return self._finish()
 
     def _measure(self, figures: UpdateFigures) -> dict[str, Any]:
         """Measure on split val, note it, keep the weights if they are the best."""
-        progress, layers = self.progress, layers_of(self.learner.actor)
-        policy = StatePolicy(spec=self._spec, layers=layers)
+        progress, policy = self.progress, self.policy
         val = {task: success_rate(policy, self._val, dynamic=dynamic) for task, dynamic in TASKS.items()}
         row = {
             "decisions": progress.decisions,
@@ -176,7 +195,7 @@ class Training:
                 **self._spec.training,
                 "chosen": {k: row[k] for k in ("decisions", "val_static", "val_dynamic")},
             }
-            StatePolicy(spec=dataclasses.replace(self._spec, training=training), layers=layers).save(self._out)
+            dataclasses.replace(policy, spec=dataclasses.replace(self._spec, training=training)).save(self._out)
         return row
 
     def _finish(self) -> dict[str, Any]:
@@ -196,7 +215,8 @@ class Training:
         write_chart(self._out / CHART_FILE, _chart(curve))
         return metrics
 
-    def _save(self) -> None:
+    def save(self) -> None:
+        """Write the checkpoint."""
         self._out.mkdir(parents=True, exist_ok=True)
         state = {
             "identity": self._identity,

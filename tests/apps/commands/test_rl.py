@@ -45,6 +45,12 @@ def test_policy_is_trained_and_the_next_command_is_said(
     assert "other settings, seed or scene" in capsys.readouterr().err
 
 
+def test_expert_teaches_first_where_it_is_asked_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    command = ["rl", "embedded", "--out", str(tmp_path), "--decisions", "256", "--demonstrations", "5", *SMALL]
+    assert _run(command, monkeypatch) == 0
+    assert "demonstrations = 5" in (tmp_path / "state_policy.toml").read_text()
+
+
 def test_bad_input_is_said_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="not both"):
         rl(RlOptions(scene="embedded", out=tmp_path, minutes=1.0, decisions=5))

@@ -9,7 +9,9 @@ from readygo.common.policy.state_policy import (
     ACTOR_FILE,
     STATE_POLICY_FILE,
     StatePolicySpec,
+    commands_of,
     forward,
+    grid_weights,
     hold_steps_of,
     is_state_policy,
     load_state_policy,
@@ -57,3 +59,14 @@ def test_commands_are_held_for_whole_steps_of_the_robot() -> None:
     assert StatePolicySpec(robot=robot, scene_hash="", hold_s=0.3).hold_steps == 6
     with pytest.raises(PolicyError, match="multiple"):
         hold_steps_of(robot, 0.25)
+
+
+def test_weights_of_a_command_are_those_of_the_grid_around_it() -> None:
+    robot = RobotConfig()
+    shares = np.array([[0.3, -0.1], [1.0, 1.0], [0.0, 0.0], [7.0, -9.0]])
+    weights = grid_weights(shares, robot)
+    assert weights.shape == (4, 45)
+    assert weights.sum(axis=1) == pytest.approx(1.0)
+    mean = weights @ commands_of(robot)
+    assert mean == pytest.approx(np.clip(shares, (0, -1), (1, 1)) * (robot.v_max_mps, robot.w_max_radps), abs=1e-6)
+    assert (weights[1:] > 0).sum() == 3

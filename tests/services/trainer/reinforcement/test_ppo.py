@@ -69,3 +69,16 @@ def test_state_continues_with_the_same_bits() -> None:
     for learns in (first, second):
         learns.update(learns.drive(), learning_rate=0.01, entropy=0.01)
     assert all(torch.equal(a, b) for a, b in zip(first.actor.parameters(), second.actor.parameters(), strict=True))
+
+
+def test_actor_takes_over_what_it_is_taught_and_keeps_it_while_the_critic_learns() -> None:
+    learns, rng = learner(), np.random.default_rng(0)
+    told = rng.normal(size=(600, 3)).astype(np.float32)
+    weights = np.zeros((600, 3), np.float32)
+    weights[np.arange(600), np.where(told[:, 0] > 0, 2, 0)] = 1.0
+    assert learns.imitate(told, weights, epochs=60, batch=20) < 0.3
+    taught = copy.deepcopy(learns.actor.state_dict())
+    critic = copy.deepcopy(learns.critic.state_dict())
+    learns.update(learns.drive(), learning_rate=0.01, entropy=0.01, critic_only=True)
+    assert all(torch.equal(value, learns.actor.state_dict()[name]) for name, value in taught.items())
+    assert not all(torch.equal(value, learns.critic.state_dict()[name]) for name, value in critic.items())

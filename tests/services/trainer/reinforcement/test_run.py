@@ -40,7 +40,7 @@ def test_resumed_training_ends_as_one_without_interruption(drawn: Drawn, tmp_pat
 
     def interrupt(row) -> None:
         if row["decisions"] >= 512:
-            first._save()
+            first.save()
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
