@@ -91,7 +91,7 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=2000)
     options = parser.parse_args()
     torch.set_num_threads(1)
-    config = ReinforcementConfig(train_episodes=options.episodes)
+    config = ReinforcementConfig(train_episodes=options.episodes, demonstrations=0)
     world = evaluation_world("embedded", RunConfig(), avatars=None, seed=0, split=Split.TRAIN)
     with TemporaryDirectory() as folder:
         ours = run_reinforcement(world, config, Path(folder), decisions=options.decisions, minutes=None)

@@ -54,13 +54,13 @@ class ReinforcementConfig:
 
     hold_s: Positive = 0.2
     """Time that a command is held [s]."""
-    static_share: Share = 0.3
+    static_share: Share = 0.15
     """Share of the episodes without people."""
     repeats: Share = 0.0
     """Chance that a robot that collided with a person begins the same episode again."""
     train_episodes: Count = 6000
     """Episodes of split train that robots drive in again and again."""
-    demonstrations: Annotated[int, Range(low=0)] = 0
+    demonstrations: Annotated[int, Range(low=0)] = 3000
     """Episodes of split train in which the expert teaches the actor first (DAgger); 0 begins with a random actor."""
     critic_first: Share = 0.04
     """After demonstrations: share of the budget in which the critic learns alone."""

@@ -12,7 +12,7 @@ torch = pytest.importorskip("torch", reason="torch (extra train) is not installe
 
 SMALL = [
     "--train-episodes", "8", "--val-episodes", "4", "--val-every", "256", "--ppo.robots", "16", "--ppo.stretch", "8",
-    "--ppo.minibatches", "2",
+    "--ppo.minibatches", "2", "--demonstrations", "0",
 ]  # fmt: skip
 
 
@@ -46,7 +46,7 @@ def test_policy_is_trained_and_the_next_command_is_said(
 
 
 def test_expert_teaches_first_where_it_is_asked_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    command = ["rl", "embedded", "--out", str(tmp_path), "--decisions", "256", "--demonstrations", "5", *SMALL]
+    command = ["rl", "embedded", "--out", str(tmp_path), "--decisions", "256", *SMALL, "--demonstrations", "5"]
     assert _run(command, monkeypatch) == 0
     assert "demonstrations = 5" in (tmp_path / "state_policy.toml").read_text()
 

@@ -23,7 +23,7 @@ def training(drawn: Drawn, out: Path, seed: int = 0):
     from readygo.services.trainer.reinforcement.run import Training
 
     ppo = PpoConfig(robots=16, stretch=8, minibatches=2, actor_widths=(16,), critic_widths=(16,))
-    config = ReinforcementConfig(ppo=ppo, val_every=256)
+    config = ReinforcementConfig(ppo=ppo, val_every=256, demonstrations=0)
     spec = StatePolicySpec(robot=drawn.world.config.robot, scene_hash="0" * 64, noise=PERCEIVED)
     return Training(drawn.state_world, spec, config, (drawn.bank, drawn.bank.first(4)), out, seed=seed)
 
