@@ -4,11 +4,13 @@ import difflib
 import re
 import types
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import is_dataclass
+from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from readygo.common.config import section_from_mapping, section_to_mapping
+from readygo.common.documents import read_toml
 from readygo.common.errors import ConfigError
 
 Config = TypeVar("Config")
@@ -70,6 +72,10 @@ class Sections:
             table[path[-1]] = read_value(hint, value, flag)
         return rest, keys
 
+    def typed(self, keys: Keys) -> list[tuple[str, str]]:
+        """Keys as options with their values, such as ("--renderer.detail", "lod"): what `take` reads."""
+        return list(_typed(self, keys, "--"))
+
     def _is_key(self, flag: str, options: Sequence[str]) -> bool:
         return "." in flag or (flag.replace("_", "-") in self.flags() and flag not in options)
 
@@ -117,6 +123,38 @@ def with_keys(config: Config, keys: Keys, where: str = "") -> Config:
         raise ConfigError(f"--{_with_dashes(path)} {words}" if named else str(error)) from error
 
 
+def with_file(config: Config, path: Path | None, *, without: Sequence[str] = ()) -> Config:
+    """A configuration with the keys of a TOML file; keys that the file lacks stay.
+
+    Args:
+        config: A dataclass.
+        path: The file; None changes nothing.
+        without: Tables of the file that are left to others.
+
+    Raises:
+        ConfigError: If the file cannot be read, or holds an unknown key or a wrong value.
+    """
+    if path is None:
+        return config
+    tables = {name: table for name, table in read_sections(path).items() if name not in without}
+    try:
+        return section_from_mapping(type(config), merge_tables(section_to_mapping(config), tables))
+    except ConfigError as error:
+        raise ConfigError(f"Configuration {path}: {error}") from error
+
+
+def read_sections(path: Path) -> dict[str, Any]:
+    """All sections of a configuration file.
+
+    Raises:
+        ConfigError: If it cannot be read.
+    """
+    try:
+        return read_toml(path)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"Configuration {path} cannot be read: {error}.") from error
+
+
 def merge_tables(tables: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
     """Nested tables with the keys of others."""
     nested = {
@@ -125,6 +163,24 @@ def merge_tables(tables: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str
         if isinstance(keys, Mapping) and isinstance(tables.get(name), Mapping)
     }
     return {**tables, **over, **nested}
+
+
+def _typed(hint: Any, keys: Keys, prefix: str) -> Iterator[tuple[str, str]]:
+    known = _members(hint) or {}
+    for name, value in keys.items():
+        flag = f"{prefix}{name if '*' in known else _with_dashes(name)}"
+        if isinstance(value, Mapping):
+            yield from _typed(known.get(name, known.get("*")), value, f"{flag}.")
+        else:
+            yield flag, _key_text(value)
+
+
+def _key_text(value: Any) -> str:
+    if value is None:
+        return NONE
+    if isinstance(value, (list, tuple)):
+        return ",".join(map(_key_text, value))
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def value_kind(hint: Any) -> str:

@@ -8,7 +8,7 @@ from readygo.common.config import Range, check_ranges, section_from_mapping
 from readygo.common.errors import ConfigError
 from readygo.common.images.names import RGB
 from readygo.common.policy.sight import check_images
-from readygo.runs.config import read_sections
+from readygo.runs.sections import read_sections
 
 GoalName = Literal["point", "image", "both"]
 Share = Annotated[float, Range(low=0.0, high=1.0)]

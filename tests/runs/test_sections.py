@@ -1,12 +1,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated, Literal
 
 import pytest
 
 from readygo.common.config import Range, check_ranges
 from readygo.common.errors import ConfigError
-from readygo.runs.sections import Keys, Sections, merge_tables, with_keys
+from readygo.runs.sections import Keys, Sections, merge_tables, with_file, with_keys
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +59,20 @@ def test_keys_are_read_as_tables_and_the_rest_is_left(argv: str, keys: Keys) -> 
     assert SECTIONS.take(["place", *argv.split(), "--out", "o"], ["--out"]) == (["place", "--out", "o"], keys)
 
 
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"camera": {"lens": {"height_px": 9}, "rate_hz": None, "on": False}, "threads": 2},
+        {"camera": {"rate_hz": -0.5, "kind": "slow", "names": ["a", "b"]}},
+        {"camera": {"others": {"left_eye": {"height_px": 3}}, "names": []}},
+        {},
+    ],
+)
+def test_keys_as_options_are_read_as_the_same_keys(keys: Keys) -> None:
+    argv = [word for option in SECTIONS.typed(keys) for word in option]
+    assert SECTIONS.take(argv, []) == ([], keys)
+
+
 def test_option_of_the_command_takes_precedence_over_a_key_of_its_name() -> None:
     assert SECTIONS.take(["--threads", "2"], ["--threads"]) == (["--threads", "2"], {})
 
@@ -98,3 +113,27 @@ def test_value_out_of_range_names_its_key() -> None:
 
 def test_tables_are_merged_key_by_key() -> None:
     assert merge_tables({"a": {"b": 1, "c": 2}, "d": 3}, {"a": {"b": 4}}) == {"a": {"b": 4, "c": 2}, "d": 3}
+
+
+def test_file_changes_the_keys_that_it_holds(tmp_path: Path) -> None:
+    config, file = Whole(threads=3, camera=Camera(kind="slow", lens=Lens(height_px=5))), tmp_path / "whole.toml"
+    file.write_text("threads = 4\n[camera]\nrate_hz = 2\n[camera.lens]\n[learn]\nmix = 1\n")
+    changed = with_file(config, file, without=("learn",))
+    assert changed == Whole(threads=4, camera=Camera(kind="slow", lens=Lens(height_px=5), rate_hz=2.0))
+    assert with_file(config, None) is config
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("threads = ", " cannot be read: "),
+        ("[learn]\nmix = 1\n", ": Unknown key 'learn'; known keys: camera, threads."),
+        ("[camera.lens]\nheight_px = 0\n", ": camera.lens: height_px must be at least 1, got 0."),
+        ("camera = 3\n", ": camera must be a table, got 3."),
+    ],
+)
+def test_error_in_a_file_names_the_file(text: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "whole.toml").write_text(text)
+    with pytest.raises(ConfigError) as error:
+        with_file(Whole(), tmp_path / "whole.toml")
+    assert str(error.value).startswith(f"Configuration {tmp_path / 'whole.toml'}{words}")
