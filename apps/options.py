@@ -43,6 +43,8 @@ class Option(NamedTuple):
     """Default value; empty if there is none or if the description names it."""
     words: str
     required: bool = False
+    field: str = ""
+    """Name of its field; empty for a key."""
 
     @property
     def typed(self) -> str:
@@ -200,8 +202,8 @@ def _option(field: "dataclasses.Field[Any]", hint: Any, words: str) -> Option:
     unsaid = required or bare is bool or field.default in (None, "", (), dataclasses.MISSING)
     default = "" if unsaid else _text(field.default)
     if positional:
-        return Option(value, "", default, words, required)
-    return Option(option_name(field.name), value, default, words, required)
+        return Option(value, "", default, words, required, field.name)
+    return Option(option_name(field.name), value, default, words, required, field.name)
 
 
 def _keys(kind: type, values: Any, prefix: str, *, deep: bool = True) -> Iterator[Option]:

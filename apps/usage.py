@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from readygo.apps.options import Option, option_name
+from readygo.apps.options import Option
 from readygo.common.errors import ReadygoError
 
 _KINDS = {"INT": "a whole number", "FLOAT": "a number"}
@@ -51,42 +51,43 @@ def errors_in_one_line(options: Sequence[Option], keys: Collection[str] = ()) ->
     except ImportError:
         yield
         return
-    known = {option.flag.partition(" ")[0]: option for option in options}
-    with errors.on_parse_error(partial(_raise, known, keys)):
+    with errors.on_parse_error(partial(_raise, {option.field: option for option in options}, keys)):
         yield
 
 
-def _raise(options: Mapping[str, Option], keys: Collection[str], event: Any) -> None:
-    words = _words(options, keys, event)
+def _raise(fields: Mapping[str, Option], keys: Collection[str], event: Any) -> None:
+    words = _words(fields, keys, event)
     if words:
         raise ReadygoError(f"{' '.join(words.split())}; see `{event.prog} --help`.")
 
 
-def _words(options: Mapping[str, Option], keys: Collection[str], event: Any) -> str:
+def _words(fields: Mapping[str, Option], keys: Collection[str], event: Any) -> str:
     """The error in words; empty for an unknown event."""
+    flags = [*(option.flag.partition(" ")[0] for option in fields.values()), *keys]
     match type(event).__name__:
         case "UnrecognizedArgs":
-            return _unknown([*options, *keys], event.tokens)
+            return _unknown(flags, event.tokens)
         case "MissingArgs":
             # The missing argument may be there under a misspelt name.
             if any(token.startswith("-") for token in event.unrecognized_tokens):
-                return _unknown([*options, *keys], event.unrecognized_tokens)
-            return (
-                f"{_list([_option(options, each.arg).typed for each in event.missing_arguments], 'and')} must be given"
-            )
+                return _unknown(flags, event.unrecognized_tokens)
+            missing = [_option(fields, each.arg).typed for each in event.missing_arguments]
+            return f"{_list(missing, 'and')} must be given"
         case "InvalidChoice":
             # tyro lists the choices of an optional value in any order.
             choices = sorted(set(event.choices) - {"None"}) if "None" in event.choices else list(event.choices)
             close = _closest(event.value, choices)
-            return f"{_option(options, event.argument).flag} must be {_list(choices, 'or')}, got {event.value!r}{close}"
+            option = _option(fields, event.argument)
+            name = option.flag if option.flag.startswith("--") else option.field.upper()
+            return f"{name} must be {_list(choices, 'or')}, got {event.value!r}{close}"
         case "BadValue" if event.offending_value is not None:
-            return f"{_option(options, event.argument).flag} takes no value, got {event.offending_value!r}"
+            return f"{_option(fields, event.argument).flag} takes no value, got {event.offending_value!r}"
         case "BadValue":
-            return f"{_option(options, event.argument).flag} needs a value: {_option(options, event.argument).typed}"
+            return f"{_option(fields, event.argument).flag} needs a value: {_option(fields, event.argument).typed}"
         case "InstantiationFailure" if event.argument is None:
             return str(event.message).rstrip(".")
         case "InstantiationFailure":
-            return f"{_option(options, event.argument).flag} {_wrong_value(event.message)}"
+            return f"{_option(fields, event.argument).flag} {_wrong_value(event.message)}"
     return ""
 
 
@@ -113,9 +114,8 @@ def _wrong_value(message: str) -> str:
     return f"cannot be used: {message.rstrip('.')}"
 
 
-def _option(options: Mapping[str, Option], argument: Any) -> Option:
-    name = argument.field.intern_name.rpartition(".")[2]
-    return options[name.upper() if argument.is_positional() else option_name(name)]
+def _option(fields: Mapping[str, Option], argument: Any) -> Option:
+    return fields[argument.field.intern_name.rpartition(".")[2]]
 
 
 def _list(words: list[str], last: str) -> str:

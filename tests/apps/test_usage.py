@@ -1,8 +1,9 @@
 import sys
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
 
 import pytest
+import tyro
 from tyro.conf import Positional
 
 from readygo.apps.cli import CliCommand, run_command
@@ -41,6 +42,21 @@ def move(options: MoveOptions) -> None:
     """Move something."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class TurnOptions:
+    """Turn something."""
+
+    side: Positional[Literal["left", "right"]]
+    """Side."""
+    from_: Annotated[int, tyro.conf.arg(name="from")] = 0
+    """Start [deg]."""
+
+
+def turn(options: TurnOptions) -> None:
+    """Turn something."""
+
+
+TURN = {"turn": CliCommand(f"{__name__}:turn", "turns")}
 MOVE = {"move": CliCommand(f"{__name__}:move", "moves")}
 
 
@@ -71,6 +87,22 @@ def test_wrong_arguments_are_one_line_that_names_the_option(
         run_command(MOVE, ["move", *arguments.split()])
     assert stopped.value.code == 2
     assert capsys.readouterr() == ("", f"readygo: {said}; see `readygo move --help`.\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("", "{left,right} must be given"),
+        ("lefd", "SIDE must be left or right, got 'lefd' (did you mean left?)"),
+        ("left --from x", "--from must be a whole number, got 'x'"),
+    ],
+)
+def test_argument_with_choices_and_renamed_option_are_named(
+    arguments: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        run_command(TURN, ["turn", *arguments.split()])
+    assert capsys.readouterr() == ("", f"readygo: {said}; see `readygo turn --help`.\n")
 
 
 def test_right_arguments_pass_and_help_is_as_it_was(capsys: pytest.CaptureFixture[str]) -> None:
