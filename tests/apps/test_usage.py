@@ -4,9 +4,10 @@ from typing import Annotated, Literal
 
 import pytest
 import tyro
-from tyro.conf import Positional
+from tyro.conf import Fixed, Positional
 
 from readygo.apps.cli import CliCommand, run_command
+from readygo.runs.sections import Keys, Sections
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,6 +16,22 @@ class TryOptions:
 
     dry_run: bool = False
     """Only say it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motor:
+    """A motor."""
+
+    max_current: float = 1.0
+    """Most current [A]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Machine:
+    """A machine."""
+
+    motor: Motor = field(default_factory=Motor)
+    brake: Motor = field(default_factory=Motor)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +53,7 @@ class MoveOptions:
     goal: tuple[float, float] | None = None
     """Where it ends."""
     trying: TryOptions = field(default_factory=TryOptions)
+    keys: Annotated[Keys, Sections(Machine), Fixed] = field(default_factory=dict)
 
 
 def move(options: MoveOptions) -> None:
@@ -67,6 +85,10 @@ MOVE = {"move": CliCommand(f"{__name__}:move", "moves")}
         ("a --out o --step 3", "unknown option '--step' (did you mean --steps?)"),
         ("a --out o --dry_runs", "unknown option '--dry_runs' (did you mean --dry-run?)"),
         ("a --ot=o", "unknown option '--ot' (did you mean --out?)"),
+        (
+            "a --out o --max_current=2",
+            "--max_current is a key of the configuration: --motor.max-current FLOAT or --brake.max-current FLOAT",
+        ),
         ("a b c --out o", "unexpected argument 'b'"),
         ("a", "--out OUT must be given"),
         ("", "WHERE and --out OUT must be given"),
