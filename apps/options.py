@@ -15,7 +15,7 @@ import sys
 import textwrap
 import types
 import typing
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -107,6 +107,26 @@ def sections_field(kind: type) -> tuple[str, Sections] | None:
     return None
 
 
+def given_options(options: Any, allowed: Collection[str]) -> list[str]:
+    """Names of the options and keys whose value is not their default, such as "--seed" and "--renderer.detail".
+
+    Args:
+        options: The options of a command.
+        allowed: Names of fields, groups and sections to leave out.
+    """
+    about, found = describe_options(type(options)), []
+    for group in (about.own, *about.groups):
+        values = getattr(options, group.title) if group.title else options
+        defaults = {field.name: _default(field) for field in dataclasses.fields(group.kind)}
+        for option in group.options if group.title not in allowed else ():
+            if option.field not in allowed and getattr(values, option.field) != defaults[option.field]:
+                found.append(option.flag)
+    if held := sections_field(type(options)):
+        keys = {name: value for name, value in getattr(options, held[0]).items() if name not in allowed}
+        found += [flag for flag, _ in held[1].typed(keys)]
+    return found
+
+
 def section_groups(sections: Sections, options: Sequence[Option]) -> Iterator[OptionGroup]:
     """The keys of a configuration by section, those that stand above all sections first.
 
@@ -183,6 +203,10 @@ def _group(kind: Any, title: str) -> OptionGroup:
     fields = [field for field in dataclasses.fields(kind) if _is_option(hints[field.name])]
     options = tuple(_option(field, hints[field.name], words.get(field.name, "")) for field in fields)
     return OptionGroup(kind, title, _heading(kind), _first_line(kind), options)
+
+
+def _default(field: "dataclasses.Field[Any]") -> Any:
+    return field.default if field.default_factory is dataclasses.MISSING else field.default_factory()
 
 
 def _is_option(hint: Any) -> bool:

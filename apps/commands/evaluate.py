@@ -17,6 +17,7 @@ from readygo.apps.evaluation.replay import Replays
 from readygo.apps.evaluation.watch import check_wanted, watched_method, write_films, write_pages
 from readygo.apps.fleet.evaluation import EvaluationFleet, by_fleet, fleet_spec, make_plan
 from readygo.apps.fleet.options import RouterOptions
+from readygo.apps.options import given_options
 from readygo.apps.report.evaluation import REPORT_FILE
 from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.endpoint import check_endpoint
@@ -135,6 +136,8 @@ def evaluate(options: EvaluateOptions) -> None:
     """Drive a policy, the expert and a straight-line baseline through the same episodes, and report success rates."""
     trials, out = options.trials, options.out
     if trials.from_logs is not None:
+        if given := given_options(options, ("from_logs", "out", "json")):
+            raise RunError(f"--from-logs takes all settings from the logs: leave out {', '.join(given)}.")
         evaluate_logs(trials.from_logs, out, json=options.json)
         return
     if not options.scene:
