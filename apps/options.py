@@ -107,23 +107,24 @@ def sections_field(kind: type) -> tuple[str, Sections] | None:
     return None
 
 
-def given_options(options: Any, allowed: Collection[str]) -> list[str]:
-    """Names of the options and keys whose value is not their default, such as "--seed" and "--renderer.detail".
+def given_options(options: Any, allowed: Collection[str]) -> dict[str, str]:
+    """The options and keys whose value is not their default, such as {"--seed": "3", "--renderer.detail": "lod"}.
 
     Args:
         options: The options of a command.
         allowed: Names of fields, groups and sections to leave out.
     """
-    about, found = describe_options(type(options)), []
+    about, found = describe_options(type(options)), dict[str, str]()
     for group in (about.own, *about.groups):
         values = getattr(options, group.title) if group.title else options
         defaults = {field.name: _default(field) for field in dataclasses.fields(group.kind)}
         for option in group.options if group.title not in allowed else ():
-            if option.field not in allowed and getattr(values, option.field) != defaults[option.field]:
-                found.append(option.flag)
+            value = getattr(values, option.field)
+            if option.field not in allowed and value != defaults[option.field]:
+                found[option.flag] = "" if isinstance(value, bool) else _text(value)
     if held := sections_field(type(options)):
         keys = {name: value for name, value in getattr(options, held[0]).items() if name not in allowed}
-        found += [flag for flag, _ in held[1].typed(keys)]
+        found |= held[1].typed(keys)
     return found
 
 

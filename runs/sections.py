@@ -72,9 +72,9 @@ class Sections:
             table[path[-1]] = read_value(hint, value, flag)
         return rest, keys
 
-    def typed(self, keys: Keys) -> list[tuple[str, str]]:
-        """Keys as options with their values, such as ("--renderer.detail", "lod"): what `take` reads."""
-        return list(_typed(self, keys, "--"))
+    def typed(self, keys: Keys) -> dict[str, str]:
+        """Keys as options with their values, such as {"--renderer.detail": "lod"}: what `take` reads."""
+        return dict(_typed(self, keys, "--"))
 
     def _is_key(self, flag: str, options: Sequence[str]) -> bool:
         return "." in flag or (flag.replace("_", "-") in self.flags() and flag not in options)

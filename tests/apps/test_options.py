@@ -74,9 +74,11 @@ def test_given_options_are_those_beside_the_defaults() -> None:
     options = BuildOptions(
         name="cart", out="o", seed=4, trials=TrialsOfTest(task=("a",), image=("b",)), keys={"wheels": {"radius_m": 1.0}}
     )
-    assert given_options(options, ("out",)) == ["NAME", "--seed", "--task", "--image", "--wheels.radius-m"]
-    assert given_options(options, ("name", "out", "trials", "wheels")) == ["--seed"]
-    assert given_options(BuildOptions(name="cart", out="o"), ("name", "out")) == []
+    assert given_options(options, ("out",)) == {
+        "NAME": "cart", "--seed": "4", "--task": "a", "--image": "b", "--wheels.radius-m": "1.0"
+    }  # fmt: skip
+    assert given_options(options, ("name", "out", "trials", "wheels")) == {"--seed": "4"}
+    assert given_options(BuildOptions(name="cart", out="o"), ("name", "out")) == {}
 
 
 def test_keys_are_listed_by_section_without_those_that_are_options() -> None:

@@ -69,7 +69,7 @@ def test_keys_are_read_as_tables_and_the_rest_is_left(argv: str, keys: Keys) -> 
     ],
 )
 def test_keys_as_options_are_read_as_the_same_keys(keys: Keys) -> None:
-    argv = [word for option in SECTIONS.typed(keys) for word in option]
+    argv = [word for option in SECTIONS.typed(keys).items() for word in option]
     assert SECTIONS.take(argv, []) == ([], keys)
 
 
