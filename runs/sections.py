@@ -123,22 +123,25 @@ def with_keys(config: Config, keys: Keys, where: str = "") -> Config:
         raise ConfigError(f"--{_with_dashes(path)} {words}" if named else str(error)) from error
 
 
-def with_file(config: Config, path: Path | None, *, without: Sequence[str] = ()) -> Config:
+def with_file(config: Config, path: Path | None, *, table: str = "") -> Config:
     """A configuration with the keys of a TOML file; keys that the file lacks stay.
 
     Args:
         config: A dataclass.
         path: The file; None changes nothing.
-        without: Tables of the file that are left to others.
+        table: Table of the file that holds the keys, such as "learn"; the whole file by default.
 
     Raises:
         ConfigError: If the file cannot be read, or holds an unknown key or a wrong value.
     """
     if path is None:
         return config
-    tables = {name: table for name, table in read_sections(path).items() if name not in without}
+    keys = read_sections(path)
+    if table:
+        keys = keys.get(table, {})
+    whole = merge_tables(section_to_mapping(config), keys) if isinstance(keys, Mapping) else keys
     try:
-        return section_from_mapping(type(config), merge_tables(section_to_mapping(config), tables))
+        return section_from_mapping(type(config), whole, where=f"{table}." if table else "")
     except ConfigError as error:
         raise ConfigError(f"Configuration {path}: {error}") from error
 

@@ -117,10 +117,18 @@ def test_tables_are_merged_key_by_key() -> None:
 
 def test_file_changes_the_keys_that_it_holds(tmp_path: Path) -> None:
     config, file = Whole(threads=3, camera=Camera(kind="slow", lens=Lens(height_px=5))), tmp_path / "whole.toml"
-    file.write_text("threads = 4\n[camera]\nrate_hz = 2\n[camera.lens]\n[learn]\nmix = 1\n")
-    changed = with_file(config, file, without=("learn",))
-    assert changed == Whole(threads=4, camera=Camera(kind="slow", lens=Lens(height_px=5), rate_hz=2.0))
+    file.write_text("threads = 4\n[camera]\nrate_hz = 2\n[camera.lens]\n")
+    assert with_file(config, file) == Whole(threads=4, camera=Camera(kind="slow", lens=Lens(height_px=5), rate_hz=2.0))
     assert with_file(config, None) is config
+
+
+def test_table_of_a_file_is_read_alone(tmp_path: Path) -> None:
+    config, file = Camera(kind="slow"), tmp_path / "whole.toml"
+    file.write_text("threads = 4\n[camera]\nrate_hz = 2\n")
+    assert with_file(config, file, table="camera") == Camera(kind="slow", rate_hz=2.0)
+    assert with_file(config, file, table="other") == config
+    with pytest.raises(ConfigError, match=r"whole\.toml: threads must be a table, got 4\.$"):
+        with_file(config, file, table="threads")
 
 
 @pytest.mark.parametrize(
