@@ -42,6 +42,9 @@ def test_a_command_has_its_arguments_with_value_and_default() -> None:
         (["scene", "im"], {"import"}),
         (["play", "--ev"], {"--every"}),
         (["scene", "import", "--o"], {"--out"}),
+        (["generate", "--renderer.det"], {"--renderer.detail"}),
+        (["generate", "--robot.cameras"], set()),
+        (["scene", "import", "--he"], {"--help", "--help-all"}),
     ],
 )
 def test_bash_completes(words: list[str], expected: set[str]) -> None:
@@ -56,3 +59,4 @@ def test_other_shells_have_every_command() -> None:
     assert "bashcompinit" in zsh
     for name in COMMANDS:
         assert f" {name.split()[-1]}\n" in fish
+    assert "-l renderer.detail\n" in fish
