@@ -52,6 +52,10 @@ class RunConfig:
 
 RunKeys = Annotated[Keys, Sections(RunConfig), Fixed]
 """Keys of a run's settings as the command line gives them: the type of a field of a command's options."""
+EvaluationKeys = Annotated[Keys, Sections(RunConfig, without=("recorder",)), Fixed]
+"""Keys for a command that records no data."""
+SimulationKeys = Annotated[Keys, Sections(RunConfig, without=("recorder", "coordinator")), Fixed]
+"""Keys for a command that simulates in its own process and records no data."""
 
 
 def load_run_config(

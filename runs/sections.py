@@ -29,15 +29,17 @@ class Sections:
     A key of a section is given as --SECTION.KEY VALUE, one that stands above all sections as --KEY VALUE.
     """
 
-    def __init__(self, *trees: type, **sections: type) -> None:
+    def __init__(self, *trees: type, without: Sequence[str] = (), **sections: type) -> None:
         """Name the configurations.
 
         Args:
             trees: Dataclasses whose fields are sections and keys.
+            without: Sections of these that have no effect in the command; their keys are refused.
             sections: Further sections by name.
         """
-        self.trees = trees
-        self.hints: dict[str, Any] = {name: hint for tree in trees for name, hint in _hints(tree).items()} | sections
+        self.trees, self.without = trees, without
+        hints = {name: hint for tree in trees for name, hint in _hints(tree).items()} | sections
+        self.hints: dict[str, Any] = {name: hint for name, hint in hints.items() if name not in without}
 
     def flags(self) -> list[str]:
         """The options of keys that stand above all sections."""
@@ -88,6 +90,8 @@ class Sections:
             if known is None:
                 raise ConfigError(f"{_flag(*path)} has no keys: it is {value_kind(hint)}")
             name = word if "*" in known else word.replace("-", "_")
+            if hint is self and name in self.without:
+                raise ConfigError(f"keys of {_flag(name)} have no effect in this command")
             if name not in known and "*" not in known:
                 close = difflib.get_close_matches(name, known, n=1)
                 meant = f" (did you mean {_flag(*path, close[0])}?)" if close else ""

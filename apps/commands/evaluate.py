@@ -26,7 +26,7 @@ from readygo.common.errors import RunError
 from readygo.common.messages import Split
 from readygo.common.policy import Policy, load_policy, load_spec
 from readygo.common.robot import load_robot
-from readygo.runs.config import RunConfig, RunKeys
+from readygo.runs.config import EvaluationKeys, RunConfig
 from readygo.runs.evaluation import (
     CameraName,
     evaluation_config,
@@ -129,7 +129,7 @@ class EvaluateOptions:
     trials: TrialOptions = field(default_factory=TrialOptions)
     world: WorldOptions = field(default_factory=WorldOptions)
     fleet: RouterOptions = field(default_factory=RouterOptions)
-    keys: RunKeys = field(default_factory=dict)
+    keys: EvaluationKeys = field(default_factory=dict)
 
 
 def evaluate(options: EvaluateOptions) -> None:

@@ -25,7 +25,7 @@ from readygo.common.messages import EpisodeKey, Split
 from readygo.common.policy import Policy, load_policy
 from readygo.common.robot import load_robot
 from readygo.common.scenes import Scene
-from readygo.runs.config import RunConfig, RunKeys, check_cameras
+from readygo.runs.config import RunConfig, SimulationKeys, check_cameras
 from readygo.runs.evaluation import evaluation_config
 from readygo.runs.options import WorldOptions
 from readygo.runs.origin import avatars_of_policy
@@ -107,7 +107,7 @@ class PlanOptions:
     """Print the numbers as JSON."""
     episode: PlanEpisodeOptions = field(default_factory=PlanEpisodeOptions)
     world: WorldOptions = field(default_factory=WorldOptions)
-    keys: RunKeys = field(default_factory=dict)
+    keys: SimulationKeys = field(default_factory=dict)
 
 
 def plan(options: PlanOptions) -> None:

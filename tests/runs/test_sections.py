@@ -99,6 +99,13 @@ def test_wrong_keys_are_named_in_a_line(argv: str, words: str) -> None:
     assert str(error.value).startswith(words)
 
 
+def test_section_without_effect_is_not_offered_and_its_keys_are_refused() -> None:
+    sections = Sections(Whole, without=("camera",))
+    assert set(sections.hints) == {"threads"}
+    with pytest.raises(ConfigError, match=r"^keys of --camera have no effect in this command$"):
+        sections.take(["--camera.on", "true"], [])
+
+
 def test_keys_win_over_the_configuration() -> None:
     config = Whole(camera=Camera(kind="slow", lens=Lens(height_px=5)))
     changed = with_keys(config, {"camera": {"rate_hz": 2.0}})
