@@ -17,6 +17,7 @@ from readygo.apps.evaluation.replay import Replays
 from readygo.apps.evaluation.watch import check_wanted, watched_method, write_films, write_pages
 from readygo.apps.fleet.evaluation import EvaluationFleet, by_fleet, fleet_spec, make_plan
 from readygo.apps.fleet.options import RouterOptions
+from readygo.apps.options import given_options
 from readygo.apps.report.evaluation import REPORT_FILE
 from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.endpoint import check_endpoint
@@ -25,7 +26,7 @@ from readygo.common.errors import RunError
 from readygo.common.messages import Split
 from readygo.common.policy import Policy, load_policy, load_spec
 from readygo.common.robot import load_robot
-from readygo.runs.config import RunConfig, RunKeys
+from readygo.runs.config import EvaluationKeys, RunConfig
 from readygo.runs.evaluation import (
     CameraName,
     evaluation_config,
@@ -128,13 +129,15 @@ class EvaluateOptions:
     trials: TrialOptions = field(default_factory=TrialOptions)
     world: WorldOptions = field(default_factory=WorldOptions)
     fleet: RouterOptions = field(default_factory=RouterOptions)
-    keys: RunKeys = field(default_factory=dict)
+    keys: EvaluationKeys = field(default_factory=dict)
 
 
 def evaluate(options: EvaluateOptions) -> None:
     """Drive a policy, the expert and a straight-line baseline through the same episodes, and report success rates."""
     trials, out = options.trials, options.out
     if trials.from_logs is not None:
+        if given := given_options(options, ("from_logs", "out", "json")):
+            raise RunError(f"--from-logs takes all settings from the logs: leave out {', '.join(given)}.")
         evaluate_logs(trials.from_logs, out, json=options.json)
         return
     if not options.scene:

@@ -21,6 +21,7 @@ from readygo.apps.learn.learn import learn_policy, report_content
 from readygo.apps.learn.plan import Budget, LearnPlan, learn_configs, make_plan
 from readygo.apps.learn.supervise import Now
 from readygo.apps.monitor.beside import show_page
+from readygo.apps.options import given_options
 from readygo.apps.report.learn import write_report
 from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.identity import COORDINATOR
@@ -29,6 +30,8 @@ from readygo.runs.config import RunConfig
 from readygo.runs.sections import Keys, Sections
 from readygo.services.evaluator import EpisodeRecord, summary_table
 
+_NOT_IN_REPORT = ("scenes", "out", "minutes", "samples", "on", "watch", "json", "fleet")
+"""Fields and groups that the report's command to resume leaves out, or sets itself."""
 Show = Callable[[Now], None]
 Tested = Callable[[EpisodeRecord], None]
 
@@ -121,13 +124,7 @@ def learn(options: LearnOptions) -> None:
     with page, live_line(6 * options.episodes * len(options.scenes), quiet=options.json) as (show, tested):
         learned = learn_policy(plan, episodes=options.episodes, show=show, tested=tested, reach=reach)
     report = options.out / "report.html"
-    named = {
-        "avatars": options.training.avatars,
-        "robot": options.robot,
-        "config": options.config,
-        "seed": options.seed or None,
-    }
-    write_report(report, report_content(learned, options.scenes, **named))
+    write_report(report, report_content(learned, options.scenes, given_options(options, _NOT_IN_REPORT)))
     if options.json:
         sys.stdout.write(json_module.dumps(learned.to_mapping()) + "\n")
         return
@@ -159,10 +156,10 @@ def live_line(tested_total: int, *, quiet: bool = False) -> Iterator[tuple[Show,
 
         testing = progress.add_task("test", total=tested_total, said="", visible=False)
 
-        def is_tested(record: EpisodeRecord) -> None:
+        def show_test(record: EpisodeRecord) -> None:
             progress.update(testing, advance=1, visible=True, said=f"{record.task.value}, {record.method}")
 
-        yield show, is_tested
+        yield show, show_test
 
 
 def line_of(now: Now) -> str:

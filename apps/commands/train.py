@@ -201,7 +201,8 @@ def _network_settings(name: str, options: TrainOptions) -> dict[str, Any]:
     keys = {key: value for key, value in options.keys.items() if not isinstance(value, Mapping)}
     keys |= {key: value for part in options.keys.values() if isinstance(part, Mapping) for key, value in part.items()}
     if unknown := sorted(set(keys) - set(NETWORK_KEYS)):
-        raise ConfigError(f"--recipe {name} takes no key {unknown[0]}; it takes {', '.join(NETWORK_KEYS)}.")
+        first, *known = (key.replace("_", "-") for key in (unknown[0], *NETWORK_KEYS))
+        raise ConfigError(f"--recipe {name} takes no key {first}; it takes {', '.join(known)}.")
     return keys | {"minutes": options.minutes, "samples": options.samples, "seed": options.seed}
 
 

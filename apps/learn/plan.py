@@ -156,10 +156,12 @@ def learn_configs(
     """
     of_runs = {name: section for name, section in keys.items() if name != "learn"}
     runs = learn_settings(config, robot, scene_count=scene_count, keys=of_runs)
-    learn = with_keys(load_learn_config(config), keys.get("learn", {}), "learn.")
-    images = chosen_images(inputs, cameras, runs.robot) if inputs or cameras else learn.images
+    learn = load_learn_config(config)
+    given: dict[str, Any] = {"goal": goal} if goal else {}
+    if inputs or cameras:
+        given["images"] = list(chosen_images(inputs, cameras, runs.robot))
+    learn = with_keys(learn, given | dict(keys.get("learn", {})), "learn.")
     try:
-        learn = dataclasses.replace(learn, images=images, goal=goal or learn.goal)
         check_cameras(learn.images, runs.robot)
     except ValueError as error:
         raise ConfigError(f"learn: {error}") from error

@@ -71,17 +71,18 @@ def wired(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
 
 def test_command_passes_on_what_it_is_told(wired, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     asked, plan, learned = wired
+    keys = {"renderer": {"goal_image": True}}
     out, config, robot, certs = (tmp_path / name for name in ("run", "a.toml", "robot.toml", "certs"))
     learn(
         LearnOptions(
             scenes=("one", "two"), out=out, minutes=7.0, episodes=4, seed=3, robot=robot, config=config,
-            inputs="rgb,depth", goal="image", on="hosts", watch=True, json=True,
+            inputs="rgb,depth", goal="image", on="hosts", watch=True, json=True, keys=keys,
             training=LearnTrainingOptions(samples=900, avatars=tmp_path, cameras="left"),
             fleet=RouterOptions(listen="tls/lab:1", certs=certs),
         )
     )  # fmt: skip
     assert asked["identity_for"] == (("tls/lab:1", "coordinator"), {"certs": certs})
-    assert asked["learn_configs"] == ((config, robot, "rgb,depth", "left", "image"), {"scene_count": 2, "keys": {}})
+    assert asked["learn_configs"] == ((config, robot, "rgb,depth", "left", "image"), {"scene_count": 2, "keys": keys})
     words, more = asked["make_plan"]
     assert words[:4] == (("one", "two"), out, "robot", "settings")
     assert (words[4].minutes, words[4].samples, more) == (7.0, 900, {"avatars": tmp_path, "seed": 3})
@@ -94,9 +95,9 @@ def test_command_passes_on_what_it_is_told(wired, tmp_path: Path, capsys: pytest
     words, more = asked["learn_policy"]
     assert (words, more["episodes"]) == ((plan,), 4)
     assert (more["reach"].listen, more["reach"].certs, more["reach"].hosts) == ("tls/lab:1", certs, True)
-    assert asked["report_content"] == (
-        (learned, ("one", "two")), {"avatars": tmp_path, "robot": robot, "config": config, "seed": 3}
-    )  # fmt: skip
+    given = {"--episodes": "4", "--seed": "3", "--robot": str(robot), "--config": str(config)}
+    given |= {"--inputs": "rgb,depth", "--goal": "image", "--avatars": str(tmp_path), "--cameras": "left"}
+    assert asked["report_content"] == ((learned, ("one", "two"), given | {"--renderer.goal-image": "true"}), {})
     assert asked["write_report"] == ((out / "report.html", "content"), {})
     said = capsys.readouterr()
     assert json.loads(said.out) == {"done": 1}
@@ -108,7 +109,7 @@ def test_command_on_this_machine_is_neither_watched_nor_joined(wired, tmp_path: 
     learn(LearnOptions(scenes=(), out=tmp_path / "run"))
     assert set(asked) == {"learn_configs", "make_plan", "learn_policy", "report_content", "write_report"}
     assert asked["learn_configs"][1] == {"scene_count": 1, "keys": {}}
-    assert asked["report_content"][1]["seed"] is None
+    assert asked["report_content"][0][2] == {}
     reach = asked["learn_policy"][1]["reach"]
     assert (reach.listen, reach.hosts) == ("", False)
     said = capsys.readouterr().out
