@@ -9,6 +9,7 @@ from readygo.common.episode.loop import Driver
 from readygo.common.errors import PolicyError
 from readygo.common.maps.occupancy import GROUND_CLEARANCE_M
 from readygo.common.maps.ros_map import load_unknown_cells
+from readygo.common.perception import load_perception
 from readygo.common.policy import check_policy_camera, check_policy_limits, load_policy
 from readygo.common.policy.artifact import SPEC_FILE
 from readygo.common.policy.driver import PolicyDriver
@@ -26,10 +27,14 @@ from readygo.services.evaluator import (
     SplatNavDriver,
     load_custom_method,
 )
-from readygo.services.planner import ExpertDriver, RobotPlanner, expert_recipe
+from readygo.services.planner import ExpertDriver, PerceivingDriver, RobotPlanner, expert_recipe
 
 CHECKPOINTS = Path("checkpoints")
 VID2SIM = "vid2sim"
+PERCEIVE_AND_PLAN = "perceive-and-plan"
+"""The expert on the map that it knows, among the people that a network sees in the robot's images."""
+PERCEPTION = "perception"
+"""Folder of the network that perceives, in the folder of weights and policies."""
 BLIND = (EXPERT, "expert-paper", STRAIGHT_LINE, "social-force", "gaussnav", "splat-nav")
 """Methods that need no images."""
 NETWORKS = {"gnm": "gnm_large.pth", "vint": "vint.pth", "nomad": "nomad.pth"}
@@ -79,6 +84,7 @@ def named_methods(
         "social-force": lambda _: SocialForceDriver(),
         "gaussnav": lambda _: DiscretePlannerDriver(),
         "splat-nav": lambda _: SplatNavDriver(_splat_map(world)),
+        PERCEIVE_AND_PLAN: lambda evaluator: _perceiving(world, checkpoints / PERCEPTION, evaluator),
         VID2SIM: lambda _: _no_mesh_policy(checkpoints / VID2SIM),
         **{name: _policy(name, folder, hold_steps) for name, folder in policies.items()},
         **{name: _network(name, checkpoints / file) for name, file in NETWORKS.items()},
@@ -102,6 +108,15 @@ def _paper_planner(world: World) -> RobotPlanner:
     config = world.config
     expert = dataclasses.replace(config.expert, mode=expert_recipe("paper").mode)
     return RobotPlanner(world.scene.maps, world.avatars, config.robot, config.episode, expert)
+
+
+def _perceiving(world: World, folder: Path, evaluator: Evaluator) -> Driver[Any]:
+    try:
+        perception = load_perception(folder, robot=world.config.robot)
+    except PolicyError as error:
+        raise PolicyError(f"The method {PERCEIVE_AND_PLAN}: {error}") from error
+    planner = world.robot_planner
+    return PerceivingDriver(perception, evaluator.eyes(), lambda episode: planner.tracked_expert(episode.scenario))
 
 
 def _no_mesh_policy(folder: Path) -> Driver[Any]:

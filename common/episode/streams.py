@@ -21,6 +21,7 @@ class Purpose(enum.IntEnum):
     DISTURBANCE = 6
     ABSENCE = 7
     ROBOT = 8
+    PERCEPTION = 9
 
 
 def episode_rng(episode: EpisodeKey, purpose: Purpose) -> np.random.Generator:
