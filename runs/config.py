@@ -24,6 +24,8 @@ from readygo.services.renderer import SENSOR_RECIPES, RendererConfig, SensorName
 
 _NOT_OF_RUNS = ("learn",)
 """Sections of a configuration file that runs ignore: `readygo learn` reads them."""
+_WITH_WHOLE_TABLES = ("robot", "human_planner")
+"""Sections whose tables are given whole: keys that such a table lacks have their defaults."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,15 +120,18 @@ def _read_config(path: Path, base: RunConfig) -> RunConfig:
 
 
 def merge_sections(base: RunConfig, sections: Mapping[str, Any]) -> RunConfig:
-    """The configuration with the keys of some sections, given as plain values; a camera is given whole.
+    """The configuration with the keys of some sections, given as plain values.
+
+    Cameras, ranges of the robot and the mix of pedestrians are given whole.
 
     Raises:
         ConfigError: If a key is unknown or a value wrong.
     """
     whole = section_to_mapping(base)
     merged = merge_tables(whole, sections)
-    if isinstance(robot := sections.get("robot"), Mapping):
-        merged["robot"] = {**whole["robot"], **robot}
+    for name in _WITH_WHOLE_TABLES:
+        if isinstance(section := sections.get(name), Mapping):
+            merged[name] = {**whole[name], **section}
     return section_from_mapping(RunConfig, merged)
 
 
