@@ -97,6 +97,9 @@ COMMANDS = {
         "readygo.apps.commands.learn:learn", "record and train at the same time, until a policy drives well in a scene"
     ),
     "train": CliCommand("readygo.apps.commands.train:train", "train a policy on recorded episodes"),
+    "rl": CliCommand(
+        "readygo.apps.commands.rl:rl", "train a policy by reinforcement in one scene, on states instead of images"
+    ),
     "evaluate": CliCommand("readygo.apps.commands.evaluate:evaluate", "measure success rates in closed loop"),
     "monitor": CliCommand(
         "readygo.apps.commands.monitor:monitor", "show a run on a web page: scene, robots, pedestrians, images, metrics"

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from readygo.common.errors import RunError
-from readygo.runs.methods import NETWORKS, other_policies
+from readygo.common.policy.state_policy import ACTOR_FILE, STATE_POLICY_FILE
+from readygo.runs.methods import NETWORKS, other_policies, state_policies
 from readygo.runs.policy import policy_sha256
 
 
@@ -43,6 +44,8 @@ def _hash(method: str, checkpoints: Path) -> str:
     try:
         for folder in other_policies([method], checkpoints).values():
             return policy_sha256(folder)
+        for folder in state_policies([method], checkpoints).values():
+            return _file_hash(folder / STATE_POLICY_FILE) + _file_hash(folder / ACTOR_FILE)
         path = checkpoints / NETWORKS[method] if method in NETWORKS else _source(method)
         return _file_hash(path) if path else ""
     except OSError:
