@@ -106,7 +106,8 @@ class EvaluateOptions:
     """"static" has no pedestrians, "dynamic" has pedestrians that ignore the robot, "reactive" has the same
     pedestrians, who avoid the robot."""
     methods: tuple[str, ...] = ("policy", "expert", "straight-line")
-    """Drivers: policy, expert, expert-paper, straight-line, social-force, gaussnav, splat-nav, vid2sim, rl (of
+    """Drivers: policy, expert, expert-tracked, expert-paper, straight-line, social-force, gaussnav, splat-nav,
+    perceive-and-plan and perceive-and-act (of the folders perception and rl in `checkpoints`), vid2sim, rl (of
     `readygo rl`), gnm, vint, nomad, further policies by the names of their folders in `checkpoints`, or your class
     as my_package:MyDriver or folder/file.py:MyDriver."""
     out: Path | None = None

@@ -1,11 +1,15 @@
 """More people from few avatars: other clothes, skin, hair, patterns and heights, for what learns to see people."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 
 from readygo.common.arrays import Float64Array, Int64Array
 from readygo.common.avatars.avatar import Avatar
+from readygo.common.avatars.cast import load_cast
+from readygo.common.avatars.file import save_avatar
+from readygo.common.errors import AvatarError
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.spherical_harmonics import SH_C0
 
@@ -20,6 +24,31 @@ _BARE_JOINTS = (12, 15, 20, 21, 22, 23)
 """Neck, head, wrists and hands: skin and hair."""
 _PATTERNED = 0.35
 """Share of the clothes that get a pattern."""
+
+
+def write_variants(place: Path | None, out: Path, count: int, seed: int) -> list[Path]:
+    """Files of varied avatars; those that are there already stay.
+
+    Args:
+        place: Avatars, see `readygo.common.avatars.cast`.
+        out: Folder, made if it is missing.
+        count: Number of avatars, each of the given ones in turn.
+        seed: Seed of the changes.
+
+    Raises:
+        AvatarError: If there are no avatars, `count` is none, or `out` holds other files or cannot be written.
+    """
+    if count < 1 or seed < 0:
+        raise AvatarError(f"--count must be at least 1 and --seed at least 0, got {count} and {seed}.")
+    avatars = [avatar for _, avatar in sorted(load_cast(place).items())]
+    chosen = [avatars[number % len(avatars)] for number in range(count)]
+    paths = [out / f"{avatar.name}-{seed}-{number:03d}.npz" for number, avatar in enumerate(chosen)]
+    if out.exists() and (not out.is_dir() or {*out.iterdir()} - {*paths}):
+        raise AvatarError(f"{out} holds other files; choose a new or empty folder with --out.")
+    for number, (avatar, path) in enumerate(zip(chosen, paths, strict=True)):
+        if not path.exists():
+            save_avatar(vary_avatar(avatar, path.stem, np.random.default_rng([seed, number])), path)
+    return paths
 
 
 def vary_avatar(avatar: Avatar, name: str, rng: np.random.Generator) -> Avatar:

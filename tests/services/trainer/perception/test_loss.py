@@ -48,7 +48,7 @@ def tensors(targets: object) -> tuple[torch.Tensor, ...]:
 def answers(targets: object, certain: float = 6.0) -> tuple[torch.Tensor, torch.Tensor]:
     """What would be right."""
     people = torch.zeros(1, CHANNELS, *SHAPE)
-    heat, peak, values, rays = tensors(targets)
+    _, peak, values, rays = tensors(targets)
     people[:, 0] = torch.where(peak, certain, -certain)
     people[:, 1:5] = values.nan_to_num()
     return people, torch.stack([rays, torch.zeros_like(rays)], dim=1)
