@@ -188,7 +188,7 @@ def read_options(kind: type[Options], argv: Sequence[str], *, prog: str) -> Opti
             argv, keys = found[1].take(argv, [option.flag for option in options])
         except ConfigError as error:
             raise ConfigError(f"{error}; see `{prog} --help-all`.") from None
-    with errors_in_one_line(options, found[1].flags() if found else ()):
+    with errors_in_one_line(options, found[1] if found else None):
         read = tyro.cli(kind, prog=prog, args=argv, config=(tyro.conf.OmitArgPrefixes,), add_help=False)
     return dataclasses.replace(read, **{found[0]: keys}) if found and keys else read  # type: ignore[type-var]
 

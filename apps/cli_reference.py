@@ -45,19 +45,16 @@ def reference(commands: Mapping[str, CliCommand]) -> str:
 
 
 def completion(commands: Mapping[str, CliCommand], shell: Shell) -> str:
-    """A script that completes commands and their options.
+    """A script that completes commands, their options and the keys of their configuration.
 
     Args:
         commands: All commands.
         shell: Shell that the script is for.
     """
-    options = {
-        name: [p.flag for p in describe_command(command).options if p.flag.startswith("--")]
-        for name, command in commands.items()
-    }
+    options = {name: _flags(describe_command(command)) for name, command in commands.items()}
     if shell == "fish":
         return "".join(f"complete -c readygo {line}\n" for line in _fish(commands, options))
-    cases = "\n".join(f'    "{name}") words="{" ".join(flags)} --help" ;;' for name, flags in options.items())
+    cases = "\n".join(f'    "{name}") words="{" ".join(flags)}" ;;' for name, flags in options.items())
     script = _BASH.replace("CASES", cases).replace("COMMANDS", " ".join(_first_words(commands)))
     groups = {name.split()[0] for name in commands if " " in name}
     seconds = {
@@ -102,6 +99,14 @@ def _fish(commands: Mapping[str, CliCommand], options: Mapping[str, list[str]]) 
         lines += [f"-n '__fish_seen_subcommand_from {group}' -f -a {second}"] if second else []
         lines += [f"{seen} -l {flag.removeprefix('--')}" for flag in flags]
     return lines
+
+
+def _flags(about: CommandOptions) -> list[str]:
+    """All options of a command, with its keys and those of the help."""
+    groups = section_groups(about.sections, about.options) if about.sections else ()
+    keys = [option for group in groups for option in group.options if not option.flag.endswith(".NAME")]
+    flags = [option.flag for option in (*about.options, *keys) if option.flag.startswith("--")]
+    return [*flags, "--help", "--help-all"]
 
 
 def _first_words(commands: Mapping[str, CliCommand]) -> list[str]:

@@ -15,7 +15,7 @@ import sys
 import textwrap
 import types
 import typing
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -43,6 +43,8 @@ class Option(NamedTuple):
     """Default value; empty if there is none or if the description names it."""
     words: str
     required: bool = False
+    field: str = ""
+    """Name of its field; empty for a key."""
 
     @property
     def typed(self) -> str:
@@ -103,6 +105,27 @@ def sections_field(kind: type) -> tuple[str, Sections] | None:
             if isinstance(said, Sections):
                 return name, said
     return None
+
+
+def given_options(options: Any, allowed: Collection[str]) -> dict[str, str]:
+    """The options and keys whose value is not their default, such as {"--seed": "3", "--renderer.detail": "lod"}.
+
+    Args:
+        options: The options of a command.
+        allowed: Names of fields, groups and sections to leave out.
+    """
+    about, found = describe_options(type(options)), dict[str, str]()
+    for group in (about.own, *about.groups):
+        values = getattr(options, group.title) if group.title else options
+        defaults = {field.name: _default(field) for field in dataclasses.fields(group.kind)}
+        for option in group.options if group.title not in allowed else ():
+            value = getattr(values, option.field)
+            if option.field not in allowed and value != defaults[option.field]:
+                found[option.flag] = "" if isinstance(value, bool) else _text(value)
+    if held := sections_field(type(options)):
+        keys = {name: value for name, value in getattr(options, held[0]).items() if name not in allowed}
+        found |= held[1].typed(keys)
+    return found
 
 
 def section_groups(sections: Sections, options: Sequence[Option]) -> Iterator[OptionGroup]:
@@ -183,6 +206,10 @@ def _group(kind: Any, title: str) -> OptionGroup:
     return OptionGroup(kind, title, _heading(kind), _first_line(kind), options)
 
 
+def _default(field: "dataclasses.Field[Any]") -> Any:
+    return field.default if field.default_factory is dataclasses.MISSING else field.default_factory()
+
+
 def _is_option(hint: Any) -> bool:
     marks = getattr(hint, "__metadata__", ())
     return not dataclasses.is_dataclass(hint) and not any(isinstance(mark, Sections) for mark in marks)
@@ -200,8 +227,8 @@ def _option(field: "dataclasses.Field[Any]", hint: Any, words: str) -> Option:
     unsaid = required or bare is bool or field.default in (None, "", (), dataclasses.MISSING)
     default = "" if unsaid else _text(field.default)
     if positional:
-        return Option(value, "", default, words, required)
-    return Option(option_name(field.name), value, default, words, required)
+        return Option(value, "", default, words, required, field.name)
+    return Option(option_name(field.name), value, default, words, required, field.name)
 
 
 def _keys(kind: type, values: Any, prefix: str, *, deep: bool = True) -> Iterator[Option]:

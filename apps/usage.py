@@ -11,8 +11,9 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from readygo.apps.options import Option, option_name
+from readygo.apps.options import Option, section_groups
 from readygo.common.errors import ReadygoError
+from readygo.runs.sections import Sections
 
 _KINDS = {"INT": "a whole number", "FLOAT": "a number"}
 """Kind of value in words, by the value's name in the help."""
@@ -23,80 +24,70 @@ _WRONG = (
 )
 """Patterns of the messages of Python and tyro for a value of a wrong type."""
 _ALIKE_MIN = 0.75
-MOVED = {
-    "--detail": "--renderer.detail lod",
-    "--disturb": "--driver.disturbed 0.5",
-    "--priority": "--coordinator.priority 1",
-    "--mode": "--expert.mode spacetime",
-    "--learning-rate": "--optimizer.learning-rate 1e-4",
-    "--batch-size": "--sampling.batch-size 64",
-    "--steps": "--gaussians.steps 7000",
-    "--frames": "--frames.count-max 300",
-    "--mapper": "--poses.mapper global",
-    "--marker-id": "--metric.marker-ids 0",
-}
-"""Keys that look like options, with what to give instead."""
 
 
 @contextlib.contextmanager
-def errors_in_one_line(options: Sequence[Option], keys: Collection[str] = ()) -> Iterator[None]:
+def errors_in_one_line(options: Sequence[Option], sections: Sections | None = None) -> Iterator[None]:
     """Make tyro raise a one-line ReadygoError instead of printing a box and exiting.
 
     Args:
         options: All options of the command.
-        keys: Options of configuration keys, such as "--threads".
+        sections: Configuration whose keys can be given as options.
     """
     try:
         from tyro import _errors as errors
     except ImportError:
         yield
         return
-    known = {option.flag.partition(" ")[0]: option for option in options}
-    with errors.on_parse_error(partial(_raise, known, keys)):
+    with errors.on_parse_error(partial(_raise, {option.field: option for option in options}, sections)):
         yield
 
 
-def _raise(options: Mapping[str, Option], keys: Collection[str], event: Any) -> None:
-    words = _words(options, keys, event)
+def _raise(fields: Mapping[str, Option], sections: Sections | None, event: Any) -> None:
+    words = _words(fields, sections, event)
     if words:
         raise ReadygoError(f"{' '.join(words.split())}; see `{event.prog} --help`.")
 
 
-def _words(options: Mapping[str, Option], keys: Collection[str], event: Any) -> str:
+def _words(fields: Mapping[str, Option], sections: Sections | None, event: Any) -> str:
     """The error in words; empty for an unknown event."""
     match type(event).__name__:
         case "UnrecognizedArgs":
-            return _unknown([*options, *keys], event.tokens)
+            return _unknown(list(fields.values()), sections, event.tokens)
         case "MissingArgs":
             # The missing argument may be there under a misspelt name.
             if any(token.startswith("-") for token in event.unrecognized_tokens):
-                return _unknown([*options, *keys], event.unrecognized_tokens)
-            return (
-                f"{_list([_option(options, each.arg).typed for each in event.missing_arguments], 'and')} must be given"
-            )
+                return _unknown(list(fields.values()), sections, event.unrecognized_tokens)
+            missing = [_option(fields, each.arg).typed for each in event.missing_arguments]
+            return f"{_list(missing, 'and')} must be given"
         case "InvalidChoice":
             # tyro lists the choices of an optional value in any order.
             choices = sorted(set(event.choices) - {"None"}) if "None" in event.choices else list(event.choices)
             close = _closest(event.value, choices)
-            return f"{_option(options, event.argument).flag} must be {_list(choices, 'or')}, got {event.value!r}{close}"
+            option = _option(fields, event.argument)
+            name = option.flag if option.flag.startswith("--") else option.field.upper()
+            return f"{name} must be {_list(choices, 'or')}, got {event.value!r}{close}"
         case "BadValue" if event.offending_value is not None:
-            return f"{_option(options, event.argument).flag} takes no value, got {event.offending_value!r}"
+            return f"{_option(fields, event.argument).flag} takes no value, got {event.offending_value!r}"
         case "BadValue":
-            return f"{_option(options, event.argument).flag} needs a value: {_option(options, event.argument).typed}"
+            return f"{_option(fields, event.argument).flag} needs a value: {_option(fields, event.argument).typed}"
         case "InstantiationFailure" if event.argument is None:
             return str(event.message).rstrip(".")
         case "InstantiationFailure":
-            return f"{_option(options, event.argument).flag} {_wrong_value(event.message)}"
+            return f"{_option(fields, event.argument).flag} {_wrong_value(event.message)}"
     return ""
 
 
-def _unknown(options: Collection[str], tokens: list[str]) -> str:
-    option = next((token.partition("=")[0] for token in tokens if token.startswith("-")), None)
-    if option is None:
+def _unknown(options: Sequence[Option], sections: Sections | None, tokens: list[str]) -> str:
+    given = next((token.partition("=")[0] for token in tokens if token.startswith("-")), None)
+    if given is None:
         return f"unexpected argument {tokens[0]!r}"
-    if option in MOVED:
-        return f"{option} is a key of the configuration: {MOVED[option]}"
-    return f"unknown option {option!r}{_closest(option.replace('_', '-'), options)}"
+    name = given.replace("_", "-")
+    groups = section_groups(sections, options) if sections else ()
+    if keys := [key.typed for group in groups for key in group.options if key.flag.endswith(f".{name.lstrip('-')}")]:
+        return f"{given} is a key of the configuration: {_list(keys, 'or')}"
+    flags = [option.flag.partition(" ")[0] for option in options]
+    return f"unknown option {given!r}{_closest(name, [*flags, *(sections.flags() if sections else ())])}"
 
 
 def _closest(got: str, known: Collection[str]) -> str:
@@ -113,9 +104,8 @@ def _wrong_value(message: str) -> str:
     return f"cannot be used: {message.rstrip('.')}"
 
 
-def _option(options: Mapping[str, Option], argument: Any) -> Option:
-    name = argument.field.intern_name.rpartition(".")[2]
-    return options[name.upper() if argument.is_positional() else option_name(name)]
+def _option(fields: Mapping[str, Option], argument: Any) -> Option:
+    return fields[argument.field.intern_name.rpartition(".")[2]]
 
 
 def _list(words: list[str], last: str) -> str:

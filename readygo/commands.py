@@ -66,6 +66,7 @@ COMMANDS = {
     "avatar preview": CliCommand(
         "readygo.apps.commands.avatar:avatar_preview", "draw an avatar from all sides, or walking in a video"
     ),
+    "avatar vary": CliCommand("readygo.apps.commands.avatar:avatar_vary", "make more avatars from a few"),
     "plan": CliCommand(
         "readygo.apps.commands.plan:plan", "replay one episode and explain it in numbers, a picture or a video"
     ),

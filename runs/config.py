@@ -9,13 +9,12 @@ from typing import Annotated, Any
 from tyro.conf import Fixed
 
 from readygo.common.config import section_from_mapping, section_to_mapping
-from readygo.common.documents import read_toml
 from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import ConfigError
 from readygo.common.messages import RunSpec
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.config import with_first_camera
-from readygo.runs.sections import NO_KEYS, Keys, Sections, with_keys
+from readygo.runs.sections import NO_KEYS, Keys, Sections, merge_tables, read_sections, with_keys
 from readygo.services.animator import AnimatorConfig
 from readygo.services.coordinator import CoordinatorConfig
 from readygo.services.driver import DriverConfig
@@ -25,6 +24,8 @@ from readygo.services.renderer import SENSOR_RECIPES, RendererConfig, SensorName
 
 _NOT_OF_RUNS = ("learn",)
 """Sections of a configuration file that runs ignore: `readygo learn` reads them."""
+_WITH_WHOLE_TABLES = ("robot", "human_planner")
+"""Sections whose tables are given whole: keys that such a table lacks have their defaults."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +54,10 @@ class RunConfig:
 
 RunKeys = Annotated[Keys, Sections(RunConfig), Fixed]
 """Keys of a run's settings as the command line gives them: the type of a field of a command's options."""
+EvaluationKeys = Annotated[Keys, Sections(RunConfig, without=("recorder",)), Fixed]
+"""Keys for a command that records no data."""
+SimulationKeys = Annotated[Keys, Sections(RunConfig, without=("recorder", "coordinator")), Fixed]
+"""Keys for a command that simulates in its own process and records no data."""
 
 
 def load_run_config(
@@ -114,28 +119,20 @@ def _read_config(path: Path, base: RunConfig) -> RunConfig:
         raise ConfigError(f"Configuration {path}: {error}") from error
 
 
-def read_sections(path: Path) -> dict[str, Any]:
-    """All sections of a configuration file.
-
-    Raises:
-        ConfigError: If it cannot be read.
-    """
-    try:
-        return read_toml(path)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"Configuration {path} cannot be read: {error}.") from error
-
-
 def merge_sections(base: RunConfig, sections: Mapping[str, Any]) -> RunConfig:
     """The configuration with the keys of some sections, given as plain values.
+
+    Cameras, ranges of the robot and the mix of pedestrians are given whole.
 
     Raises:
         ConfigError: If a key is unknown or a value wrong.
     """
     whole = section_to_mapping(base)
-    for name, section in sections.items():
-        whole[name] = {**whole.get(name, {}), **section} if isinstance(section, Mapping) else section
-    return section_from_mapping(RunConfig, whole)
+    merged = merge_tables(whole, sections)
+    for name in _WITH_WHOLE_TABLES:
+        if isinstance(section := sections.get(name), Mapping):
+            merged[name] = {**whole[name], **section}
+    return section_from_mapping(RunConfig, merged)
 
 
 def check_cameras(config: RunConfig) -> None:

@@ -75,7 +75,7 @@ def evaluation_config(
         PolicyError: If the settings ask for a robot of other limits than the policy's, or for another camera where
             `camera` asks for the policy's.
     """
-    base = settings_of_policy(trained_settings(policy, camera), humans=humans is None) if policy else None
+    base = settings_of_policy(spec_with_camera(policy, camera), humans=humans is None) if policy else None
     settings = load_run_config(config, robot, sensor, humans, base=base, keys=keys)
     if policy is not None:
         check_policy_limits(policy, settings.robot)
@@ -84,7 +84,7 @@ def evaluation_config(
     return settings
 
 
-def trained_settings(spec: PolicySpec, camera: CameraName) -> PolicySpec:
+def spec_with_camera(spec: PolicySpec, camera: CameraName) -> PolicySpec:
     """The policy's spec as the default robot; without its camera if `camera` is "robot"."""
     if camera == "policy":
         return spec

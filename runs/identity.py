@@ -11,7 +11,7 @@ from typing import Any
 
 from readygo.common.dataset.provenance import AvatarOrigin, Provenance, ScenarioOrigin, SceneOrigin
 from readygo.common.errors import PolicyError, RunError
-from readygo.common.extras import install_command
+from readygo.common.extras import ROOT, install_command
 from readygo.common.messages import PolicyRef, RunSpec, encode
 from readygo.common.messages.stages import EXPERT_LINE
 from readygo.common.rasterizer.backend_names import GPU_BACKENDS
@@ -128,10 +128,9 @@ def run_metadata(
 
 
 def _commit() -> str:
-    root = Path(__file__).resolve().parents[2]
-    if not (root / ".git").exists():
+    if not (ROOT / ".git").exists():
         return ""
-    done = subprocess.run(["git", "rev-parse", "HEAD"], cwd=root, capture_output=True, text=True, check=False)
+    done = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False)
     return done.stdout.strip()
 
 

@@ -4,11 +4,13 @@ import difflib
 import re
 import types
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import is_dataclass
+from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from readygo.common.config import section_from_mapping, section_to_mapping
+from readygo.common.documents import read_toml
 from readygo.common.errors import ConfigError
 
 Config = TypeVar("Config")
@@ -27,15 +29,17 @@ class Sections:
     A key of a section is given as --SECTION.KEY VALUE, one that stands above all sections as --KEY VALUE.
     """
 
-    def __init__(self, *trees: type, **sections: type) -> None:
+    def __init__(self, *trees: type, without: Sequence[str] = (), **sections: type) -> None:
         """Name the configurations.
 
         Args:
             trees: Dataclasses whose fields are sections and keys.
+            without: Sections of these that have no effect in the command; their keys are refused.
             sections: Further sections by name.
         """
-        self.trees = trees
-        self.hints: dict[str, Any] = {name: hint for tree in trees for name, hint in _hints(tree).items()} | sections
+        self.trees, self.without = trees, without
+        hints = {name: hint for tree in trees for name, hint in _hints(tree).items()} | sections
+        self.hints: dict[str, Any] = {name: hint for name, hint in hints.items() if name not in without}
 
     def flags(self) -> list[str]:
         """The options of keys that stand above all sections."""
@@ -70,6 +74,10 @@ class Sections:
             table[path[-1]] = read_value(hint, value, flag)
         return rest, keys
 
+    def typed(self, keys: Keys) -> dict[str, str]:
+        """Keys as options with their values, such as {"--renderer.detail": "lod"}: what `take` reads."""
+        return dict(_typed(self, keys, "--"))
+
     def _is_key(self, flag: str, options: Sequence[str]) -> bool:
         return "." in flag or (flag.replace("_", "-") in self.flags() and flag not in options)
 
@@ -82,6 +90,8 @@ class Sections:
             if known is None:
                 raise ConfigError(f"{_flag(*path)} has no keys: it is {value_kind(hint)}")
             name = word if "*" in known else word.replace("-", "_")
+            if hint is self and name in self.without:
+                raise ConfigError(f"keys of {_flag(name)} have no effect in this command")
             if name not in known and "*" not in known:
                 close = difflib.get_close_matches(name, known, n=1)
                 meant = f" (did you mean {_flag(*path, close[0])}?)" if close else ""
@@ -117,6 +127,41 @@ def with_keys(config: Config, keys: Keys, where: str = "") -> Config:
         raise ConfigError(f"--{_with_dashes(path)} {words}" if named else str(error)) from error
 
 
+def with_file(config: Config, path: Path | None, *, table: str = "") -> Config:
+    """A configuration with the keys of a TOML file; keys that the file lacks stay.
+
+    Args:
+        config: A dataclass.
+        path: The file; None changes nothing.
+        table: Table of the file that holds the keys, such as "learn"; the whole file by default.
+
+    Raises:
+        ConfigError: If the file cannot be read, or holds an unknown key or a wrong value.
+    """
+    if path is None:
+        return config
+    keys = read_sections(path)
+    if table:
+        keys = keys.get(table, {})
+    whole = merge_tables(section_to_mapping(config), keys) if isinstance(keys, Mapping) else keys
+    try:
+        return section_from_mapping(type(config), whole, where=f"{table}." if table else "")
+    except ConfigError as error:
+        raise ConfigError(f"Configuration {path}: {error}") from error
+
+
+def read_sections(path: Path) -> dict[str, Any]:
+    """All sections of a configuration file.
+
+    Raises:
+        ConfigError: If it cannot be read.
+    """
+    try:
+        return read_toml(path)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"Configuration {path} cannot be read: {error}.") from error
+
+
 def merge_tables(tables: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
     """Nested tables with the keys of others."""
     nested = {
@@ -125,6 +170,24 @@ def merge_tables(tables: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str
         if isinstance(keys, Mapping) and isinstance(tables.get(name), Mapping)
     }
     return {**tables, **over, **nested}
+
+
+def _typed(hint: Any, keys: Keys, prefix: str) -> Iterator[tuple[str, str]]:
+    known = _members(hint) or {}
+    for name, value in keys.items():
+        flag = f"{prefix}{name if '*' in known else _with_dashes(name)}"
+        if isinstance(value, Mapping):
+            yield from _typed(known.get(name, known.get("*")), value, f"{flag}.")
+        else:
+            yield flag, _key_text(value)
+
+
+def _key_text(value: Any) -> str:
+    if value is None:
+        return NONE
+    if isinstance(value, (list, tuple)):
+        return ",".join(map(_key_text, value))
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def value_kind(hint: Any) -> str:

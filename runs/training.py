@@ -6,13 +6,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.dataset import Dataset
-from readygo.common.documents import read_toml
 from readygo.common.errors import ConfigError, PolicyError
 from readygo.common.extras import install_command
 from readygo.runs.methods import NETWORKS
-from readygo.runs.sections import NO_KEYS, Keys, merge_tables, with_keys
+from readygo.runs.sections import NO_KEYS, Keys, with_file, with_keys
 from readygo.services.trainer import RECIPES, NetworkTrainConfig, TrainConfig, with_overrides
 
 if TYPE_CHECKING:
@@ -20,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def make_config(recipe: str, file: Path | None = None, keys: Keys = NO_KEYS, **settings: Any) -> TrainConfig:
-    """The recipe's configuration, overridden by a file, by keys and by the settings that are not None.
+    """The recipe's configuration, overridden by a file, by the settings that are not None, and by keys.
 
     Args:
         recipe: One of `RECIPES`.
@@ -31,18 +29,12 @@ def make_config(recipe: str, file: Path | None = None, keys: Keys = NO_KEYS, **s
     Raises:
         ConfigError: If the file cannot be read, or a setting is invalid.
     """
-    config = RECIPES[recipe]()
-    if file is not None:
-        try:
-            merged = merge_tables(section_to_mapping(config), read_toml(file))
-        except (OSError, ValueError) as error:
-            raise ConfigError(f"Settings {file} cannot be read: {error}.") from error
-        config = section_from_mapping(TrainConfig, {k: v for k, v in merged.items() if v is not None})
-    config = with_keys(config, keys)
+    config = with_file(RECIPES[recipe](), file)
     try:
-        return with_overrides(config, **settings)
+        config = with_overrides(config, **settings)
     except ValueError as error:
         raise ConfigError(str(error)) from error
+    return with_keys(config, keys)
 
 
 def default_recipe(dataset: Dataset) -> str:

@@ -17,6 +17,7 @@ from readygo.apps.evaluation.replay import Replays
 from readygo.apps.evaluation.watch import check_wanted, watched_method, write_films, write_pages
 from readygo.apps.fleet.evaluation import EvaluationFleet, by_fleet, fleet_spec, make_plan
 from readygo.apps.fleet.options import RouterOptions
+from readygo.apps.options import given_options
 from readygo.apps.report.evaluation import REPORT_FILE
 from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.endpoint import check_endpoint
@@ -25,7 +26,7 @@ from readygo.common.errors import RunError
 from readygo.common.messages import Split
 from readygo.common.policy import Policy, load_policy, load_spec
 from readygo.common.robot import load_robot
-from readygo.runs.config import RunConfig, RunKeys
+from readygo.runs.config import EvaluationKeys, RunConfig
 from readygo.runs.evaluation import (
     CameraName,
     evaluation_config,
@@ -105,7 +106,8 @@ class EvaluateOptions:
     """"static" has no pedestrians, "dynamic" has pedestrians that ignore the robot, "reactive" has the same
     pedestrians, who avoid the robot."""
     methods: tuple[str, ...] = ("policy", "expert", "straight-line")
-    """Drivers: policy, expert, expert-paper, straight-line, social-force, gaussnav, splat-nav, vid2sim, rl (of
+    """Drivers: policy, expert, expert-tracked, expert-paper, straight-line, social-force, gaussnav, splat-nav,
+    perceive-and-plan and perceive-and-act (of the folders perception and rl in `checkpoints`), vid2sim, rl (of
     `readygo rl`), gnm, vint, nomad, further policies by the names of their folders in `checkpoints`, or your class
     as my_package:MyDriver or folder/file.py:MyDriver."""
     out: Path | None = None
@@ -128,13 +130,15 @@ class EvaluateOptions:
     trials: TrialOptions = field(default_factory=TrialOptions)
     world: WorldOptions = field(default_factory=WorldOptions)
     fleet: RouterOptions = field(default_factory=RouterOptions)
-    keys: RunKeys = field(default_factory=dict)
+    keys: EvaluationKeys = field(default_factory=dict)
 
 
 def evaluate(options: EvaluateOptions) -> None:
     """Drive a policy, the expert and a straight-line baseline through the same episodes, and report success rates."""
     trials, out = options.trials, options.out
     if trials.from_logs is not None:
+        if given := given_options(options, ("from_logs", "out", "json")):
+            raise RunError(f"--from-logs takes all settings from the logs: leave out {', '.join(given)}.")
         evaluate_logs(trials.from_logs, out, json=options.json)
         return
     if not options.scene:

@@ -19,6 +19,7 @@ from readygo.apps.fleet.run import Show, begin, check_counts, record
 from readygo.apps.fleet.slurm import check_slurm
 from readygo.apps.monitor.beside import show_page
 from readygo.apps.observe.settings import Observing
+from readygo.apps.options import given_options
 from readygo.apps.terminal import PlainConsole
 from readygo.apps.views.recorded import run_clarity
 from readygo.common.bus.endpoint import check_endpoint
@@ -38,6 +39,8 @@ from readygo.runs.spec import episode_count, make_spec
 from readygo.services.planner import MixName
 
 Place = Literal["local", "slurm", "hosts"]
+_WITH_AGAIN = ("again", "out", "workers", "watch", "json", "fleet", "place", "observe", "coordinator")
+"""Fields, groups and sections of settings that go with the repetition of a recorded run."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,10 +148,8 @@ def _check_place(options: GenerateOptions) -> None:
 def _repeated_run(options: GenerateOptions) -> tuple[RunSpec, int]:
     """The spec of the run that is recorded again, and its number of episodes."""
     assert options.recording.again is not None
-    if options.scene:
-        raise RunError("--again has the scene of the run that it makes again: name one of the two.")
-    if others := sorted(set(options.keys) - {"coordinator"}):
-        raise RunError(f"--again has the settings of the run that it makes again: leave out --{others[0]}.")
+    if given := given_options(options, _WITH_AGAIN):
+        raise RunError(f"--again takes scene and settings from the recorded run: leave out {', '.join(given)}.")
     spec, wanted = prepare_again(options.recording.again, options.out)
     return with_run_keys(spec, options.keys), wanted
 

@@ -46,11 +46,10 @@ class MonitorOptions:
     open: bool = False
     """Open the page in this machine's browser."""
     foxglove: int | None = None
-    """Serve the run to Foxglove on this port, 8765 without a number, instead of the page: the channels of a shard,
-    live."""
+    """Serve the run to Foxglove on this port, such as 8765, instead of the page: the channels of a shard, live."""
     rerun: str | None = None
-    """Show the run in Rerun instead of the page: without a value a viewer is started; else the address of a
-    viewer, such as rerun+http://127.0.0.1:9876/proxy, or an .rrd file."""
+    """Show the run in Rerun instead of the page: `spawn` starts a viewer; else the address of a viewer, such as
+    rerun+http://127.0.0.1:9876/proxy, or an .rrd file."""
     fleet: JoinOptions = field(default_factory=JoinOptions)
 
 

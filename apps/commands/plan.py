@@ -13,7 +13,7 @@ from rich.table import Table
 from tyro.conf import Positional
 
 from readygo.apps.evaluation.again import kept_episode
-from readygo.apps.options import option_name
+from readygo.apps.options import given_options
 from readygo.apps.pictures.film import CODECS
 from readygo.apps.terminal import PlainConsole
 from readygo.common.arrays import UInt8Array
@@ -25,7 +25,7 @@ from readygo.common.messages import EpisodeKey, Split
 from readygo.common.policy import Policy, load_policy
 from readygo.common.robot import load_robot
 from readygo.common.scenes import Scene
-from readygo.runs.config import RunConfig, RunKeys, check_cameras
+from readygo.runs.config import RunConfig, SimulationKeys, check_cameras
 from readygo.runs.evaluation import evaluation_config
 from readygo.runs.options import WorldOptions
 from readygo.runs.origin import avatars_of_policy
@@ -48,8 +48,8 @@ from readygo.services.renderer import Renderer
 if TYPE_CHECKING:
     from readygo.apps.pictures.plan_film import RobotView
 
-_WITH_RESULTS = ("scene", "from_", "task", "method", "picture", "video", "camera", "export", "json", "keys")
-"""Fields that go with an episode of an evaluation; the keys are checked by their sections."""
+_WITH_RESULTS = ("scene", "from_", "task", "method", "picture", "video", "camera", "export", "json")
+"""Fields that go with an episode of an evaluation."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +107,7 @@ class PlanOptions:
     """Print the numbers as JSON."""
     episode: PlanEpisodeOptions = field(default_factory=PlanEpisodeOptions)
     world: WorldOptions = field(default_factory=WorldOptions)
-    keys: RunKeys = field(default_factory=dict)
+    keys: SimulationKeys = field(default_factory=dict)
 
 
 def plan(options: PlanOptions) -> None:
@@ -155,18 +155,8 @@ def _replay_kept(options: PlanOptions, results: Path) -> None:
 
 def _refuse_settings(options: PlanOptions) -> None:
     """Raise RunError if an option changes what an evaluation has fixed."""
-    plain = PlanOptions(scene=options.scene)
-    changed = [
-        option_name(entry.name)
-        for ours, theirs in ((options, plain), (options.episode, plain.episode), (options.world, plain.world))
-        for entry in dataclasses.fields(ours)
-        if entry.name not in _WITH_RESULTS
-        and not dataclasses.is_dataclass(getattr(ours, entry.name))
-        and getattr(ours, entry.name) != getattr(theirs, entry.name)
-    ]
-    changed += [option_name(section) for section in options.keys]
-    if changed:
-        raise RunError(f"--from takes all settings from the evaluation: leave out {', '.join(changed)}.")
+    if given := given_options(options, _WITH_RESULTS):
+        raise RunError(f"--from takes all settings from the evaluation: leave out {', '.join(given)}.")
 
 
 def _config(options: PlanOptions, policy: Policy | None) -> RunConfig:

@@ -15,10 +15,8 @@ from readygo.apps.commands.scene_report import SceneReportOptions, scene_report
 from readygo.apps.fleet.reconstruction import ask_worker
 from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.endpoint import check_endpoint
-from readygo.common.errors import ConfigError
 from readygo.common.files import write_whole
-from readygo.runs.config import read_sections
-from readygo.runs.sections import Keys, Sections, with_keys
+from readygo.runs.sections import Keys, Sections, with_file, with_keys
 from readygo.services.reconstructor import (
     DEFAULT_DICTIONARY,
     GAUSSIANS,
@@ -156,11 +154,7 @@ def _config(options: ScenePosesOptions | ReconstructOptions, base: Reconstructor
     """
     given = {"marker_size_m": options.marker_size_m, "lengths": list(options.length), "scale": options.scale}
     metric = {"metric": {name: value for name, value in given.items() if value}}
-    try:
-        config = with_keys(base, read_sections(options.config) if options.config else {})
-    except ConfigError as error:
-        raise ConfigError(f"Configuration {options.config}: {str(error).removeprefix('--')}") from error
-    return with_keys(with_keys(config, metric), options.keys)
+    return with_keys(with_keys(with_file(base, options.config), metric), options.keys)
 
 
 class Lines:

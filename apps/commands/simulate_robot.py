@@ -30,7 +30,7 @@ from readygo.common.messages import Outcome, Split
 from readygo.common.policy import PolicySpec, load_policy, load_spec
 from readygo.common.policy.sight import camera_on
 from readygo.common.robot import load_robot
-from readygo.runs.config import RunConfig, RunKeys
+from readygo.runs.config import RunConfig, SimulationKeys
 from readygo.runs.evaluation import (
     evaluation_config,
     evaluation_world,
@@ -102,7 +102,7 @@ class SimulateRobotOptions:
     people: RobotPeopleOptions = field(default_factory=RobotPeopleOptions)
     manners: Manners = field(default_factory=Manners)
     topics: RobotTopicOptions = field(default_factory=RobotTopicOptions)
-    keys: RunKeys = field(default_factory=dict)
+    keys: SimulationKeys = field(default_factory=dict)
 
 
 def simulate_robot(options: SimulateRobotOptions) -> None:

@@ -21,9 +21,10 @@ from readygo.common.dataset import Dataset
 from readygo.common.errors import ConfigError
 from readygo.common.robot import RobotConfig
 from readygo.runs.evaluation import closed_loop
-from readygo.runs.methods import NETWORKS
+from readygo.runs.methods import NETWORKS, PERCEPTION
 from readygo.runs.origin import note_origin, origin_of_data
-from readygo.runs.sections import Keys, Sections
+from readygo.runs.perception import train_perception
+from readygo.runs.sections import Keys, Sections, with_file, with_keys
 from readygo.runs.training import (
     default_recipe,
     make_config,
@@ -31,15 +32,17 @@ from readygo.runs.training import (
     run_network_training,
     run_training,
 )
-from readygo.services.trainer import TrainConfig, chosen_images
+from readygo.services.trainer import PerceptionConfig, TrainConfig, chosen_images
 
 if TYPE_CHECKING:
-    from readygo.services.trainer import TrainProgress
+    from readygo.services.trainer import PerceptionProgress, TrainProgress
 
 HISTORY_KEYS = ("history",)
 """Metrics that are too long for the terminal; `metrics.json` has them."""
 NETWORK_KEYS = ("threads", "cache_mb", "batch_size", "learning_rate", "validation_fraction")
 """Keys that the training of a published network has as well."""
+PERCEPTION_KEYS = ("threads", "precision", "batch_size", "learning_rate", "weight_decay", "validation_fraction")
+"""Keys that the training of perception has as well."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +51,8 @@ class TrainDetailOptions:
 
     val_episodes: int = 30
     """Episodes per such measurement, from the split val."""
+    scene: tuple[str, ...] = ()
+    """Scenes of the data, for "perception", where they are not at the places at which the data were recorded."""
     cameras: str = ""
     """Cameras of the robot that the policy uses, by their names in robot.toml, separated by commas, including the
     first one; only the first one by default."""
@@ -84,12 +89,14 @@ class TrainOptions:
     val_scene: str = ""
     """Scene ("embedded" or a bundle) whose closed-loop success rate selects the checkpoint; its time is not
     counted. By default the last weights are used."""
-    recipe: Literal["best", "fast", "paper", "gnm", "vint", "nomad"] | None = None
+    recipe: Literal["best", "fast", "paper", "perception", "gnm", "vint", "nomad"] | None = None
     """"best" learns most from data with expert labels at every state, and is the default for such data; "fast" is
     the paper's network adapted to minutes on a CPU, the default for other data; "paper" trains that network as in
-    the paper, with Adam at a constant 1e-4. "gnm", "vint" and "nomad" train these published networks with their
-    own losses on the expert's trajectories: `out` is then a folder for `readygo evaluate --checkpoints`, and
-    training starts from published weights if they lie there."""
+    the paper, with Adam at a constant 1e-4. "perception" trains the network that sees people and free space, which
+    the method perceive-and-plan of `readygo evaluate --checkpoints` reads from the folder `perception` there. "gnm",
+    "vint" and "nomad" train these published networks with their own losses on the expert's trajectories: `out` is
+    then a folder for `readygo evaluate --checkpoints`, and training starts from published weights if they lie
+    there."""
     config: Path | None = None
     """TOML file with settings that override the recipe's; `--KEY VALUE` and `--SECTION.KEY VALUE` override it."""
     inputs: str = ""
@@ -110,6 +117,9 @@ def train(options: TrainOptions) -> None:
     """Train a policy on recorded episodes; run again to resume, or with more minutes or samples to train longer."""
     if options.recipe in NETWORKS:
         _train_network(options.recipe, options)
+        return
+    if options.recipe == PERCEPTION:
+        _train_perception(options)
         return
     metrics = _train_live(options) if options.fleet.live else _train_on_data(options)
     if metrics:
@@ -198,11 +208,23 @@ def _network_settings(name: str, options: TrainOptions) -> dict[str, Any]:
         raise ConfigError(
             f"--recipe {name} takes no --val, --val-scene, --config, --live, --run, --inputs, --cameras and --goal."
         )
+    keys = _plain_keys(options, NETWORK_KEYS)
+    return keys | {"minutes": options.minutes, "samples": options.samples, "seed": options.seed}
+
+
+def _plain_keys(options: TrainOptions, known: tuple[str, ...]) -> dict[str, Any]:
+    """The keys of the command line without their sections, for recipes whose settings have none.
+
+    Raises:
+        ConfigError: If the recipe has no such key.
+    """
     keys = {key: value for key, value in options.keys.items() if not isinstance(value, Mapping)}
     keys |= {key: value for part in options.keys.values() if isinstance(part, Mapping) for key, value in part.items()}
-    if unknown := sorted(set(keys) - set(NETWORK_KEYS)):
-        raise ConfigError(f"--recipe {name} takes no key {unknown[0]}; it takes {', '.join(NETWORK_KEYS)}.")
-    return keys | {"minutes": options.minutes, "samples": options.samples, "seed": options.seed}
+    if unknown := sorted(set(keys) - set(known)):
+        dashed = (name.replace("_", "-") for name in (unknown[0], *known))
+        first, *others = dashed
+        raise ConfigError(f"--recipe {options.recipe} takes no key {first}; it takes {', '.join(others)}.")
+    return keys
 
 
 def _train_network(name: str, options: TrainOptions) -> None:
@@ -227,8 +249,47 @@ def _train_network(name: str, options: TrainOptions) -> None:
     console.print(f"Next: readygo evaluate SCENE --methods {name} --checkpoints {options.out}", markup=False)
 
 
+def _train_perception(options: TrainOptions) -> None:
+    """Train perception, and print how well it sees what is held out."""
+    if not options.data:
+        raise ConfigError("No data folder is given; record one with `readygo generate`.")
+    fleet, details = options.fleet, options.details
+    if any((fleet.live, fleet.run, options.val, options.val_scene, options.inputs, details.cameras, options.goal)):
+        raise ConfigError(
+            f"--recipe {PERCEPTION} takes no --val, --val-scene, --live, --run, --inputs, --cameras and --goal."
+        )
+    given = {"minutes": options.minutes, "samples": options.samples, "seed": options.seed}
+    config = with_file(PerceptionConfig(), options.config)
+    config = with_keys(config, {name: value for name, value in given.items() if value is not None})
+    config = with_keys(config, _plain_keys(options, PERCEPTION_KEYS))
+    with _progress(PlainConsole(stderr=True), quiet=options.json) as show:
+        metrics = train_perception(options.data, config, options.out, scenes=details.scene, show=show)
+    if options.json:
+        sys.stdout.write(json_module.dumps(metrics | {"perception": str(options.out)}) + "\n")
+        return
+    console = PlainConsole(soft_wrap=True)
+    console.print(
+        f"{metrics['parameters']:,} parameters, {metrics['samples_seen']:,} images learned from in "
+        f"{metrics['elapsed_s']:.0f} s ({metrics['images']:,} different ones)."
+    )
+    if "held_out" in metrics:
+        told = metrics["held_out"]
+        console.print(
+            f"Held out ({told['images']} images, {told['people']} people): AP {told['average_precision']:.2f}, bearing "
+            f"{told['bearing_deg']:.1f} deg, distance {100 * told['distance']:.0f} %, {100 * told['missed']:.0f} % "
+            f"missed, velocity R2 {told['along_r2']:.2f} along and {told['across_r2']:.2f} across, free distance "
+            f"{100 * told['rays']:.0f} %."
+        )
+    console.print(
+        f"Next: readygo evaluate SCENE --methods perceive-and-plan expert --checkpoints {options.out.parent}",
+        markup=False,
+    )
+
+
 @contextmanager
-def _progress(console: PlainConsole, *, quiet: bool) -> "Iterator[Callable[[TrainProgress], None]]":
+def _progress(
+    console: PlainConsole, *, quiet: bool
+) -> "Iterator[Callable[[TrainProgress | PerceptionProgress], None]]":
     columns = (
         TextColumn("training"),
         BarColumn(),
@@ -239,13 +300,13 @@ def _progress(console: PlainConsole, *, quiet: bool) -> "Iterator[Callable[[Trai
     with SteadyProgress(*columns, console=console, quiet=quiet) as progress:
         task = progress.add_task("training", total=1.0, reached="")
 
-        def show(state: "TrainProgress") -> None:
+        def show(state: "TrainProgress | PerceptionProgress") -> None:
             progress.update(task, completed=state.fraction, reached=f"{_progress_text(state)}, ETA")
 
         yield show
 
 
-def _progress_text(state: "TrainProgress") -> str:
+def _progress_text(state: "TrainProgress | PerceptionProgress") -> str:
     """Step and losses of the training in words; losses are left out until they are known."""
     losses = {"loss": state.train_loss, "held out": state.validation_loss}
     known = [f"{name} {loss:.4f}" for name, loss in losses.items() if math.isfinite(loss)]

@@ -12,8 +12,7 @@ from tyro.conf import Fixed, Positional
 from readygo.apps.terminal import PlainConsole
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.extras import install_command
-from readygo.runs.config import read_sections
-from readygo.runs.sections import Keys, Sections, with_keys
+from readygo.runs.sections import Keys, Sections, with_file, with_keys
 from readygo.services.reconstructor import GaussiansConfig, Preset, preset, weak_texture
 
 
@@ -43,8 +42,7 @@ class SceneTrainOptions:
 def scene_train(options: SceneTrainOptions) -> None:
     """Train Gaussians on posed images; writes OUT/gaussians.ply and the quality on held-out images."""
     config = weak_texture(preset(options.preset)) if options.bare_walls else preset(options.preset)
-    config = with_keys(config, read_sections(options.config) if options.config else {})
-    config = with_keys(config, options.keys)
+    config = with_keys(with_file(config, options.config), options.keys)
     notes = PlainConsole(stderr=True)
     report = _train(options.posed, options.out, config, notes)
     if options.json:

@@ -111,11 +111,16 @@ class ForkServer:
         Raises:
             RunError: If the worker cannot be started.
         """
-        for _ in range(2):
-            if forked := self._ask(words, output):
-                return forked
+        try:
+            return self._ask(words, output)
+        except OSError:
+            self.close()  # The server is dead or silent: a new one is asked.
+        try:
+            return self._ask(words, output)
+        except OSError as error:
             self.close()
-        raise RunError(f"No worker can be started; {self._log} says why.")
+            trouble = error.strerror or error
+            raise RunError(f"No worker can be started ({trouble}); see {self._log}.") from error
 
     def close(self) -> None:
         """End the server; the forked processes continue."""
@@ -144,27 +149,30 @@ class ForkServer:
                 start_new_session=True,
             )
 
-    def _ask(self, words: Sequence[str], output: int) -> Forked | None:
-        """Request a new process; None if the server is dead or does not answer."""
+    def _ask(self, words: Sequence[str], output: int) -> Forked:
+        """Request a new process.
+
+        Raises:
+            OSError: If the server is dead or does not answer.
+        """
         self.load()
         assert self._control is not None
         report, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         child_end, parent_end = os.pipe()
-        said, descriptors = b"", list[int]()
         try:
             with theirs:
                 request = json.dumps(list(words)).encode()
                 socket.send_fds(self._control, [request], [theirs.fileno(), child_end, output])
             report.settimeout(PATIENCE_S)
             said, descriptors, _, _ = socket.recv_fds(report, 64, 1)
+            if not said:
+                raise ConnectionError("the fork server ended")
         except OSError:
-            pass  # The server is gone or silent: `start` tries a new one, and then names its log.
-        finally:
-            os.close(child_end)
-        if not said:
             os.close(parent_end)
             report.close()
-            return None
+            raise
+        finally:
+            os.close(child_end)
         return Forked(int(said), descriptors[0], report, parent_end)
 
 

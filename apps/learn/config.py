@@ -4,11 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from readygo.common.config import Range, check_ranges, section_from_mapping
-from readygo.common.errors import ConfigError
+from readygo.common.config import Range, check_ranges
 from readygo.common.images.names import RGB
 from readygo.common.policy.sight import check_images
-from readygo.runs.config import read_sections
+from readygo.runs.sections import with_file
 
 GoalName = Literal["point", "image", "both"]
 Share = Annotated[float, Range(low=0.0, high=1.0)]
@@ -47,7 +46,4 @@ def load_learn_config(path: Path | None) -> LearnConfig:
     Raises:
         ConfigError: If the file cannot be read, or the section holds an unknown key or a wrong value.
     """
-    section = read_sections(path).get("learn", {}) if path else {}
-    if not isinstance(section, dict):
-        raise ConfigError(f"Configuration {path}: learn must be a table, got {section!r}.")
-    return section_from_mapping(LearnConfig, section, where="learn.")
+    return with_file(LearnConfig(), path, table="learn")

@@ -1,8 +1,10 @@
 """The whole of `readygo learn`: recording, training, learning curve, test and report."""
 
+import shlex
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from readygo.apps.fleet.worker import make_coordinator
@@ -86,13 +88,15 @@ def learn_policy(
     return Learned(plan=plan, points=supervisor.points, chosen=chosen, replies=replies, minutes=supervisor.minutes)
 
 
-def report_content(learned: Learned, scenes: tuple[str, ...], **options: object) -> ReportContent:
+def report_content(
+    learned: Learned, scenes: tuple[str, ...], options: Mapping[str, str] = MappingProxyType({})
+) -> ReportContent:
     """The content of the report of a learning run.
 
     Args:
         learned: Result of the run.
         scenes: Scenes as the user named them.
-        options: Further options of the command as the user gave them; None for missing ones.
+        options: Further options of the command with their values, as the user gave them.
     """
     plan = learned.plan
     commands = _commands(plan, scenes, options)
@@ -122,12 +126,15 @@ def _numbers(learned: Learned) -> RunNumbers:
     )
 
 
-def _commands(plan: LearnPlan, scenes: tuple[str, ...], options: Mapping[str, object]) -> tuple[CommandLine, ...]:
+def _commands(plan: LearnPlan, scenes: tuple[str, ...], options: Mapping[str, str]) -> tuple[CommandLine, ...]:
     policy, data, budget = plan.policy, plan.places[0].folder.path, plan.budget
-    named = [f"--{name} {value}" for name, value in options.items() if value is not None]
-    more = f"--minutes {2 * budget.minutes:g}" if budget.samples is None else f"--samples {2 * budget.samples}"
+    given = [word for option in options.items() for word in option if word]
+    more = (
+        ("--minutes", f"{2 * budget.minutes:g}") if budget.samples is None else ("--samples", f"{2 * budget.samples}")
+    )
+    resume = shlex.join(["readygo", "learn", *scenes, *given, *more, "--out", str(plan.out)])
     return (
-        CommandLine(what="learn on", line=" ".join(["readygo learn", *scenes, *named, more, f"--out {plan.out}"])),
+        CommandLine(what="learn on", line=resume),
         CommandLine(what="measure", line=f"readygo evaluate {scenes[0]} {policy} --episodes 100"),
         CommandLine(what="check the data", line=f"readygo validate {data}"),
         CommandLine(what="what they cover", line=f"readygo coverage {data} --out {plan.out / 'coverage'}"),

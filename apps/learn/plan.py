@@ -32,6 +32,8 @@ from readygo.services.renderer import RendererConfig
 from readygo.services.trainer import SamplingConfig, chosen_images
 
 FORMAT = "readygo-learn/1"
+STATE = "learn.json"
+"""File with the settings that must not change when the run resumes, and the time spent."""
 SMALL_CAMERA = CameraConfig(height_px=72, width_px=128)
 """Default camera of a policy: half the usual image size, trained on three times as fast."""
 ABSENT = 0.3
@@ -96,7 +98,7 @@ class LearnPlan:
     @property
     def state_file(self) -> Path:
         """File with the settings that must not change when the run resumes, and the time spent."""
-        return self.out / "learn.json"
+        return self.out / STATE
 
     @property
     def curve_file(self) -> Path:
@@ -156,10 +158,12 @@ def learn_configs(
     """
     of_runs = {name: section for name, section in keys.items() if name != "learn"}
     runs = learn_settings(config, robot, scene_count=scene_count, keys=of_runs)
-    learn = with_keys(load_learn_config(config), keys.get("learn", {}), "learn.")
-    images = chosen_images(inputs, cameras, runs.robot) if inputs or cameras else learn.images
+    learn = load_learn_config(config)
+    given: dict[str, Any] = {"goal": goal} if goal else {}
+    if inputs or cameras:
+        given["images"] = list(chosen_images(inputs, cameras, runs.robot))
+    learn = with_keys(learn, given | dict(keys.get("learn", {})), "learn.")
     try:
-        learn = dataclasses.replace(learn, images=images, goal=goal or learn.goal)
         check_cameras(learn.images, runs.robot)
     except ValueError as error:
         raise ConfigError(f"learn: {error}") from error

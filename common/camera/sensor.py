@@ -18,19 +18,33 @@ class SensorConfig(Ranges):
     """
 
     k1: Range = ()
+    """Radial lens coefficient of s^2."""
     k2: Range = ()
+    """Radial lens coefficient of s^4."""
     k3: Range = ()
+    """Radial lens coefficient of s^6."""
     k4: Range = ()
+    """Radial lens coefficient of s^8."""
     p1: Range = ()
+    """Tangential lens coefficient."""
     p2: Range = ()
+    """Tangential lens coefficient."""
     exposure_ev: Range = ()
+    """Exposure [stops]: light is multiplied by 2^exposure_ev."""
     red_gain: Range = ()
+    """White balance: factor on red."""
     blue_gain: Range = ()
+    """White balance: factor on blue."""
     vignetting: Range = ()
+    """Share of the light that is lost in the corners."""
     shot_noise: Range = ()
+    """Standard deviation of the photon noise at white."""
     read_noise: Range = ()
+    """Standard deviation of the noise that does not depend on the light, in parts of white."""
     exposure_s: Range = ()
+    """Time for which each row collects light [s]: motion blur."""
     readout_s: Range = ()
+    """Time from the first row's end of exposure to the last row's [s]: rolling shutter."""
 
     def __post_init__(self) -> None:
         self.check(check_camera_value)

@@ -9,14 +9,23 @@ class EpisodeConfig:
     """Task and judging; recorded with every dataset and shared by planner, evaluator and trainer."""
 
     time_limit_s: float = 50.0
+    """Longest duration of an episode; after it the outcome is a timeout [s]."""
     success_radius_m: float = 1.0
+    """The goal is reached within this distance [m]."""
     goal_distance_min_m: float = 3.0
+    """Shortest straight distance from start to goal [m]."""
     goal_distance_max_m: float = 10.0
+    """Longest straight distance from start to goal [m]."""
     human_count_min: int = 1
+    """Fewest pedestrians per episode."""
     human_count_max: int = 2
+    """Most pedestrians per episode."""
     human_speed_min_mps: float = 0.8
+    """Lowest walking speed of pedestrians [m/s]."""
     human_speed_max_mps: float = 1.4
+    """Highest walking speed of pedestrians [m/s]."""
     human_radius_m: float = 0.25
+    """Radius of the disc that stands for a pedestrian in collisions and planning [m]."""
     sharpness_min: float = 0.0
     """Episodes whose median view, without people, is duller are rejected: fog. See `readygo.common.images.clarity`,
     where 150 tells fog from what is clear; 0 rejects none."""

@@ -1,7 +1,7 @@
 """A Kalman filter of a walking human: constant velocity, disturbed by white acceleration.
 
-Legend: the state is x, y [m] and vx, vy [m/s] in the world, P its covariance, F the step of `dt`, q the spectral density
-of the acceleration [m2/s3]:
+Legend: the state is x, y [m] and vx, vy [m/s] in the world, P its covariance, F the step of `dt`, q the spectral
+density of the acceleration [m2/s3]:
 
     x' = F x,   P' = F P F^T + Q,   Q = q [[dt^3/3, dt^2/2], [dt^2/2, dt]] on each axis
 
@@ -64,7 +64,8 @@ def _update(mean: Float64Array, cov: Float64Array, first: int, zx: float, zy: fl
         cov[k, 1] -= gx * c1 + gy * e1
         cov[k, 2] -= gx * c2 + gy * e2
         cov[k, 3] -= gx * c3 + gy * e3
-    return rx * (ia * rx + ib * ry) + ry * (ib * rx + id_ * ry)
+    distance: float = rx * (ia * rx + ib * ry) + ry * (ib * rx + id_ * ry)
+    return distance
 
 
 @kernel_with_cache
@@ -80,10 +81,12 @@ def update(mean: Float64Array, cov: Float64Array, measured: Float64Array, varian
     Returns:
         Squared Mahalanobis distance of the measurement, before it was fused.
     """
-    return _update(mean, cov, 0, measured[0], measured[1], variance)
+    distance: float = _update(mean, cov, 0, measured[0], measured[1], variance)
+    return distance
 
 
 @kernel_with_cache
 def update_velocity(mean: Float64Array, cov: Float64Array, measured: Float64Array, variance: Float64Array) -> float:
     """Fuse a measured velocity [m/s] with its covariance [m2/s2]; see `update`."""
-    return _update(mean, cov, 2, measured[0], measured[1], variance)
+    distance: float = _update(mean, cov, 2, measured[0], measured[1], variance)
+    return distance

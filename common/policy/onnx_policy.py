@@ -45,7 +45,7 @@ def load_policy(folder: str | Path, *, robot: RobotConfig | None = None) -> Poli
     spec = load_spec(folder)
     if robot is not None:
         check_policy_camera(spec, robot)
-    policy = OnnxPolicy(spec, _open_session(folder / GRAPH_FILE))
+    policy = OnnxPolicy(spec, open_session(folder / GRAPH_FILE))
     _check_graph(policy, folder)
     return policy.for_robot(robot) if robot is not None and spec.robot.ranges.varies else policy
 
@@ -154,7 +154,12 @@ class OnnxPolicy(Policy):
         return np.array([min(max(v, slowest * v_max), v_max), min(max(w, -w_max), w_max)], np.float32)
 
 
-def _open_session(path: Path) -> Any:
+def open_session(path: Path) -> Any:
+    """An onnxruntime session of one thread.
+
+    Raises:
+        PolicyError: If the file is missing or broken, or onnxruntime is not installed.
+    """
     try:
         import onnxruntime
     except ImportError as error:

@@ -16,10 +16,14 @@ class RobotRanges(Ranges):
     """
 
     mount_height_m: Range = ()
+    """Height of the camera above the local floor [m]."""
     horizontal_fov_deg: Range = ()
+    """Horizontal field of view of the camera [deg]."""
     mount_pitch_deg: Range = ()
+    """Inclination of the camera [deg]: positive looks down."""
     radius_m: Range = ()
     """The planning radius stays as much larger as the robot's own is."""
     v_max_mps: Range = ()
     """The largest speed backwards stays the same share of it."""
     w_max_radps: Range = ()
+    """Largest turn rate [rad/s]."""

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from readygo.services.planner.expert.interface import Decision as Decision
     from readygo.services.planner.expert.interface import Expert as Expert
     from readygo.services.planner.expert.interface import ExpertDriver as ExpertDriver
+    from readygo.services.planner.expert.perceiving import PerceivingDriver as PerceivingDriver
+    from readygo.services.planner.expert.perceiving import TrackedDriver as TrackedDriver
+    from readygo.services.planner.expert.tracked import TrackedHumans as TrackedHumans
     from readygo.services.planner.explain.journal import DrivenRun as DrivenRun
     from readygo.services.planner.explain.journal import run_beside_expert as run_beside_expert
     from readygo.services.planner.explain.journal import run_with_journal as run_with_journal
@@ -60,6 +63,11 @@ else:
             "Expert",
             "ExpertDriver",
         ),
+        ".expert.perceiving": (
+            "PerceivingDriver",
+            "TrackedDriver",
+        ),
+        ".expert.tracked": ("TrackedHumans",),
         ".explain.journal": (
             "DrivenRun",
             "run_beside_expert",

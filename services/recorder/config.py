@@ -8,6 +8,7 @@ class RecorderConfig:
     """How episodes become shards; the samples' bytes do not depend on it."""
 
     episodes_per_shard: int = 50
+    """Episodes per shard file."""
     fsync: bool = True
     """False trades durability for speed: a power cut may then lose acknowledged episodes."""
     buffer_mib: int = 512

@@ -22,6 +22,7 @@ class RendererConfig:
     image_format: Literal["jpeg", "png"] = "jpeg"
     """Encoding of recorded images; "png" is lossless."""
     jpeg_quality: int = 90
+    """Quality of JPEG images, 1..100."""
     outputs: tuple[str, ...] = ("rgb",)
     """Images that are recorded, of `readygo.common.images.images.OUTPUTS`; "rgb" is always among them."""
     depth: Literal["median", "mean"] = "median"

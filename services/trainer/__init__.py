@@ -20,6 +20,11 @@ if TYPE_CHECKING:
     from readygo.services.trainer.live import LiveTrainer as LiveTrainer
     from readygo.services.trainer.networks.config import NetworkTrainConfig as NetworkTrainConfig
     from readygo.services.trainer.networks.train import train_network as train_network
+    from readygo.services.trainer.perception.config import PerceptionConfig as PerceptionConfig
+    from readygo.services.trainer.perception.looks import joined as joined
+    from readygo.services.trainer.perception.looks import looks_of as looks_of
+    from readygo.services.trainer.perception.train import PerceptionProgress as PerceptionProgress
+    from readygo.services.trainer.perception.train import PerceptionRun as PerceptionRun
     from readygo.services.trainer.ranks import join_ranks as join_ranks
     from readygo.services.trainer.ranks import leave_ranks as leave_ranks
     from readygo.services.trainer.reinforcement.config import PpoConfig as PpoConfig
@@ -46,6 +51,15 @@ else:
         ".live": ("LiveTrainer",),
         ".networks.config": ("NetworkTrainConfig",),
         ".networks.train": ("train_network",),
+        ".perception.config": ("PerceptionConfig",),
+        ".perception.looks": (
+            "joined",
+            "looks_of",
+        ),
+        ".perception.train": (
+            "PerceptionProgress",
+            "PerceptionRun",
+        ),
         ".ranks": (
             "join_ranks",
             "leave_ranks",

@@ -87,6 +87,7 @@ class OptimizerConfig:
     """How the weights are changed."""
 
     learning_rate: Positive = 1e-3
+    """Learning rate between the warm-up and the decay."""
     decay_share: Share = 0.2
     """The last share of the budget, over which it falls to a hundredth; 0 keeps it."""
     weight_decay: NotNegative = 1e-4

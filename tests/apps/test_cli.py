@@ -16,9 +16,9 @@ import tyro
 from tyro.conf import Positional
 
 from readygo.apps.cli import CliCommand, function_of, options_of, parse, run_command
-from readygo.apps.options import SHORT_MAX, describe_options, option_name
+from readygo.apps.options import SHORT_MAX, describe_options, option_name, section_groups
 from readygo.commands import COMMANDS
-from readygo.common.errors import RunError
+from readygo.common.errors import ConfigError, RunError
 from readygo.runs.sections import Keys
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -108,9 +108,11 @@ def test_short_help_has_at_most_12_options_and_names_where_the_others_are(
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_help_explains_every_option(name: str) -> None:
-    options = describe_options(options_of(function_of(COMMANDS[name]))).options
-    assert [option.flag for option in options if not option.words] == []
+def test_help_explains_every_option_and_key(name: str) -> None:
+    about = describe_options(options_of(function_of(COMMANDS[name])))
+    groups = section_groups(about.sections, about.options) if about.sections else ()
+    keys = [key for group in groups for key in group.options]
+    assert [option.flag for option in (*about.options, *keys) if not option.words] == []
 
 
 def test_value_names_say_scene_and_data(capsys: pytest.CaptureFixture[str]) -> None:
@@ -274,6 +276,21 @@ def test_keys_of_the_configuration_are_options(argv: str, keys: Keys) -> None:
     assert isinstance(call, functools.partial)
     assert call.args[0].keys == keys
     assert call.args[0].recording.static is ("--static" in argv)
+
+
+@pytest.mark.parametrize(
+    ("argv", "section"),
+    [
+        ("plan embedded --recorder.fsync false", "recorder"),
+        ("plan embedded --coordinator.lease-s 3", "coordinator"),
+        ("simulate-robot embedded --recorder.fsync=false", "recorder"),
+        ("simulate-robot embedded --coordinator.lease-s 3", "coordinator"),
+        ("evaluate embedded --recorder.fsync false", "recorder"),
+    ],
+)
+def test_keys_without_effect_are_refused_in_a_line(argv: str, section: str) -> None:
+    with pytest.raises(ConfigError, match=f"^keys of --{section} have no effect in this command; see"):
+        parse(COMMANDS, argv.split())
 
 
 @pytest.mark.parametrize("endpoint", ["foo", "tcp/127.0.0.1:99999"])

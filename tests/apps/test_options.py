@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 import pytest
 from tyro.conf import Fixed, Positional, UseAppendAction
 
-from readygo.apps.options import SHORT_MAX, describe_options, help_text, section_groups
+from readygo.apps.options import SHORT_MAX, describe_options, given_options, help_text, section_groups
 from readygo.runs.sections import Keys, Sections
 
 
@@ -68,6 +68,17 @@ def test_options_have_name_value_default_and_words() -> None:
         ("--task TASK [TASK ...]", "static dynamic", "Tasks.", False),
         ("--image IMAGE", "", "Topics.", False),
     ]
+
+
+def test_given_options_are_those_beside_the_defaults() -> None:
+    options = BuildOptions(
+        name="cart", out="o", seed=4, trials=TrialsOfTest(task=("a",), image=("b",)), keys={"wheels": {"radius_m": 1.0}}
+    )
+    assert given_options(options, ("out",)) == {
+        "NAME": "cart", "--seed": "4", "--task": "a", "--image": "b", "--wheels.radius-m": "1.0"
+    }  # fmt: skip
+    assert given_options(options, ("name", "out", "trials", "wheels")) == {"--seed": "4"}
+    assert given_options(BuildOptions(name="cart", out="o"), ("name", "out")) == {}
 
 
 def test_keys_are_listed_by_section_without_those_that_are_options() -> None:

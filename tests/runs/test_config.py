@@ -71,11 +71,18 @@ def test_what_nobody_names_is_the_policys(tmp_path: Path) -> None:
     )
     assert other.robot == RobotConfig(v_max_mps=0.5, camera=camera)
     assert (other.renderer.sensor, other.renderer.detail) == (spec.sensor, "lod")
+
+
+def test_camera_and_mix_in_a_file_are_given_whole_and_other_sections_key_by_key(tmp_path: Path) -> None:
+    camera, sensor = CameraConfig(height_px=72, width_px=128), SensorConfig(k1=(0.0, 0.01))
+    base = robot_of_policy(PolicySpec(robot=RobotConfig(v_max_mps=0.8, camera=camera), sensor=sensor))
     named = load_run_config(
-        run_config(tmp_path, "[robot.camera]\nwidth_px = 128\n[renderer.sensor]\n"), base=robot_of_policy(spec)
+        run_config(tmp_path, "[robot.camera]\nwidth_px = 128\n[renderer.sensor]\nk2 = [0.0, 0.02]\n"), base=base
     )
+    mixed = load_run_config(run_config(tmp_path, "[human_planner]\nmix = {doorway = 1.0}\n"))
+    assert mixed.human_planner.mix.shares == {"doorway": 1.0}
     assert named.robot == RobotConfig(camera=CameraConfig(width_px=128))
-    assert named.renderer.sensor == SensorConfig()
+    assert named.renderer.sensor == SensorConfig(k1=(0.0, 0.01), k2=(0.0, 0.02))
 
 
 def test_setting_that_must_be_an_array_is_refused_by_name() -> None:

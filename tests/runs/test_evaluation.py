@@ -22,8 +22,8 @@ from readygo.runs.evaluation import (
     make_evaluator_config,
     make_request,
     references,
+    spec_with_camera,
     summarize,
-    trained_settings,
 )
 from readygo.runs.origin import DataOrigin, robot_of_policy, with_origin
 from readygo.runs.scene_argument import open_scene
@@ -125,8 +125,8 @@ def test_records_depend_on_scene_settings_policy_and_streams_but_not_on_their_nu
 def test_robots_camera_replaces_the_policys_but_the_rest_of_its_robot_stays() -> None:
     robot = RobotConfig(height_m=0.8, camera=CameraConfig(mount_height_m=0.3))
     spec = PolicySpec(robot=robot, sensor=SensorConfig(k1=(0.0, 0.02)))
-    assert trained_settings(spec, "policy") is spec
-    other = trained_settings(spec, "robot")
+    assert spec_with_camera(spec, "policy") is spec
+    other = spec_with_camera(spec, "robot")
     assert other.robot == dataclasses.replace(robot, camera=CameraConfig())
     assert other.sensor == SensorConfig()
 

@@ -1,15 +1,18 @@
 import dataclasses
 import hashlib
 import importlib.metadata
+import subprocess
 from pathlib import Path
 
 import pytest
 
+from readygo.common.dataset.provenance import SceneOrigin
 from readygo.common.errors import RunError
+from readygo.common.extras import ROOT
 from readygo.common.messages import FileRef, OnRejection, PolicyRef, RunSpec, Split
 from readygo.common.messages.stages import DRIVE_LINE, EXPERT_LINE
 from readygo.runs.config import RunConfig, resolved_sections
-from readygo.runs.identity import check_same_make, files_of, identity, numeric_class, run_name
+from readygo.runs.identity import check_same_make, files_of, identity, numeric_class, run_metadata, run_name
 from readygo.services.coordinator import CoordinatorConfig
 from readygo.services.recorder import RecorderConfig
 from tests.common.messages.run_specs import SPEC
@@ -45,6 +48,14 @@ def test_seed_settings_and_stages_are_part_of_a_runs_identity() -> None:
 
 def test_what_is_recorded_beside_the_samples_is_not() -> None:
     assert run_name(dataclasses.replace(SPEC, scene_path="elsewhere", metadata={"commit": "1"})) == run_name(SPEC)
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="readygo runs outside of a checkout")
+def test_metadata_name_the_commit_of_the_checkout() -> None:
+    head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True)
+    origin = SceneOrigin(name="lobby", hash="0" * 64, license="")
+    metadata = run_metadata(RunConfig(), scene=origin, avatars={}, scenarios=None)
+    assert metadata["commit"] == head.stdout.strip() != ""
 
 
 def test_machine_that_would_make_other_samples_is_refused() -> None:

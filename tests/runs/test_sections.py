@@ -1,12 +1,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated, Literal
 
 import pytest
 
 from readygo.common.config import Range, check_ranges
 from readygo.common.errors import ConfigError
-from readygo.runs.sections import Keys, Sections, merge_tables, with_keys
+from readygo.runs.sections import Keys, Sections, merge_tables, with_file, with_keys
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +59,20 @@ def test_keys_are_read_as_tables_and_the_rest_is_left(argv: str, keys: Keys) -> 
     assert SECTIONS.take(["place", *argv.split(), "--out", "o"], ["--out"]) == (["place", "--out", "o"], keys)
 
 
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"camera": {"lens": {"height_px": 9}, "rate_hz": None, "on": False}, "threads": 2},
+        {"camera": {"rate_hz": -0.5, "kind": "slow", "names": ["a", "b"]}},
+        {"camera": {"others": {"left_eye": {"height_px": 3}}, "names": []}},
+        {},
+    ],
+)
+def test_keys_as_options_are_read_as_the_same_keys(keys: Keys) -> None:
+    argv = [word for option in SECTIONS.typed(keys).items() for word in option]
+    assert SECTIONS.take(argv, []) == ([], keys)
+
+
 def test_option_of_the_command_takes_precedence_over_a_key_of_its_name() -> None:
     assert SECTIONS.take(["--threads", "2"], ["--threads"]) == (["--threads", "2"], {})
 
@@ -84,6 +99,13 @@ def test_wrong_keys_are_named_in_a_line(argv: str, words: str) -> None:
     assert str(error.value).startswith(words)
 
 
+def test_section_without_effect_is_not_offered_and_its_keys_are_refused() -> None:
+    sections = Sections(Whole, without=("camera",))
+    assert set(sections.hints) == {"threads"}
+    with pytest.raises(ConfigError, match=r"^keys of --camera have no effect in this command$"):
+        sections.take(["--camera.on", "true"], [])
+
+
 def test_keys_win_over_the_configuration() -> None:
     config = Whole(camera=Camera(kind="slow", lens=Lens(height_px=5)))
     changed = with_keys(config, {"camera": {"rate_hz": 2.0}})
@@ -98,3 +120,35 @@ def test_value_out_of_range_names_its_key() -> None:
 
 def test_tables_are_merged_key_by_key() -> None:
     assert merge_tables({"a": {"b": 1, "c": 2}, "d": 3}, {"a": {"b": 4}}) == {"a": {"b": 4, "c": 2}, "d": 3}
+
+
+def test_file_changes_the_keys_that_it_holds(tmp_path: Path) -> None:
+    config, file = Whole(threads=3, camera=Camera(kind="slow", lens=Lens(height_px=5))), tmp_path / "whole.toml"
+    file.write_text("threads = 4\n[camera]\nrate_hz = 2\n[camera.lens]\n")
+    assert with_file(config, file) == Whole(threads=4, camera=Camera(kind="slow", lens=Lens(height_px=5), rate_hz=2.0))
+    assert with_file(config, None) is config
+
+
+def test_table_of_a_file_is_read_alone(tmp_path: Path) -> None:
+    config, file = Camera(kind="slow"), tmp_path / "whole.toml"
+    file.write_text("threads = 4\n[camera]\nrate_hz = 2\n")
+    assert with_file(config, file, table="camera") == Camera(kind="slow", rate_hz=2.0)
+    assert with_file(config, file, table="other") == config
+    with pytest.raises(ConfigError, match=r"whole\.toml: threads must be a table, got 4\.$"):
+        with_file(config, file, table="threads")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("threads = ", " cannot be read: "),
+        ("[learn]\nmix = 1\n", ": Unknown key 'learn'; known keys: camera, threads."),
+        ("[camera.lens]\nheight_px = 0\n", ": camera.lens: height_px must be at least 1, got 0."),
+        ("camera = 3\n", ": camera must be a table, got 3."),
+    ],
+)
+def test_error_in_a_file_names_the_file(text: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "whole.toml").write_text(text)
+    with pytest.raises(ConfigError) as error:
+        with_file(Whole(), tmp_path / "whole.toml")
+    assert str(error.value).startswith(f"Configuration {tmp_path / 'whole.toml'}{words}")

@@ -23,7 +23,7 @@ def test_recipe_gives_what_no_setting_names() -> None:
     assert make_config("paper", learning_rate=0.01).optimizer.learning_rate == 0.01
 
 
-def test_file_changes_what_it_names_and_settings_come_last(tmp_path) -> None:
+def test_file_changes_what_it_names_settings_win_over_it_and_keys_over_both(tmp_path) -> None:
     file = tmp_path / "train.toml"
     file.write_text(
         "minutes = 3.0\n[network]\nfusion = 'early'\nwidths = [8, 8, 8, 8, 8]\n[sampling]\nhindsight = 0.1\n"
@@ -31,6 +31,8 @@ def test_file_changes_what_it_names_and_settings_come_last(tmp_path) -> None:
     config = make_config("best", file, minutes=4.0)
     assert (config.minutes, config.network.fusion, config.sampling.hindsight) == (4.0, "early", 0.1)
     assert config.network.widths == (8, 8, 8, 8, 8)
+    config = make_config("best", file, {"sampling": {"hindsight": 0.2}}, minutes=4.0, hindsight=0.3)
+    assert (config.minutes, config.sampling.hindsight, config.network.fusion) == (4.0, 0.2, "early")
     assert config.network.motion == best_recipe().network.motion
 
 

@@ -6,7 +6,7 @@ from readygo.common.avatars import Avatar, FootprintModel
 from readygo.common.episode import EpisodeConfig, EpisodeSimulation
 from readygo.common.episode.loop import Observer, run_episode
 from readygo.common.episode.robot import robot_of_episode
-from readygo.common.errors import AvatarError
+from readygo.common.errors import AvatarError, ConfigError
 from readygo.common.messages import (
     EpisodeKey,
     EpisodeMotions,
@@ -18,12 +18,13 @@ from readygo.common.messages import (
 )
 from readygo.common.robot import RobotConfig
 from readygo.services.planner.expert.config import GOAL_TOLERANCE_M, ExpertConfig
-from readygo.services.planner.expert.ground import SceneGround
+from readygo.services.planner.expert.ground import EpisodeGround, SceneGround
 from readygo.services.planner.expert.hybrid_astar import HybridAStar
 from readygo.services.planner.expert.interface import Decision, Expert, ExpertDriver, HumanBody
 from readygo.services.planner.expert.paper import PaperExpert
 from readygo.services.planner.expert.spacetime import SpaceTimeExpert, horizon_s
 from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch
+from readygo.services.planner.expert.tracked import TrackedHumans
 from readygo.services.planner.scene_maps import PlanningMaps
 
 
@@ -84,6 +85,26 @@ class RobotPlanner:
             AvatarError: If it looks at bodies and a human's avatar is not loaded.
         """
         return self.of(scenario.episode)._expert(scenario, motions)
+
+    def tracked_expert(self, scenario: Scenario) -> tuple[SpaceTimeExpert, TrackedHumans]:
+        """An expert for one episode that knows of people what it is told by tracks, and these tracks.
+
+        Raises:
+            ConfigError: If the expert's mode is "paper": its search takes bodies.
+        """
+        return self.of(scenario.episode)._tracked_expert(scenario)
+
+    def _tracked_expert(self, scenario: Scenario) -> tuple[SpaceTimeExpert, TrackedHumans]:
+        if isinstance(self._search, HybridAStar):
+            raise ConfigError('People are tracked for experts of mode "spacetime"; set mode under [expert].')
+        made: list[TrackedHumans] = []
+
+        def find_people(local: EpisodeGround, count: int) -> TrackedHumans:
+            made.append(TrackedHumans(self.ground, local, count))
+            return made[0]
+
+        nobody = EpisodeMotions(humans=())
+        return SpaceTimeExpert(self.ground, self._search, scenario, nobody, find_people), made[0]
 
     def _expert(self, scenario: Scenario, motions: EpisodeMotions) -> Expert:
         if isinstance(self._search, HybridAStar):

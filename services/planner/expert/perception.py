@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from typing import Protocol
 
 import numpy as np
 
@@ -44,6 +45,10 @@ class PerceivedHuman:
     """Works out where it may go; few steps ask for that."""
     age_s: float = 0.0
     """Time since it was perceived last [s]."""
+    deviation_m: float = 0.0
+    """Standard deviation of its place [m]."""
+    deviation_mps: float = 0.0
+    """Standard deviation of its velocity [m/s]."""
 
     @property
     def ahead_m(self) -> Float64Array:
@@ -72,6 +77,46 @@ class _Track:
         return expected_m[:, first : first + count], chances
 
 
+class PeopleSource(Protocol):
+    """Tells an expert which humans it knows of."""
+
+    local: EpisodeGround
+    """The episode's part of the map."""
+
+    def observe(self, step: int, pose: Pose, human_xy_m: Float64Array) -> list[PerceivedHuman]:
+        """The humans that are known at a step; called at every step, and the same when it is called again.
+
+        Args:
+            step: Simulation step.
+            pose: Robot's x [m], y [m], yaw [rad].
+            human_xy_m: Where the humans truly are, shape (N, 2).
+        """
+        ...
+
+
+class RobotEyes:
+    """What the cameras of a robot show of a scene that is known."""
+
+    def __init__(self, ground: SceneGround) -> None:
+        """Prepare the views of all cameras.
+
+        Args:
+            ground: Robot, maps and settings.
+        """
+        self._ground = ground
+        self._eyes = [(camera, view_of(camera)) for camera in ground.robot.all_cameras.values()]
+
+    def show(self, pose: Pose, x_m: float, y_m: float) -> bool:
+        """True if a camera shows a human at a place [m]."""
+        return any(self._shows(camera.eye(*pose), view, x_m, y_m) for camera, view in self._eyes)
+
+    def _shows(self, eye: Pose, view: FieldOfView, x_m: float, y_m: float) -> bool:
+        config = self._ground.config
+        if not in_view(eye, x_m, y_m, view, config.range_m, self._ground.human_radius_m):
+            return False
+        return not config.needs_line_of_sight or self._ground.sight.sees(eye[0], eye[1], view.height_m, (x_m, y_m))
+
+
 class HumanTracks:
     """Positions of the humans while they are perceived, and what is expected of them."""
 
@@ -87,7 +132,7 @@ class HumanTracks:
         config, robot = ground.config, ground.robot
         self._ground, self.local, self._config, self._count = ground, local, config, count
         self._paths_m = paths_m
-        self._eyes = [(camera, view_of(camera)) for camera in robot.all_cameras.values()]
+        self._eyes = RobotEyes(ground)
         self._dt_s = dt_s = robot.clock.dt_s
         self._memory_steps = 0 if config.oracle else round(MEMORY_S / dt_s)
         self._standing_steps = 0 if config.oracle else round(STANDING_MEMORY_S / dt_s)
@@ -117,7 +162,7 @@ class HumanTracks:
             return self._perceived_now
         perceived = []
         for index, (x, y) in enumerate(human_xy_m.tolist()):
-            seen = self._is_visible(pose, x, y)
+            seen = self._eyes.show(pose, x, y)
             if seen or self._config.oracle or math.hypot(x - pose[0], y - pose[1]) < self._config.near_field_m:
                 self._remember(index, step, x, y)
             track = self._tracks.get(index)
@@ -127,17 +172,6 @@ class HumanTracks:
         self._observed_step, self._perceived_now = step, perceived
         return perceived
 
-    def _is_visible(self, pose: Pose, x_m: float, y_m: float) -> bool:
-        return any(self._shows(camera.eye(*pose), view, x_m, y_m) for camera, view in self._eyes)
-
-    def _shows(self, eye: Pose, view: FieldOfView, x_m: float, y_m: float) -> bool:
-        """True if a camera shows what is at a place."""
-        if not in_view(eye, x_m, y_m, view, self._config.range_m, self._ground.human_radius_m):
-            return False
-        if not self._config.needs_line_of_sight:
-            return True
-        return self._ground.sight.sees(eye[0], eye[1], view.height_m, (x_m, y_m))
-
     def _forgets(self, track: _Track, step: int, pose: Pose) -> bool:
         """True if a human was perceived too long ago, or stood at a place that is seen to be empty."""
         elapsed = step - track.step
@@ -145,7 +179,7 @@ class HumanTracks:
             return False
         if len(track.rows) < 2 or not stands(*self._velocity(track.rows)):
             return elapsed > self._memory_steps
-        return elapsed > self._standing_steps or self._is_visible(pose, *track.rows[-1])
+        return elapsed > self._standing_steps or self._eyes.show(pose, *track.rows[-1])
 
     def _remember(self, index: int, step: int, x: float, y: float) -> None:
         track = self._tracks.get(index)
@@ -165,24 +199,10 @@ class HumanTracks:
         if self._config.oracle:
             return self._path(index, step + 1, step + 1 + count)[None], np.ones(1)
         if self._curved:
-            return self._walks(np.array(rows), count, ways, frame)
+            return likely_walks(self._ground, np.array(rows), count, ways, frame)
         vx, vy = self._velocity(rows)
         t = np.arange(1, count + 1) * self._dt_s
         return np.stack([rows[-1][0] + t * vx, rows[-1][1] + t * vy], axis=1)[None], np.ones(1)
-
-    def _walks(self, views_m: Float64Array, count: int, ways: tuple[Int32Array, ...], frame: GridFrame) -> Walks:
-        """On along the present way, or along the robot's: the more a route explains, the likelier it is."""
-        ground = self._ground
-        walks = [predict_walk(views_m, ground.human_clearance, ground.human_frame, count, self._dt_s)]
-        weights = [1.0]
-        for to_place in ways:
-            route, explained = follow_route(views_m, to_place, frame, count, self._dt_s)
-            weight = ROUTE_WEIGHT * min(max((explained - 0.5) / 0.4, 0.0), 1.0)
-            if weight > 0.05:
-                walks.append(route)
-                weights.append(weight)
-        total = math.fsum(weights)
-        return np.stack(walks), np.array([weight / total for weight in weights])
 
     def _path(self, index: int, first: int, end: int) -> Float64Array:
         """True positions of a human at steps first .. end - 1 [m], shape (T, 2)."""
@@ -214,6 +234,31 @@ class HumanTracks:
         (x0, y0), (x1, y1) = recent[0], recent[-1]
         elapsed_s = max(len(recent) - 1, 1) * self._dt_s
         return (x1 - x0) / elapsed_s, (y1 - y0) / elapsed_s
+
+
+def likely_walks(
+    ground: SceneGround, views_m: Float64Array, count: int, ways: tuple[Int32Array, ...], frame: GridFrame
+) -> Walks:
+    """On along the present way, or along the robot's: the more a route explains, the likelier it is.
+
+    Args:
+        ground: Robot, maps and settings.
+        views_m: The latest places, a step apart [m], shape (N, 2).
+        count: Steps to look ahead.
+        ways: Ways of humans to the robot's start and goal, see `EpisodeGround.human_ways`.
+        frame: Where the cells of `ways` lie.
+    """
+    dt_s = ground.robot.clock.dt_s
+    walks = [predict_walk(views_m, ground.human_clearance, ground.human_frame, count, dt_s)]
+    weights = [1.0]
+    for to_place in ways:
+        route, explained = follow_route(views_m, to_place, frame, count, dt_s)
+        weight = ROUTE_WEIGHT * min(max((explained - 0.5) / 0.4, 0.0), 1.0)
+        if weight > 0.05:
+            walks.append(route)
+            weights.append(weight)
+    total = math.fsum(weights)
+    return np.stack(walks), np.array([weight / total for weight in weights])
 
 
 def stands(vx_mps: float, vy_mps: float) -> bool:

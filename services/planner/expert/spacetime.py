@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from readygo.services.planner.expert.config import ExpertConfig
 from readygo.services.planner.expert.cost_factors import open_around, paint_capsule, paint_slope
 from readygo.services.planner.expert.ground import HIGH_FACTOR, EpisodeGround, SceneGround
 from readygo.services.planner.expert.interface import Decision, expected_array
-from readygo.services.planner.expert.perception import HumanTracks, PerceivedHuman, stands
+from readygo.services.planner.expert.perception import HumanTracks, PeopleSource, PerceivedHuman, stands
 from readygo.services.planner.expert.records import HumansAhead, State, Surroundings, robot_limits, state_of
 from readygo.services.planner.expert.rollouts import AHEAD_S, EVASION_GAP_M, TRACKING_MARGIN_M, choose_evasion
 from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch, TimedPlan
@@ -28,6 +29,8 @@ _MARGIN_M = 0.4
 """Free space beyond contact that costs nothing [m]."""
 _DOUBT_GROWTH_MPS, _DOUBT_MAX_M = 0.2, 0.6
 """Growth of this space with the time ahead [m/s], and its largest growth [m]."""
+_DOUBT_SHARE = 0.5
+"""Share of the deviation of a tracked human's place that this space grows by."""
 NEARNESS_COST = 30.0
 """Cost of a second without this space, in metres at full speed; falls off with its square."""
 _CHANCE_GAIN = 2.0
@@ -50,7 +53,12 @@ class SpaceTimeExpert:
     """Drives one episode in mode "spacetime"; call `act` at every step."""
 
     def __init__(
-        self, ground: SceneGround, search: SpaceTimeSearch, scenario: Scenario, motions: EpisodeMotions
+        self,
+        ground: SceneGround,
+        search: SpaceTimeSearch,
+        scenario: Scenario,
+        motions: EpisodeMotions,
+        find_people: Callable[[EpisodeGround, int], PeopleSource] | None = None,
     ) -> None:
         """Prepare the static way to the goal.
 
@@ -59,6 +67,8 @@ class SpaceTimeExpert:
             search: Searches, shared by all episodes.
             scenario: Start and goal.
             motions: How the humans move, in the order of the scenario.
+            find_people: Makes what tells it of people, of the episode's part of the map and the steps to look ahead;
+                None sees those in view as they are.
         """
         config = ground.config
         self._ground, self._search, self._config = ground, search, config
@@ -67,7 +77,11 @@ class SpaceTimeExpert:
         self._clock = ground.robot.clock
         self._horizon = self._clock.steps(horizon_s(config))
         paths_m = [human.motion.root_m[:, :2].astype(np.float64) for human in motions.humans]
-        self._tracks = HumanTracks(ground, self._local, paths_m, self._horizon)
+        self._tracks: PeopleSource = (
+            HumanTracks(ground, self._local, paths_m, self._horizon)
+            if find_people is None
+            else find_people(self._local, self._horizon)
+        )
         self._contact_m = ground.contact_m + _HARD_MARGIN_M
         self._limits = robot_limits(ground.robot)
         self._plan: TimedPlan | None = None
@@ -183,7 +197,8 @@ class SpaceTimeExpert:
             return np.full(self._horizon, _STANDING_WIDTH_M)
         growth = 0.0 if self._config.oracle else _DOUBT_GROWTH_MPS
         ahead_s = np.arange(1, self._horizon + 1) * self._clock.dt_s + human.age_s
-        widths: Float64Array = _MARGIN_M + np.minimum(growth * ahead_s, _DOUBT_MAX_M)
+        doubt_m = human.deviation_m + np.minimum(human.deviation_mps * ahead_s, _DOUBT_MAX_M)
+        widths: Float64Array = _MARGIN_M + _DOUBT_SHARE * doubt_m + np.minimum(growth * ahead_s, _DOUBT_MAX_M)
         return widths
 
     def _drive(self, step: int, state: State, humans: list[PerceivedHuman]) -> tuple[float, float]:

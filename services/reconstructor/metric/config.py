@@ -14,6 +14,7 @@ class MetricConfig:
     marker_size_m: Annotated[float, Range(low=0.0)] = 0.0
     """Printed side of the markers' black squares [m]; 0: there are none."""
     marker_dictionary: str = DEFAULT_DICTIONARY
+    """Dictionary of the markers, such as 4X4_50."""
     marker_ids: tuple[int, ...] = ()
     """Markers of that size; empty: all that are found."""
     marker_on: Literal["auto", "floor", "wall"] = "auto"

@@ -18,6 +18,7 @@ class PosesConfig:
     threads: Annotated[int, Range(low=0)] = 0
     """0 takes all cores; 1 gives the same map each time."""
     seed: int = 0
+    """Seed of matching and mapping."""
 
     def __post_init__(self) -> None:
         check_ranges(self)

@@ -17,6 +17,7 @@ class DensityConfig:
     """`gradients` adds them where the absolute gradients of their projected means are large (AbsGS); `mcmc` keeps to a
     budget that grows to `count_max`, moves dead ones and adds noise (Kheradmand et al., 3DGS as MCMC, 2024)."""
     count_max: Annotated[int, Range(low=100)] = 150_000
+    """Most Gaussians of the scene."""
     weak_texture: bool = False
     """True for places with bare walls: nothing is split for its absolute gradients, faint Gaussians go early."""
     growth: Annotated[float, Range(low=0.0)] = 0.05
@@ -49,6 +50,7 @@ class GeometryConfig:
     """Losses that make Gaussians lie on surfaces (Chen et al., PGSR, 2024)."""
 
     enabled: bool = False
+    """True adds these losses to the photometric one."""
     flatten: Annotated[float, Range(low=0.0)] = 100.0
     """Weight of the mean shortest standard deviation of the Gaussians that a view shows [1/m]."""
     normal: Annotated[float, Range(low=0.0)] = 0.015
@@ -60,6 +62,7 @@ class GeometryConfig:
     noise_px: Annotated[float, Range(above=0.0)] = 1.0
     """Pixels that come back farther away do not count: something hides them."""
     patches_max: Annotated[int, Range(low=1)] = 4096
+    """Most patches per view that are compared with a neighbour's: a random sample."""
     distance_max_m: Annotated[float, Range(above=0.0)] = 1.5
     """Neighbours are at most this far from a view [m]."""
 
@@ -74,6 +77,7 @@ class GaussiansConfig:
     device: Device = "cpu"
     """`cuda` draws with gsplat's kernels."""
     steps: Annotated[int, Range(low=1)] = 7000
+    """Optimisation steps."""
     batch: Annotated[int, Range(low=1, high=64)] = 2
     """Views a step; they are drawn side by side on as many cores."""
     side_max_px: Annotated[int, Range(low=32)] = 960
@@ -81,7 +85,9 @@ class GaussiansConfig:
     hold_out: Annotated[int, Range(low=0)] = 8
     """Every so-manieth image is not trained on but measured on, beginning with the first; 0: none."""
     sh_degree: Annotated[int, Range(low=0, high=3)] = 3
+    """Degree of the spherical harmonics of the colours."""
     seed: int = 0
+    """Seed of the training."""
     density: DensityConfig = field(default_factory=DensityConfig)
     geometry: GeometryConfig = field(default_factory=GeometryConfig)
 

@@ -91,8 +91,11 @@ def test_what_makes_no_run_is_refused_in_a_line(scene: str, options: dict, recor
         generate(GenerateOptions(scene=scene, out=tmp_path / "data", **{**options, "keys": keys(2.0)}))
     with pytest.raises(RunError, match="Name a scene"):
         generate(GenerateOptions(out=tmp_path / "data"))
-    with pytest.raises(RunError, match="name one of the two"):
-        generate(GenerateOptions(scene=scene, out=tmp_path / "data", recording=RecordingOptions(again=recorded)))
+    again = GenerateOptions(
+        scene=scene, out=tmp_path / "data", seed=4, recording=RecordingOptions(again=recorded, mix=0.1), keys=keys(0.1)
+    )
+    with pytest.raises(RunError, match=r"leave out SCENE, --seed, --mix, --driver\.disturbed\.$"):
+        generate(again)
     with pytest.raises(RunError, match="is no data folder of a run"):
         generate(GenerateOptions(out=tmp_path / "data", recording=RecordingOptions(again=tmp_path)))
     assert not (tmp_path / "data").exists()

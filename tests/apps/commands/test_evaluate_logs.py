@@ -23,6 +23,18 @@ def test_trials_become_a_table(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["loop"]["inference_hz"] == 20.0
 
 
+def test_settings_beside_those_of_the_logs_are_refused(tmp_path):
+    with pytest.raises(RunError, match=r"from the logs: leave out SCENE, --episodes, --seed, --driver\.disturbed\.$"):
+        evaluate(
+            EvaluateOptions(
+                scene="embedded",
+                episodes=3,
+                trials=TrialOptions(from_logs=tmp_path, seed=1),
+                keys={"driver": {"disturbed": 0.1}},
+            )
+        )
+
+
 def test_evaluation_of_nothing_is_refused():
     with pytest.raises(RunError, match="Say where: readygo evaluate SCENE POLICY, or --from-logs FOLDER"):
         evaluate(EvaluateOptions())

@@ -96,10 +96,14 @@ def test_spec_that_is_missing_broken_or_another_evaluations_is_refused(evaluated
 
 
 def test_settings_beside_those_of_the_evaluation_are_refused(folder):
-    with pytest.raises(RunError, match="--from takes all settings from the evaluation: leave out --seed, --static"):
+    with pytest.raises(RunError, match=r"leave out --seed, --static, --renderer\.detail\.$"):
         plan(
             PlanOptions(
-                scene="test-0-000000", from_=folder, seed=3, episode=PlanEpisodeOptions(static=True, task="static")
+                scene="test-0-000000",
+                from_=folder,
+                seed=3,
+                episode=PlanEpisodeOptions(static=True, task="static"),
+                keys={"renderer": {"detail": "lod"}},
             )
         )
     with pytest.raises(RunError, match="give its folder with --from"):

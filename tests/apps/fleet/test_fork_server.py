@@ -1,6 +1,8 @@
 import os
+import re
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from readygo.apps.fleet.fork_server import Forked, ForkServer
-from readygo.common.errors import CANNOT_WORK
+from readygo.common.errors import CANNOT_WORK, RunError
 
 NOWHERE = ("--connect", "tcp/127.0.0.1:1")
 NAMELESS = ("worker", "trainer", *NOWHERE)
@@ -117,3 +119,23 @@ def test_server_that_died_is_started_anew_and_takes_no_worker_with_it(
     assert _exit_code(server, log) == CANNOT_WORK
     waiting.kill()
     assert waiting.wait(LIMIT_S) == -signal.SIGKILL
+
+
+def test_server_that_ends_is_started_twice_and_then_the_reason_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    python, log = tmp_path / "python", tmp_path / "server.log"
+    python.write_text("#!/bin/sh\necho no memory\n")
+    python.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(python))
+    server = ForkServer(os.environ, log)
+    reasons = "the fork server ended|Broken pipe|Connection reset by peer"
+    with pytest.raises(RunError, match=rf"^No worker can be started \(({reasons})\); see {re.escape(str(log))}\.$"):
+        _start(server, tmp_path / "worker.log", NAMELESS)
+    assert log.read_text() == "no memory\n" * 2
+
+
+def test_server_that_cannot_be_started_names_the_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "nothing"))
+    with pytest.raises(RunError, match=r"^No worker can be started \(No such file or directory\); see "):
+        _start(ForkServer(os.environ, tmp_path / "log"), tmp_path / "worker.log", NAMELESS)

@@ -3,6 +3,7 @@ import pytest
 from readygo.apps.cli import function_of, options_of, read_options
 from readygo.apps.fleet.options import FleetOptions, RouterOptions
 from readygo.commands import COMMANDS
+from readygo.common.errors import ReadygoError
 
 
 @pytest.mark.parametrize("name", ["generate embedded --out o", "coordinator o", "learn embedded --out o", "evaluate"])
@@ -14,5 +15,17 @@ def test_router_is_named_the_same_way_everywhere(name: str) -> None:
     assert (options.fleet.listen, str(options.fleet.certs)) == ("tls/lab:7447", "c")
 
 
-def test_run_may_share_a_router() -> None:
-    assert FleetOptions(connect="tcp/lab:7447").listen == ""
+@pytest.mark.parametrize("name", ["generate embedded --out o", "coordinator o"])
+def test_run_may_share_a_router(name: str) -> None:
+    command, *words = name.split()
+    kind = options_of(function_of(COMMANDS[command]))
+    options = read_options(kind, [*words, "--connect", "tcp/lab:7447"], prog="readygo")
+    assert options.fleet == FleetOptions(connect="tcp/lab:7447", listen="", certs=None)
+
+
+@pytest.mark.parametrize("name", ["learn embedded --out o", "evaluate embedded"])
+def test_learning_and_evaluating_have_a_router_of_their_own(name: str) -> None:
+    command, *words = name.split()
+    kind = options_of(function_of(COMMANDS[command]))
+    with pytest.raises(ReadygoError, match="unknown option '--connect'"):
+        read_options(kind, [*words, "--connect", "tcp/lab:7447"], prog="readygo")

@@ -23,7 +23,7 @@ def test_report_shows_how_it_learned_and_what_it_fails_in(tiny: LearnPlan) -> No
     history = [{"samples": 400, "train_loss": 0.2, "validation_loss": 0.3}]
     (tiny.policy / "progress.json").write_text(json.dumps({"history": history}))
     learned = Learned(plan=tiny, points=POINTS, chosen=CHOSEN, replies={}, minutes=1.0)
-    content = report_content(learned, ("embedded",), avatars=None, config="run.toml")
+    content = report_content(learned, ("embedded",), {"--config": "run.toml", "--learn.mix": "0.5"})
     (tiny.policy / "progress.json").unlink()
     assert [(curve.name, curve.x.tolist(), curve.y.tolist()) for curve in content.rates] == [
         ("static", [1.0], [50.0]),
@@ -45,7 +45,7 @@ def test_report_shows_how_it_learned_and_what_it_fails_in(tiny: LearnPlan) -> No
     html = report_html(content)
     assert "50 % static and 25 % among humans" in html
     assert "Last places of the latest" in html
-    assert f"readygo learn embedded --config run.toml --minutes 2 --out {tiny.out}" in html
+    assert f"readygo learn embedded --config run.toml --learn.mix 0.5 --minutes 2 --out {tiny.out}" in html
 
 
 def test_run_without_a_measurement_says_so(tiny: LearnPlan) -> None:

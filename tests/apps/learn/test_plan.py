@@ -73,6 +73,17 @@ def test_images_of_goals_are_recorded_where_the_policy_sees_them(tmp_path: Path)
         learn_configs(tmp_path / "run.toml", None, "rgb,depth", "")
 
 
+def test_keys_win_over_the_options_and_these_over_the_file(tmp_path: Path) -> None:
+    (tmp_path / "run.toml").write_text('[learn]\ngoal = "image"\nreuse = 2\n')
+    options = (tmp_path / "run.toml", None, "rgb,depth", "")
+    with pytest.raises(ConfigError, match='goal "image" goes with the rgb of one camera'):
+        learn_configs(*options)
+    _, learn = learn_configs(*options, keys={"learn": {"goal": "point"}})
+    assert learn == LearnConfig(goal="point", images=("rgb", "depth"), reuse=2.0)
+    _, learn = learn_configs(*options, "both", keys={"learn": {"images": ["rgb"]}})
+    assert learn == LearnConfig(goal="both", images=("rgb",), reuse=2.0)
+
+
 def test_a_fifth_of_the_samples_has_an_image(tmp_path: Path) -> None:
     assert plan_of(tmp_path / "run").image_count(83_126) == 16_625
 

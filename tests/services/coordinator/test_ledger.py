@@ -166,7 +166,7 @@ def test_shortest_run_reaches_to_the_last_durable_episode(tmp_path: Path) -> Non
 
 
 def _policy(sha256: str) -> PolicyRef:
-    return PolicyRef(path="", files=(FileRef(path="head", sha256=sha256 * 64, size=4),), mix=0.5)
+    return PolicyRef(path="", files=(FileRef(path="graph", sha256=sha256 * 64, size=4),), mix=0.5)
 
 
 def test_assigned_policy_goes_before_the_newest(tmp_path: Path) -> None:

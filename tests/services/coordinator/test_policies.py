@@ -12,7 +12,7 @@ def ledger(tmp_path: Path) -> Ledger:
 
 
 def _policy(sha256: str) -> PolicyRef:
-    return PolicyRef(path="", files=(FileRef(path="head", sha256=sha256 * 64, size=4),), mix=0.5)
+    return PolicyRef(path="", files=(FileRef(path="graph", sha256=sha256 * 64, size=4),), mix=0.5)
 
 
 def test_offers_are_numbered_and_say_when_they_came(ledger: Ledger) -> None:

@@ -70,9 +70,9 @@ def _driven(line: Line) -> str:
 
 def test_newest_policy_comes_with_the_episodes_that_are_leased_after_its_offer(live: Line) -> None:
     driven = [_driven(live)]
-    first = live.offer(head=b"1", encoder=b"2")
+    first = live.offer(graph=b"1", spec=b"2")
     driven.append(_driven(live))
-    second = live.offer(head=b"3", encoder=b"2")
+    second = live.offer(graph=b"3", spec=b"2")
     driven.append(_driven(live))
     assert driven == ["", first.sha256, second.sha256]
     assert (first.version, second.version, live.status().policies) == (1, 2, 2)
@@ -86,25 +86,25 @@ def _held(line: Line) -> set[bytes]:
 
 
 def test_policies_that_drove_nothing_go_when_a_newer_one_comes(live: Line) -> None:
-    live.offer(head=b"1", encoder=b"s")
-    live.offer(head=b"2", encoder=b"s")
+    live.offer(graph=b"1", spec=b"s")
+    live.offer(graph=b"2", spec=b"s")
     assert _held(live) == {b"2", b"s"}, "the first one drove nothing"
     _driven(live)
-    live.offer(head=b"3", encoder=b"s")
+    live.offer(graph=b"3", spec=b"s")
     live.pass_on(HUMAN_PLAN, ANIMATE)
     leased = live.claim(DRIVE)
-    live.offer(head=b"4", encoder=b"t")
+    live.offer(graph=b"4", spec=b"t")
     assert _held(live) == {b"2", b"s", b"3", b"4", b"t"}, "the second drove, the third is leased"
     assert live.grant(leased) is VerdictStatus.OK
-    live.offer(head=b"5", encoder=b"t")
+    live.offer(graph=b"5", spec=b"t")
     assert _held(live) == {b"2", b"s", b"3", b"5", b"t"}
     assert live.done(leased, "") is VerdictStatus.OK
-    assert live.offer(head=b"6", encoder=b"t").version == 6
+    assert live.offer(graph=b"6", spec=b"t").version == 6
     assert _held(live) == {b"2", b"s", b"6", b"t"}, "the expert drove in the third one's stead"
 
 
 def test_policy_travels_by_its_blobs_and_outlives_a_restart(live: Line, tmp_path: Path) -> None:
-    offered = live.offer(head=b"1", encoder=b"2")
+    offered = live.offer(graph=b"1", spec=b"2")
     live.coordinator.ledger.close()
     again = Line(tmp_path, stages=DRIVE_LINE, policy=LIVE)
     assert again.claim(HUMAN_PLAN).policy is None
@@ -114,20 +114,20 @@ def test_policy_travels_by_its_blobs_and_outlives_a_restart(live: Line, tmp_path
     policy = again.claim(DRIVE).policy
     assert policy is not None
     assert (policy.sha256, policy.path, policy.mix) == (offered.sha256, "", 0.5)
-    assert {file.path: fetch_blob(again.bus, file.sha256) for file in policy.files} == {"head": b"1", "encoder": b"2"}
+    assert {file.path: fetch_blob(again.bus, file.sha256) for file in policy.files} == {"graph": b"1", "spec": b"2"}
 
 
 def test_equal_files_are_the_same_policy(live: Line) -> None:
-    first, other = live.offer(head=b"1", encoder=b"2"), live.offer(head=b"3", encoder=b"2")
-    assert live.offer(encoder=b"2", head=b"1") == first
+    first, other = live.offer(graph=b"1", spec=b"2"), live.offer(graph=b"3", spec=b"2")
+    assert live.offer(spec=b"2", graph=b"1") == first
     assert other.version == 2
     assert live.status().policies == 2
 
 
 def test_episode_keeps_the_policy_of_its_lease_and_a_later_attempt_gets_the_newest(live: Line) -> None:
-    old, _ = live.offer(head=b"1"), live.pass_on(HUMAN_PLAN, ANIMATE)
+    old, _ = live.offer(graph=b"1"), live.pass_on(HUMAN_PLAN, ANIMATE)
     late = live.claim(DRIVE)
-    new = live.offer(head=b"2")
+    new = live.offer(graph=b"2")
     assert late.policy is not None
     assert late.policy.sha256 == old.sha256
     live.now_s = 100.0
@@ -141,15 +141,15 @@ def test_episode_keeps_the_policy_of_its_lease_and_a_later_attempt_gets_the_newe
 def test_policy_that_cannot_drive_is_refused_in_words_and_leaves_nothing(live: Line) -> None:
     live.refused = "It was trained for another robot."
     with pytest.raises(PeerError, match="It was trained for another robot"):
-        live.offer(head=b"1")
+        live.offer(graph=b"1")
     assert live.status().policies == 0
     assert list(live.coordinator.blobs._folder.iterdir()) == []
 
 
 def test_run_of_the_expert_or_of_one_policy_takes_no_others(line: Line, tmp_path: Path) -> None:
     with pytest.raises(PeerError, match="Run run-test takes no policies: the expert drives in it"):
-        line.offer(head=b"1")
+        line.offer(graph=b"1")
     (tmp_path / "other").mkdir()
-    own = PolicyRef(path="p", files=(FileRef(path="head", sha256="a" * 64, size=1),), mix=0.5)
+    own = PolicyRef(path="p", files=(FileRef(path="graph", sha256="a" * 64, size=1),), mix=0.5)
     with pytest.raises(PeerError, match="takes no policies: the policy that it began with drives"):
-        Line(tmp_path / "other", stages=DRIVE_LINE, policy=own).offer(head=b"1")
+        Line(tmp_path / "other", stages=DRIVE_LINE, policy=own).offer(graph=b"1")

@@ -172,7 +172,7 @@ def test_result_that_the_disk_does_not_take_is_told_until_it_does(line: Line, mo
 def test_lease_brings_the_policy_that_its_episode_is_driven_by(tmp_path: Path) -> None:
     live = Line(tmp_path, stages=DRIVE_LINE, policy=PolicyRef(path="own", files=(), mix=0.25))
     live.pass_on(HUMAN_PLAN, ANIMATE)
-    offers = [live.offer(head=data, encoder=b"2") for data in (b"1", b"3")]
+    offers = [live.offer(graph=data, spec=b"2") for data in (b"1", b"3")]
     claim = live.claim(DRIVE)
     assert claim.policy is not None
     assert (claim.policy.sha256, claim.policy.path, claim.policy.mix) == (offers[1].sha256, "", 0.25)

@@ -1,0 +1,182 @@
+"""Who is where, over time: detections become tracks of humans on a map that is known.
+
+Each track is a Kalman filter in the world. Detections are assigned to tracks at the smallest total distance
+(Mahalanobis, gated). A track's chance to be a human rises with detections, and falls where the camera should show it
+and does not:
+
+    l' = l + log(presence / (1 - presence)),   l' = l + log(1 - P_seen) where it is not detected
+
+Humans do not walk through walls: a track that would comes to stand at the wall, and a detection inside of one is not
+believed.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from readygo.common.arrays import Float64Array
+from readygo.common.maps import GridFrame
+from readygo.common.perception import kalman
+from readygo.common.perception.people import People
+
+Pose = tuple[float, float, float]
+GATE = 13.8
+"""Largest squared Mahalanobis distance of a detection from its track: 99.9 % of a normal distribution."""
+KNOWN = 0.0
+"""Log-odds from which a track is told."""
+_LOG_ODDS = (-2.0, 4.0)
+"""Lowest one that a track is kept with, and the highest one."""
+_SEEN = 0.5
+"""Probability of a detection where the camera should show a human: errors hang together over time."""
+_WALL_M = 0.15
+"""Humans' centres keep this clear of what blocks them, but for errors of the map [m]."""
+_IN_WALL_M = 0.4
+"""A detection this far from where humans can be is none [m]."""
+_WALKING_SD_MPS = 0.9
+"""Deviation of a human's velocity before it was observed [m/s]."""
+_PLACE_SD_M = 0.05
+"""Added to the deviation of every detection: bodies sway [m]."""
+
+
+@dataclass(eq=False)
+class Track:
+    """One human."""
+
+    number: int
+    """Rises from track to track; never used again."""
+    mean: Float64Array
+    """x, y [m], vx, vy [m/s] in the world, shape (4,)."""
+    cov: Float64Array
+    """Covariance of it, shape (4, 4)."""
+    log_odds: float
+    """How likely it is that there is somebody."""
+    age_s: float = 0.0
+    """Time since it was detected last [s]."""
+    hits: int = 1
+    """Detections so far."""
+    rows: list[tuple[float, float]] = field(default_factory=list)
+    """Places at the latest steps, the newest last [m]."""
+
+
+class PeopleTracker:
+    """Tracks of one episode. Call `predict` at every step, and `fuse` where an image was looked at."""
+
+    def __init__(
+        self,
+        clearance_m: Float64Array | None,
+        frame: GridFrame | None,
+        *,
+        memory_s: float = 4.0,
+        rows: int = 12,
+        noise: float = kalman.ACCELERATION_NOISE,
+    ) -> None:
+        """Begin.
+
+        Args:
+            clearance_m: Distance to what blocks humans [m], shape (H, W); None where no map is known.
+            frame: Where its cells lie.
+            memory_s: Tracks that were not detected for longer are dropped [s].
+            rows: Places that a track keeps.
+            noise: Spectral density of humans' acceleration [m2/s3].
+        """
+        self._clearance, self._frame = clearance_m, frame
+        self._memory_s, self._rows, self._noise = memory_s, rows, noise
+        self._next = 0
+        self.tracks: list[Track] = []
+        """All tracks, also those that are not told yet."""
+
+    @property
+    def known(self) -> list[Track]:
+        """The tracks that are told."""
+        return [track for track in self.tracks if track.log_odds > KNOWN]
+
+    def predict(self, dt_s: float) -> None:
+        """Let a step pass [s]."""
+        for track in self.tracks:
+            x, y = track.mean[:2].tolist()
+            kalman.predict(track.mean, track.cov, dt_s, self._noise)
+            track.age_s += dt_s
+            if self._is_blocked(*track.mean[:2].tolist()) and not self._is_blocked(x, y):
+                track.mean[:] = x, y, 0.0, 0.0
+            track.rows = [*track.rows[1 - self._rows :], (float(track.mean[0]), float(track.mean[1]))]
+        self.tracks = [track for track in self.tracks if track.age_s <= self._memory_s]
+
+    def fuse(self, pose: Pose, people: People, shows: Callable[[float, float], bool]) -> None:
+        """Fuse what one look told.
+
+        Args:
+            pose: The robot when the image was taken: x, y [m], yaw [rad].
+            people: What was perceived, in its frame.
+            shows: True if the camera shows a human at a place of the world [m], as far as the map says.
+        """
+        c, s = math.cos(pose[2]), math.sin(pose[2])
+        turn = np.array([[c, -s], [s, c]])
+        xy = people.xy_m @ turn.T + np.array(pose[:2])
+        place = turn @ people.place_cov @ turn.T + _PLACE_SD_M**2 * np.eye(2)
+        v = people.v_mps @ turn.T
+        speed = turn @ people.velocity_cov @ turn.T
+        believed = [k for k in range(len(people)) if not self._is_inside(*xy[k].tolist())]
+        pairs = self._assign(xy[believed], place[believed])
+        taken, hit = {believed[b] for _, b in pairs}, {a for a, _ in pairs}
+        for a, b in pairs:
+            k, track = believed[b], self.tracks[a]
+            kalman.update(track.mean, track.cov, xy[k], place[k])
+            kalman.update_velocity(track.mean, track.cov, v[k], speed[k])
+            self._believe(track, float(people.presence[k]))
+            track.age_s, track.hits = 0.0, track.hits + 1
+            track.rows[-1] = float(track.mean[0]), float(track.mean[1])
+        for a, track in enumerate(self.tracks):
+            if a not in hit and shows(*track.mean[:2].tolist()):
+                track.log_odds += math.log(1.0 - _SEEN)
+        self.tracks = [track for track in self.tracks if track.log_odds > _LOG_ODDS[0]]
+        for k in believed:
+            if k not in taken:
+                self._begin(xy[k], place[k], v[k], speed[k], float(people.presence[k]))
+
+    def _begin(
+        self, xy: Float64Array, place: Float64Array, v: Float64Array, speed: Float64Array, presence: float
+    ) -> None:
+        cov = np.zeros((4, 4))
+        cov[:2, :2], cov[2:, 2:] = place, _WALKING_SD_MPS**2 * np.eye(2)
+        track = Track(number=self._next, mean=np.array([*xy, 0.0, 0.0]), cov=cov, log_odds=-0.5)
+        kalman.update_velocity(track.mean, track.cov, np.ascontiguousarray(v), np.ascontiguousarray(speed))
+        self._believe(track, presence)
+        track.rows = [(float(xy[0]), float(xy[1]))]
+        self._next += 1
+        self.tracks.append(track)
+
+    def _believe(self, track: Track, presence: float) -> None:
+        p = min(max(presence, 0.02), 0.98)
+        track.log_odds = min(track.log_odds + math.log(p / (1.0 - p)) + 0.5, _LOG_ODDS[1])
+
+    def _assign(self, xy: Float64Array, place: Float64Array) -> list[tuple[int, int]]:
+        """Pairs of a track and a detection."""
+        if not self.tracks or not len(xy):
+            return []
+        cost = np.full((len(self.tracks), len(xy)), 1e3)
+        for a, track in enumerate(self.tracks):
+            off = xy - track.mean[:2]
+            inverse = np.linalg.inv(track.cov[:2, :2] + place)
+            cost[a] = np.minimum(np.einsum("ni,nij,nj->n", off, inverse, off), 1e3)
+        rows, columns = linear_sum_assignment(cost)
+        return [(a, b) for a, b in zip(rows.tolist(), columns.tolist(), strict=True) if cost[a, b] <= GATE]
+
+    def _clear_m(self, x_m: float, y_m: float) -> float:
+        """Clearance of a place [m]; infinite without a map, 0 outside of it."""
+        if self._clearance is None or self._frame is None:
+            return math.inf
+        i, j = self._frame.cell(x_m, y_m)
+        height, width = self._clearance.shape
+        return float(self._clearance[i, j]) if 0 <= i < height and 0 <= j < width else 0.0
+
+    def _is_blocked(self, x_m: float, y_m: float) -> bool:
+        return self._clear_m(x_m, y_m) < _WALL_M
+
+    def _is_inside(self, x_m: float, y_m: float) -> bool:
+        """True if no place nearby is free."""
+        reach = _IN_WALL_M
+        around = ((0.0, 0.0), (reach, 0.0), (-reach, 0.0), (0.0, reach), (0.0, -reach))
+        return all(self._is_blocked(x_m + dx, y_m + dy) for dx, dy in around)

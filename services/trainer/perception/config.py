@@ -1,0 +1,43 @@
+"""How perception is trained."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from readygo.common.config import Range, check_ranges
+
+Positive = Annotated[float, Range(above=0.0)]
+Count = Annotated[int, Range(low=1)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PerceptionConfig:
+    """Network, budget and optimisation of perception."""
+
+    minutes: Positive = 20.0
+    """Processor time of each training thread; runs that continue count that of the earlier ones [min]."""
+    samples: int | None = None
+    """Images to be learned from, repeats counted, instead of `minutes`; the result is then reproducible."""
+    seed: Annotated[int, Range(low=0)] = 0
+    threads: Annotated[int, Range(low=0)] = 0
+    """CPU threads; 0 takes every core that the process may use."""
+    precision: Literal["auto", "bf16", "fp32"] = "auto"
+    """"auto" computes in bfloat16 on CPUs that multiply it, else in float32."""
+    spacing_s: Positive = 0.2
+    """Time between the three frames that it sees [s]."""
+    widths: tuple[int, ...] = (24, 40, 56, 88, 160)
+    """Channels after each halving of the image, and of the columns."""
+    batch_size: Count = 64
+    """Images per step."""
+    learning_rate: Positive = 2e-3
+    """Largest one of AdamW; it rises over the first 2 % and falls as a cosine."""
+    weight_decay: Annotated[float, Range(low=0.0)] = 0.02
+    """Decoupled weight decay."""
+    validation_fraction: Annotated[float, Range(low=0.0, high=0.9)] = 0.08
+    """Share of the episodes that is held out."""
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
+        if len(self.widths) != 5 or min(self.widths) < 1:
+            raise ValueError(f"widths must be five channel counts, got {self.widths}.")
+        if self.samples is not None and self.samples < 1:
+            raise ValueError(f"samples must be at least 1, got {self.samples}.")
