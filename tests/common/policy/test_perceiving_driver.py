@@ -79,11 +79,12 @@ def test_policy_is_told_the_perceived_human_where_it_is(drawn: Drawn) -> None:
     one = drawn.simulation(0)
     place = (one.x_m + 1.5 * math.cos(one.yaw_rad), one.y_m + 1.5 * math.sin(one.yaw_rad))
     told, alone = told_at_the_end(drawn, Seeing(place)), told_at_the_end(drawn, Seeing(None))
-    np.testing.assert_array_equal(alone[PEOPLE:], 0.0)
+    arcs = PEOPLE + 3 * PERSON_COUNT
+    np.testing.assert_array_equal(alone[PEOPLE:arcs], 0.0)
     person = told[PEOPLE : PEOPLE + PERSON_COUNT]
     assert person[0] == 1.0
     assert 4.0 * math.hypot(person[1], person[2]) == pytest.approx(1.5, abs=0.5)
-    assert not told[PEOPLE + PERSON_COUNT :].any()
+    assert not told[PEOPLE + PERSON_COUNT : arcs].any()
 
 
 def test_it_looks_ten_times_a_second_and_drives_to_an_end(drawn: Drawn) -> None:
