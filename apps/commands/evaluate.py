@@ -24,6 +24,7 @@ from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import RunError
 from readygo.common.messages import Split
+from readygo.common.perception import Perception, load_perception
 from readygo.common.policy import Policy, load_policy, load_spec
 from readygo.common.robot import load_robot
 from readygo.runs.config import EvaluationKeys, RunConfig
@@ -38,7 +39,14 @@ from readygo.runs.evaluation import (
     summarize,
 )
 from readygo.runs.method_files import method_hashes
-from readygo.runs.methods import CHECKPOINTS, named_methods, needs_renderer, other_policies
+from readygo.runs.methods import (
+    CHECKPOINTS,
+    PERCEIVE_AND_PLAN,
+    PERCEPTION,
+    named_methods,
+    needs_renderer,
+    other_policies,
+)
 from readygo.runs.options import WorldOptions
 from readygo.runs.origin import avatars_of_policy, check_unseen, unseen_avatars
 from readygo.runs.policy import policy_sha256
@@ -84,8 +92,8 @@ class TrialOptions:
     lockstep: int = 8
     """Episodes simulated in parallel."""
     checkpoints: Path = CHECKPOINTS
-    """Folder with gnm_large.pth, vint.pth, nomad.pth, the policy vid2sim and others, or runs of `readygo learn`,
-    for the methods that need them."""
+    """Folder with gnm_large.pth, vint.pth, nomad.pth, the policy vid2sim and others, runs of `readygo learn`, or the
+    network `perception`, for the methods that need them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,9 +114,9 @@ class EvaluateOptions:
     """"static" has no pedestrians, "dynamic" has pedestrians that ignore the robot, "reactive" has the same
     pedestrians, who avoid the robot."""
     methods: tuple[str, ...] = ("policy", "expert", "straight-line")
-    """Drivers: policy, expert, expert-paper, straight-line, social-force, gaussnav, splat-nav, vid2sim, gnm, vint,
-    nomad, further policies by the names of their folders in `checkpoints`, or your class as my_package:MyDriver or
-    folder/file.py:MyDriver."""
+    """Drivers: policy, expert, expert-paper, perceive-and-plan, straight-line, social-force, gaussnav, splat-nav,
+    vid2sim, gnm, vint, nomad, further policies by the names of their folders in `checkpoints`, or your class as
+    my_package:MyDriver or folder/file.py:MyDriver."""
     out: Path | None = None
     """Folder for episodes.jsonl, trajectories.jsonl, summary.json, videos, and pages with the failures."""
     video: tuple[str, ...] = ()
@@ -174,7 +182,10 @@ def evaluate(options: EvaluateOptions) -> None:
         if results is not None:
             results.finish(summary)
             sees = policy.spec.images if policy else ()
-            replays = Replays(world, results, reply.episodes, renderer, evaluator.simulation, sees=sees)
+            perception = _perception(options, world) if options.video else None
+            replays = Replays(
+                world, results, reply.episodes, renderer, evaluator.simulation, sees=sees, perception=perception
+            )
             write_films(replays, request, reply, options.video)
             title = f"{options.policy or watched_method(request.methods)} in {world.scene.name}"
             write_pages(replays, request, reply, title=title)
@@ -256,6 +267,13 @@ def _fleet(
         report=show,
         say=say,
     )
+
+
+def _perception(options: EvaluateOptions, world: World) -> Perception | None:
+    """The network whose answers the videos show; None unless it drives."""
+    if PERCEIVE_AND_PLAN not in options.methods:
+        return None
+    return load_perception(options.trials.checkpoints / PERCEPTION, robot=world.config.robot)
 
 
 def _bodies(avatars: Path | None, policy: Policy | None, unseen: Sequence[str]) -> Path | None:

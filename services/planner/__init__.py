@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from readygo.services.planner.expert.interface import Decision as Decision
     from readygo.services.planner.expert.interface import Expert as Expert
     from readygo.services.planner.expert.interface import ExpertDriver as ExpertDriver
+    from readygo.services.planner.expert.perceiving import EpisodePerception as EpisodePerception
     from readygo.services.planner.expert.perceiving import PerceivingDriver as PerceivingDriver
     from readygo.services.planner.expert.tracked import TrackedHumans as TrackedHumans
     from readygo.services.planner.explain.journal import DrivenRun as DrivenRun
@@ -62,7 +63,10 @@ else:
             "Expert",
             "ExpertDriver",
         ),
-        ".expert.perceiving": ("PerceivingDriver",),
+        ".expert.perceiving": (
+            "EpisodePerception",
+            "PerceivingDriver",
+        ),
         ".expert.tracked": ("TrackedHumans",),
         ".explain.journal": (
             "DrivenRun",
