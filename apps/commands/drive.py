@@ -14,6 +14,7 @@ from tyro.conf import Positional, UseAppendAction
 from readygo.apps.drive.calibration import Rectifier, camera_from_file, camera_from_info, mount_differences
 from readygo.apps.drive.messages import GoalMessage
 from readygo.apps.drive.named_topics import check_topics, image_topics, info_topics
+from readygo.apps.drive.people import PeopleFinder
 from readygo.apps.drive.pilot import DriveConfig, Pilot, TrialEnding, limit_speeds
 from readygo.apps.drive.robot import Robot, Topics, connect_robot
 from readygo.apps.drive.trial import PATIENCE_S, run_trial, trial_end
@@ -27,6 +28,7 @@ from readygo.common.errors import BusError, ConfigError, RunError
 from readygo.common.files import read_regular
 from readygo.common.images.encoded import decode_pixels
 from readygo.common.images.names import RGB, cameras_of
+from readygo.common.perception import Perception, load_perception
 from readygo.common.policy import Policy, load_policy
 from readygo.common.policy.sight import camera_on
 from readygo.common.robot import RobotConfig, load_robot
@@ -78,6 +80,17 @@ class DriveTopicOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
+class DrivePeopleOptions:
+    """Perception of people beside the policy."""
+
+    perception: Path | None = None
+    """Folder of a network from `readygo train --recipe perception`: it perceives people in the first camera's images,
+    ten times a second, and publishes them."""
+    people: str = "/people"
+    """Topic of the people, people_msgs/People in the odometry's frame, with `perception`."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class RosOptions:
     """Names of the robot in ROS."""
 
@@ -126,6 +139,7 @@ class DriveOptions:
     """Task under which `readygo evaluate --from-logs` counts the trial."""
     limits: DriveLimitOptions = field(default_factory=DriveLimitOptions)
     topics: DriveTopicOptions = field(default_factory=DriveTopicOptions)
+    beside: DrivePeopleOptions = field(default_factory=DrivePeopleOptions)
     ros: RosOptions = field(default_factory=RosOptions)
 
 
@@ -146,6 +160,7 @@ def drive(options: DriveOptions) -> None:
     goal_image = _goal_image(policy, options.goal_image)
     signal.signal(signal.SIGHUP, _hang_up)
     ros, calibration = options.ros, options.calibration
+    perception = load_perception(options.beside.perception) if options.beside.perception else None
     wire = make_wire(options.wire, domain=ros.domain, prefix=ros.prefix, stamped=ros.stamped, node="readygo_drive")
     cameras = {name: camera_on(robot, name) for name in cameras_of(inputs)}
     own = {name: camera_from_file(camera, calibration, name) for name, camera in cameras.items()} if calibration else {}
@@ -163,7 +178,8 @@ def drive(options: DriveOptions) -> None:
             "task": options.task,
             "time_limit_s": config.time_limit_s,
         }
-        _drive(machine, pilot, rate_hz or least_hz, options.log, record, console, robot)
+        people = _people_finder(perception, machine, calibration, console) if perception else None
+        _drive(machine, pilot, rate_hz or least_hz, options.log, record, console, robot, people)
     finally:
         with _ignore_interrupts():
             machine.close()
@@ -183,6 +199,7 @@ def _topics(options: DriveOptions, named: Mapping[str, str]) -> Topics:
         outcome=options.topics.outcome_topic,
         beside={name: topic for name, topic in named.items() if name != RGB},
         infos={name: topic for name, topic in infos.items() if name},
+        people=options.beside.people if options.beside.perception else "",
     )
 
 
@@ -209,12 +226,15 @@ def _drive(
     record: dict[str, Any],
     console: PlainConsole,
     learned: RobotConfig,
+    people: PeopleFinder | None,
 ) -> None:
     log = TrialLog(path) if path else None
     if log is not None:
         robot.listen = log.put
     try:
-        measures = run_trial(robot, pilot, rate_hz=rate_hz, say=lambda words: console.print(words, markup=False))
+        measures = run_trial(
+            robot, pilot, rate_hz=rate_hz, say=lambda words: console.print(words, markup=False), people=people
+        )
     except BusError:
         if log is not None:
             log.abandon()
@@ -295,12 +315,23 @@ def _pilot(
         raise ConfigError(f"--goal-image has {error}.") from error
 
 
-def _rectifier(trained: CameraConfig, own: CameraConfig, console: PlainConsole) -> Rectifier:
+def _people_finder(
+    perception: Perception, robot: Robot, calibration: Path | None, console: PlainConsole
+) -> PeopleFinder:
+    """Perception of people in the robot's first camera."""
+    trained = perception.spec.robot.camera
+    own = camera_from_file(trained, calibration) if calibration else _camera_of(trained, robot, "")
+    return PeopleFinder(perception, _rectifier(trained, own, console, whose="the perception's"))
+
+
+def _rectifier(
+    trained: CameraConfig, own: CameraConfig, console: PlainConsole, *, whose: str = "the policy's"
+) -> Rectifier:
     rectify = Rectifier(own, trained)
     if rectify.unseen > 0.005:
-        console.print(f"{100 * rectify.unseen:.1f} % of the policy's image is black: the robot's camera is narrower.")
+        console.print(f"{100 * rectify.unseen:.1f} % of {whose} image is black: the robot's camera is narrower.")
     for words in mount_differences(own, trained):
-        console.print(f"The camera is mounted elsewhere than the policy's: {words}.")
+        console.print(f"The camera is mounted elsewhere than {whose}: {words}.")
     return rectify
 
 

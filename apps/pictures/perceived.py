@@ -142,8 +142,7 @@ def draw_on_map(picture: UInt8Array, view: TopView, perception: LivePerception, 
         plan_view.draw_path(picture, view, outline, PERCEIVED, width_px=width)
         if math.hypot(*person.v_mps) > STANDING_MPS:
             begin, end = (_rounded(view.world_to_pixel(np.array(xy_m))) for xy_m in (person.xy_m, _ahead(person)))
-            for line, colour in ((width + 2, WHITE), (width, PERCEIVED)):
-                cv2.arrowedLine(picture, begin, end, colour, line, cv2.LINE_AA, tipLength=0.3)
+            _draw_arrow_px(picture, begin, end, width, tip_px=7)
 
 
 def legend() -> Sequence[tuple[Swatch, str]]:
@@ -217,8 +216,15 @@ def _draw_arrow(
     """The velocity on the floor."""
     ends = _to_pixels(np.array([(*person.xy_m, floor_m), (*_ahead(person), floor_m)]), T_world_camera, camera, scale)
     if np.isfinite(ends).all():
-        for width, colour in ((5, WHITE), (3, PERCEIVED)):
-            cv2.arrowedLine(picture, _rounded(ends[0]), _rounded(ends[1]), colour, width, cv2.LINE_AA, tipLength=0.25)
+        _draw_arrow_px(picture, _rounded(ends[0]), _rounded(ends[1]), 3, tip_px=16)
+
+
+def _draw_arrow_px(
+    picture: UInt8Array, begin: tuple[int, int], end: tuple[int, int], width: int, *, tip_px: float
+) -> None:
+    tip = min(0.5, tip_px / max(math.dist(begin, end), 1.0))
+    for line, colour in ((width + 2, WHITE), (width, PERCEIVED)):
+        cv2.arrowedLine(picture, begin, end, colour, line, cv2.LINE_AA, tipLength=tip)
 
 
 def _draw_strip(picture: UInt8Array, rays_m: Float32Array) -> None:

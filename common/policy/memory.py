@@ -132,7 +132,7 @@ class PolicyMemory:
             command: v [m/s], w [rad/s] executed last, shape (2,).
         """
         rows = window_at(self._seen_ns, self._spacing_ns, self._count)[:-1]
-        older = np.array([[self._pose_at(self._seen_ns[row]) for row in rows]]).reshape(1, -1, 3)
+        older = np.array([[self.pose_at(self._seen_ns[row]) for row in rows]]).reshape(1, -1, 3)
         features: Float32Array = own_motion(older, np.array([self._poses[-1]]), command[None])[0]
         return features
 
@@ -140,7 +140,7 @@ class PolicyMemory:
     def _span_ns(self) -> int:
         return (self._count - 1) * self._spacing_ns
 
-    def _pose_at(self, time_ns: int) -> Pose:
+    def pose_at(self, time_ns: int) -> Pose:
         """Where the robot was at a time, between the poses that are known."""
         after = bisect_right(self._poses_ns, time_ns)
         if after == 0 or after == len(self._poses) or self._poses_ns[after - 1] == time_ns:
