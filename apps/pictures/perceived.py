@@ -16,7 +16,7 @@ from readygo.common.maps import FloorMap
 from readygo.common.messages import EpisodeKey, RobotTrajectory
 from readygo.common.messages.live import LivePerception, LivePerson
 from readygo.common.perception import live_perception
-from readygo.common.perception.live import covariance_matrix, free_points
+from readygo.common.perception.live import covariance_ellipse, free_points, place_ahead
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes.top_view import TopView
 from readygo.services.planner import EpisodePerception
@@ -27,12 +27,8 @@ FREE: Rgb = (0, 140, 150)
 """Colour of free distances on the map."""
 HUMAN_HEIGHT_M, HUMAN_HALF_WIDTH_M = 1.7, 0.25
 """Size of the mark of a human [m]."""
-AHEAD_S = 1.0
-"""Time that a velocity's arrow reaches [s]."""
 STANDING_MPS = 0.15
 """Slower people have no arrow [m/s]."""
-SIGMAS = 2.0
-"""Size of a covariance ellipse, in standard deviations."""
 FAR_M = 5.0
 """Free distance from which the strip is green [m]."""
 STRIP_SHARE = 0.022
@@ -40,7 +36,6 @@ STRIP_SHARE = 0.022
 _NEAR_M = 0.05
 _FRESH_S = 0.15
 """Tracks that were detected longer ago are drawn thin [s]."""
-_ELLIPSE_CORNERS = 40
 
 
 class PerceivedRun:
@@ -141,7 +136,7 @@ def draw_on_map(picture: UInt8Array, view: TopView, perception: LivePerception, 
         plan_view.draw_path(picture, view, outline, WHITE, width_px=width + 2)
         plan_view.draw_path(picture, view, outline, PERCEIVED, width_px=width)
         if math.hypot(*person.v_mps) > STANDING_MPS:
-            begin, end = (_rounded(view.world_to_pixel(np.array(xy_m))) for xy_m in (person.xy_m, _ahead(person)))
+            begin, end = (_rounded(view.world_to_pixel(np.array(xy_m))) for xy_m in (person.xy_m, place_ahead(person)))
             _draw_arrow_px(picture, begin, end, width, tip_px=7)
 
 
@@ -154,20 +149,6 @@ def legend() -> Sequence[tuple[Swatch, str]]:
         (_dot_swatch, "free distance"),
         (_strip_swatch, f"0 to {FAR_M:g} m free"),
     )
-
-
-def covariance_ellipse(person: LivePerson, sigmas: float = SIGMAS) -> Float64Array:
-    """Outline of a covariance ellipse around a human [m], closed, shape (N, 2)."""
-    values, axes = np.linalg.eigh(covariance_matrix(person.place_cov_m2))
-    turns = np.linspace(0.0, 2.0 * np.pi, _ELLIPSE_CORNERS + 1)
-    circle = np.stack([np.cos(turns), np.sin(turns)], axis=1)
-    outline: Float64Array = np.array(person.xy_m) + (sigmas * circle * np.sqrt(np.maximum(values, 0.0))) @ axes.T
-    return outline
-
-
-def _ahead(person: LivePerson) -> tuple[float, float]:
-    """Where a human will be [m]."""
-    return person.xy_m[0] + AHEAD_S * person.v_mps[0], person.xy_m[1] + AHEAD_S * person.v_mps[1]
 
 
 def _draw_person(
@@ -214,7 +195,9 @@ def _draw_arrow(
     floor_m: float,
 ) -> None:
     """The velocity on the floor."""
-    ends = _to_pixels(np.array([(*person.xy_m, floor_m), (*_ahead(person), floor_m)]), T_world_camera, camera, scale)
+    ends = _to_pixels(
+        np.array([(*person.xy_m, floor_m), (*place_ahead(person), floor_m)]), T_world_camera, camera, scale
+    )
     if np.isfinite(ends).all():
         _draw_arrow_px(picture, _rounded(ends[0]), _rounded(ends[1]), 3, tip_px=16)
 

@@ -14,6 +14,12 @@ from readygo.common.perception.people import People
 from readygo.common.perception.perception import Perceived
 from readygo.common.perception.tracker import Track
 
+SIGMAS = 2.0
+"""Size of a covariance ellipse, in standard deviations."""
+AHEAD_S = 1.0
+"""Time that a velocity's arrow reaches [s]."""
+_ELLIPSE_CORNERS = 40
+
 
 def live_perception(
     episode: EpisodeKey,
@@ -81,10 +87,19 @@ def tracked_person(track: Track) -> LivePerson:
     )
 
 
-def covariance_matrix(cov: tuple[float, float, float]) -> Float64Array:
-    """A message's covariance (xx, xy, yy) as a matrix, shape (2, 2)."""
-    xx, xy, yy = cov
-    return np.array([[xx, xy], [xy, yy]])
+def covariance_ellipse(person: LivePerson, sigmas: float = SIGMAS) -> Float64Array:
+    """Outline of the covariance of a human's place [m], closed, shape (N, 2)."""
+    xx, xy, yy = person.place_cov_m2
+    values, axes = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
+    turns = np.linspace(0.0, 2.0 * np.pi, _ELLIPSE_CORNERS + 1)
+    circle = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    outline: Float64Array = np.array(person.xy_m) + (sigmas * circle * np.sqrt(np.maximum(values, 0.0))) @ axes.T
+    return outline
+
+
+def place_ahead(person: LivePerson, time_s: float = AHEAD_S) -> tuple[float, float]:
+    """Where a human will be by its velocity [m]."""
+    return person.xy_m[0] + time_s * person.v_mps[0], person.xy_m[1] + time_s * person.v_mps[1]
 
 
 def free_points(perception: LivePerception, camera: CameraConfig) -> Float64Array:

@@ -9,7 +9,6 @@ from readygo.apps.pictures.perceived import (
     FREE,
     PERCEIVED,
     PerceivedRun,
-    covariance_ellipse,
     draw_on_image,
     draw_on_map,
     free_colour,
@@ -78,16 +77,6 @@ def test_map_shows_tracks_as_ellipses_and_the_free_space() -> None:
     empty = view.rgb.copy()
     draw_on_map(empty, view, dataclasses.replace(told, tracks=()), CAMERA)
     assert (empty != 255).any(axis=-1).sum() > 100
-    outline = covariance_ellipse(track)
-    np.testing.assert_allclose(outline.mean(axis=0), track.xy_m, atol=0.05)
-    np.testing.assert_allclose(outline[0], outline[-1])
-
-
-def test_ellipse_has_two_standard_deviations() -> None:
-    (track,) = perception().tracks
-    wide = dataclasses.replace(track, xy_m=(0.0, 0.0), place_cov_m2=(0.09, 0.0, 0.01))
-    outline = covariance_ellipse(wide)
-    assert np.abs(outline).max(axis=0) == pytest.approx((0.6, 0.2), rel=0.01)
 
 
 def test_legend_can_be_drawn() -> None:

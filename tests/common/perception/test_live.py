@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import numpy as np
@@ -9,7 +10,7 @@ from readygo.common.messages.codec import decode, encode
 from readygo.common.messages.live import LivePerception
 from readygo.common.perception import PeopleTracker, Perceived, live_perception
 from readygo.common.perception.grid import SHAPE
-from readygo.common.perception.live import covariance_matrix, free_points
+from readygo.common.perception.live import covariance_ellipse, free_points, place_ahead
 from readygo.common.perception.people import CHANNELS
 from tests.common.perception.test_tracker import everywhere, seen
 
@@ -44,7 +45,16 @@ def test_people_and_their_tracks_are_told_in_the_world() -> None:
     assert track.age_s == pytest.approx(0.1)
     assert 0.5 < track.presence < 1.0
     assert track.xy_m[0] < 1.0
-    np.testing.assert_allclose(covariance_matrix(human.place_cov_m2), np.diag([0.01, 0.04]), atol=1e-12)
+    assert place_ahead(human) == pytest.approx((0.0, 5.0))
+
+
+def test_ellipse_has_two_standard_deviations() -> None:
+    (track,) = perception().tracks
+    outline = covariance_ellipse(track)
+    np.testing.assert_allclose(outline[:-1].mean(axis=0), track.xy_m, atol=1e-9)
+    np.testing.assert_allclose(outline[0], outline[-1])
+    wide = dataclasses.replace(track, xy_m=(0.0, 0.0), place_cov_m2=(0.09, 0.0, 0.01))
+    assert np.abs(covariance_ellipse(wide)).max(axis=0) == pytest.approx((0.6, 0.2), rel=0.01)
 
 
 def test_free_distances_end_around_the_camera_from_left_to_right() -> None:
