@@ -97,7 +97,7 @@ def run_trial(robot: Robot, pilot: Pilot, *, rate_hz: float, say: Say, people: P
     return measures
 
 
-def _step(robot: Robot, pilot: Pilot, measures: Measures, until_s: float, people: PeopleFinder | None) -> None:
+def _step(robot: Robot, pilot: Pilot, measures: Measures, until_s: float, people: PeopleFinder | None = None) -> None:
     """Wait for an image or until a time, then send a command, and publish the people in the image."""
     newest = robot.next_picture(until_s)
     begin_ns = time.monotonic_ns()
