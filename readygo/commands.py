@@ -66,6 +66,7 @@ COMMANDS = {
     "avatar preview": CliCommand(
         "readygo.apps.commands.avatar:avatar_preview", "draw an avatar from all sides, or walking in a video"
     ),
+    "avatar vary": CliCommand("readygo.apps.commands.avatar:avatar_vary", "make more avatars from a few"),
     "plan": CliCommand(
         "readygo.apps.commands.plan:plan", "replay one episode and explain it in numbers, a picture or a video"
     ),
@@ -97,6 +98,9 @@ COMMANDS = {
         "readygo.apps.commands.learn:learn", "record and train at the same time, until a policy drives well in a scene"
     ),
     "train": CliCommand("readygo.apps.commands.train:train", "train a policy on recorded episodes"),
+    "rl": CliCommand(
+        "readygo.apps.commands.rl:rl", "train a policy by reinforcement in one scene, on states instead of images"
+    ),
     "evaluate": CliCommand("readygo.apps.commands.evaluate:evaluate", "measure success rates in closed loop"),
     "monitor": CliCommand(
         "readygo.apps.commands.monitor:monitor", "show a run on a web page: scene, robots, pedestrians, images, metrics"

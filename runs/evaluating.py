@@ -74,7 +74,10 @@ def _make_drivers(world: World, plan: EvaluationPlan) -> _Drivers:
     checkpoints = Path(plan.checkpoints)
     check_method_files(plan.method_hashes, plan.methods, checkpoints)
     request = make_request(1, plan.tasks, plan.methods, world.spec.split, world.spec.seed, control_hz=plan.control_hz)
-    looks, hold_steps = needs_renderer(plan.methods), request.hold_steps(world.config.robot.clock)
+    looks, hold_steps = (
+        needs_renderer(plan.methods, Path(plan.checkpoints)),
+        request.hold_steps(world.config.robot.clock),
+    )
     if looks:
         # One of the starting workers compiles while the others wait.
         warm_rasterizer()

@@ -6,7 +6,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from readygo.common.errors import RunError
-from readygo.runs.methods import NETWORKS, other_policies
+from readygo.common.perception.artifact import GRAPH_FILE
+from readygo.common.policy.state_policy import ACTOR_FILE, STATE_POLICY_FILE
+from readygo.runs.methods import (
+    NETWORKS,
+    PERCEIVE_AND_ACT,
+    PERCEIVE_AND_PLAN,
+    PERCEPTION,
+    RL,
+    other_policies,
+    state_policies,
+)
 from readygo.runs.policy import policy_sha256
 
 
@@ -43,10 +53,23 @@ def _hash(method: str, checkpoints: Path) -> str:
     try:
         for folder in other_policies([method], checkpoints).values():
             return policy_sha256(folder)
+        for folder in state_policies([method], checkpoints).values():
+            return _file_hash(folder / STATE_POLICY_FILE) + _file_hash(folder / ACTOR_FILE)
+        if files := perception_files(method, checkpoints):
+            return "".join(_file_hash(file) for file in files)
         path = checkpoints / NETWORKS[method] if method in NETWORKS else _source(method)
         return _file_hash(path) if path else ""
     except OSError:
         return ""
+
+
+def perception_files(method: str, checkpoints: Path) -> list[Path]:
+    """Files of the networks that a method perceives and acts by."""
+    files = {
+        PERCEIVE_AND_PLAN: [checkpoints / PERCEPTION / GRAPH_FILE],
+        PERCEIVE_AND_ACT: [checkpoints / PERCEPTION / GRAPH_FILE, checkpoints / RL / ACTOR_FILE],
+    }
+    return files.get(method, [])
 
 
 def _source(method: str) -> Path | None:

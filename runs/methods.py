@@ -5,15 +5,21 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from readygo.common.config import section_differences
 from readygo.common.episode.loop import Driver
 from readygo.common.errors import PolicyError
 from readygo.common.maps.occupancy import GROUND_CLEARANCE_M
 from readygo.common.maps.ros_map import load_unknown_cells
-from readygo.common.perception import load_perception
+from readygo.common.perception import PeopleTracker, Perception, load_perception
+from readygo.common.perception.noise import PERCEIVED, PerceptionNoise
 from readygo.common.policy import check_policy_camera, check_policy_limits, load_policy
 from readygo.common.policy.artifact import SPEC_FILE
 from readygo.common.policy.driver import PolicyDriver
+from readygo.common.policy.perceiving_driver import PerceivingStateDriver
+from readygo.common.policy.state_driver import StateDriver
+from readygo.common.policy.state_policy import StatePolicy, is_state_policy, load_state_policy
 from readygo.common.scenes.scene import ROBOT_MAP_FILE
+from readygo.runs.state_world import goal_distances, state_world
 from readygo.runs.world import World
 from readygo.services.evaluator import (
     EXPERT,
@@ -27,23 +33,44 @@ from readygo.services.evaluator import (
     SplatNavDriver,
     load_custom_method,
 )
-from readygo.services.planner import ExpertDriver, PerceivingDriver, RobotPlanner, expert_recipe
+from readygo.services.planner import ExpertDriver, PerceivingDriver, RobotPlanner, TrackedDriver, expert_recipe
 
 CHECKPOINTS = Path("checkpoints")
-VID2SIM = "vid2sim"
+VID2SIM, RL = "vid2sim", "rl"
 PERCEIVE_AND_PLAN = "perceive-and-plan"
 """The expert on the map that it knows, among the people that a network sees in the robot's images."""
+PERCEIVE_AND_ACT = "perceive-and-act"
+"""The state policy `rl` among the people that this network sees."""
 PERCEPTION = "perception"
 """Folder of the network that perceives, in the folder of weights and policies."""
-BLIND = (EXPERT, "expert-paper", STRAIGHT_LINE, "social-force", "gaussnav", "splat-nav")
+EXPERT_TRACKED = "expert-tracked"
+"""The expert that knows people by tracks of what a network would tell of those in view."""
+BLIND = (EXPERT, EXPERT_TRACKED, "expert-paper", STRAIGHT_LINE, "social-force", "gaussnav", "splat-nav")
 """Methods that need no images."""
 NETWORKS = {"gnm": "gnm_large.pth", "vint": "vint.pth", "nomad": "nomad.pth"}
 """Published networks, with their authors' names of the weight files."""
 
 
-def needs_renderer(methods: Sequence[str]) -> bool:
-    """True if one of the methods uses camera images."""
-    return any(method not in BLIND for method in methods)
+def needs_renderer(methods: Sequence[str], checkpoints: Path = CHECKPOINTS) -> bool:
+    """True if one of the methods uses camera images.
+
+    Args:
+        methods: Names of methods.
+        checkpoints: Folder of weights and policies.
+    """
+    blind = {*BLIND, RL, *state_policies(methods, checkpoints)}
+    return any(method not in blind for method in methods)
+
+
+def state_policies(methods: Sequence[str], checkpoints: Path) -> dict[str, Path]:
+    """Folders of the methods that are state policies, from `readygo rl`, by their names in `checkpoints`.
+
+    Args:
+        methods: Names of methods of any kind.
+        checkpoints: Folder of policies.
+    """
+    names = [name for name in methods if name not in (*BLIND, POLICY, *NETWORKS) and ":" not in name]
+    return {name: checkpoints / name for name in names if is_state_policy(checkpoints / name)}
 
 
 def other_policies(methods: Sequence[str], checkpoints: Path) -> dict[str, Path]:
@@ -84,8 +111,15 @@ def named_methods(
         "social-force": lambda _: SocialForceDriver(),
         "gaussnav": lambda _: DiscretePlannerDriver(),
         "splat-nav": lambda _: SplatNavDriver(_splat_map(world)),
+        EXPERT_TRACKED: lambda _: _tracked(world, PERCEIVED),
         PERCEIVE_AND_PLAN: lambda evaluator: _perceiving(world, checkpoints / PERCEPTION, evaluator),
+        PERCEIVE_AND_ACT: lambda evaluator: _acting(world, checkpoints, evaluator),
         VID2SIM: lambda _: _no_mesh_policy(checkpoints / VID2SIM),
+        RL: lambda _: _raise(_no_state_policy(RL, checkpoints / RL)),
+        **{
+            name: _state_policy(name, folder, world)
+            for name, folder in state_policies((RL, *methods), checkpoints).items()
+        },
         **{name: _policy(name, folder, hold_steps) for name, folder in policies.items()},
         **{name: _network(name, checkpoints / file) for name, file in NETWORKS.items()},
     }
@@ -110,13 +144,37 @@ def _paper_planner(world: World) -> RobotPlanner:
     return RobotPlanner(world.scene.maps, world.avatars, config.robot, config.episode, expert)
 
 
-def _perceiving(world: World, folder: Path, evaluator: Evaluator) -> Driver[Any]:
-    try:
-        perception = load_perception(folder, robot=world.config.robot)
-    except PolicyError as error:
-        raise PolicyError(f"The method {PERCEIVE_AND_PLAN}: {error}") from error
+def _tracked(world: World, noise: PerceptionNoise) -> Driver[Any]:
     planner = world.robot_planner
+    return TrackedDriver(noise, lambda episode: planner.tracked_expert(episode.scenario))
+
+
+def _perceiving(world: World, folder: Path, evaluator: Evaluator) -> Driver[Any]:
+    perception, planner = _load_perception(PERCEIVE_AND_PLAN, folder, evaluator), world.robot_planner
     return PerceivingDriver(perception, evaluator.eyes(), lambda episode: planner.tracked_expert(episode.scenario))
+
+
+def _acting(world: World, checkpoints: Path, evaluator: Evaluator) -> Driver[Any]:
+    if not is_state_policy(checkpoints / RL):
+        raise _no_state_policy(PERCEIVE_AND_ACT, checkpoints / RL)
+    policy = _load_state_policy(PERCEIVE_AND_ACT, checkpoints / RL, evaluator)
+    perception = _load_perception(PERCEIVE_AND_ACT, checkpoints / PERCEPTION, evaluator)
+    ground = world.robot_planner.ground
+    return PerceivingStateDriver(
+        policy,
+        perception,
+        evaluator.eyes(),
+        state_world(world, policy.spec.observation),
+        goal_distances(world),
+        lambda: PeopleTracker(ground.human_clearance, ground.human_frame),
+    )
+
+
+def _load_perception(name: str, folder: Path, evaluator: Evaluator) -> Perception:
+    try:
+        return load_perception(folder, robot=evaluator.robot)
+    except PolicyError as error:
+        raise PolicyError(f"The method {name}: {error}") from error
 
 
 def _no_mesh_policy(folder: Path) -> Driver[Any]:
@@ -125,6 +183,36 @@ def _no_mesh_policy(folder: Path) -> Driver[Any]:
         f"The method {VID2SIM} needs a policy that learned among mesh-like people, at {folder}: record and train "
         'with [renderer] human_look = "mesh" (readygo learn SCENE --config mesh.toml), and copy RUN/policy there.'
     )
+
+
+def _no_state_policy(name: str, folder: Path) -> PolicyError:
+    return PolicyError(f"The method {name} needs a policy at {folder}: readygo rl SCENE --out {folder}.")
+
+
+def _raise(error: PolicyError) -> Driver[Any]:
+    raise error
+
+
+def _state_policy(name: str, folder: Path, world: World) -> MakeDriver:
+    """The driver of a state policy: it is told its map, its pose, and simulated detections of pedestrians."""
+
+    def make(evaluator: Evaluator) -> Driver[Any]:
+        policy = _load_state_policy(name, folder, evaluator)
+        return StateDriver(policy, state_world(world, policy.spec.observation), goal_distances(world))
+
+    return make
+
+
+def _load_state_policy(name: str, folder: Path, evaluator: Evaluator) -> StatePolicy:
+    policy = load_state_policy(folder)
+    different = section_differences(policy.spec.robot, evaluator.robot)
+    if different:
+        key, trained, asked = different[0]
+        raise PolicyError(
+            f"The method {name} was trained for another robot ({key} is {trained}, here {asked}): name its robot "
+            "with --robot."
+        )
+    return policy
 
 
 def _policy(name: str, folder: Path, hold_steps: int) -> MakeDriver:

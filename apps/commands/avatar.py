@@ -12,6 +12,7 @@ from tyro.conf import Positional
 from readygo.apps.terminal import PlainConsole
 from readygo.common.avatars import avatar_hash, avatar_paths, load_avatar
 from readygo.common.avatars.file import EMBEDDED_FOLDER
+from readygo.common.avatars.variants import write_variants
 from readygo.common.errors import AvatarError
 
 
@@ -82,6 +83,27 @@ def avatar_preview(options: AvatarPreviewOptions) -> None:
         from readygo.apps.avatar.walking import walk_frames
 
         write_film(options.video, walk_frames(human, seed=options.seed))
+
+
+@dataclass(frozen=True, kw_only=True)
+class AvatarVaryOptions:
+    """Make more avatars from a few: other clothes, skin, hair, patterns and heights, for networks that see people."""
+
+    avatars: Positional[Path | None] = None
+    """Avatar file or folder of avatars; by default the embedded ones. The suffix ":train" or ":test", also after
+    "embedded", selects one part."""
+    out: Path
+    """Folder for the avatars, new or empty."""
+    count: int = 24
+    """Number of avatars."""
+    seed: int = 0
+    """Seed of the changes."""
+
+
+def avatar_vary(options: AvatarVaryOptions) -> None:
+    """Make more avatars from a few: other clothes, skin, hair, patterns and heights, for networks that see people."""
+    made = write_variants(options.avatars, options.out, options.count, options.seed)
+    PlainConsole(soft_wrap=True).print(f"{len(made)} avatars in {options.out}.", markup=False)
 
 
 def _describe_avatar(path: Path) -> dict[str, Any]:

@@ -92,8 +92,8 @@ class TrialOptions:
     lockstep: int = 8
     """Episodes simulated in parallel."""
     checkpoints: Path = CHECKPOINTS
-    """Folder with gnm_large.pth, vint.pth, nomad.pth, the policy vid2sim and others, runs of `readygo learn`, or the
-    network `perception`, for the methods that need them."""
+    """Folder with gnm_large.pth, vint.pth, nomad.pth, the policies vid2sim, rl and others, the network perception, or
+    runs of `readygo learn`, for the methods that need them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,9 +114,10 @@ class EvaluateOptions:
     """"static" has no pedestrians, "dynamic" has pedestrians that ignore the robot, "reactive" has the same
     pedestrians, who avoid the robot."""
     methods: tuple[str, ...] = ("policy", "expert", "straight-line")
-    """Drivers: policy, expert, expert-paper, perceive-and-plan, straight-line, social-force, gaussnav, splat-nav,
-    vid2sim, gnm, vint, nomad, further policies by the names of their folders in `checkpoints`, or your class as
-    my_package:MyDriver or folder/file.py:MyDriver."""
+    """Drivers: policy, expert, expert-tracked, expert-paper, straight-line, social-force, gaussnav, splat-nav,
+    perceive-and-plan and perceive-and-act (of the folders perception and rl in `checkpoints`), vid2sim, rl (of
+    `readygo rl`), gnm, vint, nomad, further policies by the names of their folders in `checkpoints`, or your class
+    as my_package:MyDriver or folder/file.py:MyDriver."""
     out: Path | None = None
     """Folder for episodes.jsonl, trajectories.jsonl, summary.json, videos, and pages with the failures."""
     video: tuple[str, ...] = ()
@@ -163,7 +164,9 @@ def evaluate(options: EvaluateOptions) -> None:
     total = len(request.tasks) * len(request.methods) * request.episodes
     folder = open_results(out, identity) if out else nullcontext()
     with folder as results, _report_saved(results, request, total):
-        renderer = world.renderer() if needs_renderer(request.methods) and not options.workers else None
+        renderer = (
+            world.renderer() if needs_renderer(request.methods, trials.checkpoints) and not options.workers else None
+        )
         evaluator = make_evaluator(
             world,
             renderer=renderer,

@@ -18,16 +18,27 @@ from readygo.apps.fleet.options import RouterOptions
 from readygo.apps.learn.config import GoalName, LearnConfig
 from readygo.apps.learn.crew import Reach
 from readygo.apps.learn.learn import learn_policy, report_content
-from readygo.apps.learn.plan import Budget, LearnPlan, learn_configs, make_plan
+from readygo.apps.learn.perceive import (
+    METHODS,
+    PerceivePlan,
+    Step,
+    check_plan,
+    learn_to_perceive,
+    perceive_settings,
+    perception_content,
+)
+from readygo.apps.learn.plan import STATE, Budget, LearnPlan, learn_configs, make_plan
 from readygo.apps.learn.supervise import Now
 from readygo.apps.monitor.beside import show_page
 from readygo.apps.options import given_options
 from readygo.apps.report.learn import write_report
+from readygo.apps.report.perception import write_perception_report
 from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.identity import COORDINATOR
 from readygo.common.errors import RunError
 from readygo.runs.config import RunConfig
-from readygo.runs.sections import Keys, Sections
+from readygo.runs.methods import PERCEIVE_AND_PLAN
+from readygo.runs.sections import Keys, Sections, read_sections
 from readygo.services.evaluator import EpisodeRecord, summary_table
 
 _NOT_IN_REPORT = ("scenes", "out", "minutes", "samples", "on", "watch", "json", "fleet")
@@ -62,6 +73,10 @@ class LearnOptions:
     """Scene bundles, "embedded" or "embedded:SEED"; one policy learns in all of them."""
     out: Path
     """Folder of the run, new or to resume: data, policy, curve.json, evaluation and report.html."""
+    form: Literal["auto", "perceive-and-plan", "policy"] = "auto"
+    """What is learned: "perceive-and-plan", a network that sees people and free space, with which the robot plans on
+    its map; "policy", a policy from images to commands, without a map. "auto" takes the first, which reaches more goals
+    among people, unless an option or key is given that only policies have."""
     minutes: float = 60.0
     """Wall time of recording and training, including earlier calls [min]; training ends earlier if the policy
     stops improving. The test is not included."""
@@ -96,6 +111,9 @@ def learn(options: LearnOptions) -> None:
     """Record episodes and train a policy at the same time; run the same command again to resume."""
     if options.episodes < 0:
         raise RunError(f"--episodes must be at least 0, got {options.episodes}.")
+    if _form(options) == PERCEIVE_AND_PLAN:
+        _learn_to_perceive(options)
+        return
     if options.on == "hosts" and not options.fleet.listen:
         raise RunError("--on hosts needs --listen with an address that they reach, such as tls/10.0.0.5:7447.")
     if options.fleet.listen or options.fleet.certs:
@@ -133,6 +151,63 @@ def learn(options: LearnOptions) -> None:
         console.print(name, markup=False)
         console.print(summary_table(reply.summaries))
     console.print(f"The policy: {plan.policy}. How it learned and what it fails in: {report}", markup=False)
+
+
+def _form(options: LearnOptions) -> str:
+    """The form that is learned.
+
+    Raises:
+        RunError: If it is "perceive-and-plan", and an option is given that only policies have.
+    """
+    allowed = ("scenes", "out", "form", "minutes", "episodes", "seed", "robot", "config", "json", "avatars", "keys")
+    given = [*given_options(options, allowed)]
+    given += [f"--learn.{name}" for name in options.keys.get("learn", {})]
+    if options.config and "learn" in read_sections(options.config):
+        given.append(f"[learn] in {options.config}")
+    if options.form == "policy" or (options.form == "auto" and (given or (options.out / STATE).exists())):
+        return "policy"
+    if given:
+        raise RunError(f"--form {PERCEIVE_AND_PLAN} takes no {', '.join(given)}.")
+    return PERCEIVE_AND_PLAN
+
+
+def _learn_to_perceive(options: LearnOptions) -> None:
+    """Record, train perception, test it, and write the report."""
+    plan = PerceivePlan(
+        out=options.out,
+        scenes=options.scenes,
+        config=perceive_settings(options.config, options.robot, options.keys),
+        minutes=options.minutes,
+        avatars=options.training.avatars,
+        seed=options.seed,
+    )
+    check_plan(plan)
+    columns = (TextColumn("{task.description}"), BarColumn(20), TaskProgressColumn(), TextColumn("{task.fields[said]}"))
+    with SteadyProgress(*columns, quiet=options.json) as progress:
+        task = progress.add_task("recording", total=1.0, said="")
+        testing = progress.add_task(
+            "test", total=len(METHODS) * 2 * options.episodes * len(options.scenes), said="", visible=False
+        )
+
+        def show(step: Step) -> None:
+            progress.update(task, description=step.name, completed=step.fraction, said=step.words)
+
+        def show_test(record: EpisodeRecord) -> None:
+            progress.update(testing, advance=1, visible=True, said=f"{record.task.value}, {record.method}")
+
+        learned = learn_to_perceive(plan, episodes=options.episodes, show=show, tested=show_test)
+    report = options.out / "report.html"
+    write_perception_report(report, perception_content(learned, options.scenes))
+    if options.json:
+        sys.stdout.write(json_module.dumps(learned.to_mapping()) + "\n")
+        return
+    console = PlainConsole(soft_wrap=True)
+    for name, reply in learned.replies.items():
+        console.print(name, markup=False)
+        console.print(summary_table(reply.summaries))
+    console.print(
+        f"The network: {plan.perception}. It drives as the method {PERCEIVE_AND_PLAN}: see {report}", markup=False
+    )
 
 
 def _how_to_join(plan: LearnPlan, listen: str, certs: Path | None) -> str:

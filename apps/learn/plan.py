@@ -32,6 +32,8 @@ from readygo.services.renderer import RendererConfig
 from readygo.services.trainer import SamplingConfig, chosen_images
 
 FORMAT = "readygo-learn/1"
+STATE = "learn.json"
+"""File with the settings that must not change when the run resumes, and the time spent."""
 SMALL_CAMERA = CameraConfig(height_px=72, width_px=128)
 """Default camera of a policy: half the usual image size, trained on three times as fast."""
 ABSENT = 0.3
@@ -96,7 +98,7 @@ class LearnPlan:
     @property
     def state_file(self) -> Path:
         """File with the settings that must not change when the run resumes, and the time spent."""
-        return self.out / "learn.json"
+        return self.out / STATE
 
     @property
     def curve_file(self) -> Path:

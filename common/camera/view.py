@@ -1,8 +1,8 @@
 """What a camera shows of the ground around its robot."""
 
 import math
-from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,9 +14,11 @@ BODY_M = 1.9
 """Humans reach from the floor to this height [m]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class FieldOfView:
-    """The borders of a camera's image, behind its lens, as seen from the camera's place on the ground."""
+class FieldOfView(NamedTuple):
+    """The borders of a camera's image, behind its lens, as seen from the camera's place on the ground.
+
+    A named tuple, so that compiled functions take it as well.
+    """
 
     left_rad: float
     """Bearing of the left border at the camera's own height, from the camera's heading to the left [rad]."""
@@ -29,10 +31,6 @@ class FieldOfView:
     looks up."""
     height_m: float
     """Height of the camera above the floor [m]."""
-
-    def shows_body(self, distance_m: float) -> bool:
-        """True if some part of a human who stands straight ahead at a distance [m] is not above or below the image."""
-        return self.height_m + self.fall * distance_m <= BODY_M and self.height_m + self.rise * distance_m >= 0.0
 
 
 @cache
@@ -59,6 +57,8 @@ def in_view(
 ) -> bool:
     """True if some part of a human at (x, y) lies in a camera's view and range.
 
+    Plain arithmetic, which numba compiles for compiled callers.
+
     Args:
         eye: Camera's x [m], y [m] and yaw [rad], see `CameraConfig.eye`.
         x_m: Centre of the disc [m].
@@ -76,7 +76,8 @@ def in_view(
     bearing_rad = (math.atan2(dy, dx) - eye[2] + math.pi) % (2 * math.pi) - math.pi
     half_rad = math.asin(radius_m / distance_m)
     across = bearing_rad - half_rad <= view.left_rad and -bearing_rad - half_rad <= view.right_rad
-    return across and view.shows_body(distance_m)
+    low_m, high_m = view.height_m + view.fall * distance_m, view.height_m + view.rise * distance_m
+    return across and low_m <= BODY_M and high_m >= 0.0
 
 
 def _bearing_rad(camera: CameraConfig, border_px: Float64Array) -> float:

@@ -7,6 +7,8 @@ simulation step.
 
 import math
 
+import numpy as np
+
 from readygo.common.arrays import BoolArray, Float64Array
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps import OccupancyMap
@@ -57,6 +59,16 @@ def meets_obstacle(occupancy: OccupancyMap, x_m: float, y_m: float, radius_m: fl
     )
 
 
+@kernel_with_cache
+def point_meets_humans(x_m: float, y_m: float, human_xy_m: Float64Array, contact_m: float) -> bool:
+    """True if some human's centre is nearer than `contact_m`; for compiled callers, see `meets_human`."""
+    for index in range(human_xy_m.shape[0]):
+        dx, dy = human_xy_m[index, 0] - x_m, human_xy_m[index, 1] - y_m
+        if dx * dx + dy * dy < contact_m * contact_m:
+            return True
+    return False
+
+
 def meets_human(x_m: float, y_m: float, human_xy_m: Float64Array, contact_m: float) -> bool:
     """True if some human's centre is nearer than `contact_m`, the sum of both radii.
 
@@ -66,4 +78,4 @@ def meets_human(x_m: float, y_m: float, human_xy_m: Float64Array, contact_m: flo
         human_xy_m: Humans in the world [m], shape (N, 2).
         contact_m: Sum of the radii [m].
     """
-    return any((x - x_m) ** 2 + (y - y_m) ** 2 < contact_m * contact_m for x, y in human_xy_m.tolist())
+    return bool(point_meets_humans(x_m, y_m, np.ascontiguousarray(human_xy_m), contact_m))

@@ -45,7 +45,7 @@ class SightMap:
         """
         frame = self.frame
         place = (frame.origin_x_m, frame.origin_y_m, frame.resolution_m, self.layer_m)
-        return bool(_sees_human(self.opaque, place, (x_m, y_m, camera_m), human_m))
+        return bool(sees_human(self.opaque, place, (x_m, y_m, camera_m), human_m))
 
     def opaque_between(self, low_m: float, high_m: float) -> BoolArray:
         """Cells with something opaque between two heights above the floor [m], shape (H, W)."""
@@ -123,12 +123,20 @@ def is_clear(
 
 
 @kernel_with_cache
-def _sees_human(
+def sees_human(
     opaque: UInt32Array,
     place: tuple[float, float, float, float],
     eye: tuple[float, float, float],
     human: tuple[float, float],
 ) -> bool:
+    """True if a ray from the camera reaches the body of a human; for compiled callers, see `SightMap.sees`.
+
+    Args:
+        opaque: Which heights of every cell are opaque, bits as in `SightMap`, shape (H, W).
+        place: Origin x, y, resolution and height of a layer [m].
+        eye: Camera: x, y in the world, height above the floor [m].
+        human: Where the human stands in the world [m].
+    """
     dx, dy = human[0] - eye[0], human[1] - eye[1]
     distance = max(math.sqrt(dx * dx + dy * dy), 1e-9)
     for offset in TARGET_OFFSETS_M:

@@ -64,7 +64,8 @@ def _update(mean: Float64Array, cov: Float64Array, first: int, zx: float, zy: fl
         cov[k, 1] -= gx * c1 + gy * e1
         cov[k, 2] -= gx * c2 + gy * e2
         cov[k, 3] -= gx * c3 + gy * e3
-    return rx * (ia * rx + ib * ry) + ry * (ib * rx + id_ * ry)
+    distance: float = rx * (ia * rx + ib * ry) + ry * (ib * rx + id_ * ry)
+    return distance
 
 
 @kernel_with_cache

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from readygo.services.planner.expert.interface import ExpertDriver as ExpertDriver
     from readygo.services.planner.expert.perceiving import EpisodePerception as EpisodePerception
     from readygo.services.planner.expert.perceiving import PerceivingDriver as PerceivingDriver
+    from readygo.services.planner.expert.perceiving import TrackedDriver as TrackedDriver
     from readygo.services.planner.expert.tracked import TrackedHumans as TrackedHumans
     from readygo.services.planner.explain.journal import DrivenRun as DrivenRun
     from readygo.services.planner.explain.journal import run_beside_expert as run_beside_expert
@@ -66,6 +67,7 @@ else:
         ".expert.perceiving": (
             "EpisodePerception",
             "PerceivingDriver",
+            "TrackedDriver",
         ),
         ".expert.tracked": ("TrackedHumans",),
         ".explain.journal": (

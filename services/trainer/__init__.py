@@ -27,6 +27,10 @@ if TYPE_CHECKING:
     from readygo.services.trainer.perception.train import PerceptionRun as PerceptionRun
     from readygo.services.trainer.ranks import join_ranks as join_ranks
     from readygo.services.trainer.ranks import leave_ranks as leave_ranks
+    from readygo.services.trainer.reinforcement.config import PpoConfig as PpoConfig
+    from readygo.services.trainer.reinforcement.config import ReinforcementConfig as ReinforcementConfig
+    from readygo.services.trainer.reinforcement.run import Budget as Budget
+    from readygo.services.trainer.reinforcement.run import Training as Training
     from readygo.services.trainer.run import Evaluate as Evaluate
     from readygo.services.trainer.run import TrainProgress as TrainProgress
     from readygo.services.trainer.train import train_policy as train_policy
@@ -59,6 +63,14 @@ else:
         ".ranks": (
             "join_ranks",
             "leave_ranks",
+        ),
+        ".reinforcement.config": (
+            "PpoConfig",
+            "ReinforcementConfig",
+        ),
+        ".reinforcement.run": (
+            "Budget",
+            "Training",
         ),
         ".run": (
             "Evaluate",

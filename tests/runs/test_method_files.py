@@ -7,6 +7,7 @@ from readygo.common.errors import RunError
 from readygo.runs.method_files import check_method_files, method_hashes
 from readygo.runs.policy import policy_sha256
 from tests.common.policy.artifacts import write_policy
+from tests.common.policy.state_policies import write_state_policy
 
 
 def test_files_of_methods_have_hashes_and_built_in_ones_none(tmp_path: Path) -> None:
@@ -39,3 +40,12 @@ def test_method_that_differs_or_lacks_here_is_refused(tmp_path: Path) -> None:
     (tmp_path / "gnm_large.pth").unlink()
     with pytest.raises(RunError, match="gnm is not on this machine"):
         check_method_files(hashes, ["gnm"], tmp_path)
+
+
+def test_state_policies_have_the_hashes_of_their_files(tmp_path: Path) -> None:
+    folder = write_state_policy(tmp_path / "rl")
+    hashes = method_hashes(["rl"], tmp_path)
+    check_method_files(hashes, ["rl"], tmp_path)
+    (folder / "actor.npz").write_bytes(b"others")
+    with pytest.raises(RunError, match="rl is another one here"):
+        check_method_files(hashes, ["rl"], tmp_path)

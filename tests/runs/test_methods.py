@@ -9,10 +9,11 @@ from readygo.common.messages import RobotPlanRequest, Split
 from readygo.common.policy import load_policy
 from readygo.runs.config import load_run_config
 from readygo.runs.evaluation import evaluation_world, make_evaluator, make_request
-from readygo.runs.methods import BLIND, named_methods, needs_renderer, other_policies
+from readygo.runs.methods import BLIND, RL, named_methods, needs_renderer, other_policies, state_policies
 from readygo.services.evaluator import handle_evaluate
 from readygo.services.planner import handle_robot_plan
 from tests.common.policy.artifacts import ROBOT, write_policy
+from tests.common.policy.state_policies import write_state_policy
 
 
 @pytest.fixture(scope="module")
@@ -81,3 +82,21 @@ def test_further_policy_drives_as_it_does_when_it_is_the_one_at_hand(tmp_path: P
     elsewhere = dataclasses.replace(evaluator, policy=None, robot=larger)
     with pytest.raises(PolicyError, match="The method other: The policy was trained with another camera"):
         elsewhere.driver("other")
+
+
+def test_state_policies_drive_without_a_renderer(world, tmp_path: Path):
+    with pytest.raises(PolicyError, match="readygo rl"):
+        make_evaluator(world, methods=named_methods(world, (RL,), tmp_path)).driver(RL)
+    rl, other = write_state_policy(tmp_path / RL), write_state_policy(tmp_path / "other")
+    assert state_policies((RL, "other", "expert", "nowhere"), tmp_path) == {RL: rl, "other": other}
+    assert other_policies((RL, "other"), tmp_path) == {}
+    assert not needs_renderer((RL, "other", "expert"), tmp_path)
+    assert needs_renderer(("nowhere",), tmp_path)
+    request = make_request(1, ("static", "dynamic"), (RL, "other"), Split.TEST, 0)
+    evaluator = make_evaluator(world, methods=named_methods(world, request.methods, tmp_path))
+    records = handle_evaluate(evaluator, request).records
+    assert [record.method for record in records] == [RL, "other"] * 2
+    assert all(record.reason == "" for record in records)
+    slower = dataclasses.replace(world.config.robot, v_max_mps=0.5)
+    with pytest.raises(PolicyError, match="another robot"):
+        dataclasses.replace(evaluator, robot=slower).driver(RL)

@@ -1,6 +1,7 @@
 """Perception as a folder that runs without torch."""
 
 import tempfile
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,8 @@ def export_perception(net: PerceptionNet, spec: PerceptionSpec, folder: Path) ->
     module = PerceptionModule(net, camera).eval()
     frames = torch.zeros((FRAMES, camera.height_px, camera.width_px, 3), dtype=torch.uint8)
     motion = torch.from_numpy(np.zeros((1, 3 * (FRAMES - 1) + 2), np.float32))
-    with tempfile.TemporaryDirectory() as temporary, torch.no_grad():
+    with warnings.catch_warnings(), tempfile.TemporaryDirectory() as temporary, torch.no_grad():
+        warnings.simplefilter("ignore")
         torch.onnx.export(
             module,
             (frames, motion),

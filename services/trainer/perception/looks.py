@@ -71,7 +71,7 @@ def looks_of(dataset: Dataset, camera: CameraConfig, blocked: OccupancyMap, sigh
     executed = np.where(begins[:, None], 0.0, dataset.actions[np.maximum(samples - 1, 0)]).astype(np.float32)
     return Looks(
         frames=frames,
-        grey=_grey(frames),
+        grey=grey_of(frames),
         window=window,
         motion=own_motion(poses[window[:, :-1]], poses, executed),
         labels=labels_of(dataset, samples, camera, blocked, sight),
@@ -99,7 +99,7 @@ def joined(parts: Sequence[Looks]) -> Looks:
     )
 
 
-def _grey(frames: UInt8Array) -> UInt8Array:
+def grey_of(frames: UInt8Array) -> UInt8Array:
     """Mean of the colours, a frame at a time."""
     grey = np.empty(frames.shape[:3], np.uint8)
     for row, frame in enumerate(frames):

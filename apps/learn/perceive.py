@@ -1,0 +1,346 @@
+"""`readygo learn` in the form "perceive-and-plan": record, train perception, and test the driver that plans with it.
+
+    RUN/people/         varied avatars that walk in the data
+    RUN/data/NAME/      a data folder for every scene
+    RUN/perception/     the network, with its checkpoint
+    RUN/evaluation/     the test episodes; report.html shows all of it
+    RUN/perceive.json   the settings, and the episodes that each scene has
+
+Every step goes on where it was, so the same command resumes the run.
+"""
+
+import dataclasses
+import json
+import shutil
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from readygo.apps.evaluation.replay import Replays
+from readygo.apps.evaluation.watch import write_pages
+from readygo.apps.fleet.run import record
+from readygo.apps.learn.cores import cores_here
+from readygo.apps.learn.gather import TASK_NAMES, TEST_FOLDER
+from readygo.apps.learn.plan import SMALL_CAMERA, free_name
+from readygo.apps.report.evaluation import REPORT_FILE
+from readygo.apps.report.page import CommandLine, PageLink
+from readygo.apps.report.perception import PerceptionContent
+from readygo.apps.report.tables import DriverScore
+from readygo.common.avatars.variants import write_variants
+from readygo.common.documents import read_json
+from readygo.common.errors import RunError
+from readygo.common.files import write_whole
+from readygo.common.messages import Split, StatusReply
+from readygo.common.robot import RobotConfig, load_robot
+from readygo.runs.config import RunConfig, load_run_config
+from readygo.runs.evaluation import evaluation_settings, evaluation_world, make_evaluator, summarize
+from readygo.runs.method_files import method_hashes
+from readygo.runs.methods import PERCEIVE_AND_PLAN, PERCEPTION, named_methods
+from readygo.runs.perception import train_perception
+from readygo.runs.policy import with_expert
+from readygo.runs.scene_argument import open_scene
+from readygo.runs.sections import NO_KEYS, Keys
+from readygo.runs.spec import make_spec
+from readygo.services.driver import DriverConfig
+from readygo.services.evaluator import (
+    EXPERT,
+    STRAIGHT_LINE,
+    EpisodeRecord,
+    EvaluateReply,
+    EvaluateRequest,
+    handle_evaluate,
+    is_of,
+    open_results,
+)
+from readygo.services.renderer import RendererConfig
+from readygo.services.trainer import PerceptionConfig
+
+FORMAT = "readygo-perceive/1"
+STATE_FILE = "perceive.json"
+VARIANTS = 24
+"""Varied avatars that walk in the data."""
+RECORD_SHARE = 0.35
+"""Share of the time in which data are recorded."""
+CAMERA_HZ = 5.0
+"""Images a second: perception sees images that are 0.2 s apart."""
+DISTURBED = 0.7
+"""Share of the expert's episodes with noise injection: perception must know views off the expert's way."""
+FIRST_EPISODES = 24
+"""Episodes of each scene that tell how long one takes."""
+METHODS = (PERCEIVE_AND_PLAN, EXPERT, STRAIGHT_LINE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PerceivePlan:
+    """Scenes, settings, budget and folder of a run."""
+
+    out: Path
+    scenes: tuple[str, ...]
+    config: RunConfig
+    minutes: float
+    """Wall time of recording and training [min]."""
+    avatars: Path | None
+    """Avatars that are varied for the data, and walk in the test."""
+    seed: int
+
+    @property
+    def perception(self) -> Path:
+        """Folder of the network."""
+        return self.out / PERCEPTION
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Perceived:
+    """Result of a run."""
+
+    plan: PerceivePlan
+    metrics: Mapping[str, Any]
+    """What `metrics.json` of the network holds."""
+    replies: Mapping[str, EvaluateReply]
+    """Results of the test episodes by scene."""
+    minutes: float
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Plain values for scripts."""
+        test = {
+            name: {
+                f"{task.value} {method}": round(summary.success_rate, 4)
+                for (task, method), summary in reply.summaries.items()
+            }
+            for name, reply in self.replies.items()
+        }
+        return {
+            "form": PERCEIVE_AND_PLAN,
+            "perception": str(self.plan.perception),
+            "minutes": round(self.minutes, 2),
+            "metrics": dict(self.metrics),
+            "test": test,
+            "report": str(self.plan.out / "report.html"),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """How far a run is."""
+
+    name: str
+    """What is done now: "recording", "training" or "test"."""
+    fraction: float
+    """Share of it that is done."""
+    words: str = ""
+
+
+Show = Callable[[Step], None]
+
+
+def perceive_settings(config: Path | None, robot: Path | None, keys: Keys = NO_KEYS) -> RunConfig:
+    """The settings of the recording runs: small images with levels of detail, no labels, noise injection.
+
+    Raises:
+        ConfigError: If a file cannot be read or holds an unknown key or a wrong value.
+    """
+    usual = RobotConfig(camera=SMALL_CAMERA)
+    base = RunConfig(
+        robot=usual,
+        driver=DriverConfig(disturbed=DISTURBED, camera_hz=CAMERA_HZ),
+        renderer=RendererConfig(detail="lod", labels=False),
+    )
+    return load_run_config(config, load_robot(robot, cameras_of=usual) if robot else None, base=base, keys=keys)
+
+
+def check_plan(plan: PerceivePlan) -> None:
+    """Check a plan before anything is written.
+
+    Raises:
+        RunError: If the budget is none, a scene is named twice, or the folder holds something else.
+        SceneError: If there is no such scene.
+        ConfigError: If perception cannot be trained for the robot.
+    """
+    if not plan.scenes:
+        raise RunError('Name a scene: a bundle, or "embedded".')
+    if not plan.minutes > 0:
+        raise RunError(f"--minutes must be above 0, got {plan.minutes:g}.")
+    hashes = [open_scene(scene).content_hash for scene in plan.scenes]
+    if len(set(hashes)) < len(hashes):
+        raise RunError("A scene is named twice; name each scene once.")
+    state = plan.out / STATE_FILE
+    if state.exists():
+        theirs = read_state(plan).get("scenes")
+        if theirs != hashes:
+            raise RunError(f"{plan.out} learns in other scenes; choose another --out.")
+    elif plan.out.exists() and any(plan.out.iterdir()):
+        raise RunError(f"{plan.out} holds files of something else; choose an empty or new folder with --out.")
+
+
+def read_state(plan: PerceivePlan) -> dict[str, Any]:
+    """What the run has done; empty for a new one.
+
+    Raises:
+        RunError: If the file is broken.
+    """
+    path = plan.out / STATE_FILE
+    if not path.exists():
+        return {}
+    try:
+        state = read_json(path)
+        if state["format"] != FORMAT:
+            raise ValueError(f"format {state['format']!r}")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise RunError(f"{path} cannot be read: {error}; choose another --out.") from error
+    return dict(state)
+
+
+def learn_to_perceive(
+    plan: PerceivePlan,
+    *,
+    episodes: int,
+    show: Show = lambda step: None,
+    tested: Callable[[EpisodeRecord], None] = lambda record: None,
+) -> Perceived:
+    """Record, train and test, or resume that.
+
+    Args:
+        plan: From `check_plan`.
+        episodes: Test episodes per task and scene; 0 drives none.
+        show: Told of the progress.
+        tested: Told of every test episode.
+
+    Raises:
+        ReadygoError: If the run cannot continue; what is recorded and trained stays.
+    """
+    plan.out.mkdir(parents=True, exist_ok=True)
+    state = {
+        "format": FORMAT,
+        "scenes": [open_scene(scene).content_hash for scene in plan.scenes],
+        "episodes": {},
+        "minutes": 0.0,
+        **read_state(plan),
+    }
+    _write_state(plan, state)
+    people = plan.out / "people"
+    write_variants(plan.avatars, people, VARIANTS, plan.seed)
+    names: list[str] = []
+    for scene in plan.scenes:
+        names.append(free_name(open_scene(scene).name or "scene", names))
+    folders = [plan.out / "data" / name for name in names]
+    for name, scene in zip(names, plan.scenes, strict=True):
+        _record(plan, scene, name, people, state, show)
+    metrics = _train(plan, folders, state, show)
+    replies = {
+        name: _test(plan, scene, name, episodes, tested)
+        for name, scene in zip(names, plan.scenes, strict=True)
+        if episodes
+    }
+    return Perceived(plan=plan, metrics=metrics, replies=replies, minutes=float(state["minutes"]))
+
+
+def _record(plan: PerceivePlan, scene: str, name: str, people: Path, state: dict[str, Any], show: Show) -> None:
+    """Record a scene's share of the time: a few episodes, then as many as there is time for."""
+    spec = with_expert(
+        make_spec(open_scene(scene), people, plan.config, seed=plan.seed, split=Split.TRAIN, static=False)
+    )
+    folder, budget_s = plan.out / "data" / name, 60.0 * plan.minutes * RECORD_SHARE / len(plan.scenes)
+    done = state["episodes"].get(name)
+    wanted = FIRST_EPISODES if done is None else int(done)
+
+    def tell(status: StatusReply) -> None:
+        show(Step(name="recording", fraction=status.committed / max(status.wanted, 1), words=name))
+
+    begin_s = time.monotonic()
+    record(spec, folder, episodes=wanted, workers=cores_here(), show=tell)
+    spent_s = time.monotonic() - begin_s
+    if done is None:
+        # The time of the first episodes has the start of the processes in it, as has that of the others.
+        wanted = max(wanted, round(wanted * budget_s / max(spent_s, 1e-3)))
+        state["episodes"][name] = wanted
+        _write_state(plan, state)
+        record(spec, folder, episodes=wanted, workers=cores_here(), show=tell)
+        spent_s = time.monotonic() - begin_s
+        state["minutes"] = state["minutes"] + spent_s / 60.0
+        _write_state(plan, state)
+
+
+def _train(plan: PerceivePlan, folders: list[Path], state: dict[str, Any], show: Show) -> dict[str, Any]:
+    # Decoding and labels take a tenth of the time or so.
+    minutes = max(0.9 * (1.0 - RECORD_SHARE) * plan.minutes, 0.1)
+    config = PerceptionConfig(minutes=minutes, seed=plan.seed)
+    begin_s = time.monotonic()
+    metrics = train_perception(
+        folders,
+        config,
+        plan.perception,
+        scenes=plan.scenes,
+        show=lambda progress: show(
+            Step(name="training", fraction=progress.fraction, words=f"loss {progress.train_loss:.2f}")
+        ),
+    )
+    state["minutes"] = state["minutes"] + (time.monotonic() - begin_s) / 60.0
+    _write_state(plan, state)
+    return metrics
+
+
+def _test(
+    plan: PerceivePlan, scene: str, name: str, episodes: int, tested: Callable[[EpisodeRecord], None]
+) -> EvaluateReply:
+    """Drive the test episodes of a scene, and write their pages."""
+    world = evaluation_world(scene, tested_settings(plan.config), avatars=plan.avatars, seed=plan.seed)
+    renderer, request = world.renderer(), EvaluateRequest(episodes=episodes, seed=plan.seed, methods=METHODS)
+    evaluator = make_evaluator(world, renderer=renderer, methods=named_methods(world, METHODS, plan.out))
+    hashes = method_hashes(METHODS, plan.out)
+    settings = evaluation_settings(world, request, policy="", camera="policy", methods=hashes)
+    out = plan.out / TEST_FOLDER / name
+    if not is_of(out, settings):
+        shutil.rmtree(out, ignore_errors=True)
+    with open_results(out, settings) as results:
+        reply = handle_evaluate(evaluator, request, report=tested, results=results)
+        results.finish(summarize(reply, request, evaluator))
+        replays = Replays(world, results, reply.episodes, renderer, evaluator.simulation)
+        write_pages(replays, request, reply, title=f"{PERCEIVE_AND_PLAN} in {name}")
+    return reply
+
+
+def perception_content(learned: Perceived, scenes: Sequence[str]) -> PerceptionContent:
+    """The content of a run's report.
+
+    Args:
+        learned: Result of the run.
+        scenes: Scenes as the user named them.
+    """
+    plan, places = learned.plan, list(learned.replies)
+    scores = [
+        DriverScore(
+            task=TASK_NAMES[task.value] + (f", {name}" if len(places) > 1 else ""), driver=method, summary=summary
+        )
+        for name, reply in learned.replies.items()
+        for (task, method), summary in reply.summaries.items()
+    ]
+    test = f"readygo evaluate {scenes[0]} --methods {PERCEIVE_AND_PLAN} expert --checkpoints {plan.out}"
+    return PerceptionContent(
+        title=f"{PERCEIVE_AND_PLAN} in {', '.join(places) or ', '.join(scenes)}",
+        scores=scores,
+        metrics=learned.metrics,
+        minutes=learned.minutes,
+        pages=[PageLink(href=f"{TEST_FOLDER}/{name}/{REPORT_FILE}", what=name) for name in places],
+        commands=[
+            CommandLine(what="test it again, with films", line=f"{test} --out {plan.out / 'again'} --video worst"),
+            CommandLine(
+                what="train longer on the same data",
+                line=f"readygo train {plan.out / 'data' / (places or ['*'])[0]} --recipe perception --minutes "
+                f"{2 * plan.minutes:g} --out {plan.perception}",
+            ),
+            CommandLine(
+                what="a policy without a map", line=f"readygo learn {' '.join(scenes)} --form policy --out policy"
+            ),
+        ],
+    )
+
+
+def tested_settings(config: RunConfig) -> RunConfig:
+    """The settings of a run as its driver is tested: the rates and disturbances of recording are not part of it."""
+    return dataclasses.replace(config, driver=DriverConfig())
+
+
+def _write_state(plan: PerceivePlan, state: Mapping[str, Any]) -> None:
+    write_whole(plan.out / STATE_FILE, json.dumps(state, indent=2) + "\n", raises=RunError)

@@ -1,0 +1,93 @@
+"""A state policy as a driver of the project's episodes: told the same as in the state simulation, by the same code."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from readygo.common.arrays import Float32Array, UInt16Array
+from readygo.common.episode import EpisodeSimulation
+from readygo.common.episode.loop import Command, DriverFailure
+from readygo.common.episode.state_simulation.goal_distances import GoalDistances
+from readygo.common.episode.state_simulation.observe import observe, told_count
+from readygo.common.episode.state_simulation.tracks import Tracks, begin_tracks, look, make_tracks, tracker_numbers
+from readygo.common.episode.state_simulation.world import StateWorld
+from readygo.common.episode.streams import Purpose, episode_rng
+from readygo.common.perception.noise import PerceptionNoise
+from readygo.common.policy.state_policy import StatePolicy
+
+
+@dataclass(eq=False)
+class StateEpisode:
+    """What the driver keeps of one episode."""
+
+    field_cm: UInt16Array
+    """Remaining distances to the goal."""
+    tracks: Tracks
+    command: Command = (0.0, 0.0)
+
+
+class StateDriver:
+    """Drives by a state policy; people are told by a tracker from simulated detections of those in view.
+
+    The detections' errors follow from the episode's key.
+    """
+
+    looks = False
+
+    def __init__(
+        self,
+        policy: StatePolicy,
+        world: StateWorld,
+        distances: GoalDistances,
+        noise: PerceptionNoise | None = None,
+    ) -> None:
+        """Prepare a scene.
+
+        Args:
+            policy: The policy.
+            world: Scene, robot and rules, with the policy's observation.
+            distances: Of the robot's map.
+            noise: Errors of perception; those of the policy's training by default.
+        """
+        self._policy, self._world, self._distances = policy, world, distances
+        self._numbers = tracker_numbers(noise or policy.spec.noise, policy.spec.robot.clock)
+        self._hold_steps = policy.spec.hold_steps
+        self._told = np.empty((1, told_count(world)), np.float32)
+
+    def start(self, simulation: EpisodeSimulation) -> StateEpisode:
+        """Measure all ways to the goal, and know of no people."""
+        goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
+        tracks = make_tracks(1, max(len(simulation.scenario.humans), simulation.config.human_count_max))
+        begin_tracks(tracks, 0, detection_seed(simulation))
+        return StateEpisode(field_cm=self._distances.to_goal_cm((goal_x, goal_y)), tracks=tracks)
+
+    def act(self, running: Sequence[tuple[EpisodeSimulation, StateEpisode]]) -> list[Command | DriverFailure]:
+        """See `Driver.act`."""
+        return [self._command(simulation, episode) for simulation, episode in running]
+
+    def told(self, simulation: EpisodeSimulation, episode: StateEpisode) -> Float32Array:
+        """What the robot is told now, shape (1, told_count); the next call overwrites it."""
+        one, (goal_x, goal_y) = simulation, simulation.scenario.goal_xy_m.tolist()
+        state = (one.x_m, one.y_m, one.yaw_rad, one.v_mps, one.w_radps)
+        observe(
+            self._world, self._numbers, episode.tracks, 0, one.step, state, (goal_x, goal_y), episode.field_cm,
+            self._told[0],
+        )  # fmt: skip
+        return self._told
+
+    def _command(self, simulation: EpisodeSimulation, episode: StateEpisode) -> Command:
+        one = simulation
+        if one.step % self._numbers.every == 0:
+            human_xy_m = np.ascontiguousarray(one.human_xy_m)
+            pose = (one.x_m, one.y_m, one.yaw_rad)
+            look(self._world, self._numbers, episode.tracks, 0, one.step, pose, human_xy_m, len(human_xy_m))
+        if one.step % self._hold_steps == 0:
+            v, w = self._policy.choose(self.told(one, episode))[0].tolist()
+            episode.command = v, w
+        return episode.command
+
+
+def detection_seed(simulation: EpisodeSimulation) -> int:
+    """Seed of the errors of detection in an episode."""
+    return int(episode_rng(simulation.scenario.episode, Purpose.PERCEPTION).integers(2**62))

@@ -1,0 +1,179 @@
+"""Trains a state policy: makes its world, and episodes of planner and animator, kept in the user's cache."""
+
+import functools
+import hashlib
+import importlib.metadata
+import json
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from readygo.common.config import section_to_mapping
+from readygo.common.episode.state_simulation.bank import EpisodeBank, join_banks, load_bank, make_bank
+from readygo.common.episode.state_simulation.goal_distances import GoalDistances
+from readygo.common.errors import SceneError
+from readygo.common.files import cache_folder
+from readygo.common.messages import (
+    AnimateRequest,
+    EpisodeKey,
+    EpisodeMotions,
+    HumanPlanRequest,
+    Scenario,
+    Split,
+)
+from readygo.common.perception.noise import PerceptionNoise
+from readygo.common.policy.state_policy import StatePolicySpec, hold_steps_of
+from readygo.runs.identity import identity
+from readygo.runs.sections import NO_KEYS, Keys, with_keys
+from readygo.runs.state_world import goal_distances, state_world
+from readygo.runs.training import torch_needed
+from readygo.runs.world import World
+from readygo.services.animator import Animator, handle_animate
+from readygo.services.planner import HumanPlanner, handle_human_plan
+from readygo.services.trainer import ReinforcementConfig
+
+BANK_FORMAT = 2
+PART = 64
+"""Indices, accepted or not, of one file of a bank."""
+REJECTED_PARTS_MAX = 16
+"""Parts in a row without an accepted episode after which the scene is called unusable."""
+_SECTIONS = ("robot", "episode", "human_planner", "animator")
+"""Sections of settings that episodes depend on."""
+Show = Callable[[int, int], None]
+"""Told how many episodes of how many there are."""
+DrawShow = Callable[[Split, int, int], None]
+"""Told of which split how many episodes of how many there are."""
+
+
+def make_reinforcement_config(noise: PerceptionNoise, keys: Keys = NO_KEYS) -> ReinforcementConfig:
+    """How to learn.
+
+    Args:
+        noise: Errors of perception.
+        keys: Keys of the command line.
+
+    Raises:
+        ConfigError: If a key is unknown or a value makes no sense.
+    """
+    return with_keys(ReinforcementConfig(noise=noise), keys)
+
+
+def run_reinforcement(
+    world: World,
+    config: ReinforcementConfig,
+    out: Path,
+    *,
+    decisions: int | None,
+    minutes: float | None,
+    draws: DrawShow = lambda split, done, total: None,
+    show: Callable[[Mapping[str, Any], float], None] = lambda row, share: None,
+) -> dict[str, Any]:
+    """Train a state policy in a world, with the seed of its run, or continue.
+
+    Args:
+        world: World of a run.
+        config: How to learn.
+        out: Folder of the policy.
+        decisions: Budget in decisions, including earlier calls; None takes the minutes.
+        minutes: Budget in processor time [min].
+        draws: Told of episodes that are drawn.
+        show: Told of every measurement, and of the share of the budget that is spent.
+
+    Returns:
+        The content of `metrics.json`.
+
+    Raises:
+        PolicyError: If torch is not installed, `out` has another training, or a command cannot be held as long.
+        SceneError: If the scene yields no episodes.
+    """
+    with torch_needed():
+        from readygo.services.trainer import Budget, Training
+    spec = StatePolicySpec(
+        robot=world.config.robot,
+        scene_hash=world.spec.scene_hash,
+        scene_name=world.scene.name,
+        hold_s=config.hold_s,
+        observation=config.observation,
+        noise=config.noise,
+        training={"seed": world.spec.seed, "settings": section_to_mapping(config)},
+    )
+    seen, budget = state_world(world, config.observation), Budget(decisions=decisions, minutes=minutes)
+    hold_steps_of(spec.robot, spec.hold_s)
+    train, val = (
+        draw_bank(world, split, count, functools.partial(draws, split))
+        for split, count in ((Split.TRAIN, config.train_episodes), (Split.VAL, config.val_episodes))
+    )
+    training = Training(seen, spec, config, (train, val), out, seed=world.spec.seed)
+    return training.run(budget, lambda row: show(row, budget.share(row["decisions"], 60.0 * row["minutes"])))
+
+
+def draw_bank(world: World, split: Split, count: int, show: Show = lambda done, total: None) -> EpisodeBank:
+    """The first episodes of a split that planner and animator accept, as arrays.
+
+    They are drawn in parts, and every part is kept in the user's cache: an interrupted call continues.
+
+    Args:
+        world: World of a run, with its seed.
+        split: Split of the episodes.
+        count: Episodes.
+        show: Told of the progress.
+
+    Raises:
+        SceneError: If the planner rejects part after part.
+        RunError: If a part cannot be read or written.
+    """
+    folder = cache_folder("episodes") / _digest(world, split)
+    folder.mkdir(exist_ok=True)
+    makers = _Makers(world)
+    banks: list[EpisodeBank] = []
+    done = part = rejected = 0
+    while done < count:
+        path = folder / f"part-{part:05d}.npz"
+        bank = load_bank(path) if path.exists() else makers.draw(split, part, path)
+        rejected = 0 if len(bank) else rejected + 1
+        if rejected == REJECTED_PARTS_MAX:
+            raise SceneError(f"The last {PART * rejected} scenarios of {world.scene.name} were rejected.")
+        if len(bank):
+            banks.append(bank)
+        done, part = done + len(bank), part + 1
+        show(min(done, count), count)
+    return join_banks(banks).first(count)
+
+
+class _Makers:
+    """Planner and animator, made when a part is missing."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._made: tuple[HumanPlanner, Animator, GoalDistances] | None = None
+
+    def draw(self, split: Split, part: int, path: Path) -> EpisodeBank:
+        """Draw a part and keep it."""
+        if self._made is None:
+            planner = self._world.human_planner(react=False)
+            self._made = planner, self._world.animator(), goal_distances(self._world)
+        planner, animator, distances = self._made
+        pairs = list(self._accepted(planner, animator, split, range(PART * part, PART * (part + 1))))
+        bank = make_bank(pairs, distances, self._world.config.episode.human_count_max)
+        bank.save(path)
+        return bank
+
+    def _accepted(
+        self, planner: HumanPlanner, animator: Animator, split: Split, indices: range
+    ) -> Iterator[tuple[Scenario, EpisodeMotions]]:
+        for index in indices:
+            key = EpisodeKey(seed=self._world.spec.seed, split=split, index=index)
+            scenario = handle_human_plan(planner, HumanPlanRequest(episode=key)).scenario
+            motions = handle_animate(animator, AnimateRequest(scenario=scenario)).motions if scenario else None
+            if scenario is not None and motions is not None:
+                yield scenario, motions
+
+
+def _digest(world: World, split: Split) -> str:
+    """Names the episodes of a split: equal for equal episodes."""
+    known = identity(world.spec)
+    parts = {name: known[name] for name in ("scene", "avatars", "seed", "scenarios")}
+    config = {name: known["config"].get(name) for name in _SECTIONS}
+    version = importlib.metadata.version("readygo")
+    text = json.dumps([BANK_FORMAT, version, split.value, parts, config], sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:24]

@@ -1,0 +1,22 @@
+"""The world of a run for the state simulation and for drivers that are told states."""
+
+from readygo.common.episode.state_simulation.goal_distances import GoalDistances
+from readygo.common.episode.state_simulation.world import ObservationConfig, StateWorld, make_world
+from readygo.common.maps import sight_of_occupancy
+from readygo.runs.world import World
+
+
+def state_world(world: World, observation: ObservationConfig) -> StateWorld:
+    """The world of a run for the state simulation.
+
+    Raises:
+        ConfigError: If its robot has ranges.
+    """
+    maps = world.scene.maps
+    sight = maps.sight if maps.sight is not None else sight_of_occupancy(maps.robot)
+    return make_world(maps.robot, sight, world.config.robot, world.config.episode, observation)
+
+
+def goal_distances(world: World) -> GoalDistances:
+    """Remaining distances on the robot's map of a run."""
+    return GoalDistances(world.scene.maps.robot, world.config.robot.planning_radius_m)

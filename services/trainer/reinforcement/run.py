@@ -1,0 +1,265 @@
+"""The training of a state policy: drive and update until a budget is spent, measure on split val, keep the best.
+
+Everything needed to resume is in the folder's `checkpoint.pt`; a resumed training with a budget of decisions ends with
+the same weights as one without interruption.
+"""
+
+import dataclasses
+import json
+import math
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from readygo.common.arrays import AnyArray, Int8Array
+from readygo.common.config import section_to_mapping
+from readygo.common.drawing.charts import Curve, line_chart, write_chart
+from readygo.common.episode.state_simulation.bank import EpisodeBank
+from readygo.common.episode.state_simulation.simulation import (
+    HUMAN_COLLISION,
+    RUNNING,
+    STATIC_COLLISION,
+    SUCCESS,
+    TIMEOUT,
+    StateSimulation,
+    StateSimulationConfig,
+)
+from readygo.common.episode.state_simulation.tracks import tracker_numbers
+from readygo.common.episode.state_simulation.world import StateWorld
+from readygo.common.errors import PolicyError
+from readygo.common.files import write_then_rename, write_whole
+from readygo.common.policy.state_policy import StatePolicy, StatePolicySpec
+from readygo.services.trainer.reinforcement.config import ReinforcementConfig
+from readygo.services.trainer.reinforcement.networks import layers_of
+from readygo.services.trainer.reinforcement.ppo import Learner, UpdateFigures
+
+CHECKPOINT_FILE, CURVE_FILE, CHART_FILE, METRICS_FILE = "checkpoint.pt", "curve.jsonl", "curve.svg", "metrics.json"
+CHECKPOINT_S = 60.0
+"""Wall time between two checkpoints [s]."""
+TASKS = {"static": False, "dynamic": True}
+_FALLS_TO = 0.05
+Show = Callable[[Mapping[str, Any]], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Budget:
+    """When a training ends: by decisions of all robots, or by processor time."""
+
+    decisions: int | None = None
+    minutes: float | None = None
+
+    def share(self, decisions: int, spent_s: float) -> float:
+        """How much of it is spent, 0..1."""
+        if self.decisions is not None:
+            return min(decisions / self.decisions, 1.0)
+        return min(spent_s / (60.0 * (self.minutes or 10.0)), 1.0)
+
+
+@dataclass
+class Progress:
+    """How far a training is."""
+
+    decisions: int = 0
+    spent_s: float = 0.0
+    """Processor time of driving and learning [s]."""
+    curve: list[dict[str, Any]] = field(default_factory=list)
+    best: float = -math.inf
+    """Best mean of static and dynamic success on split val."""
+
+
+class Training:
+    """One training in one folder."""
+
+    def __init__(
+        self,
+        world: StateWorld,
+        spec: StatePolicySpec,
+        config: ReinforcementConfig,
+        banks: tuple[EpisodeBank, EpisodeBank],
+        out: Path,
+        *,
+        seed: int,
+    ) -> None:
+        """Begin, or continue from the folder's checkpoint.
+
+        Args:
+            world: Scene, robot and rules.
+            spec: Spec of the policy.
+            config: How it learns.
+            banks: Episodes of split train and of split val.
+            out: Folder of the policy.
+            seed: Seed of weights, episodes and decisions.
+
+        Raises:
+            PolicyError: If the folder has a training with other settings.
+        """
+        self._spec, self._config, self._out = spec, config, out
+        self.progress = Progress()
+        numbers = tracker_numbers(spec.noise, spec.robot.clock)
+        plays = StateSimulationConfig(
+            hold_steps=spec.hold_steps, static_share=config.static_share, reward=config.reward
+        )
+        train, val = banks
+        simulation = StateSimulation(world, train, numbers, config.ppo.robots, config=plays, seed=seed)
+        simulation.begin_anywhere()
+        commands = StatePolicy(spec=spec, layers=[]).commands
+        self.learner = Learner(simulation, commands, config.ppo, seed=seed)
+        self._val = StateSimulation(world, val, numbers, len(val), config=plays, knows_truth=False)
+        self._identity = json.dumps(
+            {"config": section_to_mapping(config), "seed": seed, "scene": spec.scene_hash}, sort_keys=True
+        )
+        if (out / CHECKPOINT_FILE).exists():
+            self._resume()
+
+    def run(self, budget: Budget, show: Show = lambda _: None) -> dict[str, Any]:
+        """Learn until the budget is spent.
+
+        Args:
+            budget: Includes what earlier calls spent.
+            show: Told of every measurement.
+
+        Returns:
+            The metrics, which `metrics.json` has as well.
+        """
+        config, progress, ppo = self._config, self.progress, self._config.ppo
+        saved_s, per_update = time.monotonic(), ppo.robots * ppo.stretch
+        while (share := budget.share(progress.decisions, progress.spent_s)) < 1.0:
+            began_s = time.process_time()
+            stretch = self.learner.drive()
+            entropy = ppo.entropy_first + (ppo.entropy_last - ppo.entropy_first) * share
+            rate = ppo.learning_rate * max(1.0 - share, _FALLS_TO)
+            figures = self.learner.update(stretch, learning_rate=rate, entropy=entropy)
+            before, progress.decisions = progress.decisions, progress.decisions + per_update
+            progress.spent_s += time.process_time() - began_s
+            if progress.decisions // config.val_every > before // config.val_every:
+                show(self._measure(figures))
+            if time.monotonic() - saved_s > CHECKPOINT_S:
+                self._save()
+                saved_s = time.monotonic()
+        if not progress.curve or progress.curve[-1]["decisions"] < progress.decisions:
+            show(self._measure(UpdateFigures()))
+        self._save()
+        return self._finish()
+
+    def _measure(self, figures: UpdateFigures) -> dict[str, Any]:
+        """Measure on split val, note it, keep the weights if they are the best."""
+        progress, layers = self.progress, layers_of(self.learner.actor)
+        policy = StatePolicy(spec=self._spec, layers=layers)
+        val = {task: success_rate(policy, self._val, dynamic=dynamic) for task, dynamic in TASKS.items()}
+        row = {
+            "decisions": progress.decisions,
+            "minutes": round(progress.spent_s / 60.0, 3),
+            "val_static": val["static"],
+            "val_dynamic": val["dynamic"],
+            **_train_shares(self.learner.ended),
+            **{name: round(value, 5) for name, value in dataclasses.asdict(figures).items()},
+        }
+        self.learner.ended.clear()
+        progress.curve.append(row)
+        self._out.mkdir(parents=True, exist_ok=True)
+        write_whole(
+            self._out / CURVE_FILE, "".join(json.dumps(each) + "\n" for each in progress.curve), raises=PolicyError
+        )
+        score = (val["static"] + val["dynamic"]) / 2.0
+        if score >= progress.best:
+            progress.best = score
+            training = {
+                **self._spec.training,
+                "chosen": {k: row[k] for k in ("decisions", "val_static", "val_dynamic")},
+            }
+            StatePolicy(spec=dataclasses.replace(self._spec, training=training), layers=layers).save(self._out)
+        return row
+
+    def _finish(self) -> dict[str, Any]:
+        progress, curve = self.progress, self.progress.curve
+        chosen = max(curve, key=lambda row: (row["val_static"] + row["val_dynamic"], row["decisions"]))
+        metrics = {
+            "decisions": progress.decisions,
+            "minutes": round(progress.spent_s / 60.0, 2),
+            "decisions_per_s": round(progress.decisions / max(progress.spent_s, 1e-9)),
+            "chosen_decisions": chosen["decisions"],
+            "val_static": chosen["val_static"],
+            "val_dynamic": chosen["val_dynamic"],
+            "val_episodes": len(self._val),
+            "parameters": sum(weight.numel() for weight in self.learner.actor.parameters()),
+        }
+        write_whole(self._out / METRICS_FILE, json.dumps(metrics, indent=2) + "\n", raises=PolicyError)
+        write_chart(self._out / CHART_FILE, _chart(curve))
+        return metrics
+
+    def _save(self) -> None:
+        self._out.mkdir(parents=True, exist_ok=True)
+        state = {
+            "identity": self._identity,
+            "learner": self.learner.state(),
+            "robots": {name: _tensor(array) for name, array in self.learner.simulation.snapshot().items()},
+            "progress": dataclasses.asdict(self.progress),
+        }
+        with write_then_rename(self._out / CHECKPOINT_FILE, raises=PolicyError) as made:
+            torch.save(state, made)
+
+    def _resume(self) -> None:
+        state = torch.load(self._out / CHECKPOINT_FILE, weights_only=True)
+        if state["identity"] != self._identity:
+            raise PolicyError(
+                f"{self._out} has a training with other settings, seed or scene; choose another folder with --out."
+            )
+        self.learner.load_state(state["learner"])
+        kinds = {name: array.dtype for name, array in self.learner.simulation.snapshot().items()}
+        arrays = {name: tensor.numpy().view(kinds[name]) for name, tensor in state["robots"].items()}
+        self.learner.simulation.restore(arrays)
+        self.progress = Progress(**state["progress"])
+
+
+def success_rate(policy: StatePolicy, simulation: StateSimulation, *, dynamic: bool) -> float:
+    """Share of a bank's episodes in which a policy reaches the goal; the errors of perception are always the same.
+
+    Args:
+        policy: The policy.
+        simulation: As many robots as its bank has episodes.
+        dynamic: True with people.
+    """
+    outcomes = play(policy, simulation, dynamic=dynamic)
+    return round(float(np.mean(outcomes == SUCCESS)), 5)
+
+
+def play(policy: StatePolicy, simulation: StateSimulation, *, dynamic: bool) -> Int8Array:
+    """Codes of the outcomes of a bank's episodes, shape (E,), see `success_rate`."""
+    count = len(simulation)
+    simulation.begin(np.arange(count), np.full(count, dynamic), seeds=np.arange(count) + 1)
+    while (simulation.last.outcome == RUNNING).any():
+        simulation.advance(policy.choose(simulation.told), again=False)
+    return simulation.last.outcome.copy()
+
+
+def _train_shares(ended: Counter[tuple[bool, int]]) -> dict[str, float]:
+    """Shares of success and of collisions with people in the episodes that ended while learning."""
+    shares: dict[str, float] = {}
+    for task, dynamic in TASKS.items():
+        counts = {code: ended[dynamic, code] for code in (SUCCESS, STATIC_COLLISION, HUMAN_COLLISION, TIMEOUT)}
+        total = max(sum(counts.values()), 1)
+        shares[f"train_{task}"] = round(counts[SUCCESS] / total, 4)
+        if dynamic:
+            shares["train_human"] = round(counts[HUMAN_COLLISION] / total, 4)
+    return shares
+
+
+def _chart(curve: list[dict[str, Any]]) -> str:
+    decisions = np.array([row["decisions"] for row in curve]) / 1e6
+    lines = [
+        Curve(name=f"{part}, {task}", x=decisions, y=np.array([100.0 * row[f"{part}_{task}"] for row in curve]))
+        for part in ("val", "train")
+        for task in TASKS
+    ]
+    return line_chart(lines, x_name="million decisions", what="Success [%]", y_max=100.0)
+
+
+def _tensor(array: AnyArray) -> torch.Tensor:
+    """An array as a tensor; torch stores unsigned integers as signed ones."""
+    return torch.from_numpy(array.view(np.int64) if array.dtype == np.uint64 else array)

@@ -1,0 +1,154 @@
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from readygo.apps.learn import perceive as module
+from readygo.apps.learn.perceive import (
+    FIRST_EPISODES,
+    METHODS,
+    RECORD_SHARE,
+    STATE_FILE,
+    PerceivePlan,
+    Step,
+    check_plan,
+    learn_to_perceive,
+    perceive_settings,
+    perception_content,
+    read_state,
+    tested_settings,
+)
+from readygo.common.errors import RunError
+from readygo.services.driver import DriverConfig
+
+HELD_OUT = {
+    "images": 1, "people": 1, "average_precision": 1.0, "bearing_deg": 1.0, "distance": 0.1, "missed": 0.0,
+    "false_per_image": 0.0, "along_r2": 0.5, "across_r2": 0.5, "rays": 0.1,
+}  # fmt: skip
+METRICS = {"images": 9, "samples_seen": 64, "parameters": 7, "held_out": HELD_OUT}
+
+
+def plan_of(out: Path, *scenes: str, minutes: float = 10.0) -> PerceivePlan:
+    return PerceivePlan(
+        out=out,
+        scenes=scenes or ("embedded",),
+        config=perceive_settings(None, None),
+        minutes=minutes,
+        avatars=Path("embedded:test"),
+        seed=3,
+    )
+
+
+def test_settings_are_for_perception_and_the_test_is_without_them() -> None:
+    config = perceive_settings(None, None, {"renderer": {"labels": True}})
+    assert (config.robot.camera.height_px, config.driver.camera_hz, config.renderer.labels) == (72, 5.0, True)
+    assert tested_settings(config).driver == DriverConfig()
+    assert tested_settings(config).robot == config.robot
+
+
+@pytest.mark.parametrize(
+    ("scenes", "minutes", "words"),
+    [
+        ((), 10.0, "Name a scene"),
+        (("embedded", "embedded"), 10.0, "named twice"),
+        (("embedded",), 0.0, "--minutes must be above 0, got 0"),
+    ],
+)
+def test_plan_that_makes_no_sense_is_refused_and_leaves_nothing(
+    scenes: tuple[str, ...], minutes: float, words: str, tmp_path: Path
+) -> None:
+    plan = PerceivePlan(
+        out=tmp_path / "run", scenes=scenes, config=perceive_settings(None, None), minutes=minutes, avatars=None, seed=0
+    )
+    with pytest.raises(RunError, match=words):
+        check_plan(plan)
+    assert not plan.out.exists()
+
+
+def test_folder_of_something_else_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "notes").write_text("mine")
+    with pytest.raises(RunError, match="holds files of something else"):
+        check_plan(plan_of(tmp_path))
+    (tmp_path / STATE_FILE).write_text(json.dumps({"format": "readygo-perceive/1", "scenes": ["other"]}))
+    with pytest.raises(RunError, match="learns in other scenes"):
+        check_plan(plan_of(tmp_path))
+    (tmp_path / STATE_FILE).write_text("{")
+    with pytest.raises(RunError, match="cannot be read"):
+        check_plan(plan_of(tmp_path))
+
+
+@pytest.fixture
+def steps(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, object]]:
+    """What is asked of recording, training and test; ten seconds pass at each recording."""
+    asked: list[tuple[str, object]] = []
+    clock = iter(range(0, 10_000, 10))
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: float(next(clock))))
+
+    def record(spec: object, folder: Path, *, episodes: int, workers: int, show: object) -> None:
+        asked.append(("record", (folder.name, episodes)))
+
+    def train(folders: list[Path], config: object, out: Path, *, scenes: object, show: object) -> dict[str, object]:
+        asked.append(("train", ([folder.name for folder in folders], config.minutes)))  # type: ignore[attr-defined]
+        return METRICS
+
+    def test(plan: object, scene: str, name: str, episodes: int, tested: object) -> SimpleNamespace:
+        asked.append(("test", (scene, name, episodes)))
+        return SimpleNamespace(summaries={})
+
+    monkeypatch.setattr(module, "record", record)
+    monkeypatch.setattr(module, "train_perception", train)
+    monkeypatch.setattr(module, "_test", test)
+    monkeypatch.setattr(module, "VARIANTS", 1)
+    return asked
+
+
+def test_time_is_shared_between_recording_and_training(tmp_path: Path, steps: list[tuple[str, object]]) -> None:
+    plan = plan_of(tmp_path / "run")
+    learned = learn_to_perceive(plan, episodes=2)
+    # The first episodes took ten seconds.
+    wanted = round(FIRST_EPISODES * 600 * RECORD_SHARE / 10)
+    name = steps[0][1][0]  # type: ignore[index]
+    assert steps == [
+        ("record", (name, FIRST_EPISODES)),
+        ("record", (name, wanted)),
+        ("train", ([name], pytest.approx(0.9 * (1 - RECORD_SHARE) * 10))),
+        ("test", ("embedded", name, 2)),
+    ]
+    assert learned.metrics == METRICS
+    assert learned.to_mapping()["form"] == METHODS[0]
+    assert len([*(tmp_path / "run" / "people").iterdir()]) == 1
+
+
+def test_run_again_records_as_many_episodes_as_before(tmp_path: Path, steps: list[tuple[str, object]]) -> None:
+    plan = plan_of(tmp_path / "run")
+    learn_to_perceive(plan, episodes=0)
+    wanted, minutes = steps[1], read_state(plan)["minutes"]
+    steps.clear()
+    check_plan(plan)
+    learned = learn_to_perceive(plan, episodes=0)
+    assert [name for name, _ in steps] == ["record", "train"]
+    assert steps[0] == wanted
+    assert learned.minutes > minutes
+    assert not learned.replies
+
+
+def test_report_names_the_commands_that_come_next(tmp_path: Path, steps: list[tuple[str, object]]) -> None:
+    learned = learn_to_perceive(plan_of(tmp_path / "run"), episodes=1)
+    content = perception_content(learned, ["embedded"])
+    assert content.metrics == METRICS
+    lines = [command.line for command in content.commands]
+    assert lines[0].startswith(f"readygo evaluate embedded --methods perceive-and-plan expert --checkpoints {tmp_path}")
+    assert "--recipe perception" in lines[1]
+    assert "--form policy" in lines[2]
+
+
+def test_progress_is_told(tmp_path: Path, steps: list[tuple[str, object]], monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[Step] = []
+
+    def record(spec: object, folder: Path, *, episodes: int, workers: int, show: object) -> None:
+        show(SimpleNamespace(committed=episodes // 2, wanted=episodes))  # type: ignore[operator]
+
+    monkeypatch.setattr(module, "record", record)
+    learn_to_perceive(plan_of(tmp_path / "run"), episodes=0, show=told.append)
+    assert [(step.name, step.fraction) for step in told] == [("recording", 0.5)] * 2

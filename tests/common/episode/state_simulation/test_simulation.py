@@ -1,0 +1,117 @@
+import numpy as np
+import pytest
+
+from readygo.common.camera.view import in_view, view_of
+from readygo.common.episode.state_simulation.simulation import (
+    HUMAN_COLLISION,
+    OUTCOMES,
+    RUNNING,
+    STATIC_COLLISION,
+    SUCCESS,
+    RewardConfig,
+    StateSimulation,
+    StateSimulationConfig,
+)
+from readygo.common.episode.state_simulation.tracks import tracker_numbers
+from readygo.common.episode.state_simulation.world import VIEW_RANGE_M
+from readygo.common.perception.noise import EXACT, PERCEIVED
+from tests.common.episode.state_simulation.episodes import Drawn, draw, towards_path
+
+
+@pytest.fixture(scope="module")
+def drawn() -> Drawn:
+    return draw(24)
+
+
+def make(drawn: Drawn, count: int, noise=PERCEIVED, **more) -> StateSimulation:
+    return StateSimulation(
+        drawn.state_world, drawn.bank, tracker_numbers(noise, drawn.world.config.robot.clock), count, **more
+    )
+
+
+def check_agreement(drawn: Drawn) -> None:
+    """Drive every episode in both simulations, and compare poses, outcomes, steps, and who is seen."""
+    count, robot = len(drawn.bank), drawn.world.config.robot
+    fast, rng = make(drawn, count, EXACT, knows_truth=False), np.random.default_rng(1)
+    fast.begin(np.arange(count), np.ones(count, bool))
+    exact = [drawn.simulation(k) for k in range(count)]
+    view, sight, seen = view_of(robot.camera), drawn.world.scene.maps.sight, 0
+    while (fast.last.outcome == RUNNING).any():
+        commands, running = towards_path(fast.told, rng), np.flatnonzero(fast.last.outcome == RUNNING)
+        fast.advance(commands, again=False)
+        for k in running:
+            one = exact[k]
+            for _ in range(4):
+                if one.outcome is None:
+                    one.advance(*commands[k].tolist())
+            assert fast.state[k].tolist() == [one.x_m, one.y_m, one.yaw_rad, one.v_mps, one.w_radps]
+            assert (fast.last.length[k], OUTCOMES.get(fast.last.outcome[k])) == (one.step, one.outcome)
+            if one.outcome is None:
+                eye = robot.camera.eye(one.x_m, one.y_m, one.yaw_rad)
+                for m, human in enumerate(one.human_xy_m.tolist()):
+                    shown = in_view(eye, *human, view, VIEW_RANGE_M, drawn.world.config.episode.human_radius_m)
+                    shown = shown and sight.sees(eye[0], eye[1], view.height_m, tuple(human))
+                    assert (fast.tracks.seen_step[k, m] == one.step) == shown
+                    seen += shown
+    assert seen
+    assert set(fast.last.outcome.tolist()) >= {SUCCESS, STATIC_COLLISION, HUMAN_COLLISION}
+
+
+def test_robots_drive_see_and_end_as_in_the_simulation_of_the_data(drawn: Drawn) -> None:
+    check_agreement(drawn)
+
+
+@pytest.mark.slow
+def test_thousand_episodes_agree() -> None:
+    check_agreement(draw(1000))
+
+
+def test_same_seed_repeats_every_bit_and_another_does_not(drawn: Drawn) -> None:
+    def run(seed: int) -> np.ndarray:
+        fast, rng = make(drawn, 8, seed=seed), np.random.default_rng(0)
+        fast.begin_anywhere()
+        for _ in range(60):
+            fast.advance(towards_path(fast.told, rng))
+        return fast.told.copy()
+
+    assert np.array_equal(run(0), run(0))
+    assert not np.array_equal(run(0), run(1))
+
+
+def test_snapshot_continues_where_it_was_taken(drawn: Drawn) -> None:
+    fast, other = make(drawn, 6, seed=0), make(drawn, 6, seed=5)
+    fast.begin_anywhere()
+    commands = np.tile([0.6, 0.3], (6, 1))
+    for _ in range(20):
+        fast.advance(commands)
+    kept = fast.snapshot()
+    other.restore(kept)
+    for _ in range(30):
+        fast.advance(commands)
+        other.advance(commands)
+    assert np.array_equal(fast.told, other.told)
+    assert np.array_equal(fast.truth, other.truth)
+
+
+def test_rewards_of_an_episode_are_its_progress_time_and_end(drawn: Drawn) -> None:
+    reward = RewardConfig(turned=0.0, near=0.0)
+    fast = make(drawn, 24, config=StateSimulationConfig(reward=reward))
+    fast.begin(np.arange(24), np.zeros(24, bool))
+    first, earned, rng = fast.remaining_m.copy(), np.zeros(24), np.random.default_rng(2)
+    while (fast.last.outcome == RUNNING).any():
+        earned += fast.advance(towards_path(fast.told, rng), again=False).reward
+    ends = np.where(fast.last.outcome == SUCCESS, 2.0, np.where(fast.last.outcome == STATIC_COLLISION, -2.0, 0.0))
+    expected = 0.2 * (first - fast.remaining_m) - 0.02 * 0.05 * fast.last.length + ends
+    assert earned == pytest.approx(expected, abs=1e-3)
+
+
+def test_ended_robots_begin_other_episodes_of_the_asked_share(drawn: Drawn) -> None:
+    fast = make(drawn, 64, config=StateSimulationConfig(static_share=0.5))
+    fast.begin_anywhere()
+    dynamic = []
+    for _ in range(120):
+        last = fast.advance(np.tile([1.0, 0.4], (64, 1)))
+        dynamic += last.dynamic[last.ended].tolist()
+        assert (fast.step[last.ended] == 0).all()
+    assert len(dynamic) > 200
+    assert 0.3 < np.mean(dynamic) < 0.7

@@ -1,0 +1,28 @@
+"""State policies of random weights."""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+
+from readygo.common.episode.state_simulation.observe import PEOPLE, PERSON_COUNT
+from readygo.common.perception.noise import PERCEIVED, PerceptionNoise
+from readygo.common.policy.state_policy import StatePolicy, StatePolicySpec, commands_of
+from readygo.common.robot import RobotConfig
+
+
+def make_state_policy(noise: PerceptionNoise = PERCEIVED, seed: int = 0) -> StatePolicy:
+    """A policy of one hidden layer that has learned nothing."""
+    rng, spec = np.random.default_rng(seed), StatePolicySpec(robot=RobotConfig(), scene_hash="0" * 64, noise=noise)
+    sizes = [PEOPLE + spec.observation.people * PERSON_COUNT, 16, len(commands_of(spec.robot))]
+    layers = [
+        (rng.normal(size=(after, before)).astype(np.float32), rng.normal(size=after).astype(np.float32))
+        for before, after in itertools.pairwise(sizes)
+    ]
+    return StatePolicy(spec=spec, layers=layers)
+
+
+def write_state_policy(folder: Path) -> Path:
+    """A folder with such a policy."""
+    make_state_policy().save(folder)
+    return folder

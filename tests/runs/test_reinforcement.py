@@ -1,0 +1,56 @@
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from readygo.common.errors import ConfigError
+from readygo.common.messages import Split
+from readygo.common.perception.noise import EXACT
+from readygo.runs.config import RunConfig
+from readygo.runs.evaluation import evaluation_world
+from readygo.runs.reinforcement import PART, draw_bank, make_reinforcement_config
+from tests.common.episode.state_simulation.episodes import draw
+
+
+@pytest.fixture(scope="module")
+def world():
+    return evaluation_world("embedded", RunConfig(), avatars=None, seed=0)
+
+
+def test_bank_has_the_episodes_of_planner_and_animator(world) -> None:
+    bank, drawn = draw_bank(world, Split.TEST, 5), draw(5)
+    assert np.array_equal(bank.index, drawn.bank.index)
+    assert np.array_equal(bank.start_xyyaw, drawn.bank.start_xyyaw)
+    rows = min(bank.walks_m.shape[1], drawn.bank.walks_m.shape[1])
+    assert np.array_equal(bank.walks_m[:, :rows], drawn.bank.walks_m[:, :rows])
+    assert np.array_equal(bank.fields_cm, drawn.bank.fields_cm)
+
+
+def test_parts_are_kept_and_depend_on_split_and_settings(world, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr("readygo.runs.reinforcement.PART", 4)
+    shown: list[tuple[int, int]] = []
+    first = draw_bank(world, Split.VAL, 5, lambda done, total: shown.append((done, total)))
+    assert shown[-1] == (5, 5)
+    files = sorted(tmp_path.rglob("part-*.npz"))
+    times = [file.stat().st_mtime_ns for file in files]
+    assert len(files) >= 2
+    again = draw_bank(world, Split.VAL, 5)
+    assert np.array_equal(first.walks_m, again.walks_m)
+    assert [file.stat().st_mtime_ns for file in files] == times
+    slower = dataclasses.replace(world.config.episode, human_speed_max_mps=1.0)
+    other = evaluation_world(
+        "embedded", dataclasses.replace(world.config, episode=slower), avatars=None, seed=0, split=Split.VAL
+    )
+    draw_bank(other, Split.VAL, 1)
+    assert len({file.parent for file in tmp_path.rglob("part-*.npz")}) == 2
+    assert PART == 64
+
+
+def test_keys_change_settings_and_wrong_ones_are_refused() -> None:
+    config = make_reinforcement_config(EXACT, {"ppo": {"robots": 8}, "noise": {"missed": 0.3}})
+    assert config.ppo.robots == 8
+    assert config.noise == dataclasses.replace(EXACT, missed=0.3)
+    with pytest.raises(ConfigError, match="missed"):
+        make_reinforcement_config(EXACT, {"noise": {"missed": 2.0}})

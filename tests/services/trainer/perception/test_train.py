@@ -1,0 +1,88 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from readygo.common.errors import PolicyError
+from readygo.common.perception import PerceptionSpec
+from readygo.services.trainer.perception.config import PerceptionConfig
+from readygo.services.trainer.perception.looks import Looks
+from readygo.services.trainer.perception.train import METRICS_FILE, PerceptionRun, perceive
+from tests.services.trainer.perception.conftest import ROBOT, make_looks
+
+SPEC = PerceptionSpec(robot=ROBOT)
+SMALL = {"threads": 1, "widths": (8, 12, 16, 16, 32), "batch_size": 16, "precision": "fp32"}
+
+
+def config(samples: int, **settings: object) -> PerceptionConfig:
+    return PerceptionConfig(samples=samples, **{**SMALL, **settings})  # type: ignore[arg-type]
+
+
+def weights(run: PerceptionRun) -> np.ndarray:
+    return np.concatenate([p.detach().numpy().ravel() for p in run.averaged.module.parameters()])
+
+
+def test_training_finds_posts_and_writes_what_runs(tmp_path: Path) -> None:
+    looks = make_looks(240, episodes=12)
+    metrics = PerceptionRun(looks, SPEC, config(4000, learning_rate=4e-3), tmp_path, {"data": "x"}).go()
+    told = metrics["held_out"]
+    assert told["bearing_deg"] < 4.0
+    assert told["distance"] < 0.25
+    assert told["missed"] < 0.4
+    assert json.loads((tmp_path / METRICS_FILE).read_text()) == metrics
+    assert (tmp_path / "perception.onnx").stat().st_size > 1000
+
+
+def test_run_that_was_cut_off_goes_on_where_it_was(tmp_path: Path, looks: Looks) -> None:
+    whole = PerceptionRun(looks, SPEC, config(160), tmp_path / "whole", {"data": "x"})
+    whole.go()
+    first = PerceptionRun(looks, SPEC, config(160), tmp_path / "cut", {"data": "x"})
+    for _ in range(4):
+        first.step()
+    first.save()
+    second = PerceptionRun(looks, SPEC, config(160), tmp_path / "cut", {"data": "x"})
+    assert second.samples_seen == 64
+    second.go()
+    np.testing.assert_array_equal(weights(whole), weights(second))
+
+
+def test_folder_of_other_data_or_settings_is_refused(tmp_path: Path, looks: Looks) -> None:
+    PerceptionRun(looks, SPEC, config(16), tmp_path, {"data": "x"}).save()
+    with pytest.raises(PolicyError, match="another data"):
+        PerceptionRun(looks, SPEC, config(16), tmp_path, {"data": "y"})
+    with pytest.raises(PolicyError, match="another learning_rate"):
+        PerceptionRun(looks, SPEC, config(16, learning_rate=1e-4), tmp_path, {"data": "x"})
+    PerceptionRun(looks, SPEC, config(999), tmp_path, {"data": "x"})
+
+
+def test_loss_that_is_not_finite_ends_training(tmp_path: Path, looks: Looks) -> None:
+    run = PerceptionRun(looks, SPEC, config(64), tmp_path, {"data": "x"})
+    with torch.no_grad():
+        run.net.people.bias.fill_(float("nan"))
+    with pytest.raises(PolicyError, match="not finite"):
+        run.step()
+
+
+def test_mirrored_world_is_perceived_mirrored(tmp_path: Path, looks: Looks) -> None:
+    """The targets of a mirrored image are those of the mirrored people."""
+    run = PerceptionRun(looks, SPEC, config(64), tmp_path, {"data": "x"})
+    rows = np.flatnonzero(looks.labels.visible.any(axis=1))[:8]
+
+    class Always:
+        def random(self, count: int) -> np.ndarray:
+            return np.zeros(count)
+
+        def uniform(self, low: float, high: float, size: tuple[int, ...]) -> np.ndarray:
+            return np.zeros(size)
+
+    mirrored, _, (heat, *_) = run._batch(rows, Always())  # type: ignore[arg-type]
+    plain_maps, _ = perceive(run.net.eval(), looks, rows, SPEC)
+    assert len(plain_maps) == 8
+    for k, row in enumerate(rows.tolist()):
+        column = int(heat[k].amax(dim=0).argmax())
+        bearing = float(looks.labels.people[row, 0, 0])
+        assert abs(float(run.grid.bearings_rad[column]) + bearing) < 0.05
+        u = 64 + 64 / np.tan(np.radians(50)) * np.tan(bearing)
+        assert mirrored[k, 0, 40, int(np.clip(u, 0, 127))] > 0

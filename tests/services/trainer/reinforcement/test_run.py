@@ -1,0 +1,79 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from readygo.common.errors import PolicyError
+from readygo.common.perception.noise import PERCEIVED
+from readygo.common.policy.state_policy import StatePolicySpec, load_state_policy
+from readygo.services.trainer.reinforcement.config import PpoConfig, ReinforcementConfig
+from tests.common.episode.state_simulation.episodes import Drawn, draw
+
+torch = pytest.importorskip("torch", reason="torch (extra train) is not installed")
+
+
+@pytest.fixture(scope="module")
+def drawn() -> Drawn:
+    return draw(8)
+
+
+def training(drawn: Drawn, out: Path, seed: int = 0):
+    from readygo.services.trainer.reinforcement.run import Training
+
+    ppo = PpoConfig(robots=16, stretch=8, minibatches=2, actor_widths=(16,), critic_widths=(16,))
+    config = ReinforcementConfig(ppo=ppo, val_every=256)
+    spec = StatePolicySpec(robot=drawn.world.config.robot, scene_hash="0" * 64, noise=PERCEIVED)
+    return Training(drawn.state_world, spec, config, (drawn.bank, drawn.bank.first(4)), out, seed=seed)
+
+
+def test_resumed_training_ends_as_one_without_interruption(drawn: Drawn, tmp_path: Path) -> None:
+    from readygo.services.trainer.reinforcement.run import Budget
+
+    rows: list[object] = []
+    whole = training(drawn, tmp_path / "whole").run(Budget(decisions=1024), rows.append)
+    assert len(rows) == 4
+    assert whole["decisions"] == 1024
+    # The learning rate follows the budget: the same one, interrupted.
+    first = training(drawn, tmp_path / "parts")
+
+    def interrupt(row) -> None:
+        if row["decisions"] >= 512:
+            first._save()
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        first.run(Budget(decisions=1024), interrupt)
+    training(drawn, tmp_path / "parts").run(Budget(decisions=1024))
+    told = np.random.default_rng(0).normal(size=(5, 99)).astype(np.float32)
+    one, two = (load_state_policy(tmp_path / name) for name in ("whole", "parts"))
+    assert np.array_equal(one.logits(told), two.logits(told))
+    assert one.spec.training["chosen"] == two.spec.training["chosen"]
+
+
+def test_folder_has_policy_metrics_curve_and_chart(drawn: Drawn, tmp_path: Path) -> None:
+    from readygo.services.trainer.reinforcement.run import Budget
+
+    metrics = training(drawn, tmp_path).run(Budget(decisions=512))
+    assert json.loads((tmp_path / "metrics.json").read_text()) == metrics
+    curve = [json.loads(line) for line in (tmp_path / "curve.jsonl").read_text().splitlines()]
+    assert [row["decisions"] for row in curve] == [256, 512]
+    assert {"val_static", "val_dynamic", "train_human", "entropy"} <= set(curve[0])
+    assert "<svg" in (tmp_path / "curve.svg").read_text()
+    assert load_state_policy(tmp_path).spec.training["chosen"]["decisions"] == metrics["chosen_decisions"]
+
+
+def test_other_settings_do_not_continue_a_training(drawn: Drawn, tmp_path: Path) -> None:
+    from readygo.services.trainer.reinforcement.run import Budget
+
+    training(drawn, tmp_path).run(Budget(decisions=128))
+    with pytest.raises(PolicyError, match="other settings, seed or scene"):
+        training(drawn, tmp_path, seed=1)
+
+
+def test_budget_is_spent_by_decisions_or_by_minutes() -> None:
+    from readygo.services.trainer.reinforcement.run import Budget
+
+    assert Budget(decisions=200).share(50, 9e9) == 0.25
+    assert Budget(minutes=2.0).share(10**12, 30.0) == 0.25
+    assert Budget(minutes=2.0).share(0, 500.0) == 1.0
