@@ -13,7 +13,7 @@ from tyro.conf import Positional
 
 from readygo.apps.commands.evaluate_logs import evaluate_logs
 from readygo.apps.commands.progress import SteadyProgress
-from readygo.apps.evaluation.replay import Replays
+from readygo.apps.evaluation.replay import PERCEIVING, Replays
 from readygo.apps.evaluation.watch import check_wanted, watched_method, write_films, write_pages
 from readygo.apps.fleet.evaluation import EvaluationFleet, by_fleet, fleet_spec, make_plan
 from readygo.apps.fleet.options import RouterOptions
@@ -41,7 +41,6 @@ from readygo.runs.evaluation import (
 from readygo.runs.method_files import method_hashes
 from readygo.runs.methods import (
     CHECKPOINTS,
-    PERCEIVE_AND_PLAN,
     PERCEPTION,
     named_methods,
     needs_renderer,
@@ -274,7 +273,7 @@ def _fleet(
 
 def _perception(options: EvaluateOptions, world: World) -> Perception | None:
     """The network whose answers the videos show; None unless it drives."""
-    if PERCEIVE_AND_PLAN not in options.methods:
+    if not set(PERCEIVING) & set(options.methods):
         return None
     return load_perception(options.trials.checkpoints / PERCEPTION, robot=world.config.robot)
 

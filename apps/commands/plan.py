@@ -62,7 +62,8 @@ class PlanEpisodeOptions:
     method: str = ""
     """Driver, with `from`; the policy by default, else the expert."""
     checkpoints: Path = CHECKPOINTS
-    """Folder with the network `perception`, whose answers are shown of episodes that perceive-and-plan drove."""
+    """Folder with the network `perception`, whose answers are shown of episodes that perceive-and-plan or
+    perceive-and-act drove."""
     split: Literal["train", "val", "test"] = "train"
     """Split that the episode is drawn from."""
     static: bool = False

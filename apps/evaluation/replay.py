@@ -17,7 +17,7 @@ from readygo.common.episode.loop import Command, DriverFailure, run_episode
 from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeKey, EpisodeMotions, Outcome, RobotTrajectory
 from readygo.common.perception import Perception
-from readygo.runs.methods import PERCEIVE_AND_PLAN
+from readygo.runs.methods import PERCEIVE_AND_ACT, PERCEIVE_AND_PLAN
 from readygo.runs.world import World
 from readygo.services.evaluator import EXPERT, EpisodeRecord, MatchedEpisode, RecordKey, Results, Simulate, Task
 from readygo.services.planner import (
@@ -30,6 +30,8 @@ from readygo.services.planner import (
 )
 from readygo.services.renderer import Renderer
 
+PERCEIVING = (PERCEIVE_AND_PLAN, PERCEIVE_AND_ACT)
+"""Methods whose network looks at the replayed images again."""
 MAP_PX = (460, 330)
 """Largest width and height of an episode's map on a page."""
 STRIP_PX = 480
@@ -85,7 +87,7 @@ class Replays:
             renderer: Renderer of the world; if None, one is made when it is needed.
             simulate: Starts an episode, as in the evaluation.
             sees: Images that the policy uses; they are shown beside the recorded ones.
-            perception: Network of the method perceive-and-plan; it looks at the replayed images again.
+            perception: Network of the methods `PERCEIVING`.
         """
         self.world, self.folder, self._results = world, results.folder, results
         self._episodes: Mapping[tuple[Task, EpisodeKey], MatchedEpisode] = {
@@ -171,7 +173,7 @@ class Replays:
     def view(self, run: DrivenRun) -> RobotView:
         """The view of the robot's cameras in an episode, with what its driver perceived."""
         perception = None
-        if self._perception is not None and run.driver == PERCEIVE_AND_PLAN:
+        if self._perception is not None and run.driver in PERCEIVING:
             planner = self.world.robot_planner.of(run.scenario.episode)
             _, people = planner.tracked_expert(run.scenario)
             perception = EpisodePerception(self._perception, people, planner.robot)
