@@ -90,6 +90,11 @@ class PolicyMemory:
         """When the newest frame was taken [ns]."""
         return self._seen_ns[-1]
 
+    @property
+    def newest_pose(self) -> tuple[int, Pose]:
+        """Where the robot was last, and when [ns]."""
+        return self._poses_ns[-1], self._poses[-1]
+
     def window(self) -> list[SeenFrame]:
         """What the policy sees together, oldest first: the newest, and what is nearest to each spacing before it.
 
