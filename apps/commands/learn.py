@@ -1,5 +1,6 @@
 """`readygo learn`: record data in a scene and train a policy on them at the same time."""
 
+import dataclasses
 import json as json_module
 import sys
 from collections.abc import Callable, Iterator
@@ -43,6 +44,8 @@ from readygo.services.evaluator import EpisodeRecord, summary_table
 
 _NOT_IN_REPORT = ("scenes", "out", "minutes", "samples", "on", "watch", "json", "fleet")
 """Fields and groups that the report's command to resume leaves out, or sets itself."""
+_OF_BOTH_FORMS = ("scenes", "out", "form", "minutes", "episodes", "seed", "robot", "config", "json", "avatars")
+"""Fields and groups that the form "perceive-and-plan" takes."""
 Show = Callable[[Now], None]
 Tested = Callable[[EpisodeRecord], None]
 
@@ -159,12 +162,13 @@ def _form(options: LearnOptions) -> str:
     Raises:
         RunError: If it is "perceive-and-plan", and an option is given that only policies have.
     """
-    allowed = ("scenes", "out", "form", "minutes", "episodes", "seed", "robot", "config", "json", "avatars", "keys")
-    given = [*given_options(options, allowed)]
-    given += [f"--learn.{name}" for name in options.keys.get("learn", {})]
-    if options.config and "learn" in read_sections(options.config):
-        given.append(f"[learn] in {options.config}")
-    if options.form == "policy" or (options.form == "auto" and (given or (options.out / STATE).exists())):
+    if options.form == "policy":
+        return "policy"
+    of_runs = [section.name for section in dataclasses.fields(RunConfig)]
+    given = [*given_options(options, (*_OF_BOTH_FORMS, *of_runs))]
+    if not given and options.config and "learn" in read_sections(options.config):
+        given = [f"[learn] in {options.config}"]
+    if options.form == "auto" and (given or (options.out / STATE).exists()):
         return "policy"
     if given:
         raise RunError(f"--form {PERCEIVE_AND_PLAN} takes no {', '.join(given)}.")

@@ -26,10 +26,17 @@ def test_line_says_what_is_known() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["embedded", "--minutes", "0"], "--minutes and --samples must be above 0, got 0 and None."),
+        (["embedded", "--minutes", "0"], "--minutes must be above 0, got 0."),
         (["embedded", "--samples", "-3"], "--minutes and --samples must be above 0, got 60 and -3."),
         (["embedded", "--episodes", "-1"], "--episodes must be at least 0, got -1."),
         (["nowhere"], "nowhere does not exist; make one with"),
+        (["nowhere", "--form", "policy"], "nowhere does not exist; make one with"),
+        (
+            ["embedded", "--form", "policy", "--minutes", "0"],
+            "--minutes and --samples must be above 0, got 0 and None.",
+        ),
+        (["embedded", "--form", "perceive-and-plan", "--inputs", "rgb"], "perceive-and-plan takes no --inputs."),
+        (["embedded", "--form", "perceive-and-plan", "--learn.mix", "0.5"], "perceive-and-plan takes no --learn.mix."),
     ],
 )
 def test_what_makes_no_sense_is_one_line_and_leaves_nothing(
@@ -106,10 +113,10 @@ def test_command_passes_on_what_it_is_told(wired, tmp_path: Path, capsys: pytest
 
 def test_command_on_this_machine_is_neither_watched_nor_joined(wired, tmp_path: Path, capsys) -> None:
     asked, plan, _ = wired
-    learn(LearnOptions(scenes=(), out=tmp_path / "run"))
+    learn(LearnOptions(scenes=(), out=tmp_path / "run", form="policy"))
     assert set(asked) == {"learn_configs", "make_plan", "learn_policy", "report_content", "write_report"}
     assert asked["learn_configs"][1] == {"scene_count": 1, "keys": {}}
-    assert asked["report_content"][0][2] == {}
+    assert asked["report_content"][0][2] == {"--form": "policy"}
     reach = asked["learn_policy"][1]["reach"]
     assert (reach.listen, reach.hosts) == ("", False)
     said = capsys.readouterr().out
@@ -117,6 +124,49 @@ def test_command_on_this_machine_is_neither_watched_nor_joined(wired, tmp_path: 
     learn(LearnOptions(scenes=("one",), out=tmp_path / "run", fleet=RouterOptions(listen="tcp/lab:1")))
     token = f"READYGO_TOKEN=$(tail -1 {tmp_path / 'state' / 'endpoint'}) "
     assert f"More workers can join: {token}readygo worker all --connect tcp/lab:1\n" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("form", ["auto", "perceive-and-plan"])
+def test_without_options_of_policies_perception_is_learned(
+    form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = {}
+    learned = SimpleNamespace(replies={}, to_mapping=lambda: {"done": 2})
+
+    def run(plan, **more):
+        asked["plan"], asked["episodes"] = plan, more["episodes"]
+        return learned
+
+    monkeypatch.setattr(command, "check_plan", lambda plan: None)
+    monkeypatch.setattr(command, "learn_to_perceive", run)
+    monkeypatch.setattr(command, "perception_content", lambda *_: "content")
+    monkeypatch.setattr(command, "write_perception_report", lambda path, content: asked.update(report=(path, content)))
+    out = tmp_path / "run"
+    training = LearnTrainingOptions(avatars=tmp_path)
+    learn(LearnOptions(scenes=("one",), out=out, form=form, minutes=3.0, episodes=5, seed=2, training=training))
+    plan = asked["plan"]
+    assert (plan.out, plan.scenes, plan.minutes, plan.seed, plan.avatars) == (out, ("one",), 3.0, 2, tmp_path)
+    assert asked["episodes"] == 5
+    assert asked["report"] == (out / "report.html", "content")
+    assert f"The network: {out / 'perception'}" in capsys.readouterr().out
+    keys = {"renderer": {"detail": "exact"}}
+    learn(LearnOptions(scenes=("one",), out=out, form=form, json=True, keys=keys))
+    assert asked["plan"].config.renderer.detail == "exact"
+    assert json.loads(capsys.readouterr().out) == {"done": 2}
+
+
+def test_run_of_a_policy_goes_on_as_one(wired, tmp_path: Path) -> None:
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "learn.json").write_text("{}")
+    learn(LearnOptions(scenes=("one",), out=tmp_path / "run"))
+    assert "learn_policy" in wired[0]
+
+
+def test_section_of_policies_in_the_configuration_learns_one(wired, tmp_path: Path) -> None:
+    config = tmp_path / "a.toml"
+    config.write_text("[learn]\nmix = 0.5\n")
+    learn(LearnOptions(scenes=("one",), out=tmp_path / "run", config=config))
+    assert "learn_policy" in wired[0]
 
 
 def test_bars_of_learning_and_of_the_test_are_shown_one_after_the_other(capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,7 +17,6 @@ from readygo.apps.learn.perceive import (
     perceive_settings,
     perception_content,
     read_state,
-    tested_settings,
 )
 from readygo.common.errors import RunError
 from readygo.services.driver import DriverConfig
@@ -43,8 +42,8 @@ def plan_of(out: Path, *scenes: str, minutes: float = 10.0) -> PerceivePlan:
 def test_settings_are_for_perception_and_the_test_is_without_them() -> None:
     config = perceive_settings(None, None, {"renderer": {"labels": True}})
     assert (config.robot.camera.height_px, config.driver.camera_hz, config.renderer.labels) == (72, 5.0, True)
-    assert tested_settings(config).driver == DriverConfig()
-    assert tested_settings(config).robot == config.robot
+    assert module.tested_settings(config).driver == DriverConfig()
+    assert module.tested_settings(config).robot == config.robot
 
 
 @pytest.mark.parametrize(
