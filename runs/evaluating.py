@@ -23,8 +23,10 @@ from readygo.common.rasterizer.warm import warm as warm_rasterizer
 from readygo.runs.evaluation import make_evaluator, make_evaluator_config, make_request
 from readygo.runs.method_files import check_method_files
 from readygo.runs.methods import named_methods, needs_renderer
+from readygo.runs.shown_drives import ShownDrives
 from readygo.runs.world import World
 from readygo.services.evaluator import EpisodeRecord, Evaluator, MatchedEpisode, Task, as_task, drive
+from readygo.services.planner import PerceivingDriver
 
 KEEP_TIMEOUT_S = 20.0
 """Longest wait until a record is on disk [s]."""
@@ -50,6 +52,9 @@ def evaluation_work(world: World, bus: Bus) -> Work:
     """
     plan = bus.request(topics.EVALUATION_PLAN, EvaluationPlanRequest(), timeout_s=KEEP_TIMEOUT_S)
     made = _make_drivers(world, plan)
+    for driver in made.by_method.values():
+        if isinstance(driver, PerceivingDriver):
+            driver.on_look = ShownDrives(bus, world.scene.maps.floor)
 
     def work(claim: ClaimReply, inputs: Inputs) -> StageResult | None:
         assert claim.episode is not None

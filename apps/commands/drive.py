@@ -14,7 +14,9 @@ from tyro.conf import Positional, UseAppendAction
 from readygo.apps.drive.calibration import Rectifier, camera_from_file, camera_from_info, mount_differences
 from readygo.apps.drive.messages import GoalMessage
 from readygo.apps.drive.named_topics import check_topics, image_topics, info_topics
+from readygo.apps.drive.people import PeopleFinder
 from readygo.apps.drive.pilot import DriveConfig, Pilot, TrialEnding, limit_speeds
+from readygo.apps.drive.planning import PlanningPolicy
 from readygo.apps.drive.robot import Robot, Topics, connect_robot
 from readygo.apps.drive.trial import PATIENCE_S, run_trial, trial_end
 from readygo.apps.drive.trial_log import TrialLog
@@ -27,11 +29,15 @@ from readygo.common.errors import BusError, ConfigError, RunError
 from readygo.common.files import read_regular
 from readygo.common.images.encoded import decode_pixels
 from readygo.common.images.names import RGB, cameras_of
+from readygo.common.perception import Perception, load_perception
 from readygo.common.policy import Policy, load_policy
 from readygo.common.policy.sight import camera_on
 from readygo.common.robot import RobotConfig, load_robot
+from readygo.runs.config import RunConfig
 from readygo.runs.origin import settings_of_policy
 from readygo.runs.policy import policy_sha256
+from readygo.runs.scene_argument import open_maps
+from readygo.services.planner import RobotPlanner
 
 Value = TypeVar("Value")
 TaskLabel = Literal["static", "dynamic", "reactive"]
@@ -78,6 +84,24 @@ class DriveTopicOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
+class DrivePeopleOptions:
+    """Perception of people: beside the policy, or for the planner."""
+
+    perception: Path | None = None
+    """Folder of a network from `readygo train --recipe perception`: it perceives people in the first camera's images,
+    ten times a second, and publishes them."""
+    people: str = "/people"
+    """Topic of the people, people_msgs/People in the odometry's frame, with `perception`."""
+    driver: Literal["policy", "perceive-and-plan"] = "policy"
+    """"perceive-and-plan" drives without a policy: the planner drives on the map of `scene` among the people that
+    `perception` sees."""
+    scene: str = ""
+    """Scene bundle, "embedded", or a ROS map (.yaml) that the planner drives on."""
+    start: tuple[float, float, float] | None = None
+    """Start pose in the scene: x, y [m], yaw [rad]; by default the odometry is in the scene's frame."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class RosOptions:
     """Names of the robot in ROS."""
 
@@ -97,8 +121,8 @@ class DriveOptions:
     time limit, at Ctrl-C, or if a clock, the odometry or the policy is invalid. Keep its emergency stop at hand.
     """
 
-    policy: Positional[Path]
-    """Folder of a trained policy."""
+    policy: Positional[Path | None] = None
+    """Folder of a trained policy; none with `driver` perceive-and-plan."""
     goal: tuple[float, float] | None = None
     """Goal position, ahead and left of the robot's start pose [m]; see `goal_frame`."""
     goal_topic: str = ""
@@ -126,13 +150,17 @@ class DriveOptions:
     """Task under which `readygo evaluate --from-logs` counts the trial."""
     limits: DriveLimitOptions = field(default_factory=DriveLimitOptions)
     topics: DriveTopicOptions = field(default_factory=DriveTopicOptions)
+    beside: DrivePeopleOptions = field(default_factory=DrivePeopleOptions)
     ros: RosOptions = field(default_factory=RosOptions)
 
 
 def drive(options: DriveOptions) -> None:
     """Drive a robot to a goal with a policy that sees its camera images; this machine needs no ROS."""
     check_endpoint(options.connect, "--connect")
-    policy, console = _load_policy(options.policy, options.robot), PlainConsole(soft_wrap=True)
+    console, perception = PlainConsole(soft_wrap=True), None
+    if options.beside.perception is not None:
+        perception = load_perception(options.beside.perception)
+    policy = _driver(options, perception)
     robot, inputs = policy.spec.robot, policy.spec.images
     config = _config(policy, options)
     least_hz = max(SENT_HZ, robot.control_hz)
@@ -158,12 +186,13 @@ def drive(options: DriveOptions) -> None:
         where = GoalMessage(x_m=options.goal[0], y_m=options.goal[1]) if options.goal else _goal_of(machine)
         pilot = _pilot(policy, rectify, config, where, goal_image)
         record = {
-            "policy": options.policy.resolve().name,
-            "policy_sha256": policy_sha256(options.policy),
+            "policy": options.policy.resolve().name if options.policy else options.beside.driver,
+            "policy_sha256": policy_sha256(options.policy) if options.policy else "",
             "task": options.task,
             "time_limit_s": config.time_limit_s,
         }
-        _drive(machine, pilot, rate_hz or least_hz, options.log, record, console, robot)
+        people = _people_finder(perception, machine, calibration, console) if perception else None
+        _drive(machine, pilot, rate_hz or least_hz, options.log, record, console, robot, people)
     finally:
         with _ignore_interrupts():
             machine.close()
@@ -183,7 +212,33 @@ def _topics(options: DriveOptions, named: Mapping[str, str]) -> Topics:
         outcome=options.topics.outcome_topic,
         beside={name: topic for name, topic in named.items() if name != RGB},
         infos={name: topic for name, topic in infos.items() if name},
+        people=options.beside.people if options.beside.perception else "",
     )
+
+
+def _driver(options: DriveOptions, perception: Perception | None) -> Policy:
+    """The policy, or the planner in its place.
+
+    Raises:
+        ConfigError: If options are missing, or have no effect.
+        PolicyError: If the policy cannot be used.
+        SceneError: If there is no such scene.
+    """
+    beside = options.beside
+    if beside.driver == "policy":
+        if options.policy is None:
+            raise ConfigError("Name the policy: readygo drive POLICY, or --driver perceive-and-plan.")
+        if beside.scene or beside.start:
+            raise ConfigError("--scene and --start are for --driver perceive-and-plan.")
+        return _load_policy(options.policy, options.robot)
+    if options.policy is not None or options.robot is not None:
+        raise ConfigError("--driver perceive-and-plan drives the robot of its network: leave POLICY and --robot out.")
+    if perception is None or not beside.scene:
+        raise ConfigError("--driver perceive-and-plan needs --perception FOLDER and --scene SCENE.")
+    maps, _ = open_maps(beside.scene)
+    settings = RunConfig(robot=perception.spec.robot)
+    planner = RobotPlanner(maps, {}, settings.robot, settings.episode, settings.expert)
+    return PlanningPolicy(perception, planner, beside.start)
 
 
 def _load_policy(folder: Path, robot: Path | None) -> Policy:
@@ -209,12 +264,15 @@ def _drive(
     record: dict[str, Any],
     console: PlainConsole,
     learned: RobotConfig,
+    people: PeopleFinder | None,
 ) -> None:
     log = TrialLog(path) if path else None
     if log is not None:
         robot.listen = log.put
     try:
-        measures = run_trial(robot, pilot, rate_hz=rate_hz, say=lambda words: console.print(words, markup=False))
+        measures = run_trial(
+            robot, pilot, rate_hz=rate_hz, say=lambda words: console.print(words, markup=False), people=people
+        )
     except BusError:
         if log is not None:
             log.abandon()
@@ -295,12 +353,23 @@ def _pilot(
         raise ConfigError(f"--goal-image has {error}.") from error
 
 
-def _rectifier(trained: CameraConfig, own: CameraConfig, console: PlainConsole) -> Rectifier:
+def _people_finder(
+    perception: Perception, robot: Robot, calibration: Path | None, console: PlainConsole
+) -> PeopleFinder:
+    """Perception of people in the robot's first camera."""
+    trained = perception.spec.robot.camera
+    own = camera_from_file(trained, calibration) if calibration else _camera_of(trained, robot, "")
+    return PeopleFinder(perception, _rectifier(trained, own, console, whose="the perception's"))
+
+
+def _rectifier(
+    trained: CameraConfig, own: CameraConfig, console: PlainConsole, *, whose: str = "the policy's"
+) -> Rectifier:
     rectify = Rectifier(own, trained)
     if rectify.unseen > 0.005:
-        console.print(f"{100 * rectify.unseen:.1f} % of the policy's image is black: the robot's camera is narrower.")
+        console.print(f"{100 * rectify.unseen:.1f} % of {whose} image is black: the robot's camera is narrower.")
     for words in mount_differences(own, trained):
-        console.print(f"The camera is mounted elsewhere than the policy's: {words}.")
+        console.print(f"The camera is mounted elsewhere than {whose}: {words}.")
     return rectify
 
 

@@ -13,7 +13,7 @@ from tyro.conf import Positional
 
 from readygo.apps.commands.evaluate_logs import evaluate_logs
 from readygo.apps.commands.progress import SteadyProgress
-from readygo.apps.evaluation.replay import Replays
+from readygo.apps.evaluation.replay import PERCEIVING, Replays
 from readygo.apps.evaluation.watch import check_wanted, watched_method, write_films, write_pages
 from readygo.apps.fleet.evaluation import EvaluationFleet, by_fleet, fleet_spec, make_plan
 from readygo.apps.fleet.options import RouterOptions
@@ -24,6 +24,7 @@ from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import RunError
 from readygo.common.messages import Split
+from readygo.common.perception import Perception, load_perception
 from readygo.common.policy import Policy, load_policy, load_spec
 from readygo.common.robot import load_robot
 from readygo.runs.config import EvaluationKeys, RunConfig
@@ -38,7 +39,13 @@ from readygo.runs.evaluation import (
     summarize,
 )
 from readygo.runs.method_files import method_hashes
-from readygo.runs.methods import CHECKPOINTS, named_methods, needs_renderer, other_policies
+from readygo.runs.methods import (
+    CHECKPOINTS,
+    PERCEPTION,
+    named_methods,
+    needs_renderer,
+    other_policies,
+)
 from readygo.runs.options import WorldOptions
 from readygo.runs.origin import avatars_of_policy, check_unseen, unseen_avatars
 from readygo.runs.policy import policy_sha256
@@ -84,8 +91,8 @@ class TrialOptions:
     lockstep: int = 8
     """Episodes simulated in parallel."""
     checkpoints: Path = CHECKPOINTS
-    """Folder with gnm_large.pth, vint.pth, nomad.pth, the policies vid2sim, rl and others, or runs of
-    `readygo learn`, for the methods that need them."""
+    """Folder with gnm_large.pth, vint.pth, nomad.pth, the policies vid2sim, rl and others, the network perception, or
+    runs of `readygo learn`, for the methods that need them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,7 +184,10 @@ def evaluate(options: EvaluateOptions) -> None:
         if results is not None:
             results.finish(summary)
             sees = policy.spec.images if policy else ()
-            replays = Replays(world, results, reply.episodes, renderer, evaluator.simulation, sees=sees)
+            perception = _perception(options, world) if options.video else None
+            replays = Replays(
+                world, results, reply.episodes, renderer, evaluator.simulation, sees=sees, perception=perception
+            )
             write_films(replays, request, reply, options.video)
             title = f"{options.policy or watched_method(request.methods)} in {world.scene.name}"
             write_pages(replays, request, reply, title=title)
@@ -259,6 +269,13 @@ def _fleet(
         report=show,
         say=say,
     )
+
+
+def _perception(options: EvaluateOptions, world: World) -> Perception | None:
+    """The network whose answers the videos show; None unless it drives."""
+    if not set(PERCEIVING) & set(options.methods):
+        return None
+    return load_perception(options.trials.checkpoints / PERCEPTION, robot=world.config.robot)
 
 
 def _bodies(avatars: Path | None, policy: Policy | None, unseen: Sequence[str]) -> Path | None:

@@ -27,6 +27,7 @@ from readygo.common.robot import load_robot
 from readygo.common.scenes import Scene
 from readygo.runs.config import RunConfig, SimulationKeys, check_cameras
 from readygo.runs.evaluation import evaluation_config
+from readygo.runs.methods import CHECKPOINTS
 from readygo.runs.options import WorldOptions
 from readygo.runs.origin import avatars_of_policy
 from readygo.runs.scene_argument import open_maps
@@ -48,7 +49,7 @@ from readygo.services.renderer import Renderer
 if TYPE_CHECKING:
     from readygo.apps.pictures.plan_film import RobotView
 
-_WITH_RESULTS = ("scene", "from_", "task", "method", "picture", "video", "camera", "export", "json")
+_WITH_RESULTS = ("scene", "from_", "task", "method", "checkpoints", "picture", "video", "camera", "export", "json")
 """Fields that go with an episode of an evaluation."""
 
 
@@ -60,6 +61,9 @@ class PlanEpisodeOptions:
     """Task of the evaluation, with `from`."""
     method: str = ""
     """Driver, with `from`; the policy by default, else the expert."""
+    checkpoints: Path = CHECKPOINTS
+    """Folder with the network `perception`, whose answers are shown of episodes that perceive-and-plan or
+    perceive-and-act drove."""
     split: Literal["train", "val", "test"] = "train"
     """Split that the episode is drawn from."""
     static: bool = False
@@ -145,7 +149,11 @@ def plan(options: PlanOptions) -> None:
 def _replay_kept(options: PlanOptions, results: Path) -> None:
     """Show an episode of an evaluation."""
     _refuse_settings(options)
-    with kept_episode(results, options.scene, options.episode.task or "", options.episode.method) as (replays, record):
+    episode = options.episode
+    with kept_episode(results, options.scene, episode.task or "", episode.method, checkpoints=episode.checkpoints) as (
+        replays,
+        record,
+    ):
         run = replays.run(record)
         take = Take(scenario=run.scenario, run=run, rejected="", drive_ms=0.0)
         view = replays.view(run) if options.picture or options.video else None

@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol
 
 from readygo.apps.robot_logs.reader import NUMBER_MAX, LogCamera
 from readygo.common.arrays import AnyArray, UInt8Array
+from readygo.common.messages.live import LivePerson
 
 
 class Encoded(NamedTuple):
@@ -42,6 +43,12 @@ class OdometryMessage:
     yaw_rad: float
     v_mps: float
     w_radps: float
+    frame: str = "odom"
+    """Name of the frame of the pose."""
+
+    def at(self, stamp_ns: int) -> "OdometryMessage":
+        """The message with another time."""
+        return replace(self, stamp_ns=stamp_ns)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +65,17 @@ class GoalMessage:
 
     x_m: float
     y_m: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PeopleMessage:
+    """People around the robot; it is sent, not received."""
+
+    stamp_ns: int
+    """Capture time of the image that they were perceived in, by the robot's clock [ns]."""
+    people: tuple[LivePerson, ...]
+    frame: str = "odom"
+    """Name of the frame of their places: the odometry's."""
 
 
 STAMP_MAX_NS = 2**31 * 10**9
@@ -105,7 +123,8 @@ class Codec(Protocol):
 
         Args:
             type_name: One of `ros_codec`'s types.
-            value: A `Value`; for a picture its pixels, as returned by `ImageMessage.decode`, or its `Encoded` bytes.
+            value: A `Value`, or a `PeopleMessage`; for a picture its pixels, as returned by `ImageMessage.decode`, or
+                its `Encoded` bytes.
             stamp_ns: Time of the message [ns].
         """
         ...

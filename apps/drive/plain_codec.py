@@ -22,6 +22,7 @@ from readygo.apps.drive.ros_codec import (
     GOAL_TYPE,
     IMAGE_TYPE,
     OUTCOME_TYPE,
+    PEOPLE_TYPE,
     STAMPED_TWIST_TYPE,
     TWIST_TYPE,
 )
@@ -36,6 +37,7 @@ from readygo.apps.robot_logs.reader import INFO_TYPE, JPEG_QUALITY, ODOMETRY_TYP
 from readygo.common.arrays import AnyArray
 from readygo.common.images.encoded import decode_pixels
 from readygo.common.messages.codec import unpack
+from readygo.common.messages.live import LivePerson
 
 ITEMS_MAX = 100
 """Largest number of items of a list or map in a robot's message."""
@@ -79,16 +81,37 @@ def _fields(type_name: str, value: Any) -> dict[str, Any]:
         return {name: getattr(value, name) for name in names}
     if type_name == OUTCOME_TYPE:
         return {"outcome": value}
+    if type_name == PEOPLE_TYPE:
+        return {"frame": value.frame, "people": [_person(person) for person in value.people]}
     numbers: dict[str, tuple[str, ...]] = {
         ODOMETRY_TYPE: ("x_m", "y_m", "yaw_rad", "v_mps", "w_radps"),
         GOAL_TYPE: ("x_m", "y_m"),
         TWIST_TYPE: ("v_mps", "w_radps"),
         STAMPED_TWIST_TYPE: ("v_mps", "w_radps"),
     }
-    return {name: float(getattr(value, name)) for name in numbers[type_name]}
+    fields: dict[str, Any] = {name: float(getattr(value, name)) for name in numbers[type_name]}
+    return fields | {"frame": value.frame} if type_name == ODOMETRY_TYPE else fields
+
+
+def _person(person: LivePerson) -> dict[str, Any]:
+    """A human as plain values."""
+    (x_m, y_m), (vx_mps, vy_mps) = person.xy_m, person.v_mps
+    return {
+        "number": person.number,
+        "presence": person.presence,
+        "x_m": x_m,
+        "y_m": y_m,
+        "vx_mps": vx_mps,
+        "vy_mps": vy_mps,
+        "position_covariance": list(person.place_cov_m2),
+        "velocity_covariance": list(person.velocity_cov_m2ps2),
+        "age_s": person.age_s,
+    }
 
 
 def _value(type_name: str, fields: Mapping[str, Any]) -> Value:
+    if type_name == PEOPLE_TYPE:
+        raise ValueError("people are sent, not received")
     if type_name in (IMAGE_TYPE, COMPRESSED_TYPE):
         encoding, data, encoded = str(fields["encoding"]), fields["data"], None
         if not isinstance(data, bytes):
@@ -115,7 +138,11 @@ def _value(type_name: str, fields: Mapping[str, Any]) -> Value:
     if type_name in (TWIST_TYPE, STAMPED_TWIST_TYPE):
         return VelocityMessage(v_mps=float(fields["v_mps"]), w_radps=float(fields["w_radps"]))
     names = ("x_m", "y_m", "yaw_rad", "v_mps", "w_radps")
-    return OdometryMessage(stamp_ns=int(fields.get("stamp_ns", 0)), **{name: float(fields[name]) for name in names})
+    return OdometryMessage(
+        stamp_ns=int(fields.get("stamp_ns", 0)),
+        frame=str(fields.get("frame", "odom")),
+        **{name: float(fields[name]) for name in names},
+    )
 
 
 def _pixels(encoding: str, data: bytes, size_px: tuple[int, int]) -> AnyArray:

@@ -7,12 +7,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from readygo.apps.drive.messages import GoalMessage, ImageMessage, OdometryMessage, VelocityMessage
+from readygo.apps.drive.messages import GoalMessage, ImageMessage, OdometryMessage, PeopleMessage, VelocityMessage
 from readygo.apps.drive.ros_codec import (
     COMPRESSED_TYPE,
     GOAL_TYPE,
     IMAGE_TYPE,
     OUTCOME_TYPE,
+    PEOPLE_TYPE,
     STAMPED_TWIST_TYPE,
     TWIST_TYPE,
 )
@@ -50,6 +51,8 @@ class Topics:
     """Topics of the images besides the first camera's, by their names (`readygo.common.images.names`)."""
     infos: Mapping[str, str] = field(default_factory=dict)
     """CameraInfo topics of the cameras besides the first one, by name."""
+    people: str = ""
+    """Topic that people are published on."""
 
     def heard(self) -> list[tuple[str, tuple[str, ...]]]:
         """Topics to subscribe to, each with its possible types."""
@@ -100,6 +103,9 @@ class Robot:
             number = len(topics.heard()) + 1
             types = (TWIST_TYPE, STAMPED_TWIST_TYPE)
             self._commands = _Commands(TopicPublisher(session, wire, topics.command, types, number))
+        self._people: TopicPublisher | None = None
+        if topics.people:
+            self._people = TopicPublisher(session, wire, topics.people, (PEOPLE_TYPE,), len(topics.heard()) + 2)
 
     def check_topics(self) -> str:
         """Empty if the robot's base subscribes to commands; else an error text with the topics that exist."""
@@ -141,6 +147,12 @@ class Robot:
         if self._commands is not None:
             self._commands.send(command)
         self.listen(self._topics.command, TWIST_TYPE, command, time.time_ns())
+
+    def tell(self, people: PeopleMessage) -> None:
+        """Publish people, also in a dry run; `listen` gets them as well."""
+        if self._people is not None:
+            self._people.put(self._people.write(people, people.stamp_ns))
+            self.listen(self._topics.people, PEOPLE_TYPE, people, time.time_ns())
 
     def close(self) -> None:
         """Stop the robot, and close the session."""

@@ -12,6 +12,7 @@ from readygo.apps.drive.messages import (
     GoalMessage,
     ImageMessage,
     OdometryMessage,
+    PeopleMessage,
     Value,
     VelocityMessage,
     check_numbers,
@@ -28,10 +29,27 @@ from readygo.common.arrays import AnyArray
 from readygo.common.errors import ConfigError
 from readygo.common.extras import install_command
 from readygo.common.images.encoded import decode_pixels
+from readygo.common.messages.live import LivePerson
 
 IMAGE_TYPE, COMPRESSED_TYPE = IMAGE_TYPES
 TWIST_TYPE, STAMPED_TWIST_TYPE = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 GOAL_TYPE, OUTCOME_TYPE = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/String"
+PEOPLE_TYPE = "people_msgs/msg/People"
+_DEFINITIONS = {
+    "people_msgs/msg/Person": """string name
+geometry_msgs/Point position
+geometry_msgs/Point velocity
+float64 reliability
+string[] tagnames
+string[] tags
+""",
+    PEOPLE_TYPE: """std_msgs/Header header
+people_msgs/Person[] people
+""",
+}
+"""Types that are not among ROS's own. Source: github.com/wg-perception/people, people_msgs/msg."""
+PERSON_TAGS = ("position_covariance", "velocity_covariance", "age")
+"""Tags of a person: covariances xx, xy, yy in m2 and m2/s2, and time since the latest detection in s."""
 
 
 class RosCodec:
@@ -44,10 +62,12 @@ class RosCodec:
             ConfigError: If rosbags is not installed.
         """
         try:
-            from rosbags.typesys import Stores, get_typestore
+            from rosbags.typesys import Stores, get_types_from_msg, get_typestore
         except ImportError as error:
             raise ConfigError(f"ROS messages need rosbags: {install_command('robot-logs')}") from error
         self._store: Any = get_typestore(Stores.ROS2_HUMBLE)
+        for name, text in _DEFINITIONS.items():
+            self._store.register(get_types_from_msg(text, name))
         self._types: Any = self._store.types
         self._writers: dict[str, Any] = {
             IMAGE_TYPE: self._image,
@@ -58,6 +78,7 @@ class RosCodec:
             STAMPED_TWIST_TYPE: self._stamped_twist,
             GOAL_TYPE: self._goal,
             OUTCOME_TYPE: lambda outcome, _: self._types[OUTCOME_TYPE](data=outcome),
+            PEOPLE_TYPE: self._people,
         }
 
     def type_hash(self, type_name: str) -> str:
@@ -70,7 +91,7 @@ class RosCodec:
 
     def read(self, type_name: str, payload: bytes) -> Value:
         """Decode a message; raises ValueError if it is invalid."""
-        if type_name not in self._writers:
+        if type_name not in self._writers or type_name == PEOPLE_TYPE:
             raise ValueError(f"messages of type {type_name} are not known")
         try:
             message = self._store.deserialize_cdr(payload, type_name)
@@ -123,7 +144,7 @@ class RosCodec:
     def _odometry(self, odometry: OdometryMessage, stamp_ns: int) -> Any:
         pose = self._pose(odometry.x_m, odometry.y_m, odometry.yaw_rad)
         return self._types[ODOMETRY_TYPE](
-            header=self._header(stamp_ns, "odom"),
+            header=self._header(stamp_ns, odometry.frame),
             child_frame_id="base_link",
             pose=self._types["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=np.zeros(36)),
             twist=self._types["geometry_msgs/msg/TwistWithCovariance"](
@@ -134,6 +155,23 @@ class RosCodec:
     def _goal(self, goal: GoalMessage, stamp_ns: int) -> Any:
         pose = self._pose(goal.x_m, goal.y_m, 0.0)
         return self._types[GOAL_TYPE](header=self._header(stamp_ns, "odom"), pose=pose)
+
+    def _people(self, message: PeopleMessage, stamp_ns: int) -> Any:
+        people = [self._person(person) for person in message.people]
+        return self._types[PEOPLE_TYPE](header=self._header(stamp_ns, message.frame), people=people)
+
+    def _person(self, person: LivePerson) -> Any:
+        point = self._types["geometry_msgs/msg/Point"]
+        covariances = (person.place_cov_m2, person.velocity_cov_m2ps2)
+        tags = [" ".join(f"{value:.4g}" for value in values) for values in (*covariances, (person.age_s,))]
+        return self._types["people_msgs/msg/Person"](
+            name=str(person.number),
+            position=point(x=person.xy_m[0], y=person.xy_m[1], z=0.0),
+            velocity=point(x=person.v_mps[0], y=person.v_mps[1], z=0.0),
+            reliability=person.presence,
+            tagnames=list(PERSON_TAGS),
+            tags=tags,
+        )
 
     def _camera_info(self, camera: LogCamera, stamp_ns: int) -> Any:
         K = np.array(camera.K_px, np.float64)
@@ -188,6 +226,7 @@ def _odometry_of(message: Any, stamp_ns: int) -> OdometryMessage:
         yaw_rad=yaw_of(turn),
         v_mps=message.twist.twist.linear.x,
         w_radps=message.twist.twist.angular.z,
+        frame=message.header.frame_id or "odom",
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from readygo.apps.drive.messages import VelocityMessage
+from readygo.apps.drive.people import PeopleFinder
 from readygo.apps.drive.pilot import Pilot, TrialEnding
 from readygo.apps.drive.robot import Robot
 from readygo.common.errors import BusError
@@ -55,7 +56,7 @@ class Measures:
         }
 
 
-def run_trial(robot: Robot, pilot: Pilot, *, rate_hz: float, say: Say) -> Measures:
+def run_trial(robot: Robot, pilot: Pilot, *, rate_hz: float, say: Say, people: PeopleFinder | None = None) -> Measures:
     """Drive until the trial ends, then stop the robot, also after an error.
 
     Each decision of the policy is sent immediately, and the current command at least `rate_hz` times a second.
@@ -65,6 +66,7 @@ def run_trial(robot: Robot, pilot: Pilot, *, rate_hz: float, say: Say) -> Measur
         pilot: Pilot that drives.
         rate_hz: Lowest rate of commands [Hz].
         say: Called with a line of text when the robot waits, and when it drives again.
+        people: Perceives people in the same images; they are published after the command is sent.
 
     Raises:
         BusError: If the robot does not send the required messages.
@@ -74,7 +76,7 @@ def run_trial(robot: Robot, pilot: Pilot, *, rate_hz: float, say: Say) -> Measur
     told: str | None = None
     try:
         while pilot.ending is None:
-            _step(robot, pilot, measures, next_s)
+            _step(robot, pilot, measures, next_s, people)
             now_s = time.monotonic()
             if now_s >= next_s:
                 next_s = max(next_s + period_s, now_s)
@@ -95,12 +97,14 @@ def run_trial(robot: Robot, pilot: Pilot, *, rate_hz: float, say: Say) -> Measur
     return measures
 
 
-def _step(robot: Robot, pilot: Pilot, measures: Measures, until_s: float) -> None:
-    """Wait for an image or until a time, then send a command."""
+def _step(robot: Robot, pilot: Pilot, measures: Measures, until_s: float, people: PeopleFinder | None = None) -> None:
+    """Wait for an image or until a time, then send a command, and publish the people in the image."""
     newest = robot.next_picture(until_s)
     begin_ns = time.monotonic_ns()
     for odometry, arrived_ns in robot.odometry():
         pilot.hear(odometry, arrived_ns)
+        if people is not None:
+            people.hear(odometry, arrived_ns)
     seen = pilot.seen
     for name, picture, arrived_ns in robot.beside():
         pilot.look(picture, arrived_ns, name)
@@ -115,11 +119,12 @@ def _step(robot: Robot, pilot: Pilot, measures: Measures, until_s: float) -> Non
     if robot.outcome in OUTCOMES:
         pilot.end(OUTCOMES[robot.outcome])
     robot.send(pilot.command(time.monotonic_ns()))
-    if pilot.started_ns is None:
-        return
-    measures.sent += 1
-    if saw:
-        measures.latencies_ms.append((time.monotonic_ns() - pilot.seen_arrived_ns) / 1e6)
+    if pilot.started_ns is not None:
+        measures.sent += 1
+        if saw:
+            measures.latencies_ms.append((time.monotonic_ns() - pilot.seen_arrived_ns) / 1e6)
+    if people is not None and newest is not None and (found := people.look(*newest)) is not None:
+        robot.tell(found)
 
 
 def _not_there(robot: Robot, pilot: Pilot) -> str:

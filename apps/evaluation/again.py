@@ -5,12 +5,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from readygo.apps.evaluation.replay import Replays
+from readygo.apps.evaluation.replay import PERCEIVING, Replays
 from readygo.common.errors import MessageError, RunError
 from readygo.common.files import write_whole
 from readygo.common.messages import RunSpec, decode, encode
+from readygo.common.perception import load_perception
 from readygo.runs.evaluation import make_evaluator
 from readygo.runs.identity import identity
+from readygo.runs.methods import CHECKPOINTS, PERCEPTION
 from readygo.runs.world import World
 from readygo.services.evaluator import EXPERT, POLICY, EpisodeRecord, Results, as_task, read_results
 
@@ -36,7 +38,7 @@ def plan_command(folder: Path, record: EpisodeRecord) -> str:
 
 @contextmanager
 def kept_episode(
-    folder: Path, episode: str, task: str = "", method: str = ""
+    folder: Path, episode: str, task: str = "", method: str = "", *, checkpoints: Path = CHECKPOINTS
 ) -> Iterator[tuple[Replays, EpisodeRecord]]:
     """Open an episode of a finished evaluation, for a replay.
 
@@ -45,6 +47,7 @@ def kept_episode(
         episode: Name of the episode, such as test-0-000003.
         task: Task of the episode; may be empty if the evaluation has only one.
         method: Driver of the episode; if empty, the policy, else the expert, else the only one.
+        checkpoints: Folder that may hold the network of the methods that perceive.
 
     Raises:
         RunError: If the folder has no such episode, or scene or avatars have changed since the evaluation.
@@ -58,7 +61,17 @@ def kept_episode(
         if dynamic is None:
             raise RunError(f"{episode} has no scenario here ({reason}): this version or machine plans differently.")
         driven = as_task(dynamic, record.task)
-        replays = Replays(world, results, [driven], None, evaluator.simulation, sees=results.sees())
+        network = checkpoints / PERCEPTION
+        shows = record.method in PERCEIVING and network.is_dir()
+        replays = Replays(
+            world,
+            results,
+            [driven],
+            None,
+            evaluator.simulation,
+            sees=results.sees(),
+            perception=load_perception(network, robot=world.config.robot) if shows else None,
+        )
         if not replays.load([record]):
             raise RunError(f"{folder} does not keep what {episode} was driven with.")
         yield replays, record

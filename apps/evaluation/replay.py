@@ -16,11 +16,22 @@ from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import Command, DriverFailure, run_episode
 from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeKey, EpisodeMotions, Outcome, RobotTrajectory
+from readygo.common.perception import Perception
+from readygo.runs.methods import PERCEIVE_AND_ACT, PERCEIVE_AND_PLAN
 from readygo.runs.world import World
 from readygo.services.evaluator import EXPERT, EpisodeRecord, MatchedEpisode, RecordKey, Results, Simulate, Task
-from readygo.services.planner import DrivenRun, draw_ways, episode_view, run_beside_expert, run_with_journal
+from readygo.services.planner import (
+    DrivenRun,
+    EpisodePerception,
+    draw_ways,
+    episode_view,
+    run_beside_expert,
+    run_with_journal,
+)
 from readygo.services.renderer import Renderer
 
+PERCEIVING = (PERCEIVE_AND_PLAN, PERCEIVE_AND_ACT)
+"""Methods whose network looks at the replayed images again."""
 MAP_PX = (460, 330)
 """Largest width and height of an episode's map on a page."""
 STRIP_PX = 480
@@ -65,6 +76,7 @@ class Replays:
         simulate: Simulate,
         *,
         sees: Sequence[str] = (),
+        perception: Perception | None = None,
     ) -> None:
         """Prepare replays.
 
@@ -75,12 +87,14 @@ class Replays:
             renderer: Renderer of the world; if None, one is made when it is needed.
             simulate: Starts an episode, as in the evaluation.
             sees: Images that the policy uses; they are shown beside the recorded ones.
+            perception: Network of the methods `PERCEIVING`.
         """
         self.world, self.folder, self._results = world, results.folder, results
         self._episodes: Mapping[tuple[Task, EpisodeKey], MatchedEpisode] = {
             (episode.task, episode.scenario.episode): episode for episode in episodes
         }
         self._made_renderer, self._simulate, self._sees = renderer, simulate, sees
+        self._perception = perception
         self._walked: dict[RecordKey, EpisodeMotions] = {}
         """Motions of reactive humans in replayed episodes."""
         self._actions: dict[RecordKey, Float64Array] = {}
@@ -157,8 +171,15 @@ class Replays:
         return run
 
     def view(self, run: DrivenRun) -> RobotView:
-        """The view of the robot's cameras in an episode."""
-        return RobotView(self._renderer, run.scenario, run.motions, run.trajectory, sees=self._sees)
+        """The view of the robot's cameras in an episode, with what its driver perceived."""
+        perception = None
+        if self._perception is not None and run.driver in PERCEIVING:
+            planner = self.world.robot_planner.of(run.scenario.episode)
+            _, people = planner.tracked_expert(run.scenario)
+            perception = EpisodePerception(self._perception, people, planner.robot)
+        return RobotView(
+            self._renderer, run.scenario, run.motions, run.trajectory, sees=self._sees, perception=perception
+        )
 
     @cached_property
     def _renderer(self) -> Renderer:

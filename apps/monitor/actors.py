@@ -8,11 +8,14 @@ import numpy as np
 
 from readygo.apps.monitor import shapes
 from readygo.apps.monitor.shapes import ViewerMesh
-from readygo.common.arrays import Float64Array, UInt8Array
+from readygo.apps.monitor.track import on_floor
+from readygo.apps.pictures.perceived import FREE, PERCEIVED
+from readygo.common.arrays import Float32Array, Float64Array, UInt8Array
 from readygo.common.camera.config import CameraConfig
 from readygo.common.drawing.plan_view import GOAL, HUMANS
 from readygo.common.frames import quat_from_matrix
-from readygo.common.messages.live import LiveState
+from readygo.common.messages.live import LivePerception, LiveState
+from readygo.common.perception.live import covariance_ellipse, free_points, place_ahead
 from readygo.common.robot import RobotConfig
 
 Rgb = tuple[int, int, int]
@@ -48,6 +51,7 @@ class Actor:
         self._fov_rad = 0.0
         self._trail: list[tuple[float, float, float]] = []
         self._planned: object = None
+        self._perceived: LivePerception | None = None
         self.eyes = False
         """True hides the robot's body: the viewer looks through its camera."""
 
@@ -90,6 +94,20 @@ class Actor:
             self._line(f"way{number}", shown, HUMANS[number % len(HUMANS)], 0.022, 0.8)
         self._mark(replans)
 
+    def perceive(self, perception: LivePerception | None) -> None:
+        """Draw what the driver perceives: tracks with velocities and covariances, and the free space; None for none."""
+        if perception is self._perceived:
+            return
+        self._perceived = perception
+        if perception is None:
+            for name in ("tracks", "free"):
+                self._drop(name)
+            return
+        floor_m = perception.robot_xyzyaw[2]
+        self._segments("tracks", track_segments(perception), PERCEIVED, 0.03)
+        free = on_floor(free_points(perception, self._robot.camera).astype(np.float32), floor_m)
+        self._segments("free", shapes.segments(free, LIFT_M), FREE, 0.02)
+
     def picture(self, camera: str, rgb: UInt8Array | None) -> None:
         """Show the newest image in front of a camera; the first one is called ""."""
         if f"view{camera}" in self._nodes and rgb is not None:
@@ -105,7 +123,7 @@ class Actor:
                 self._drop(name)
         while self._humans:
             self._humans.pop().remove()
-        self._fov_rad, self._planned = 0.0, None
+        self._fov_rad, self._planned, self._perceived = 0.0, None, None
         self._trail.clear()
 
     def _node(self, name: str, make: Callable[[], Any]) -> Any:
@@ -217,6 +235,17 @@ class Actor:
         shade = tuple(round(strength * value) for value in colour)
         self._nodes[name] = self._scene.add_line_segments(f"{self._name}/{name}", points, shade, thickness=thickness_m)
 
+    def _segments(self, name: str, points: Float32Array, colour: Rgb, thickness_m: float) -> None:
+        """Draw separate lines, shape (N, 2, 3)."""
+        if not len(points):
+            self._drop(name)
+        elif name in self._nodes:
+            self._nodes[name].points = points
+        else:
+            self._nodes[name] = self._scene.add_line_segments(
+                f"{self._name}/{name}", points, colour, thickness=thickness_m
+            )
+
     def _mark(self, places: Float64Array) -> None:
         self._drop("replans")
         if len(places):
@@ -230,6 +259,16 @@ def eye_of(camera: CameraConfig, state: LiveState) -> Float64Array:
     """Pose of the robot's camera, T_world_camera, shape (4, 4)."""
     x, y, z, yaw = state.robot_xyzyaw
     return camera.T_world_camera(x, y, yaw, z)
+
+
+def track_segments(perception: LivePerception) -> Float32Array:
+    """Covariance ellipses and arrows of velocities of tracks, on the floor [m], shape (N, 2, 3)."""
+    height_m = perception.robot_xyzyaw[2]
+    parts = [np.zeros((0, 2, 3), np.float32)]
+    for person in perception.tracks:
+        parts.append(shapes.segments(on_floor(covariance_ellipse(person).astype(np.float32), height_m), LIFT_M))
+        parts.append(shapes.arrow_segments(person.xy_m, place_ahead(person), height_m + LIFT_M))
+    return np.concatenate(parts)
 
 
 def _yaw_wxyz(yaw_rad: float) -> tuple[float, float, float, float]:

@@ -16,7 +16,7 @@ from readygo.apps.monitor.track import EpisodeTrack, Pictures, on_floor
 from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.errors import ReadygoError
 from readygo.common.messages import EpisodeKey
-from readygo.common.messages.live import LiveState
+from readygo.common.messages.live import LivePerception, LiveState
 from readygo.common.robot.kinematics import DT_S
 
 POLL_S = 0.1
@@ -38,6 +38,8 @@ class LiveMoment:
     image_format: str = "jpeg"
     way: Float64Array = dataclasses.field(default_factory=lambda: np.zeros((0, 4)))
     """The known path of the robot: x, y, z [m], yaw [rad], shape (N, 4)."""
+    perception: LivePerception | None = None
+    """What its driver perceives; None if it does not perceive."""
 
 
 class Sink(Protocol):
@@ -110,7 +112,13 @@ class Feed:
                     told_ns, quiet_s = (newest.time_ns, preview[0]), 0.0
                     plan, z_m = episode.plan, newest.robot_xyzyaw[2]
                     way = _poses(plan.robot_xyyaw, z_m) if plan else np.array([newest.robot_xyzyaw])
-                    yield LiveMoment(state=newest, images=images, image_format=episode.image_format, way=way)
+                    yield LiveMoment(
+                        state=newest,
+                        images=images,
+                        image_format=episode.image_format,
+                        way=way,
+                        perception=episode.perception,
+                    )
             self._stop.wait(POLL_S)
             quiet_s += POLL_S
 

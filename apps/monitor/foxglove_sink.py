@@ -3,15 +3,31 @@
 The only place that imports the foxglove SDK.
 """
 
+import math
 from typing import Any
 
 import numpy as np
+from foxglove_schemas_protobuf.ArrowPrimitive_pb2 import ArrowPrimitive
+from foxglove_schemas_protobuf.Color_pb2 import Color
+from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
+from foxglove_schemas_protobuf.Point3_pb2 import Point3
+from foxglove_schemas_protobuf.Pose_pb2 import Pose
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from foxglove_schemas_protobuf.TextPrimitive_pb2 import TextPrimitive
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+from google.protobuf.duration_pb2 import Duration
 
 from readygo.apps.monitor.feed import LiveMoment
+from readygo.apps.monitor.shapes import ARROW_MIN_M
 from readygo.apps.monitor.track import Pictures
-from readygo.common.camera import SensorConfig
+from readygo.apps.pictures.perceived import FREE, PERCEIVED
+from readygo.common.arrays import Float64Array
+from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.dataset import columns, markers, packed, schemas
 from readygo.common.dataset.canonical import HALF_PX, with_pixels_moved
+from readygo.common.dataset.markers import BODY_HEIGHT_M
 from readygo.common.dataset.scene_map import MapMessages
 from readygo.common.dataset.schemas import Channel
 from readygo.common.episode.robot import robot_of_episode
@@ -19,12 +35,17 @@ from readygo.common.errors import RunError
 from readygo.common.extras import install_command
 from readygo.common.frames import goal_in_robot_frame
 from readygo.common.images.names import RGB, camera_of
-from readygo.common.messages.live import LiveState
+from readygo.common.messages.live import LivePerception, LivePerson, LiveState
 from readygo.common.messages.samples import EpisodeHeader, FurtherCamera, Sample
+from readygo.common.perception.live import AHEAD_S, covariance_ellipse, free_points
 from readygo.common.robot import RobotConfig
 from readygo.services.renderer import calibrations
 
 NO_SENSOR = SensorConfig()
+LIFT_M = 0.05
+"""Height of what is perceived above the floor [m]."""
+LIFETIME_NS = 600_000_000
+"""Time after which viewers drop what is no longer perceived [ns]."""
 MAP_EVERY = 5
 """Number of repetitions of the other constant content per repetition of the map, which is large."""
 
@@ -101,6 +122,9 @@ class FoxgloveSink:
         messages.append(markers.bodies(*packed.people([state.humans_xyzyaw])))
         for each in messages:
             self._log(each.channel, b"".join(columns.bytes_of(each.at(stamps))), stamp_ns)
+        if moment.perception is not None:
+            shown = perception_scene(moment.perception, self._robot.camera, schemas.timestamp(stamp_ns))
+            self._log(schemas.PERCEPTION, schemas.serialize(shown), stamp_ns)
 
     def close(self) -> None:
         """Stop the server."""
@@ -114,6 +138,70 @@ class FoxgloveSink:
                 channel.topic, schema=schema, message_encoding="protobuf", context=self.context
             )
         self._channels[channel.number].log(payload, log_time=stamp_ns)
+
+
+def perception_scene(perception: LivePerception, camera: CameraConfig, stamp: Any) -> Any:
+    """The message on /perception: tracks with covariances, velocities and probabilities, and the free space.
+
+    Args:
+        perception: What a driver perceives.
+        camera: The robot's camera.
+        stamp: Time of the message, a protobuf Timestamp.
+    """
+    height_m = perception.robot_xyzyaw[2] + LIFT_M
+    entities = [
+        _entity(f"track {person.number}", stamp, **_track_shapes(person, height_m)) for person in perception.tracks
+    ]
+    free = _line(free_points(perception, camera), height_m, FREE)
+    return SceneUpdate(entities=[*entities, _entity("free space", stamp, lines=[free])])
+
+
+def _track_shapes(person: LivePerson, height_m: float) -> dict[str, Any]:
+    """Shapes of a track by the fields of SceneEntity."""
+    (x_m, y_m), (vx, vy) = person.xy_m, person.v_mps
+    speed_mps, place = math.hypot(vx, vy), Vector3(x=x_m, y=y_m, z=height_m)
+    text = f"{100 * person.presence:.0f} %, {speed_mps:.1f} m/s"
+    shapes = {
+        "lines": [_line(covariance_ellipse(person), height_m, PERCEIVED)],
+        "texts": [
+            TextPrimitive(
+                pose=Pose(position=Vector3(x=x_m, y=y_m, z=height_m + BODY_HEIGHT_M), orientation=Quaternion(w=1.0)),
+                billboard=True,
+                font_size=0.25,
+                color=_color(PERCEIVED),
+                text=text,
+            )
+        ],
+    }
+    if speed_mps * AHEAD_S < ARROW_MIN_M:
+        return shapes
+    half_rad = math.atan2(vy, vx) / 2
+    head_m = min(0.2, 0.5 * AHEAD_S * speed_mps)
+    arrow = ArrowPrimitive(
+        pose=Pose(position=place, orientation=Quaternion(z=math.sin(half_rad), w=math.cos(half_rad))),
+        shaft_length=AHEAD_S * speed_mps - head_m,
+        shaft_diameter=0.06,
+        head_length=head_m,
+        head_diameter=0.14,
+        color=_color(PERCEIVED),
+    )
+    return {**shapes, "arrows": [arrow]}
+
+
+def _entity(name: str, stamp: Any, **shapes: Any) -> Any:
+    lifetime = Duration(nanos=LIFETIME_NS)
+    return SceneEntity(timestamp=stamp, frame_id=schemas.WORLD_FRAME, id=name, lifetime=lifetime, **shapes)
+
+
+def _line(xy_m: Float64Array, height_m: float, rgb: tuple[int, int, int]) -> Any:
+    points = [Point3(x=x, y=y, z=height_m) for x, y in xy_m.tolist()]
+    pose = Pose(orientation=Quaternion(w=1.0))
+    return LinePrimitive(type=LinePrimitive.LINE_STRIP, pose=pose, thickness=0.03, points=points, color=_color(rgb))
+
+
+def _color(rgb: tuple[int, int, int]) -> Any:
+    red, green, blue = (value / 255 for value in rgb)
+    return Color(r=red, g=green, b=blue, a=1.0)
 
 
 def _header(moment: LiveMoment, cameras: tuple[FurtherCamera, ...]) -> EpisodeHeader:

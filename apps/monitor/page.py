@@ -58,6 +58,8 @@ class Page:
         self._house: DollsHouse | None = None
         self._splats: dict[str, Any] = {}
         self._pictured: dict[str, Pictures] = {}
+        self._marks: dict[str, tuple[Pictures, Pictures]] = {}
+        """The newest images of each worker, and the same with what its driver perceived."""
         self._count, self._begun = 0, False
         with client.atomic():
             self._build()
@@ -124,6 +126,7 @@ class Page:
             self._splats.popitem()[1].remove()
         self._track, self._keys, self._followed, self._begun = None, {}, "", False
         self._pictured.clear()
+        self._marks.clear()
 
     def _add_splats(self, name: str, splats: Splats) -> Any:
         return self._client.scene.add_gaussian_splats(
@@ -229,8 +232,9 @@ class Page:
             actor = self._actor(worker, number)
             self._draw_plan(actor, episode, state)
             actor.show(state, f"{worker} · #{state.episode.index}")
+            actor.perceive(episode.perception)
             if episode.previews:
-                self._hang(actor, worker, episode.previews[-1][1])
+                self._hang(actor, worker, self._marked(episode))
         return {worker: state for worker, (_, state) in shown.items()}
 
     def _actor(self, name: str, number: int) -> Actor:
@@ -254,6 +258,15 @@ class Page:
             for image_name, image in images.items():
                 if kind_of(image_name) == RGB:
                     actor.picture(camera_of(image_name), decode_image(image))
+
+    def _marked(self, episode: Moving) -> Pictures:
+        """The newest images, with what the driver perceived in them."""
+        (time_ns, images), perception = episode.previews[-1], episode.perception
+        if perception is None or perception.time_ns != time_ns:
+            return images
+        if self._marks.get(episode.worker, (None, images))[0] is not images:
+            self._marks[episode.worker] = images, panels.mark_people(images, perception, self._subject.robot)
+        return self._marks[episode.worker][1]
 
     def _aim_camera(self, states: dict[str, LiveState], now_s: float) -> None:
         """Move a follow camera; it stays with one robot while messages about that robot arrive."""

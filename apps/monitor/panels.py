@@ -10,15 +10,18 @@ import numpy as np
 
 from readygo.apps.monitor.track import EpisodeTrack, Pictures, pictures_of, time_text
 from readygo.apps.monitor.watch import RATE_WINDOW_S, RunWatch, Seen
+from readygo.apps.pictures.episode_film import enlarge
+from readygo.apps.pictures.perceived import draw_on_image
 from readygo.apps.pictures.shades import shade_depth
 from readygo.apps.pictures.side_by_side import caption_of, shown_images
 from readygo.apps.report.page import draw
 from readygo.common.drawing.charts import Curve, line_chart, number_text
 from readygo.common.drawing.files import jpeg_bytes
+from readygo.common.images.encoded import decode_image
 from readygo.common.images.files import decode_output
 from readygo.common.images.names import RGB, kind_of
 from readygo.common.messages import Outcome, RunSpec, StatusReply
-from readygo.common.messages.live import LiveState
+from readygo.common.messages.live import LivePerception, LiveState
 from readygo.common.robot import RobotConfig
 
 BAR_COLOURS = ("#29a1ff", "#ffae34", "#78dc78", "#d678ff", "#ff6b6b", "#8fa3b8")
@@ -28,6 +31,8 @@ OUTCOME_COLOURS = {
     Outcome.HUMAN_COLLISION: "#e5484d",
     Outcome.TIMEOUT: "#f5a623",
 }
+MARKED_HEIGHT_PX = 288
+"""Approximate height of images with marks [px]: they are enlarged by an integer factor."""
 ROWS_MAX = 8
 """Largest number of bars below one heading."""
 Segments = Sequence[tuple[float, str]]
@@ -108,6 +113,16 @@ def moment(state: LiveState, track: EpisodeTrack | None, worker: str = "") -> st
 def pictures(images: Pictures, kind: str, robot: RobotConfig) -> str:
     """Images of all cameras at one time, over the whole width."""
     return html(_draw_panel("images", _image_rows(images, kind, robot))) if images else ""
+
+
+def mark_people(images: Pictures, perception: LivePerception, robot: RobotConfig) -> Pictures:
+    """Images of one time, the first camera's with what was perceived in it; unchanged if it cannot be decoded."""
+    pixels = decode_image(images[RGB])
+    if pixels is None:
+        return images
+    picture = enlarge(pixels, MARKED_HEIGHT_PX)
+    draw_on_image(picture, perception, robot.camera)
+    return {**images, RGB: jpeg_bytes(picture)}
 
 
 def cameras(workers: Iterable[Seen], robot: RobotConfig) -> str:

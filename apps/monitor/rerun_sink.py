@@ -7,6 +7,8 @@ import numpy as np
 
 from readygo.apps.monitor.feed import LiveMoment
 from readygo.apps.monitor.splats import DollsHouse
+from readygo.apps.pictures.perceived import FREE, HUMAN_HALF_WIDTH_M, HUMAN_HEIGHT_M, PERCEIVED
+from readygo.common.arrays import Float64Array
 from readygo.common.dataset.markers import BODY_HEIGHT_M, BODY_RADIUS_M
 from readygo.common.dataset.schemas import camera_frame
 from readygo.common.drawing.plan_view import GOAL, HUMANS, ROBOT
@@ -14,11 +16,15 @@ from readygo.common.errors import RunError
 from readygo.common.extras import install_command
 from readygo.common.frames import quat_from_matrix
 from readygo.common.images.names import RGB, camera_of, kind_of
+from readygo.common.messages.live import LivePerception
+from readygo.common.perception.live import AHEAD_S, covariance_ellipse, free_points
 from readygo.common.robot import RobotConfig
 
 SPAWN = "spawn"
 """Value of `where` that starts a viewer on this machine."""
 POINT_M = 0.015
+LIFT_M = 0.05
+"""Height of what is perceived above the floor [m]."""
 
 
 class RerunSink:
@@ -88,10 +94,39 @@ class RerunSink:
                 stream.log(entity, shown)
             else:
                 stream.log(f"{entity}/{kind_of(name)}", rr.EncodedDepthImage(blob=image, meter=1e-3))
+        self._show_perception(moment.perception)
         numbers = {"speed_mps": state.v_mps, "turn_radps": state.w_radps, "human_distance_m": state.human_distance_m}
         for name, value in numbers.items():
             if math.isfinite(value):
                 stream.log(f"numbers/{name}", rr.Scalars(value))
+
+    def _show_perception(self, perception: LivePerception | None) -> None:
+        """Tracks with covariances and velocities, boxes of the humans in the image, and the free space."""
+        if perception is None:
+            return
+        rr, height_m = self._rr, perception.robot_xyzyaw[2] + LIFT_M
+        half = (HUMAN_HALF_WIDTH_M, HUMAN_HALF_WIDTH_M, HUMAN_HEIGHT_M / 2)
+        boxes = rr.Boxes3D(
+            centers=[(*human.xy_m, perception.robot_xyzyaw[2] + HUMAN_HEIGHT_M / 2) for human in perception.detections],
+            half_sizes=[half] * len(perception.detections),
+            labels=[f"{100 * human.presence:.0f} %" for human in perception.detections],
+            colors=[PERCEIVED],
+        )
+        tracks = perception.tracks
+        arrows = rr.Arrows3D(
+            origins=[(*track.xy_m, height_m) for track in tracks],
+            vectors=[(AHEAD_S * track.v_mps[0], AHEAD_S * track.v_mps[1], 0.0) for track in tracks],
+            colors=[PERCEIVED],
+        )
+        outlines = [raise_points(covariance_ellipse(track), height_m) for track in tracks]
+        free = raise_points(free_points(perception, self._robot.camera), height_m)
+        for name, shape in {
+            "humans": boxes,
+            "velocities": arrows,
+            "tracks": rr.LineStrips3D(outlines, colors=[PERCEIVED], radii=0.015),
+            "free": rr.LineStrips3D([free], colors=[FREE], radii=0.01),
+        }.items():
+            self._stream.log(f"world/perceived/{name}", shape)
 
     def close(self) -> None:
         """Close the recording."""
@@ -112,6 +147,11 @@ class RerunSink:
             lens = rr.Pinhole(image_from_camera=camera.K_px, resolution=[camera.width_px, camera.height_px])
             self._stream.log(_entity(name), place, static=True)
             self._stream.log(_entity(name), lens, static=True)
+
+
+def raise_points(xy_m: Float64Array, height_m: float) -> Float64Array:
+    """Points at a height [m], shape (N, 2) -> (N, 3)."""
+    return np.column_stack([xy_m, np.full(len(xy_m), height_m)])
 
 
 def _entity(camera: str) -> str:

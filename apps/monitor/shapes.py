@@ -10,6 +10,8 @@ from readygo.common.arrays import Float32Array, Float64Array, UInt32Array
 SIDES = 28
 APART_M = 0.04
 """Smallest distance between points of a line [m]."""
+ARROW_MIN_M, ARROW_HEAD_M = 0.15, 0.14
+"""Length of the shortest arrow, and of arrow heads [m]."""
 _TRUNK = (
     (0.0, 0.82),
     (0.13, 0.84),
@@ -149,6 +151,20 @@ def segments(points_m: Float64Array, lift_m: float = 0.0) -> Float32Array:
     """A path of N points as segments of at least `APART_M`, lifted off the floor [m], shape (S, 2, 3) with S < N."""
     raised = _apart(points_m) + np.array([0.0, 0.0, lift_m])
     return np.stack([raised[:-1], raised[1:]], axis=1).astype(np.float32)
+
+
+def arrow_segments(begin_m: tuple[float, float], end_m: tuple[float, float], height_m: float) -> Float32Array:
+    """A flat arrow at a height [m], shape (S, 2, 3); none where begin and end are close."""
+    begin, along = np.array(begin_m), np.subtract(end_m, begin_m)
+    length_m = float(np.hypot(*along))
+    if length_m < ARROW_MIN_M:
+        return np.zeros((0, 2, 3), np.float32)
+    along = along / length_m
+    across = np.array([-along[1], along[0]])
+    end, back = begin + length_m * along, begin + (length_m - ARROW_HEAD_M) * along
+    corners = (begin, back + 0.6 * ARROW_HEAD_M * across, back - 0.6 * ARROW_HEAD_M * across)
+    lines = np.array([[(*corner, height_m), (*end, height_m)] for corner in corners])
+    return lines.astype(np.float32)
 
 
 def _apart(points_m: Float64Array) -> Float64Array:

@@ -16,6 +16,7 @@ from readygo.common.messages.live import (
     LiveCommit,
     LiveEvaluation,
     LiveLoss,
+    LivePerception,
     LivePlan,
     LivePreview,
     LiveState,
@@ -75,6 +76,8 @@ class Moving:
     previews: deque[tuple[int, Pictures]] = field(default_factory=deque)
     """Simulated times [ns], with the images of that time."""
     image_format: str = "jpeg"
+    perception: LivePerception | None = None
+    """The newest perception of its driver; None for drivers that do not perceive."""
     heard_s: float = 0.0
     commit: LiveCommit | None = None
 
@@ -194,6 +197,7 @@ class RunWatch:
         hear(topics.WORK, self._on_work)
         hear(topics.STATE, self._on_state)
         hear(topics.PREVIEW, self._on_preview)
+        hear(topics.PERCEPTION, self._on_perception)
         hear(topics.PLAN, self._on_plan)
         hear(topics.COMMIT, self._on_commit)
         hear(topics.LOSS, self._on_loss)
@@ -225,7 +229,7 @@ class RunWatch:
                 # A new attempt begins from the start.
                 moving.states.clear()
                 moving.previews.clear()
-                moving.commit = None
+                moving.commit = moving.perception = None
             moving.worker, moving.heard_s = worker[1], self.clock()
             moving.states.append((moving.heard_s, state))
 
@@ -239,6 +243,10 @@ class RunWatch:
             moving.image_format = preview.format
             if worker in self.workers:
                 self.workers[worker].preview = preview
+
+    def _on_perception(self, _: tuple[str, str], perception: LivePerception) -> None:
+        with self.lock:
+            self._episode(perception.episode).perception = perception
 
     def _on_plan(self, _: tuple[str, str], plan: LivePlan) -> None:
         with self.lock:

@@ -10,6 +10,7 @@ import numpy as np
 from readygo.common.arrays import BoolArray, Float64Array, UInt8Array
 from readygo.common.drawing import plan_view
 from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, ROBOT, Rgb
+from readygo.common.drawing.sheet import Swatch, legend_strip
 from readygo.common.robot.kinematics import RATE_HZ
 from readygo.common.scenes.top_view import TopView
 
@@ -48,6 +49,10 @@ class EpisodeFilm:
     """Shown on the last second, for example "success"."""
     underlay: Underlay | None = None
     """Draws content below robot and humans."""
+    overlay: Underlay | None = None
+    """Draws content above robot and humans."""
+    legend: Sequence[tuple[Swatch, str]] = ()
+    """The meaning of further marks, shown below everything else."""
     human_visible: BoolArray | None = None
     """For the time line: True at rows where the robot sees a human, shape (T,)."""
     replanned: BoolArray | None = None
@@ -91,7 +96,7 @@ def film_frames(
     background: TopView | None = None
     shown = 0
     for row, image in zip(rows, images, strict=False):
-        camera = image if image is None or not film.enlarged else _enlarge(image, camera_height_px)
+        camera = image if image is None or not film.enlarged else enlarge(image, camera_height_px)
         if background is None:
             background = plan_view.fade_view(
                 _fit_plan_view(view, _plan_height_px(film, camera, camera_height_px)), 0.25
@@ -108,7 +113,8 @@ def _plan_height_px(film: EpisodeFilm, camera: UInt8Array | None, camera_height_
     return len(camera) if film.enlarged else max(len(camera), camera_height_px)
 
 
-def _enlarge(image: UInt8Array, height_px: int) -> UInt8Array:
+def enlarge(image: UInt8Array, height_px: int) -> UInt8Array:
+    """An image, enlarged by an integer factor to about `height_px`."""
     scale = max(1, round(height_px / image.shape[0]))
     size = (image.shape[1] * scale, image.shape[0] * scale)
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
@@ -131,7 +137,7 @@ def _frame(film: EpisodeFilm, background: TopView, row: int, camera: UInt8Array 
         left += part.shape[1] + _MARGIN_PX
     _dashboard(picture, film, row, top=top)
     _timeline(picture, film, row, top=top + _BAR_HEIGHT_PX)
-    return picture
+    return np.concatenate([picture, legend_strip(picture.shape[1], film.legend)]) if film.legend else picture
 
 
 def _plan(film: EpisodeFilm, view: TopView, step: int) -> UInt8Array:
@@ -147,6 +153,8 @@ def _plan(film: EpisodeFilm, view: TopView, step: int) -> UInt8Array:
         plan_view.draw_path(picture, view, way[: now + 1], colour)
         plan_view.draw_disc(picture, view, way[now], film.human_radius_m, colour)
     plan_view.draw_robot(picture, view, film.xyyaw[step], film.robot_radius_m)
+    if film.overlay is not None:
+        film.overlay(picture, view, step)
     return picture
 
 

@@ -100,6 +100,8 @@ ROBOT_OUTLINE = Channel(23, "/robot/outline", PointCloud)
 BODIES = Channel(24, "/humans/bodies", SceneUpdate)
 MAP = Channel(25, "/map", Grid)
 MAP_POINTS = Channel(26, "/map/points", PointCloud)
+PERCEPTION = Channel(29, "/perception", SceneUpdate)
+"""What a driver perceives, live only: it is in no shard."""
 VIEW_CHANNELS = (TRANSFORMS, MARKERS, PATH, ROBOT_OUTLINE, BODIES, MAP, MAP_POINTS)
 """What viewers need besides samples; point clouds repeat what Rerun does not show of a scene or a grid."""
 

@@ -40,7 +40,7 @@ def sheet(
             strip[: len(part), left : left + part.shape[1]] = part
             left += part.shape[1] + GAP_PX
         parts.append(strip)
-    return np.concatenate([*parts, _legend_strip(width, legend)])
+    return np.concatenate([*parts, legend_strip(width, legend)])
 
 
 def stack_panels(panels: Sequence[UInt8Array]) -> UInt8Array:
@@ -105,7 +105,8 @@ def _header(width: int, words: Sequence[tuple[str, Rgb]]) -> UInt8Array:
     return header
 
 
-def _legend_strip(width: int, items: Sequence[tuple[Swatch, str]]) -> UInt8Array:
+def legend_strip(width: int, items: Sequence[tuple[Swatch, str]]) -> UInt8Array:
+    """A legend in rows, shape (H, `width`, 3)."""
     places, x, row = [], GAP_PX, 0
     for _, text in items:
         length = 32 + plan_view.text_width_px(text) + 18

@@ -57,6 +57,49 @@ class LiveState:
     """Horizontal field of view of the robot's camera [rad]."""
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LivePerson:
+    """A human that a driver perceives, in the world."""
+
+    number: int
+    """Number of the track, or of the detection in its image."""
+    presence: float
+    """Probability that there is a human, 0..1."""
+    xy_m: tuple[float, float]
+    """Place on the floor [m]."""
+    v_mps: tuple[float, float]
+    """Velocity over the ground [m/s]."""
+    place_cov_m2: tuple[float, float, float]
+    """Covariance of the place: xx, xy, yy [m2]."""
+    velocity_cov_m2ps2: tuple[float, float, float]
+    """Covariance of the velocity: xx, xy, yy [m2/s2]."""
+    age_s: float = 0.0
+    """Time since the latest detection [s]."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class LivePerception:
+    """What a driver perceives in its robot's images: people, their tracks over time, and free distances."""
+
+    episode: EpisodeKey
+    time_ns: int
+    """Simulated time of the look since the episode began [ns]."""
+    robot_xyzyaw: tuple[float, float, float, float]
+    """Robot on the floor when the image was taken: x, y, z [m], yaw [rad]."""
+    detections: tuple[LivePerson, ...]
+    """Humans in this image, the likeliest first."""
+    tracks: tuple[LivePerson, ...]
+    """Humans over time, also those that are hidden at present."""
+    ray_bearings_rad: Float32Array
+    """Directions of the free distances from the camera's heading to the left [rad], shape (C,)."""
+    rays_m: Float32Array
+    """Free distances from the camera over the floor [m], shape (C,)."""
+
+    def __post_init__(self) -> None:
+        check_array("ray_bearings_rad", self.ray_bearings_rad, np.float32, (None,))
+        check_array("rays_m", self.rays_m, np.float32, (len(self.ray_bearings_rad),))
+
+
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class LivePlan:
     """What the expert planned for an episode."""

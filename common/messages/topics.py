@@ -42,6 +42,7 @@ from readygo.common.messages.live import (
     LiveEvaluation,
     LiveHealth,
     LiveLoss,
+    LivePerception,
     LivePlan,
     LivePreview,
     LiveState,
@@ -130,6 +131,7 @@ WAKE = Stream("live/wake", Wake)
 """Sent when there may be work for a worker that was told to wait."""
 PREVIEW = Live("preview", LivePreview, every_s=0.2)
 STATE = Live("state", LiveState, every_s=0.2)
+PERCEPTION = Live("perception", LivePerception, every_s=0.2)
 PLAN = Live("plan", LivePlan)
 WORK = Live("work", LiveWork)
 COMMIT = Live("commit", LiveCommit)

@@ -90,6 +90,11 @@ class PolicyMemory:
         """When the newest frame was taken [ns]."""
         return self._seen_ns[-1]
 
+    @property
+    def newest_pose(self) -> tuple[int, Pose]:
+        """Where the robot was last, and when [ns]."""
+        return self._poses_ns[-1], self._poses[-1]
+
     def window(self) -> list[SeenFrame]:
         """What the policy sees together, oldest first: the newest, and what is nearest to each spacing before it.
 
@@ -132,7 +137,7 @@ class PolicyMemory:
             command: v [m/s], w [rad/s] executed last, shape (2,).
         """
         rows = window_at(self._seen_ns, self._spacing_ns, self._count)[:-1]
-        older = np.array([[self._pose_at(self._seen_ns[row]) for row in rows]]).reshape(1, -1, 3)
+        older = np.array([[self.pose_at(self._seen_ns[row]) for row in rows]]).reshape(1, -1, 3)
         features: Float32Array = own_motion(older, np.array([self._poses[-1]]), command[None])[0]
         return features
 
@@ -140,7 +145,7 @@ class PolicyMemory:
     def _span_ns(self) -> int:
         return (self._count - 1) * self._spacing_ns
 
-    def _pose_at(self, time_ns: int) -> Pose:
+    def pose_at(self, time_ns: int) -> Pose:
         """Where the robot was at a time, between the poses that are known."""
         after = bisect_right(self._poses_ns, time_ns)
         if after == 0 or after == len(self._poses) or self._poses_ns[after - 1] == time_ns:

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from readygo.apps.commands import drive as command
-from readygo.apps.commands.drive import DriveLimitOptions, DriveOptions, drive
+from readygo.apps.commands.drive import DriveLimitOptions, DriveOptions, DrivePeopleOptions, drive
 from readygo.apps.drive.calibration import info_of
 from readygo.apps.drive.messages import VelocityMessage
 from readygo.apps.drive.ros_codec import IMAGE_TYPE, TWIST_TYPE, RosCodec
@@ -116,12 +116,33 @@ def test_whoever_ends_it_the_robot_stands(policy, standing_robot, tmp_path, numb
             "at most 1, what the policy learned, got 3",
         ),
         ({"goal": (1.0, 0.0), "limits": DriveLimitOptions(rate_hz=5.0)}, ConfigError, "--rate-hz must be at least 20"),
+        (
+            {"goal": (1.0, 0.0), "beside": DrivePeopleOptions(scene="embedded")},
+            ConfigError,
+            "--scene and --start are for --driver perceive-and-plan",
+        ),
+        (
+            {"goal": (1.0, 0.0), "beside": DrivePeopleOptions(driver="perceive-and-plan")},
+            ConfigError,
+            "leave POLICY and --robot out",
+        ),
+        (
+            {"policy": None, "goal": (1.0, 0.0), "beside": DrivePeopleOptions(driver="perceive-and-plan")},
+            ConfigError,
+            "needs --perception FOLDER and --scene SCENE",
+        ),
+        ({"policy": None, "goal": (1.0, 0.0)}, ConfigError, "Name the policy"),
+        (
+            {"goal": (1.0, 0.0), "beside": DrivePeopleOptions(perception=Path("nowhere"))},
+            PolicyError,
+            "nowhere holds no perception.toml",
+        ),
         ({"goal": (1.0, 0.0), "connect": "tcp/127.0.0.1:1"}, BusError, "No Zenoh router answers at tcp/127.0.0.1:1"),
     ],
 )
 def test_what_makes_no_trial_is_said(policy, options, error, words):
     with pytest.raises(error, match=words):
-        drive(DriveOptions(policy=policy, **options))
+        drive(DriveOptions(**{"policy": policy, **options}))
 
 
 def test_policy_for_several_robots_wants_to_know_which_one_it_drives(policy, tmp_path):

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from readygo.apps.drive import ros_codec as types
-from readygo.apps.drive.messages import GoalMessage, OdometryMessage, VelocityMessage
+from readygo.apps.drive.messages import GoalMessage, OdometryMessage, PeopleMessage, VelocityMessage
 from readygo.apps.drive.plain_codec import PlainCodec
 from readygo.apps.robot_logs.reader import INFO_TYPE, ODOMETRY_TYPE, LogCamera
+from readygo.common.messages.live import LivePerson
 
 CODEC = PlainCodec()
 
@@ -30,6 +31,25 @@ def test_commands_are_maps_with_units_in_their_names():
 )
 def test_what_is_written_is_read(kind, value):
     assert CODEC.read(kind, CODEC.write(kind, value, 7)) == value
+
+
+def test_people_are_maps_in_the_frame_of_the_odometry():
+    person = LivePerson(
+        number=3,
+        presence=0.9,
+        xy_m=(1.0, 2.0),
+        v_mps=(0.5, 0.0),
+        place_cov_m2=(0.01, 0.0, 0.02),
+        velocity_cov_m2ps2=(0.1, 0.0, 0.2),
+    )
+    sent = CODEC.write(types.PEOPLE_TYPE, PeopleMessage(stamp_ns=7, frame="odom_2", people=(person,)), 7)
+    fields = msgpack.unpackb(sent)
+    assert (fields["stamp_ns"], fields["frame"]) == (7, "odom_2")
+    (told,) = fields["people"]
+    assert (told["number"], told["x_m"], told["y_m"], told["vx_mps"]) == (3, 1.0, 2.0, 0.5)
+    assert told["position_covariance"] == [0.01, 0.0, 0.02]
+    with pytest.raises(ValueError, match="sent, not received"):
+        CODEC.read(types.PEOPLE_TYPE, sent)
 
 
 @pytest.mark.parametrize("kind", [types.IMAGE_TYPE, types.COMPRESSED_TYPE])

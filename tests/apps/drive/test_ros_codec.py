@@ -6,8 +6,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from readygo.apps.drive import ros_codec as types
-from readygo.apps.drive.messages import Encoded, GoalMessage, OdometryMessage, VelocityMessage
+from readygo.apps.drive.messages import Encoded, GoalMessage, OdometryMessage, PeopleMessage, VelocityMessage
 from readygo.apps.robot_logs.reader import INFO_TYPE, ODOMETRY_TYPE, LogCamera
+from readygo.common.messages.live import LivePerson
 
 pytest.importorskip("rosbags", reason="rosbags (extra robot-logs) is not installed")
 STAMP_NS = 1_700_000_000_123_456_789
@@ -37,6 +38,42 @@ def test_types_have_the_published_hashes(codec):
     assert codec.type_hash("std_msgs/msg/String") == published
     twist = "RIHS01_9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a"
     assert codec.type_hash(types.TWIST_TYPE) == twist
+
+
+PERSON = LivePerson(
+    number=3,
+    presence=0.9,
+    xy_m=(1.0, 2.0),
+    v_mps=(0.5, 0.0),
+    place_cov_m2=(0.01, 0.0, 0.02),
+    velocity_cov_m2ps2=(0.1, 0.0, 0.2),
+    age_s=0.1,
+)
+
+
+def test_people_are_those_of_people_msgs(codec):
+    sent = codec.write(types.PEOPLE_TYPE, PeopleMessage(stamp_ns=STAMP_NS, frame="odom", people=(PERSON,)), STAMP_NS)
+    head = "00010000" + "00f15365" + "15cd5b07" + "05000000" + b"odom\0".hex() + "000000" + "01000000"
+    name = "02000000" + b"3\0".hex() + "0000"
+    place = "000000000000f03f" + "0000000000000040" + "0000000000000000"
+    velocity = "000000000000e03f" + 2 * "0000000000000000"
+    assert sent.hex().startswith(head + name)
+    assert place + velocity + "cdccccccccccec3f" + "03000000" in sent.hex()
+    message = codec._store.deserialize_cdr(sent, types.PEOPLE_TYPE)
+    (person,) = message.people
+    assert (person.name, person.reliability) == ("3", 0.9)
+    assert dict(zip(person.tagnames, person.tags, strict=True)) == {
+        "position_covariance": "0.01 0 0.02",
+        "velocity_covariance": "0.1 0 0.2",
+        "age": "0.1",
+    }
+    assert "string[] tagnames" in codec.definition(types.PEOPLE_TYPE)
+    assert codec.type_hash(types.PEOPLE_TYPE).startswith("RIHS01_")
+
+
+def test_people_are_not_read(codec):
+    with pytest.raises(ValueError, match="people_msgs/msg/People are not known"):
+        codec.read(types.PEOPLE_TYPE, b"")
 
 
 @pytest.fixture(scope="module")

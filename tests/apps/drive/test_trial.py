@@ -3,7 +3,7 @@ import time
 import pytest
 
 from readygo.apps.drive import trial
-from readygo.apps.drive.messages import VelocityMessage
+from readygo.apps.drive.messages import PeopleMessage, VelocityMessage
 from readygo.apps.drive.pilot import TrialEnding
 from readygo.apps.drive.trial import Measures, run_trial, trial_end
 from readygo.common.errors import BusError
@@ -31,6 +31,9 @@ class FakeRobot:
     def send(self, command):
         self.told.append(command)
 
+    def tell(self, people):
+        self.told.append(people)
+
     def absent(self):
         return "no node publishes /odom"
 
@@ -47,6 +50,25 @@ def test_trial_ends_with_the_robot_standing_and_says_what_it_took(make_ride):
     assert end["measures"]["inference_hz"] > 20
     assert end["measures"]["latency_p99_ms"] >= end["measures"]["latency_median_ms"] > 0
     assert (end["ending"], end["straight_m"]) == ("late", 4.0)
+
+
+def test_people_are_published_after_the_command_of_their_image(make_ride):
+    class Finder:
+        def __init__(self):
+            self.heard = 0
+
+        def hear(self, odometry, arrived_ns):
+            self.heard += 1
+
+        def look(self, picture, arrived_ns):
+            return PeopleMessage(stamp_ns=picture.stamp_ns, people=())
+
+    ride, robot, finder = make_ride(time_limit_s=0.1), FakeRobot(), Finder()
+    run_trial(robot, ride.pilot, rate_hz=20, say=lambda words: None, people=finder)
+    kinds = [type(each) for each in robot.told[:4]]
+    assert kinds == [VelocityMessage, PeopleMessage, VelocityMessage, PeopleMessage]
+    assert finder.heard > 1
+    assert robot.told[-1] == VelocityMessage()
 
 
 def test_ctrl_c_and_failures_leave_the_robot_standing(make_ride):

@@ -5,9 +5,15 @@ import cv2
 import numpy as np
 import pytest
 
-from readygo.apps.evaluation.replay import BEFORE_END_S, MAP_PX, strip_steps
+from readygo.apps.evaluation.replay import BEFORE_END_S, MAP_PX, Replays, strip_steps
 from readygo.common.errors import RunError
 from readygo.common.messages import Outcome
+from readygo.common.perception import Perceived
+from readygo.common.perception.grid import SHAPE
+from readygo.common.perception.people import NOBODY
+from readygo.common.policy import PolicyMemory
+from readygo.common.robot.kinematics import STEP_NS
+from readygo.runs.methods import PERCEIVE_AND_PLAN
 from readygo.services.evaluator import POLICY, STRAIGHT_LINE, Task
 
 
@@ -43,6 +49,36 @@ def test_film_has_an_image_per_step(evaluated, tmp_path):
     evaluated.replays.film(tmp_path / "film.webm", record)
     film = cv2.VideoCapture(str(tmp_path / "film.webm"))
     assert film.get(cv2.CAP_PROP_FRAME_COUNT) == round(record.result.duration_s * 20)
+
+
+class Network:
+    """Sees no one, and counts the images that it looks at."""
+
+    def __init__(self):
+        self.looks = 0
+
+    def start(self):
+        return PolicyMemory(4 * STEP_NS, frame_count=3)
+
+    def perceive(self, memory, command):
+        self.looks += 1
+        count = SHAPE[1]
+        return Perceived(people=NOBODY, rays_m=np.ones(count), rays_sd=np.ones(count), answers=np.zeros(0))
+
+
+def test_network_of_a_driver_that_perceives_looks_at_the_replayed_images(evaluated):
+    known, network = evaluated.replays, Network()
+    renderer = known._renderer
+    replays = Replays(
+        known.world, known._results, evaluated.reply.episodes, renderer, known._simulate, perception=network
+    )
+    (record, *_) = replays.load([one for one in evaluated.reply.records if one.method == STRAIGHT_LINE])
+    run = replays.run(record)
+    assert replays.view(run).perceived is None, "this driver has no network"
+    view = replays.view(dataclasses.replace(run, driver=PERCEIVE_AND_PLAN))
+    view(9)
+    assert network.looks == 5
+    assert len(view.perceived.at(9).rays_m) == SHAPE[1]
 
 
 def test_episode_that_goes_another_way_is_refused(evaluated):

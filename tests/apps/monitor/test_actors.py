@@ -5,11 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from readygo.apps.monitor.actors import Actor, eye_of
+from readygo.apps.monitor.actors import LIFT_M, Actor, eye_of, track_segments
 from readygo.apps.monitor.track import EpisodeTrack, track_of
 from readygo.common.robot import RobotConfig
 from tests.apps.monitor.fakes import Scene
 from tests.apps.monitor.test_track import TWO_CAMERAS, recorded, recorded_by_two
+from tests.common.perception.test_live import perception
 
 ROBOT = RobotConfig()
 
@@ -49,6 +50,25 @@ def test_every_camera_has_its_field_of_view_and_its_picture() -> None:
     assert scene.nodes["/robots/0/robot/body/viewleft"].image is picture
     actor.hide()
     actor.picture("left", picture)
+
+
+def test_what_is_perceived_lies_on_the_floor_and_goes() -> None:
+    track = track_of(recorded())
+    scene, actor = shown(track)
+    told = perception()
+    actor.perceive(told)
+    floor_m = told.robot_xyzyaw[2]
+    tracks, free = (scene.nodes[f"/robots/0/{name}"] for name in ("tracks", "free"))
+    np.testing.assert_allclose(tracks.points[..., 2], floor_m + LIFT_M, atol=1e-6)
+    np.testing.assert_allclose(free.points[..., 2], floor_m + LIFT_M, atol=1e-6)
+    place = np.array(told.tracks[0].xy_m)
+    assert np.abs(tracks.points[..., :2] - place).max() < 1.5
+    standing = dataclasses.replace(told, tracks=(dataclasses.replace(told.tracks[0], v_mps=(0.0, 0.0)),))
+    assert len(track_segments(standing)) == len(tracks.points) - 3
+    actor.perceive(dataclasses.replace(told, tracks=()))
+    assert "/robots/0/tracks" not in scene.nodes
+    actor.perceive(None)
+    assert "/robots/0/free" not in scene.nodes
 
 
 def test_who_looks_out_of_the_robot_does_not_see_it() -> None:

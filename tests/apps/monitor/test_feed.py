@@ -1,3 +1,4 @@
+import dataclasses
 import queue
 from pathlib import Path
 
@@ -6,6 +7,7 @@ from readygo.apps.monitor.subject import Subject
 from readygo.common.messages import topics
 from tests.apps.monitor.test_watch import renderer, states
 from tests.apps.monitor.watched import watched
+from tests.common.perception.test_live import perception
 
 
 class Viewer:
@@ -31,11 +33,15 @@ def test_episode_under_way_comes_first(data: Path) -> None:
     subject = Subject("run", data=data)
     subject.watch = watch
     worker = renderer(run, watch)
+    told = dataclasses.replace(perception(), episode=states(5)[2].episode)
+    worker.tell(topics.PERCEPTION, told)
     worker.tell(topics.STATE, states(5)[2])
     viewer = Viewer()
     feed = Feed(subject, viewer)
     assert viewer.begun.get(timeout=20).state.episode.index == 5
-    assert viewer.shown.get(timeout=20).state.sample == 2
+    moment = viewer.shown.get(timeout=20)
+    assert moment.state.sample == 2
+    assert moment.perception.detections == told.detections
     feed.close()
     assert viewer.closed
 

@@ -1,3 +1,4 @@
+import math
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from readygo.runs.scene_argument import open_scene
 from readygo.runs.spec import make_spec
 from readygo.services.renderer import RendererConfig
 from tests.apps.monitor.test_track import TWO_CAMERAS, recorded, recorded_by_two
+from tests.common.perception.test_live import perception
 
 foxglove = pytest.importorskip("foxglove", reason="foxglove-sdk is not installed: readygo[foxglove]")
 
@@ -55,6 +57,32 @@ def test_channels_frames_and_markers_are_those_of_shards(tmp_path: Path) -> None
     x, y, *_ = track.states[2].robot_xyzyaw
     place = frames[2].transforms[0].translation
     assert (place.x, place.y) == pytest.approx((x, y))
+
+
+def test_what_a_driver_perceives_is_a_scene_of_tracks_arrows_and_free_space(tmp_path: Path) -> None:
+    from readygo.apps.monitor.foxglove_sink import LIFT_M, FoxgloveSink
+
+    sink, told = FoxgloveSink(RobotConfig(), None, 0), perception()
+    state = track_of(recorded()).states[0]
+    with foxglove.open_mcap(tmp_path / "seen.mcap", context=sink.context):
+        moment = LiveMoment(state=state, way=np.array([state.robot_xyzyaw]), perception=told)
+        sink.begin(moment, 1_000)
+        sink.show(moment, 1_000)
+    sink.close()
+    with (tmp_path / "seen.mcap").open("rb") as stream:
+        found = {channel.topic: message.data for _, channel, message in make_reader(stream).iter_messages()}
+    track, free = _parsed(schemas.PERCEPTION, found["/perception"]).entities
+    assert (track.id, free.id) == ("track 0", "free space")
+    (arrow,), (person,) = track.arrows, told.tracks
+    speed = math.hypot(*person.v_mps)
+    assert arrow.shaft_length + arrow.head_length == pytest.approx(speed)
+    assert (arrow.pose.position.x, arrow.pose.position.y) == pytest.approx(person.xy_m)
+    assert arrow.pose.position.z == pytest.approx(told.robot_xyzyaw[2] + LIFT_M)
+    assert 2 * math.atan2(arrow.pose.orientation.z, arrow.pose.orientation.w) == pytest.approx(
+        math.atan2(person.v_mps[1], person.v_mps[0])
+    )
+    assert f"{speed:.1f} m/s" in track.texts[0].text
+    assert len(free.lines[0].points) == len(told.rays_m)
 
 
 def test_every_camera_has_channels_of_its_own(tmp_path: Path) -> None:

@@ -1,3 +1,4 @@
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -6,11 +7,15 @@ import pytest
 from readygo.apps.monitor.page import EYES, FOLLOW, LIVE, Page
 from readygo.apps.monitor.splats import DollsHouse, splats_of
 from readygo.apps.monitor.subject import Subject
+from readygo.apps.pictures.perceived import PERCEIVED
+from readygo.common.drawing.files import jpeg_bytes
 from readygo.common.messages import topics
+from readygo.common.messages.live import LivePreview
 from tests.apps.monitor.fakes import Client
 from tests.apps.monitor.test_splats import make_cloud
 from tests.apps.monitor.test_watch import renderer, states
 from tests.apps.monitor.watched import status, tell_status, wait_for, watched
+from tests.common.perception.test_live import perception
 
 
 def house() -> DollsHouse:
@@ -75,6 +80,35 @@ def test_live_episodes_move_and_leave(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("readygo.apps.monitor.watch.FRESH_S", -1.0)
     page.update(watch.clock() + 2.0)
     assert "/robots/render0/robot" not in client.scene.nodes
+
+
+def test_live_images_show_the_people_that_the_driver_perceives() -> None:
+    run, watch = watched()
+    subject = Subject("run")
+    subject.watch = watch
+    worker = renderer(run, watch)
+    client, page = page_of(subject)
+    state, told = states()[0], perception()
+    plain = jpeg_bytes(np.full((144, 256, 3), 128, np.uint8))
+    worker.tell(topics.STATE, state)
+    preview = LivePreview(episode=state.episode, time_ns=told.time_ns, format="jpeg", image=plain)
+    worker.tell(topics.PREVIEW, preview)
+    wait_for(lambda: watch.under_way() and watch.under_way()[0].previews)
+    page.update(watch.clock())
+    view = "/robots/render0/robot/body/view"
+    assert client.scene.nodes[view].image.shape == (144, 256, 3)
+    worker.tell(topics.PERCEPTION, dataclasses.replace(told, episode=state.episode))
+    wait_for(lambda: watch.under_way()[0].perception)
+    page.update(watch.clock() + 1.0)
+    marked = client.scene.nodes[view].image
+    assert marked.shape == (288, 512, 3)
+    assert np.abs(marked.astype(int) - PERCEIVED).sum(axis=-1).min() < 90
+    assert "/robots/render0/tracks" in client.scene.nodes
+    # An image of another time shows what it shows.
+    worker.tell(topics.PREVIEW, dataclasses.replace(preview, time_ns=told.time_ns + 1))
+    wait_for(lambda: len(watch.under_way()[0].previews) == 2)
+    page.update(watch.clock() + 2.0)
+    assert client.scene.nodes[view].image.shape == (144, 256, 3)
 
 
 def test_damaged_episode_is_said_not_raised(data: Path) -> None:

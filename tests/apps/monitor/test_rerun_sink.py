@@ -10,6 +10,7 @@ from readygo.apps.monitor.track import track_of
 from readygo.common.errors import RunError
 from tests.apps.monitor.test_page import house
 from tests.apps.monitor.test_track import TWO_CAMERAS, recorded_by_two
+from tests.common.perception.test_live import perception
 
 rerun = pytest.importorskip("rerun", reason="rerun-sdk is not installed: readygo[rerun]")
 
@@ -22,7 +23,8 @@ def test_a_recording_has_robot_humans_images_and_numbers(tmp_path: Path) -> None
     track = track_of(recorded_by_two())
     way = np.array([state.robot_xyzyaw for state in track.states])
     for state in track.states[:3]:
-        moment = LiveMoment(state=state, images=track.images_at(state.time_ns / 1e9), way=way)
+        images = track.images_at(state.time_ns / 1e9)
+        moment = LiveMoment(state=state, images=images, way=way, perception=perception())
         sink.begin(moment, state.time_ns)
         sink.show(moment, state.time_ns)
     sink.close()
@@ -30,6 +32,8 @@ def test_a_recording_has_robot_humans_images_and_numbers(tmp_path: Path) -> None
     printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     for entity in ("/world/scene", "/world/robot", "/world/humans", "/numbers/speed_mps"):
         assert entity in printed, entity
+    for name in ("humans", "tracks", "velocities", "free"):
+        assert f"/world/perceived/{name}" in printed, name
     for entity in ("/world/robot/camera", "/world/robot/camera_left", "/world/robot/camera_left/depth"):
         assert entity in printed, entity
 

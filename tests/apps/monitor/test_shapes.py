@@ -42,6 +42,15 @@ def test_segments_have_a_length_and_are_lifted() -> None:
     assert len(shapes.segments(way[:2])) == 0
 
 
+def test_arrow_ends_where_it_points_with_a_head_and_short_ones_are_left_out() -> None:
+    arrow = shapes.arrow_segments((1.0, 2.0), (1.0, 3.0), 0.1)
+    assert arrow.shape == (3, 2, 3)
+    np.testing.assert_allclose(arrow[:, 1], [[1.0, 3.0, 0.1]] * 3, rtol=1e-6)
+    np.testing.assert_allclose(arrow[0, 0], [1.0, 2.0, 0.1], rtol=1e-6)
+    np.testing.assert_allclose(arrow[1, 0, 0] + arrow[2, 0, 0], 2.0, rtol=1e-6)
+    assert len(shapes.arrow_segments((1.0, 2.0), (1.0, 2.1), 0.1)) == 0
+
+
 def test_straight_drums_and_rings_have_their_volume_and_area() -> None:
     corners = 28
     drum = shapes.lathe([(0.0, 0.2), (0.3, 0.2), (0.3, 0.9), (0.0, 0.9)])

@@ -8,6 +8,7 @@ from readygo.common.messages import DriverKind, EpisodeKey, Outcome, Split, topi
 from readygo.common.messages.live import LiveCommit, LiveEvaluation, LiveLoss, LivePreview, LiveState, LiveWork
 from tests.apps.monitor.watched import Worker, status, tell_status, wait_for, watched
 from tests.common.dataset.episodes import make_episode
+from tests.common.perception.test_live import perception
 
 
 def states(index: int = 0, count: int = 4) -> list[LiveState]:
@@ -77,6 +78,19 @@ def test_images_of_all_cameras_are_kept_in_bounded_number() -> None:
     kept = watch.moving[key].previews
     assert kept[-1] == (watching.PREVIEWS_MAX - 1, {"rgb": b"jpeg", "left.rgb": b"left", "left.depth": b"depth"})
     assert len(kept) == watching.PREVIEWS_MAX // 3
+
+
+def test_newest_perception_is_kept_until_the_episode_begins_again() -> None:
+    run, watch = watched()
+    worker = renderer(run, watch)
+    first, second, *_ = states()
+    told = dataclasses.replace(perception(), episode=first.episode)
+    worker.tell(topics.STATE, second)
+    worker.tell(topics.PERCEPTION, told)
+    wait_for(lambda: watch.under_way() and watch.under_way()[0].perception)
+    assert watch.under_way()[0].perception.tracks == told.tracks
+    worker.tell(topics.STATE, first)
+    wait_for(lambda: watch.under_way()[0].perception is None)
 
 
 def test_old_episodes_give_way() -> None:
@@ -245,10 +259,10 @@ def test_worker_is_heard_once_on_every_bus() -> None:
     assert heard_streams == ["live/progress"]
     for _ in range(2):
         note_renderer(watch, bus, "r")
-    kinds = ("work", "state", "preview", "plan", "commit", "loss", "evaluation")
+    kinds = ("work", "state", "preview", "perception", "plan", "commit", "loss", "evaluation")
     assert heard_streams == ["live/progress", *(f"live/renderer/r/{kind}" for kind in kinds)]
     note_renderer(watch, InProcessBus(), "other")
-    assert len(heard_streams) == 8, "it is not this bus's"
+    assert len(heard_streams) == 9, "it is not this bus's"
     watch.workers["renderer", "r"].alive = True
     watch.join(bus)
     assert not watch.workers["renderer", "r"].alive

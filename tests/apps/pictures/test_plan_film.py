@@ -13,6 +13,7 @@ from readygo.runs.scene_argument import open_scene
 from readygo.runs.spec import make_spec
 from readygo.runs.world import World
 from readygo.services.renderer import Renderer, RendererConfig
+from tests.apps.pictures.test_perceived import FakePerception
 from tests.common.policy.artifacts import ROBOT
 from tests.services.planner.runs import STEPS, WAY, make_journal, make_run
 from tests.services.planner.worlds import make_robot_planner
@@ -82,3 +83,31 @@ def test_film_shows_several_cameras_as_they_are(planner, two_cameras: Renderer) 
         if np.array_equal(frame[top:, side:][: len(together), : together.shape[1]], together)
     ]
     assert len(places) == 1
+
+
+def test_what_is_perceived_is_marked_on_the_image_and_the_map_above_a_legend(planner, two_cameras: Renderer) -> None:
+    run = make_run()
+    only = Renderer(two_cameras.scene, load_avatars(), ROBOT, RendererConfig())
+    plain, marked = (
+        RobotView(only, run.scenario, run.motions, run.trajectory, perception=perception)
+        for perception in (None, FakePerception(late=0))
+    )
+    assert plain.perceived is None
+    assert marked(3).shape == (54 * ROBOT.camera.height_px, 54 * ROBOT.camera.width_px, 3)
+    without, frame = (next(iter(run_film(planner, run, view))) for view in (plain, marked))
+    assert frame.shape[1] == without.shape[1]
+    assert len(frame) > len(without)
+    assert len(frame) % 2 == 0
+    above = frame[: len(without)]
+    assert (above != without).any(axis=-1).sum() > 500
+
+
+def test_what_is_perceived_is_marked_among_several_cameras(two_cameras: Renderer) -> None:
+    run = make_run()
+    plain, marked = (
+        RobotView(two_cameras, run.scenario, run.motions, run.trajectory, perception=perception)
+        for perception in (None, FakePerception(late=0))
+    )
+    assert not marked.alone
+    assert marked(3).shape[1] == pytest.approx(plain(3).shape[1], abs=CAPTION_PX)
+    assert len(np.unique(marked(3).reshape(-1, 3), axis=0)) > 10

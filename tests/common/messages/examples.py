@@ -20,6 +20,7 @@ from readygo.common.messages import (
     Scenario,
     Split,
 )
+from readygo.common.messages.live import LivePerception, LivePerson
 
 KEY = EpisodeKey(seed=7, split=Split.VAL, index=3)
 SHA256 = "0123456789abcdef" * 4
@@ -65,6 +66,15 @@ def message(cls: type) -> typing.Any:
             time_to_collision_s=np.array([np.inf, 2.0]),
             expert_cost=np.zeros(2),
             replan_times_s=np.zeros(1),
+        ),
+        LivePerception: lambda: LivePerception(
+            episode=KEY,
+            time_ns=3,
+            robot_xyzyaw=(0.5, 0.5, 0.5, 0.5),
+            detections=(message(LivePerson),),
+            tracks=(message(LivePerson),),
+            ray_bearings_rad=np.ones(3, np.float32),
+            rays_m=np.ones(3, np.float32),
         ),
         RenderView: lambda: RenderView(people="p", step=4, T_world_camera=np.eye(4)),
         EpisodeHeader: lambda: header(distortion_model="plumb_bob", distortion=(0.1, -0.2, 0.3, 0.4, 0.5)),

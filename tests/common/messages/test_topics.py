@@ -37,7 +37,7 @@ def test_names_of_the_wire_do_not_change_silently() -> None:
         "evaluate/plan",
         "human-plan",
         *(f"live/*/*/{kind}" for kind in ("commit", "evaluation", "health", "loss")),
-        *(f"live/*/*/{kind}" for kind in ("plan", "preview", "state", "work")),
+        *(f"live/*/*/{kind}" for kind in ("perception", "plan", "preview", "state", "work")),
         "live/progress",
         "live/reconstruct",
         "live/wake",
