@@ -12,11 +12,11 @@ import numpy as np
 
 from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.episode import EpisodeSimulation
-from readygo.common.episode.state_simulation.goal_distances import GoalDistances
-from readygo.common.episode.state_simulation.world import StateWorld
 from readygo.common.messages import AnimateRequest, EpisodeKey, EpisodeMotions, HumanPlanRequest, Scenario, Split
-from readygo.common.policy.state_driver import StateDriver
-from readygo.common.policy.state_policy import StatePolicy
+from readygo.common.state_policy.state_driver import StateDriver
+from readygo.common.state_policy.state_policy import StatePolicy
+from readygo.common.state_simulation.goal_distances import GoalDistances
+from readygo.common.state_simulation.world import StateWorld
 from readygo.runs.world import World
 from readygo.services.animator import Animator, handle_animate
 from readygo.services.planner import HumanPlanner, handle_human_plan

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from readygo.common.errors import RunError
 from readygo.common.perception.artifact import GRAPH_FILE
-from readygo.common.policy.state_policy import ACTOR_FILE, STATE_POLICY_FILE
+from readygo.common.state_policy.state_policy import ACTOR_FILE, STATE_POLICY_FILE
 from readygo.runs.methods import (
     NETWORKS,
     PERCEIVE_AND_ACT,

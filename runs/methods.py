@@ -15,10 +15,10 @@ from readygo.common.perception.noise import PERCEIVED, PerceptionNoise
 from readygo.common.policy import check_policy_camera, check_policy_limits, load_policy
 from readygo.common.policy.artifact import SPEC_FILE
 from readygo.common.policy.driver import PolicyDriver
-from readygo.common.policy.perceiving_driver import PerceivingStateDriver
-from readygo.common.policy.state_driver import StateDriver
-from readygo.common.policy.state_policy import StatePolicy, is_state_policy, load_state_policy
 from readygo.common.scenes.scene import ROBOT_MAP_FILE
+from readygo.common.state_policy.perceiving_driver import PerceivingStateDriver
+from readygo.common.state_policy.state_driver import StateDriver
+from readygo.common.state_policy.state_policy import StatePolicy, is_state_policy, load_state_policy
 from readygo.runs.state_world import goal_distances, state_world
 from readygo.runs.world import World
 from readygo.services.evaluator import (

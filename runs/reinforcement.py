@@ -9,9 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from readygo.common.config import section_to_mapping
-from readygo.common.episode.state_simulation.bank import EpisodeBank, join_banks, load_bank, make_bank
-from readygo.common.episode.state_simulation.goal_distances import GoalDistances
-from readygo.common.episode.state_simulation.world import StateWorld
 from readygo.common.errors import SceneError
 from readygo.common.files import cache_folder
 from readygo.common.messages import (
@@ -23,7 +20,10 @@ from readygo.common.messages import (
     Split,
 )
 from readygo.common.perception.noise import PerceptionNoise
-from readygo.common.policy.state_policy import StatePolicySpec, hold_steps_of
+from readygo.common.state_policy.state_policy import StatePolicySpec, hold_steps_of
+from readygo.common.state_simulation.bank import EpisodeBank, join_banks, load_bank, make_bank
+from readygo.common.state_simulation.goal_distances import GoalDistances
+from readygo.common.state_simulation.world import StateWorld
 from readygo.runs.demonstrations import Teacher
 from readygo.runs.identity import identity
 from readygo.runs.sections import NO_KEYS, Keys, with_keys

@@ -1,8 +1,8 @@
 """The world of a run for the state simulation and for drivers that are told states."""
 
-from readygo.common.episode.state_simulation.goal_distances import GoalDistances
-from readygo.common.episode.state_simulation.world import ObservationConfig, StateWorld, make_world
 from readygo.common.maps import sight_of_occupancy
+from readygo.common.state_simulation.goal_distances import GoalDistances
+from readygo.common.state_simulation.world import ObservationConfig, StateWorld, make_world
 from readygo.runs.world import World
 
 

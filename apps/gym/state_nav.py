@@ -1,6 +1,6 @@
 """Many robots that are told states: `gymnasium.make_vec("readygo.gym:ReadyGo/StateNav-v0", num_envs=64)`.
 
-Observations are the numbers of `readygo.common.episode.state_simulation.observe`, actions the robot's grid of commands,
+Observations are the numbers of `readygo.common.state_simulation.observe`, actions the robot's grid of commands,
 each held for `hold_s`. One compiled call advances all robots.
 """
 
@@ -14,7 +14,11 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from readygo.common.arrays import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array
-from readygo.common.episode.state_simulation.simulation import (
+from readygo.common.errors import ConfigError
+from readygo.common.messages import Split
+from readygo.common.perception.noise import PERCEIVED, PerceptionNoise
+from readygo.common.state_policy.state_policy import commands_of, hold_steps_of
+from readygo.common.state_simulation.simulation import (
     RUNNING,
     SUCCESS,
     TIMEOUT,
@@ -22,12 +26,8 @@ from readygo.common.episode.state_simulation.simulation import (
     StateSimulation,
     StateSimulationConfig,
 )
-from readygo.common.episode.state_simulation.tracks import tracker_numbers
-from readygo.common.episode.state_simulation.world import ObservationConfig
-from readygo.common.errors import ConfigError
-from readygo.common.messages import Split
-from readygo.common.perception.noise import PERCEIVED, PerceptionNoise
-from readygo.common.policy.state_policy import commands_of, hold_steps_of
+from readygo.common.state_simulation.tracks import tracker_numbers
+from readygo.common.state_simulation.world import ObservationConfig
 from readygo.runs.config import load_run_config
 from readygo.runs.evaluation import evaluation_world
 from readygo.runs.reinforcement import draw_bank

@@ -21,10 +21,10 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv
 
 from readygo.apps.gym.state_nav import StateNavVectorEnv
-from readygo.common.episode.state_simulation.simulation import StateSimulation
-from readygo.common.episode.state_simulation.tracks import tracker_numbers
 from readygo.common.messages import Split
-from readygo.common.policy.state_policy import StatePolicy, StatePolicySpec
+from readygo.common.state_policy.state_policy import StatePolicy, StatePolicySpec
+from readygo.common.state_simulation.simulation import StateSimulation
+from readygo.common.state_simulation.tracks import tracker_numbers
 from readygo.runs.config import RunConfig
 from readygo.runs.evaluation import evaluation_world
 from readygo.runs.reinforcement import draw_bank, run_reinforcement

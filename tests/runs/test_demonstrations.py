@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from readygo.common.episode.state_simulation.world import ObservationConfig
 from readygo.common.messages import Split
+from readygo.common.state_simulation.world import ObservationConfig
 from readygo.runs.config import RunConfig
 from readygo.runs.demonstrations import Teacher
 from readygo.runs.evaluation import evaluation_world
 from readygo.runs.state_world import goal_distances, state_world
-from tests.common.policy.state_policies import TOLD_COUNT, make_state_policy
+from tests.common.state_policy.state_policies import TOLD_COUNT, make_state_policy
 
 
 @pytest.fixture(scope="module")

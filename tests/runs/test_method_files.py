@@ -7,7 +7,7 @@ from readygo.common.errors import RunError
 from readygo.runs.method_files import check_method_files, method_hashes
 from readygo.runs.policy import policy_sha256
 from tests.common.policy.artifacts import write_policy
-from tests.common.policy.state_policies import write_state_policy
+from tests.common.state_policy.state_policies import write_state_policy
 
 
 def test_files_of_methods_have_hashes_and_built_in_ones_none(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from readygo.runs.methods import BLIND, RL, named_methods, needs_renderer, other
 from readygo.services.evaluator import handle_evaluate
 from readygo.services.planner import handle_robot_plan
 from tests.common.policy.artifacts import ROBOT, write_policy
-from tests.common.policy.state_policies import write_state_policy
+from tests.common.state_policy.state_policies import write_state_policy
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from readygo.common.perception.noise import EXACT
 from readygo.runs.config import RunConfig
 from readygo.runs.evaluation import evaluation_world
 from readygo.runs.reinforcement import PART, draw_bank, make_reinforcement_config
-from tests.common.episode.state_simulation.episodes import draw
+from tests.common.state_simulation.episodes import draw
 
 
 @pytest.fixture(scope="module")

@@ -2,9 +2,9 @@ import dataclasses
 
 import pytest
 
-from readygo.common.episode.state_simulation.world import ObservationConfig
 from readygo.common.errors import ConfigError
 from readygo.common.robot import RobotRanges
+from readygo.common.state_simulation.world import ObservationConfig
 from readygo.runs.config import RunConfig
 from readygo.runs.evaluation import evaluation_world
 from readygo.runs.state_world import goal_distances, state_world

@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from readygo.common.config import Range, check_ranges
-from readygo.common.episode.state_simulation.simulation import RewardConfig
-from readygo.common.episode.state_simulation.world import ObservationConfig
 from readygo.common.perception.noise import PerceptionNoise
+from readygo.common.state_simulation.simulation import RewardConfig
+from readygo.common.state_simulation.world import ObservationConfig
 
 Count = Annotated[int, Range(low=1)]
 Share = Annotated[float, Range(low=0.0, high=1.0)]

@@ -17,7 +17,7 @@ import torch
 from torch import nn
 
 from readygo.common.arrays import Float32Array, Float64Array
-from readygo.common.episode.state_simulation.simulation import StateSimulation
+from readygo.common.state_simulation.simulation import StateSimulation
 from readygo.services.trainer.reinforcement.config import PpoConfig
 from readygo.services.trainer.reinforcement.networks import make_network
 

@@ -20,8 +20,11 @@ import torch
 from readygo.common.arrays import AnyArray, Float32Array, Float64Array, Int8Array
 from readygo.common.config import section_to_mapping
 from readygo.common.drawing.charts import Curve, line_chart, write_chart
-from readygo.common.episode.state_simulation.bank import EpisodeBank
-from readygo.common.episode.state_simulation.simulation import (
+from readygo.common.errors import PolicyError
+from readygo.common.files import write_then_rename, write_whole
+from readygo.common.state_policy.state_policy import StatePolicy, StatePolicySpec, grid_weights
+from readygo.common.state_simulation.bank import EpisodeBank
+from readygo.common.state_simulation.simulation import (
     HUMAN_COLLISION,
     RUNNING,
     STATIC_COLLISION,
@@ -30,11 +33,8 @@ from readygo.common.episode.state_simulation.simulation import (
     StateSimulation,
     StateSimulationConfig,
 )
-from readygo.common.episode.state_simulation.tracks import tracker_numbers
-from readygo.common.episode.state_simulation.world import StateWorld
-from readygo.common.errors import PolicyError
-from readygo.common.files import write_then_rename, write_whole
-from readygo.common.policy.state_policy import StatePolicy, StatePolicySpec, grid_weights
+from readygo.common.state_simulation.tracks import tracker_numbers
+from readygo.common.state_simulation.world import StateWorld
 from readygo.services.trainer.reinforcement.config import ReinforcementConfig
 from readygo.services.trainer.reinforcement.networks import layers_of
 from readygo.services.trainer.reinforcement.ppo import Learner, UpdateFigures

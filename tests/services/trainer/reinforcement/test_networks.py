@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from readygo.common.policy.state_policy import forward
+from readygo.common.state_policy.state_policy import forward
 
 torch = pytest.importorskip("torch", reason="torch (extra train) is not installed")
 

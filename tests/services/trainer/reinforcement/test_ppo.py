@@ -17,7 +17,7 @@ class Corridor:
         return len(self.told)
 
     def advance(self, commands: np.ndarray) -> object:
-        from readygo.common.episode.state_simulation.simulation import SUCCESS, Ended
+        from readygo.common.state_simulation.simulation import SUCCESS, Ended
 
         self._turn += 1
         count, ends = len(self.told), self._turn % 4 == 0

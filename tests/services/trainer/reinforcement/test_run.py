@@ -6,10 +6,10 @@ import pytest
 
 from readygo.common.errors import PolicyError
 from readygo.common.perception.noise import PERCEIVED
-from readygo.common.policy.state_policy import StatePolicySpec, load_state_policy
+from readygo.common.state_policy.state_policy import StatePolicySpec, load_state_policy
 from readygo.services.trainer.reinforcement.config import PpoConfig, ReinforcementConfig
-from tests.common.episode.state_simulation.episodes import Drawn, draw
-from tests.common.policy.state_policies import TOLD_COUNT
+from tests.common.state_policy.state_policies import TOLD_COUNT
+from tests.common.state_simulation.episodes import Drawn, draw
 
 torch = pytest.importorskip("torch", reason="torch (extra train) is not installed")
 

@@ -3,13 +3,13 @@ import math
 import numpy as np
 import pytest
 
-from readygo.common.episode.state_simulation.goal_distances import (
+from readygo.common.maps import GridFrame, OccupancyMap
+from readygo.common.state_simulation.goal_distances import (
     GoalDistances,
     coarse_place,
     point_ahead,
     remaining_m,
 )
-from readygo.common.maps import GridFrame, OccupancyMap
 
 FRAME = GridFrame(origin_x_m=-1.0, origin_y_m=-2.0, resolution_m=0.05)
 

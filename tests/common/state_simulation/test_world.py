@@ -6,9 +6,9 @@ import pytest
 
 from readygo.common.camera import CameraConfig
 from readygo.common.episode import EpisodeConfig
-from readygo.common.episode.state_simulation.world import RAY_COUNT, ObservationConfig, make_world
 from readygo.common.maps import sight_of_occupancy
 from readygo.common.robot import RobotConfig
+from readygo.common.state_simulation.world import RAY_COUNT, ObservationConfig, make_world
 
 
 def make(hall, observation: ObservationConfig, robot: RobotConfig | None = None):

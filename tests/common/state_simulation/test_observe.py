@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from readygo.common.episode import EpisodeConfig
-from readygo.common.episode.state_simulation.goal_distances import GoalDistances
-from readygo.common.episode.state_simulation.observe import (
+from readygo.common.maps import sight_of_occupancy
+from readygo.common.perception.noise import EXACT
+from readygo.common.robot import RobotConfig
+from readygo.common.state_simulation.goal_distances import GoalDistances
+from readygo.common.state_simulation.observe import (
     ARC_COUNT,
     GOAL,
     PATH,
@@ -18,11 +21,8 @@ from readygo.common.episode.state_simulation.observe import (
     told_count,
     truth_count,
 )
-from readygo.common.episode.state_simulation.tracks import begin_tracks, look, make_tracks, tracker_numbers
-from readygo.common.episode.state_simulation.world import ObservationConfig, make_world
-from readygo.common.maps import sight_of_occupancy
-from readygo.common.perception.noise import EXACT
-from readygo.common.robot import RobotConfig
+from readygo.common.state_simulation.tracks import begin_tracks, look, make_tracks, tracker_numbers
+from readygo.common.state_simulation.world import ObservationConfig, make_world
 
 ARCS = PEOPLE + 3 * PERSON_COUNT
 NUMBERS = tracker_numbers(EXACT, RobotConfig().clock)

@@ -6,13 +6,13 @@ import pytest
 
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import run_episode
-from readygo.common.episode.state_simulation.observe import PEOPLE, PERSON_COUNT
 from readygo.common.perception import PeopleTracker
 from readygo.common.perception.people import NOBODY, People
 from readygo.common.policy.memory import PolicyMemory
-from readygo.common.policy.perceiving_driver import PerceivingStateDriver
-from tests.common.episode.state_simulation.episodes import Drawn, draw
-from tests.common.policy.state_policies import make_state_policy
+from readygo.common.state_policy.perceiving_driver import PerceivingStateDriver
+from readygo.common.state_simulation.observe import PEOPLE, PERSON_COUNT
+from tests.common.state_policy.state_policies import make_state_policy
+from tests.common.state_simulation.episodes import Drawn, draw
 
 
 @pytest.fixture(scope="module")

@@ -8,20 +8,20 @@ import numpy as np
 from readygo.common.arrays import UInt8Array, UInt16Array
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import Command, DriverFailure
-from readygo.common.episode.state_simulation.goal_distances import GoalDistances
-from readygo.common.episode.state_simulation.observe import observe, told_count
-from readygo.common.episode.state_simulation.tracks import (
+from readygo.common.perception import PeopleTracker, Perception
+from readygo.common.policy.driver import PolicyCamera
+from readygo.common.policy.memory import PolicyMemory
+from readygo.common.state_policy.state_policy import StatePolicy
+from readygo.common.state_simulation.goal_distances import GoalDistances
+from readygo.common.state_simulation.observe import observe, told_count
+from readygo.common.state_simulation.tracks import (
     COAST_S,
     Tracks,
     is_visible,
     make_tracks,
     tracker_numbers,
 )
-from readygo.common.episode.state_simulation.world import StateWorld
-from readygo.common.perception import PeopleTracker, Perception
-from readygo.common.policy.driver import PolicyCamera
-from readygo.common.policy.memory import PolicyMemory
-from readygo.common.policy.state_policy import StatePolicy
+from readygo.common.state_simulation.world import StateWorld
 
 SLOTS = 6
 """Most people that are told to the policy, of whom it takes the nearest ones."""

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from readygo.common.episode import EpisodeSimulation
-from readygo.common.episode.state_simulation.bank import EpisodeBank, make_bank
-from readygo.common.episode.state_simulation.goal_distances import GoalDistances
-from readygo.common.episode.state_simulation.world import ObservationConfig, StateWorld
 from readygo.common.messages import AnimateRequest, EpisodeKey, EpisodeMotions, HumanPlanRequest, Scenario, Split
+from readygo.common.state_simulation.bank import EpisodeBank, make_bank
+from readygo.common.state_simulation.goal_distances import GoalDistances
+from readygo.common.state_simulation.world import ObservationConfig, StateWorld
 from readygo.runs.config import RunConfig
 from readygo.runs.scene_argument import open_scene
 from readygo.runs.spec import make_spec

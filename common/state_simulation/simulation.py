@@ -9,21 +9,21 @@ import numpy as np
 
 from readygo.common.arrays import AnyArray, BoolArray, Float32Array, Float64Array, Int8Array, Int64Array, UInt16Array
 from readygo.common.episode.collision import disc_meets_cells, point_meets_humans
-from readygo.common.episode.state_simulation.bank import EpisodeBank
-from readygo.common.episode.state_simulation.goal_distances import remaining_m
-from readygo.common.episode.state_simulation.observe import know, observe, told_count, truth_count
-from readygo.common.episode.state_simulation.randomness import next_index, next_uniform
-from readygo.common.episode.state_simulation.tracks import (
+from readygo.common.kernels import kernel_with_cache
+from readygo.common.messages.plan import Outcome
+from readygo.common.robot.kinematics import limit_command, step_unicycle
+from readygo.common.state_simulation.bank import EpisodeBank
+from readygo.common.state_simulation.goal_distances import remaining_m
+from readygo.common.state_simulation.observe import know, observe, told_count, truth_count
+from readygo.common.state_simulation.randomness import next_index, next_uniform
+from readygo.common.state_simulation.tracks import (
     TrackerNumbers,
     Tracks,
     begin_tracks,
     look,
     make_tracks,
 )
-from readygo.common.episode.state_simulation.world import StateWorld
-from readygo.common.kernels import kernel_with_cache
-from readygo.common.messages.plan import Outcome
-from readygo.common.robot.kinematics import limit_command, step_unicycle
+from readygo.common.state_simulation.world import StateWorld
 
 RUNNING, SUCCESS, STATIC_COLLISION, HUMAN_COLLISION, TIMEOUT = range(5)
 """Codes of outcomes."""

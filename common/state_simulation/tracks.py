@@ -14,13 +14,13 @@ import numpy as np
 from readygo.common.arrays import Float64Array, Int64Array, UInt64Array
 from readygo.common.camera.config import mounted_at
 from readygo.common.camera.view import FieldOfView, in_view
-from readygo.common.episode.state_simulation.randomness import next_normal, next_uniform
-from readygo.common.episode.state_simulation.world import VIEW_RANGE_M, StateWorld
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps.sight import sees_human
 from readygo.common.perception.kalman import ACCELERATION_NOISE, predict, update, update_velocity
 from readygo.common.perception.noise import MISSED_AT_M, MISSED_MAX, PerceptionNoise
 from readygo.common.robot import Clock
+from readygo.common.state_simulation.randomness import next_normal, next_uniform
+from readygo.common.state_simulation.world import VIEW_RANGE_M, StateWorld
 
 FALSE_SLOTS = 2
 """Tracks of false alarms at a time."""

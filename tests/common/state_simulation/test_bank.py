@@ -3,8 +3,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from readygo.common.episode.state_simulation.bank import EpisodeBank, join_banks, load_bank
 from readygo.common.errors import RunError
+from readygo.common.state_simulation.bank import EpisodeBank, join_banks, load_bank
 
 
 def make(count: int, rows: int, first: int = 0) -> EpisodeBank:

@@ -5,7 +5,10 @@ import numpy as np
 import pytest
 
 from readygo.common.episode import EpisodeConfig
-from readygo.common.episode.state_simulation.tracks import (
+from readygo.common.maps import sight_of_occupancy
+from readygo.common.perception.noise import EXACT, PERCEIVED, PerceptionNoise
+from readygo.common.robot import RobotConfig
+from readygo.common.state_simulation.tracks import (
     COAST_S,
     UNCONFIRMED_S,
     begin_tracks,
@@ -14,10 +17,7 @@ from readygo.common.episode.state_simulation.tracks import (
     make_tracks,
     tracker_numbers,
 )
-from readygo.common.episode.state_simulation.world import ObservationConfig, make_world
-from readygo.common.maps import sight_of_occupancy
-from readygo.common.perception.noise import EXACT, PERCEIVED, PerceptionNoise
-from readygo.common.robot import RobotConfig
+from readygo.common.state_simulation.world import ObservationConfig, make_world
 
 POSE = (0.0, 0.0, 0.0)
 

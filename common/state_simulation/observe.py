@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 
 from readygo.common.arrays import Float32Array, UInt16Array
-from readygo.common.episode.state_simulation.goal_distances import point_ahead, remaining_m
-from readygo.common.episode.state_simulation.tracks import TrackerNumbers, Tracks, is_visible
-from readygo.common.episode.state_simulation.world import RAY_COUNT, RAY_M, StateWorld
 from readygo.common.kernels import kernel_with_cache
 from readygo.common.robot.kinematics import limit_command, step_unicycle
+from readygo.common.state_simulation.goal_distances import point_ahead, remaining_m
+from readygo.common.state_simulation.tracks import TrackerNumbers, Tracks, is_visible
+from readygo.common.state_simulation.world import RAY_COUNT, RAY_M, StateWorld
 
 GOAL, SPEED, PATH, PEOPLE = RAY_COUNT, RAY_COUNT + 5, RAY_COUNT + 7, RAY_COUNT + 13
 """First columns of goal, speeds, path and people."""

@@ -16,12 +16,12 @@ from readygo.common.array_files import load_npz
 from readygo.common.arrays import Float32Array, Float64Array, Int64Array
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.documents import read_toml, write_toml
-from readygo.common.episode.state_simulation.world import ObservationConfig
 from readygo.common.errors import ConfigError, PolicyError
 from readygo.common.files import write_then_rename
 from readygo.common.perception.noise import PerceptionNoise
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import TURN_SHARES, command_grid, speed_shares
+from readygo.common.state_simulation.world import ObservationConfig
 
 STATE_POLICY_FORMAT = "readygo-state-policy/1"
 STATE_POLICY_FILE, ACTOR_FILE = "state_policy.toml", "actor.npz"

@@ -8,13 +8,13 @@ import numpy as np
 from readygo.common.arrays import Float32Array, UInt16Array
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import Command, DriverFailure
-from readygo.common.episode.state_simulation.goal_distances import GoalDistances
-from readygo.common.episode.state_simulation.observe import observe, told_count
-from readygo.common.episode.state_simulation.tracks import Tracks, begin_tracks, look, make_tracks, tracker_numbers
-from readygo.common.episode.state_simulation.world import StateWorld
 from readygo.common.episode.streams import Purpose, episode_rng
 from readygo.common.perception.noise import PerceptionNoise
-from readygo.common.policy.state_policy import StatePolicy
+from readygo.common.state_policy.state_policy import StatePolicy
+from readygo.common.state_simulation.goal_distances import GoalDistances
+from readygo.common.state_simulation.observe import observe, told_count
+from readygo.common.state_simulation.tracks import Tracks, begin_tracks, look, make_tracks, tracker_numbers
+from readygo.common.state_simulation.world import StateWorld
 
 
 @dataclass(eq=False)

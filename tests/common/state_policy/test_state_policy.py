@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from readygo.common.errors import PolicyError
-from readygo.common.policy.state_policy import (
+from readygo.common.robot import RobotConfig
+from readygo.common.state_policy.state_policy import (
     ACTOR_FILE,
     STATE_POLICY_FILE,
     StatePolicySpec,
@@ -16,8 +17,7 @@ from readygo.common.policy.state_policy import (
     is_state_policy,
     load_state_policy,
 )
-from readygo.common.robot import RobotConfig
-from tests.common.policy.state_policies import TOLD_COUNT, make_state_policy, write_state_policy
+from tests.common.state_policy.state_policies import TOLD_COUNT, make_state_policy, write_state_policy
 
 
 def test_policy_comes_back_from_its_folder(tmp_path: Path) -> None:

@@ -10,10 +10,10 @@ from readygo.common.arrays import BoolArray, Float32Array, Float64Array, UInt32A
 from readygo.common.camera.view import view_of
 from readygo.common.config import Range, check_ranges
 from readygo.common.episode.config import EpisodeConfig
-from readygo.common.episode.state_simulation.goal_distances import Place, coarse_place
 from readygo.common.errors import ConfigError
 from readygo.common.maps import OccupancyMap, SightMap, clearance_m
 from readygo.common.robot import RobotConfig
+from readygo.common.state_simulation.goal_distances import Place, coarse_place
 
 RAY_COUNT = 32
 """Directions in which the robot is told the free distance."""

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from readygo.common.episode.state_simulation.observe import ARC_COUNT, PEOPLE, PERSON_COUNT
-from readygo.common.episode.state_simulation.world import ARC_SPEEDS, ARC_TURNS, ObservationConfig
 from readygo.common.perception.noise import PERCEIVED, PerceptionNoise
-from readygo.common.policy.state_policy import StatePolicy, StatePolicySpec, commands_of
 from readygo.common.robot import RobotConfig
+from readygo.common.state_policy.state_policy import StatePolicy, StatePolicySpec, commands_of
+from readygo.common.state_simulation.observe import ARC_COUNT, PEOPLE, PERSON_COUNT
+from readygo.common.state_simulation.world import ARC_SPEEDS, ARC_TURNS, ObservationConfig
 
 TOLD_COUNT = PEOPLE + ObservationConfig().people * PERSON_COUNT + (1 + len(ARC_SPEEDS) * len(ARC_TURNS)) * ARC_COUNT
 """Numbers that a robot is told by default."""

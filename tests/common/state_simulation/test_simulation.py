@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from readygo.common.camera.view import in_view, view_of
-from readygo.common.episode.state_simulation.simulation import (
+from readygo.common.perception.noise import EXACT, PERCEIVED
+from readygo.common.state_simulation.simulation import (
     HUMAN_COLLISION,
     OUTCOMES,
     RUNNING,
@@ -12,10 +13,9 @@ from readygo.common.episode.state_simulation.simulation import (
     StateSimulation,
     StateSimulationConfig,
 )
-from readygo.common.episode.state_simulation.tracks import tracker_numbers
-from readygo.common.episode.state_simulation.world import VIEW_RANGE_M
-from readygo.common.perception.noise import EXACT, PERCEIVED
-from tests.common.episode.state_simulation.episodes import Drawn, draw, towards_path
+from readygo.common.state_simulation.tracks import tracker_numbers
+from readygo.common.state_simulation.world import VIEW_RANGE_M
+from tests.common.state_simulation.episodes import Drawn, draw, towards_path
 
 
 @pytest.fixture(scope="module")

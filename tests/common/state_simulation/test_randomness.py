@@ -1,6 +1,6 @@
 import numpy as np
 
-from readygo.common.episode.state_simulation.randomness import next_index, next_normal, next_uniform
+from readygo.common.state_simulation.randomness import next_index, next_normal, next_uniform
 
 
 def test_numbers_are_those_of_splitmix() -> None:

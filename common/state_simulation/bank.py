@@ -8,10 +8,10 @@ import numpy as np
 
 from readygo.common.array_files import load_npz
 from readygo.common.arrays import Float32Array, Float64Array, Int64Array, UInt16Array
-from readygo.common.episode.state_simulation.goal_distances import GoalDistances
 from readygo.common.errors import RunError
 from readygo.common.files import write_then_rename
 from readygo.common.messages import EpisodeMotions, Scenario
+from readygo.common.state_simulation.goal_distances import GoalDistances
 
 BANK_BYTES_MAX = 8 << 30
 

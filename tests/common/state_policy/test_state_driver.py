@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 
 from readygo.common.episode.loop import Observer, run_episode
-from readygo.common.episode.state_simulation.simulation import OUTCOMES, RUNNING, StateSimulation
-from readygo.common.episode.state_simulation.tracks import tracker_numbers
 from readygo.common.perception.noise import PerceptionNoise
-from readygo.common.policy.state_driver import StateDriver, detection_seed
-from tests.common.episode.state_simulation.episodes import Drawn, draw
-from tests.common.policy.state_policies import make_state_policy
+from readygo.common.state_policy.state_driver import StateDriver, detection_seed
+from readygo.common.state_simulation.simulation import OUTCOMES, RUNNING, StateSimulation
+from readygo.common.state_simulation.tracks import tracker_numbers
+from tests.common.state_policy.state_policies import make_state_policy
+from tests.common.state_simulation.episodes import Drawn, draw
 
 NOISE = PerceptionNoise(false_alarms_hz=0.3, measures_velocity=True, velocity_mps=0.2)
 

@@ -1,0 +1,1 @@
+"""Policies that are told states instead of images: their artifact, and their drivers."""
