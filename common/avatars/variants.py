@@ -18,8 +18,8 @@ _COLOURS = 7
 _ROUNDS = 12
 _HEIGHT_WEIGHT = 0.6
 """How much a metre of height tells groups apart, beside colours of 0..1: shoes are no hair."""
-_SCALE = (0.86, 1.14)
-"""Smallest and largest change of size."""
+_SCALE = (0.68, 1.14)
+"""Smallest and largest change of size: children are people too."""
 _BARE_JOINTS = (12, 15, 20, 21, 22, 23)
 """Neck, head, wrists and hands: skin and hair."""
 _PATTERNED = 0.35
