@@ -6,7 +6,7 @@
     RUN/evaluation/     the test episodes; report.html shows all of it
     RUN/perceive.json   the settings, and the episodes that each scene has
 
-Every step goes on where it was, so the same command resumes the run.
+Every step resumes, so the same command resumes the run.
 """
 
 import dataclasses

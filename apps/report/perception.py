@@ -71,7 +71,7 @@ def perception_facts(metrics: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("bearing, median error", f"{told['bearing_deg']:.1f} deg"),
         ("distance, median error", percent(told["distance"])),
         ("missed, of visible people within 6 m", percent(told["missed"])),
-        ("told where nobody is, per image", f"{told['false_per_image']:.3f}"),
+        ("detections without a human, per image", f"{told['false_per_image']:.3f}"),
         ("velocity along and across the view, R2", f"{told['along_r2']:.2f} and {told['across_r2']:.2f}"),
         ("free distance, median error", percent(told["rays"])),
     ]

@@ -4,7 +4,9 @@ Each track is a Kalman filter in the world. Detections are assigned to tracks at
 (Mahalanobis, gated). A track's chance to be a human rises with detections, and falls where the camera should show it
 and does not:
 
-    l' = l + log(presence / (1 - presence)),   l' = l + log(1 - P_seen) where it is not detected
+    l' = l + log(presence / (1 - presence)) - log(t / (1 - t)),   l' = l + log(1 - P_seen) where it is not detected
+
+t is the presence that says nothing.
 
 Humans do not walk through walls: a track that would comes to stand at the wall, and a detection inside of one is not
 believed.
@@ -20,13 +22,17 @@ from scipy.optimize import linear_sum_assignment
 from readygo.common.arrays import Float64Array
 from readygo.common.maps import GridFrame
 from readygo.common.perception import kalman
-from readygo.common.perception.people import People
+from readygo.common.perception.people import THRESHOLD, People
 
 Pose = tuple[float, float, float]
 GATE = 13.8
 """Largest squared Mahalanobis distance of a detection from its track: 99.9 % of a normal distribution."""
 KNOWN = 0.0
 """Log-odds from which a track is told."""
+_SAYS_NOTHING = math.log(THRESHOLD / (1.0 - THRESHOLD))
+"""Log-odds of a presence that makes a track neither likelier nor less likely."""
+_BEGIN = -0.5
+"""Log-odds of a track before its first detection."""
 _LOG_ODDS = (-2.0, 4.0)
 """Lowest one that a track is kept with, and the highest one."""
 _SEEN = 0.5
@@ -52,7 +58,7 @@ class Track:
     cov: Float64Array
     """Covariance of it, shape (4, 4)."""
     log_odds: float
-    """How likely it is that there is somebody."""
+    """How likely it is that a human is there."""
     age_s: float = 0.0
     """Time since it was detected last [s]."""
     hits: int = 1
@@ -141,7 +147,7 @@ class PeopleTracker:
     ) -> None:
         cov = np.zeros((4, 4))
         cov[:2, :2], cov[2:, 2:] = place, _WALKING_SD_MPS**2 * np.eye(2)
-        track = Track(number=self._next, mean=np.array([*xy, 0.0, 0.0]), cov=cov, log_odds=-0.5)
+        track = Track(number=self._next, mean=np.array([*xy, 0.0, 0.0]), cov=cov, log_odds=_BEGIN)
         kalman.update_velocity(track.mean, track.cov, np.ascontiguousarray(v), np.ascontiguousarray(speed))
         self._believe(track, presence)
         track.rows = [(float(xy[0]), float(xy[1]))]
@@ -150,7 +156,7 @@ class PeopleTracker:
 
     def _believe(self, track: Track, presence: float) -> None:
         p = min(max(presence, 0.02), 0.98)
-        track.log_odds = min(track.log_odds + math.log(p / (1.0 - p)) + 0.5, _LOG_ODDS[1])
+        track.log_odds = min(track.log_odds + math.log(p / (1.0 - p)) - _SAYS_NOTHING, _LOG_ODDS[1])
 
     def _assign(self, xy: Float64Array, place: Float64Array) -> list[tuple[int, int]]:
         """Pairs of a track and a detection."""

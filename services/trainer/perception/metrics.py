@@ -34,7 +34,7 @@ class PerceptionMetrics:
     missed: float
     """Share of the visible humans within `NEAR_M` that were not told."""
     false_per_image: float
-    """Told humans for whom there is nobody, per image; hidden humans in view are nobody's error."""
+    """Detections without a human, per image; detections of hidden humans in view do not count."""
     along_r2: float
     """R2 of the velocity along the line of sight."""
     across_r2: float

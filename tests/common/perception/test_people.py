@@ -36,7 +36,7 @@ def test_of_two_in_one_place_the_first_is_told() -> None:
 def test_map_tells_those_above_the_threshold() -> None:
     answers = np.zeros((CHANNELS, *SHAPE))
     answers[:, 4, 7], answers[:, 8, 20] = row(0.3, 1.0), row(-0.3, 4.0)
-    answers[PRESENCE, 8, 20] = 0.2
+    answers[PRESENCE, 8, 20] = 0.12
     assert people_of(answers, CAMERA).presence.tolist() == [0.9]
-    assert people_of(answers, CAMERA, threshold=0.1).presence.tolist() == [0.9, 0.2]
+    assert people_of(answers, CAMERA, threshold=0.1).presence.tolist() == [0.9, 0.12]
     assert len(people_of(np.zeros((CHANNELS, *SHAPE)), CAMERA)) == 0

@@ -74,7 +74,7 @@ def test_two_who_cross_stay_two() -> None:
 
 def test_one_doubtful_detection_is_not_told_and_a_second_one_is() -> None:
     tracker = PeopleTracker(None, None)
-    tracker.fuse((0.0, 0.0, 0.0), seen((1.0, 0.0, 0.0, 0.0), presence=0.4), everywhere)
+    tracker.fuse((0.0, 0.0, 0.0), seen((1.0, 0.0, 0.0, 0.0), presence=0.2), everywhere)
     assert tracker.tracks
     assert not tracker.known
     tracker.predict(DT_S)
