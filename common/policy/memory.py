@@ -146,7 +146,14 @@ class PolicyMemory:
         return (self._count - 1) * self._spacing_ns
 
     def pose_at(self, time_ns: int) -> Pose:
-        """Where the robot was at a time, between the poses that are known."""
+        """Where the robot was at a time, between the poses that are known.
+
+        Args:
+            time_ns: When [ns].
+
+        Returns:
+            x, y [m], yaw [rad].
+        """
         after = bisect_right(self._poses_ns, time_ns)
         if after == 0 or after == len(self._poses) or self._poses_ns[after - 1] == time_ns:
             return self._poses[max(after - 1, 0)]
