@@ -37,6 +37,12 @@ _LOG_ODDS = (-2.0, 4.0)
 """Lowest one that a track is kept with, and the highest one."""
 _SEEN = 0.5
 """Probability of a detection where the camera should show a human: errors hang together over time."""
+MEMORY_S = 4.0
+"""How long a human is told after the last detection [s]."""
+UNCONFIRMED_S, CONFIRMING = 0.5, 3
+"""A track of fewer detections than `CONFIRMING` ends this long after the last one [s]."""
+_DOUBLE_M = 0.4
+"""Of two tracks nearer to each other than this the one with fewer detections ends [m]."""
 _WALL_M = 0.15
 """Humans' centres keep this clear of what blocks them, but for errors of the map [m]."""
 _IN_WALL_M = 0.4
@@ -75,7 +81,7 @@ class PeopleTracker:
         clearance_m: Float64Array | None,
         frame: GridFrame | None,
         *,
-        memory_s: float = 4.0,
+        memory_s: float = MEMORY_S,
         rows: int = 12,
         noise: float = kalman.ACCELERATION_NOISE,
     ) -> None:
@@ -84,7 +90,7 @@ class PeopleTracker:
         Args:
             clearance_m: Distance to what blocks humans [m], shape (H, W); None where no map is known.
             frame: Where its cells lie.
-            memory_s: Tracks that were not detected for longer are dropped [s].
+            memory_s: Tracks end when they were not detected for longer [s]; unconfirmed ones sooner.
             rows: Places that a track keeps.
             noise: Spectral density of humans' acceleration [m2/s3].
         """
@@ -108,7 +114,7 @@ class PeopleTracker:
             if self._is_blocked(*track.mean[:2].tolist()) and not self._is_blocked(x, y):
                 track.mean[:] = x, y, 0.0, 0.0
             track.rows = [*track.rows[1 - self._rows :], (float(track.mean[0]), float(track.mean[1]))]
-        self.tracks = [track for track in self.tracks if track.age_s <= self._memory_s]
+        self.tracks = [track for track in self.tracks if track.age_s <= self._lasts_s(track) + 1e-6]
 
     def fuse(self, pose: Pose, people: People, shows: Callable[[float, float], bool]) -> None:
         """Fuse what one look told.
@@ -137,10 +143,22 @@ class PeopleTracker:
         for a, track in enumerate(self.tracks):
             if a not in hit and shows(*track.mean[:2].tolist()):
                 track.log_odds += math.log(1.0 - _SEEN)
-        self.tracks = [track for track in self.tracks if track.log_odds > _LOG_ODDS[0]]
+        self.tracks = [track for track in self.tracks if track.log_odds > _LOG_ODDS[0] and not self._is_double(track)]
         for k in believed:
             if k not in taken:
                 self._begin(xy[k], place[k], v[k], speed[k], float(people.presence[k]))
+
+    def _lasts_s(self, track: Track) -> float:
+        return self._memory_s if track.hits >= CONFIRMING else min(UNCONFIRMED_S, self._memory_s)
+
+    def _is_double(self, track: Track) -> bool:
+        """True if another track with more detections, or as many and older, is in the same place."""
+        rank = (track.hits, -track.number)
+        return any(
+            (other.hits, -other.number) > rank
+            and math.hypot(other.mean[0] - track.mean[0], other.mean[1] - track.mean[1]) < _DOUBLE_M
+            for other in self.tracks
+        )
 
     def _begin(
         self, xy: Float64Array, place: Float64Array, v: Float64Array, speed: Float64Array, presence: float

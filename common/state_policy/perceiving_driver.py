@@ -15,7 +15,6 @@ from readygo.common.state_policy.state_policy import StatePolicy
 from readygo.common.state_simulation.goal_distances import GoalDistances
 from readygo.common.state_simulation.observe import observe, told_count
 from readygo.common.state_simulation.tracks import (
-    COAST_S,
     Tracks,
     is_visible,
     make_tracks,
@@ -129,8 +128,7 @@ def tell_tracks(tracker: PeopleTracker, tracks: Tracks, simulation: EpisodeSimul
         simulation: The episode.
     """
     tracks.seen_step[0] = -1
-    most_s = COAST_S - 1e-6
-    known = [track for track in tracker.known if track.age_s <= most_s]
+    known = tracker.known
     known.sort(key=lambda track: (track.mean[0] - simulation.x_m) ** 2 + (track.mean[1] - simulation.y_m) ** 2)
     for slot, track in enumerate(known[: tracks.mean.shape[1]]):
         tracks.mean[0, slot], tracks.cov[0, slot] = track.mean, track.cov

@@ -18,16 +18,13 @@ from readygo.common.kernels import kernel_with_cache
 from readygo.common.maps.sight import sees_human
 from readygo.common.perception.kalman import ACCELERATION_NOISE, predict, update, update_velocity
 from readygo.common.perception.noise import MISSED_AT_M, MISSED_MAX, PerceptionNoise
+from readygo.common.perception.tracker import CONFIRMING, MEMORY_S, UNCONFIRMED_S
 from readygo.common.robot import Clock
 from readygo.common.state_simulation.randomness import next_normal, next_uniform
 from readygo.common.state_simulation.world import VIEW_RANGE_M, StateWorld
 
 FALSE_SLOTS = 2
 """Tracks of false alarms at a time."""
-COAST_S = 4.0
-"""How long a person is told after the last detection [s]."""
-UNCONFIRMED_S, CONFIRMING = 0.5, 3
-"""A track of fewer detections than `CONFIRMING` ends this long after the last one [s]."""
 FLOOR_M = 0.05
 """Standard deviation that the filter adds to every measured position [m]."""
 FLOOR_MPS = 0.05
@@ -110,7 +107,7 @@ def tracker_numbers(noise: PerceptionNoise, clock: Clock) -> TrackerNumbers:
         velocity_mps=noise.velocity_mps if noise.measures_velocity else -1.0,
         false_share=min(noise.false_alarms_hz * between_s, 1.0),
         every=every,
-        coast=clock.steps(COAST_S),
+        coast=clock.steps(MEMORY_S),
         unconfirmed=clock.steps(UNCONFIRMED_S),
     )
 

@@ -49,6 +49,8 @@ def test_expert_drives_as_it_does_for_data(world):
         ("gnm", r"put gnm_large\.pth of github\.com/robodhruv/visualnav-transformer at .*gnm_large\.pth"),
         ("vint", r"vint\.pth"),
         ("nomad", r"nomad\.pth"),
+        ("perceive-and-plan", r"perceive-and-plan: .*perception holds no perception\.toml"),
+        ("perceive-and-act", r"perceive-and-act needs a policy at .*rl: readygo rl SCENE --out .*rl"),
         ("vid2sim", r'policy that learned among mesh-like people, at .*vid2sim: .*human_look = "mesh"'),
     ],
 )

@@ -214,6 +214,62 @@ def test_key_that_a_published_network_does_not_take_is_named(tmp_path: Path) -> 
         train(TrainOptions(data=(), out=tmp_path, recipe="gnm", keys={"optimizer": {"weight_decay": 0.1}}))
 
 
+HELD_OUT = {
+    "images": 20, "people": 7, "average_precision": 0.824, "bearing_deg": 0.44, "distance": 0.051, "missed": 0.09,
+    "along_r2": 0.61, "across_r2": 0.15, "rays": 0.06,
+}  # fmt: skip
+
+
+def test_perception_is_trained_with_its_settings_and_told_with_how_well_it_sees(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = []
+    metrics = {"parameters": 9, "samples_seen": 8, "elapsed_s": 7.4, "images": 5, "held_out": HELD_OUT}
+    monkeypatch.setattr(
+        command, "train_perception", lambda *words, scenes, show: asked.append((*words, scenes)) or metrics
+    )
+    config = tmp_path / "perception.toml"
+    config.write_text("batch_size = 16\nlearning_rate = 0.1\n")
+    options = TrainOptions(
+        data=(tmp_path / "data",),
+        out=tmp_path / "runs" / "perception",
+        recipe="perception",
+        minutes=3.0,
+        seed=4,
+        config=config,
+        details=command.TrainDetailOptions(scene=("embedded",)),
+        keys={"optimizer": {"learning_rate": 0.01}, "threads": 2},
+    )
+    train(options)
+    data, settings, out, scenes = asked[0]
+    assert (data, out, scenes) == ((tmp_path / "data",), tmp_path / "runs" / "perception", ("embedded",))
+    assert (settings.minutes, settings.seed, settings.threads) == (3.0, 4, 2)
+    assert (settings.batch_size, settings.learning_rate) == (16, 0.01)
+    said = capsys.readouterr().out
+    assert "9 parameters, 8 images learned from in 7 s (5 different ones)." in said
+    assert "AP 0.82, bearing 0.4 deg, distance 5 %, 9 % missed, velocity R2 0.61 along and 0.15 across" in said
+    assert f"--methods perceive-and-plan expert --checkpoints {tmp_path / 'runs'}" in said
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        ({"val_scene": "embedded"}, "--recipe perception takes no --val, --val-scene"),
+        ({"goal": "image"}, "--recipe perception takes no --val, --val-scene"),
+        ({"keys": {"network": {"fusion": "early"}}}, "--recipe perception takes no key fusion; it takes threads"),
+        ({"minutes": -1.0}, "minutes must be above 0"),
+    ],
+)
+def test_what_perception_does_not_take_is_named(option: dict[str, object], words: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=words):
+        train(TrainOptions(data=(tmp_path,), out=tmp_path, recipe="perception", **option))  # type: ignore[arg-type]
+
+
+def test_perception_without_data_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="No data folder is given"):
+        train(TrainOptions(data=(), out=tmp_path, recipe="perception"))
+
+
 def test_published_network_is_told_with_how_well_it_steers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

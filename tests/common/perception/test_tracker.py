@@ -116,3 +116,24 @@ def test_detection_inside_of_a_wall_is_not_believed() -> None:
     assert not tracker.tracks
     tracker.fuse((0.0, 0.0, 0.0), seen((1.6, 0.0, 0.0, 0.0)), everywhere)
     assert tracker.tracks
+
+
+def test_track_of_few_detections_ends_soon() -> None:
+    for hits, lasts in ((2, False), (3, True)):
+        tracker = PeopleTracker(None, None)
+        walk(tracker, hits)
+        for _ in range(7):
+            tracker.predict(DT_S)
+        assert bool(tracker.tracks) is lasts
+
+
+def test_of_two_tracks_in_one_place_the_better_known_one_stays() -> None:
+    tracker = PeopleTracker(None, None)
+    walk(tracker, 6)
+    x = float(tracker.tracks[0].mean[0])
+    # Far from where the track may be, and then on it.
+    tracker.fuse((0.0, 0.0, 0.0), seen((x, 3.5, 0.0, 0.0)), nowhere)
+    assert len(tracker.tracks) == 2
+    tracker.tracks[1].mean[1] = 2.1
+    tracker.fuse((0.0, 0.0, 0.0), NOBODY, nowhere)
+    assert [track.number for track in tracker.tracks] == [0]

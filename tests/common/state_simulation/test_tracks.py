@@ -9,7 +9,7 @@ from readygo.common.maps import sight_of_occupancy
 from readygo.common.perception.noise import EXACT, PERCEIVED, PerceptionNoise
 from readygo.common.robot import RobotConfig
 from readygo.common.state_simulation.tracks import (
-    COAST_S,
+    MEMORY_S,
     UNCONFIRMED_S,
     begin_tracks,
     is_visible,
@@ -65,8 +65,8 @@ def test_person_behind_is_not_seen_and_one_who_leaves_coasts(world) -> None:
     def walk(step: int) -> tuple[float, float]:
         return (2.0, 0.0) if step <= 20 else (-0.9, 0.0)
 
-    assert watch(world, EXACT, walk, 20 + round(COAST_S * 20)).seen_step[0, 0] == 20
-    assert watch(world, EXACT, walk, 24 + round(COAST_S * 20)).seen_step[0, 0] == -1
+    assert watch(world, EXACT, walk, 20 + round(MEMORY_S * 20)).seen_step[0, 0] == 20
+    assert watch(world, EXACT, walk, 24 + round(MEMORY_S * 20)).seen_step[0, 0] == -1
 
 
 def test_single_detections_are_forgotten_soon(world) -> None:

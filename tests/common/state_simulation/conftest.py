@@ -1,0 +1,5 @@
+"""The hall of the episodes' tests."""
+
+from tests.common.episode.conftest import hall
+
+__all__ = ["hall"]
