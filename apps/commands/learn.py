@@ -89,7 +89,7 @@ class LearnOptions:
     seed: int = 0
     """Seed of the episodes and of the training."""
     robot: Path | None = None
-    """robot.toml; without a camera in it, or without the file, the camera has 72x128 pixels."""
+    """robot.toml; a policy's camera has 72x128 pixels without a camera in it, or without the file."""
     config: Path | None = None
     """TOML file with sections of settings, as for `readygo generate`, and [learn]; `--SECTION.KEY VALUE` overrides
     it."""

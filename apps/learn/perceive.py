@@ -23,7 +23,7 @@ from readygo.apps.evaluation.watch import write_pages
 from readygo.apps.fleet.run import record
 from readygo.apps.learn.cores import cores_here
 from readygo.apps.learn.gather import TASK_NAMES, TEST_FOLDER
-from readygo.apps.learn.plan import SMALL_CAMERA, free_name
+from readygo.apps.learn.plan import free_name
 from readygo.apps.report.evaluation import REPORT_FILE
 from readygo.apps.report.page import CommandLine, PageLink
 from readygo.apps.report.perception import PerceptionContent
@@ -33,7 +33,7 @@ from readygo.common.documents import read_json
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.common.messages import Split, StatusReply
-from readygo.common.robot import RobotConfig, load_robot
+from readygo.common.robot import load_robot
 from readygo.runs.config import RunConfig, load_run_config
 from readygo.runs.evaluation import evaluation_settings, evaluation_world, make_evaluator, summarize
 from readygo.runs.method_files import method_hashes
@@ -136,18 +136,16 @@ Show = Callable[[Step], None]
 
 
 def perceive_settings(config: Path | None, robot: Path | None, keys: Keys = NO_KEYS) -> RunConfig:
-    """The settings of the recording runs: small images with levels of detail, no labels, noise injection.
+    """The settings of the recording runs: levels of detail, no labels, noise injection, the usual robot.
 
     Raises:
         ConfigError: If a file cannot be read or holds an unknown key or a wrong value.
     """
-    usual = RobotConfig(camera=SMALL_CAMERA)
     base = RunConfig(
-        robot=usual,
         driver=DriverConfig(disturbed=DISTURBED, camera_hz=CAMERA_HZ),
         renderer=RendererConfig(detail="lod", labels=False),
     )
-    return load_run_config(config, load_robot(robot, cameras_of=usual) if robot else None, base=base, keys=keys)
+    return load_run_config(config, load_robot(robot) if robot else None, base=base, keys=keys)
 
 
 def check_plan(plan: PerceivePlan) -> None:

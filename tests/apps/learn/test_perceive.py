@@ -19,6 +19,7 @@ from readygo.apps.learn.perceive import (
     read_state,
 )
 from readygo.common.errors import RunError
+from readygo.common.robot import RobotConfig
 from readygo.services.driver import DriverConfig
 
 HELD_OUT = {
@@ -41,7 +42,7 @@ def plan_of(out: Path, *scenes: str, minutes: float = 10.0) -> PerceivePlan:
 
 def test_settings_are_for_perception_and_the_test_is_without_them() -> None:
     config = perceive_settings(None, None, {"renderer": {"labels": True}})
-    assert (config.robot.camera.height_px, config.driver.camera_hz, config.renderer.labels) == (72, 5.0, True)
+    assert (config.robot, config.driver.camera_hz, config.renderer.labels) == (RobotConfig(), 5.0, True)
     assert module.tested_settings(config).driver == DriverConfig()
     assert module.tested_settings(config).robot == config.robot
 
