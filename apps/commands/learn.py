@@ -20,7 +20,7 @@ from readygo.apps.learn.config import GoalName, LearnConfig
 from readygo.apps.learn.crew import Reach
 from readygo.apps.learn.learn import learn_policy, report_content
 from readygo.apps.learn.perceive import (
-    METHODS,
+    BESIDE,
     PerceivePlan,
     Step,
     check_plan,
@@ -38,14 +38,14 @@ from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.identity import COORDINATOR
 from readygo.common.errors import RunError
 from readygo.runs.config import RunConfig
-from readygo.runs.methods import PERCEIVE_AND_PLAN
 from readygo.runs.sections import Keys, Sections, read_sections
 from readygo.services.evaluator import EpisodeRecord, summary_table
 
 _NOT_IN_REPORT = ("scenes", "out", "minutes", "samples", "on", "watch", "json", "fleet")
 """Fields and groups that the report's command to resume leaves out, or sets itself."""
 _OF_BOTH_FORMS = ("scenes", "out", "form", "minutes", "episodes", "seed", "robot", "config", "json", "avatars")
-"""Fields and groups that the form "perceive-and-plan" takes."""
+"""Fields and groups that the form "perceive" takes."""
+PERCEIVE = "perceive"
 Show = Callable[[Now], None]
 Tested = Callable[[EpisodeRecord], None]
 
@@ -76,10 +76,10 @@ class LearnOptions:
     """Scene bundles, "embedded" or "embedded:SEED"; one policy learns in all of them."""
     out: Path
     """Folder of the run, new or to resume: data, policy, curve.json, evaluation and report.html."""
-    form: Literal["auto", "perceive-and-plan", "policy"] = "auto"
-    """What is learned: "perceive-and-plan", a network that sees people and free space, with which the robot plans on
-    its map; "policy", a policy from images to commands, without a map. "auto" takes the first, which reaches more goals
-    among people, unless an option or key is given that only policies have."""
+    form: Literal["auto", "perceive", "policy"] = "auto"
+    """What is learned: "perceive", a network that sees people and free space, with which a planner or a policy on
+    states drives on the map; "policy", a policy from images to commands, without a map. "auto" takes the first, which
+    reaches more goals among people, unless an option or key is given that only policies have."""
     minutes: float = 60.0
     """Wall time of recording and training, including earlier calls [min]; training ends earlier if the policy
     stops improving. The test is not included."""
@@ -114,7 +114,7 @@ def learn(options: LearnOptions) -> None:
     """Record episodes and train a policy at the same time; run the same command again to resume."""
     if options.episodes < 0:
         raise RunError(f"--episodes must be at least 0, got {options.episodes}.")
-    if _form(options) == PERCEIVE_AND_PLAN:
+    if _form(options) == PERCEIVE:
         _learn_to_perceive(options)
         return
     if options.on == "hosts" and not options.fleet.listen:
@@ -160,7 +160,7 @@ def _form(options: LearnOptions) -> str:
     """The form that is learned.
 
     Raises:
-        RunError: If it is "perceive-and-plan", and an option is given that only policies have.
+        RunError: If it is "perceive", and an option is given that only policies have.
     """
     if options.form == "policy":
         return "policy"
@@ -171,8 +171,8 @@ def _form(options: LearnOptions) -> str:
     if options.form == "auto" and (given or (options.out / STATE).exists()):
         return "policy"
     if given:
-        raise RunError(f"--form {PERCEIVE_AND_PLAN} takes no {', '.join(given)}.")
-    return PERCEIVE_AND_PLAN
+        raise RunError(f"--form {PERCEIVE} takes no {', '.join(given)}.")
+    return PERCEIVE
 
 
 def _learn_to_perceive(options: LearnOptions) -> None:
@@ -190,7 +190,7 @@ def _learn_to_perceive(options: LearnOptions) -> None:
     with SteadyProgress(*columns, quiet=options.json) as progress:
         task = progress.add_task("recording", total=1.0, said="")
         testing = progress.add_task(
-            "test", total=len(METHODS) * 2 * options.episodes * len(options.scenes), said="", visible=False
+            "test", total=(1 + len(BESIDE)) * 2 * options.episodes * len(options.scenes), said="", visible=False
         )
 
         def show(step: Step) -> None:
@@ -210,7 +210,7 @@ def _learn_to_perceive(options: LearnOptions) -> None:
         console.print(name, markup=False)
         console.print(summary_table(reply.summaries))
     console.print(
-        f"The network: {plan.perception}. It drives as the method {PERCEIVE_AND_PLAN}: see {report}", markup=False
+        f"The network: {plan.perception}. It drives as the method {learned.method}: see {report}", markup=False
     )
 
 

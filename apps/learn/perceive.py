@@ -1,8 +1,9 @@
-"""`readygo learn` in the form "perceive-and-plan": record, train perception, and test the driver that plans with it.
+"""`readygo learn` in the form "perceive": record, train perception, and test the better of the drivers that use it.
 
     RUN/people/         varied avatars that walk in the data
     RUN/data/NAME/      a data folder for every scene
     RUN/perception/     the network, with its checkpoint
+    RUN/rl/             a policy on states of `readygo rl`, trained meanwhile on another core (one scene)
     RUN/evaluation/     the test episodes; report.html shows all of it
     RUN/perceive.json   the settings, and the episodes that each scene has
 
@@ -10,10 +11,15 @@ Every step resumes, so the same command resumes the run.
 """
 
 import dataclasses
+import itertools
 import json
+import os
 import shutil
+import subprocess
+import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,15 +35,18 @@ from readygo.apps.report.page import CommandLine, PageLink
 from readygo.apps.report.perception import PerceptionContent
 from readygo.apps.report.tables import DriverScore
 from readygo.common.avatars.variants import write_variants
-from readygo.common.documents import read_json
+from readygo.common.config import section_to_mapping
+from readygo.common.documents import read_json, write_toml
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.common.messages import Split, StatusReply
+from readygo.common.perception.artifact import without_none
 from readygo.common.robot import load_robot
+from readygo.common.state_policy.state_policy import is_state_policy
 from readygo.runs.config import RunConfig, load_run_config
 from readygo.runs.evaluation import evaluation_settings, evaluation_world, make_evaluator, summarize
 from readygo.runs.method_files import method_hashes
-from readygo.runs.methods import PERCEIVE_AND_PLAN, PERCEPTION, named_methods
+from readygo.runs.methods import PERCEIVE_AND_ACT, PERCEIVE_AND_PLAN, PERCEPTION, RL, named_methods
 from readygo.runs.perception import train_perception
 from readygo.runs.policy import with_expert
 from readygo.runs.scene_argument import open_scene
@@ -50,6 +59,7 @@ from readygo.services.evaluator import (
     EpisodeRecord,
     EvaluateReply,
     EvaluateRequest,
+    Task,
     handle_evaluate,
     is_of,
     open_results,
@@ -69,7 +79,15 @@ DISTURBED = 0.7
 """Share of the expert's episodes with noise injection: perception must know views off the expert's way."""
 FIRST_EPISODES = 24
 """Episodes of each scene that tell how long one takes."""
-METHODS = (PERCEIVE_AND_PLAN, EXPERT, STRAIGHT_LINE)
+VAL_EPISODES = 30
+"""Episodes of the split val among pedestrians that choose between the drivers."""
+RL_SHARE = 0.6
+"""Share of the time that the policy on states is trained for, besides the drawing of its episodes and its lessons."""
+RL_EPISODES, RL_LESSONS = (100, 6000), (50, 3000)
+"""Episodes that it drives in, and those in which the expert teaches it first: per minute of the run, and at most."""
+DRIVERS = (PERCEIVE_AND_ACT, PERCEIVE_AND_PLAN)
+BESIDE = (EXPERT, STRAIGHT_LINE)
+"""Methods that are tested beside the chosen driver."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +116,10 @@ class Perceived:
     plan: PerceivePlan
     metrics: Mapping[str, Any]
     """What `metrics.json` of the network holds."""
+    method: str
+    """The chosen driver."""
+    val: Mapping[str, float]
+    """Success rates of the drivers on the split val; empty if there was no choice."""
     replies: Mapping[str, EvaluateReply]
     """Results of the test episodes by scene."""
     minutes: float
@@ -112,7 +134,8 @@ class Perceived:
             for name, reply in self.replies.items()
         }
         return {
-            "form": PERCEIVE_AND_PLAN,
+            "method": self.method,
+            "val": dict(self.val),
             "perception": str(self.plan.perception),
             "minutes": round(self.minutes, 2),
             "metrics": dict(self.metrics),
@@ -126,7 +149,7 @@ class Step:
     """How far a run is."""
 
     name: str
-    """What is done now: "recording", "training" or "test"."""
+    """What is done now: "recording", "training", "reinforcement" or "choice"."""
     fraction: float
     """Share of it that is done."""
     words: str = ""
@@ -223,15 +246,88 @@ def learn_to_perceive(
     for scene in plan.scenes:
         names.append(free_name(open_scene(scene).name or "scene", names))
     folders = [plan.out / "data" / name for name in names]
-    for name, scene in zip(names, plan.scenes, strict=True):
-        _record(plan, scene, name, people, state, show)
-    metrics = _train(plan, folders, state, show)
+    with _reinforcement(plan) as finish:
+        for name, scene in zip(names, plan.scenes, strict=True):
+            _record(plan, scene, name, people, state, show)
+        metrics = _train(plan, folders, state, show)
+        show(Step(name="reinforcement", fraction=1.0, words="waiting for the policy on states"))
+        finish()
+    val = _choose(plan, state, show) if episodes else {}
+    method = max(DRIVERS, key=lambda name: val.get(name, -1.0)) if val else PERCEIVE_AND_PLAN
     replies = {
-        name: _test(plan, scene, name, episodes, tested)
+        name: _test(plan, scene, name, method, episodes, tested)
         for name, scene in zip(names, plan.scenes, strict=True)
         if episodes
     }
-    return Perceived(plan=plan, metrics=metrics, replies=replies, minutes=float(state["minutes"]))
+    return Perceived(
+        plan=plan, metrics=metrics, method=method, val=val, replies=replies, minutes=float(state["minutes"])
+    )
+
+
+def has_policy_on_states(plan: PerceivePlan) -> bool:
+    """True if a policy on states is trained beside: for one scene, on a core of its own."""
+    return len(plan.scenes) == 1 and cores_here() > 1
+
+
+def workers_of(plan: PerceivePlan) -> int:
+    """Cores for recording and training."""
+    return cores_here() - has_policy_on_states(plan)
+
+
+@contextmanager
+def _reinforcement(plan: PerceivePlan) -> Iterator[Callable[[], None]]:
+    """Train a policy on states in another process; yields the function that waits for its end.
+
+    What it says is in RUN/rl.log. If it fails, the run goes without it.
+    """
+    if not has_policy_on_states(plan):
+        yield lambda: None
+        return
+    settings = plan.out / "rl.toml"
+    write_toml(settings, without_none(section_to_mapping(tested_settings(plan.config))), raises=RunError)
+    episodes, lessons = (max(20, min(int(each * plan.minutes), most)) for each, most in (RL_EPISODES, RL_LESSONS))
+    command = [
+        *(sys.executable, "-m", "readygo", "rl", plan.scenes[0], "--out", str(plan.out / RL)),
+        *("--config", str(settings), "--seed", str(plan.seed), "--minutes", f"{RL_SHARE * plan.minutes:g}"),
+        *("--train-episodes", str(episodes), "--val-episodes", str(min(episodes, 400))),
+        *("--demonstrations", str(lessons)),
+        *(("--avatars", str(plan.avatars)) if plan.avatars else ()),
+    ]
+    one = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")}
+    with (plan.out / "rl.log").open("ab") as log:
+        process = subprocess.Popen(command, stdout=log, stderr=log, env={**os.environ, **one})
+        try:
+            yield lambda: process.wait() and None
+        finally:
+            if process.poll() is None:
+                process.terminate()
+                process.wait()
+
+
+def _choose(plan: PerceivePlan, state: dict[str, Any], show: Show) -> dict[str, float]:
+    """Success rates of the drivers on the split val of the only scene; empty without a policy on states."""
+    if not (has_policy_on_states(plan) and is_state_policy(plan.out / RL)):
+        return {}
+    hashes = method_hashes(DRIVERS, plan.out)
+    if state.get("val", {}).get("hashes") != hashes:
+        world = evaluation_world(
+            plan.scenes[0], tested_settings(plan.config), avatars=plan.avatars, seed=plan.seed, split=Split.VAL
+        )
+        evaluator = make_evaluator(world, renderer=world.renderer(), methods=named_methods(world, DRIVERS, plan.out))
+        request = EvaluateRequest(
+            tasks=(Task.DYNAMIC,), methods=DRIVERS, episodes=VAL_EPISODES, seed=plan.seed, split=Split.VAL
+        )
+        done = itertools.count(1)
+        total = len(DRIVERS) * VAL_EPISODES
+        reply = handle_evaluate(
+            evaluator,
+            request,
+            report=lambda record: show(Step(name="choice", fraction=next(done) / total, words=record.method)),
+        )
+        rates = {method: summary.success_rate for (_, method), summary in reply.summaries.items()}
+        state["val"] = {"hashes": hashes, "rates": rates}
+        _write_state(plan, state)
+    return dict(state["val"]["rates"])
 
 
 def _record(plan: PerceivePlan, scene: str, name: str, people: Path, state: dict[str, Any], show: Show) -> None:
@@ -247,14 +343,14 @@ def _record(plan: PerceivePlan, scene: str, name: str, people: Path, state: dict
         show(Step(name="recording", fraction=status.committed / max(status.wanted, 1), words=name))
 
     begin_s = time.monotonic()
-    record(spec, folder, episodes=wanted, workers=cores_here(), show=tell)
+    record(spec, folder, episodes=wanted, workers=workers_of(plan), show=tell)
     spent_s = time.monotonic() - begin_s
     if done is None:
         # The time of the first episodes has the start of the processes in it, as has that of the others.
         wanted = max(wanted, round(wanted * budget_s / max(spent_s, 1e-3)))
         state["episodes"][name] = wanted
         _write_state(plan, state)
-        record(spec, folder, episodes=wanted, workers=cores_here(), show=tell)
+        record(spec, folder, episodes=wanted, workers=workers_of(plan), show=tell)
         spent_s = time.monotonic() - begin_s
         state["minutes"] = state["minutes"] + spent_s / 60.0
         _write_state(plan, state)
@@ -263,7 +359,7 @@ def _record(plan: PerceivePlan, scene: str, name: str, people: Path, state: dict
 def _train(plan: PerceivePlan, folders: list[Path], state: dict[str, Any], show: Show) -> dict[str, Any]:
     # Decoding and labels take a tenth of the time or so.
     minutes = max(0.9 * (1.0 - RECORD_SHARE) * plan.minutes, 0.1)
-    config = PerceptionConfig(minutes=minutes, seed=plan.seed)
+    config = PerceptionConfig(minutes=minutes, seed=plan.seed, threads=workers_of(plan))
     begin_s = time.monotonic()
     metrics = train_perception(
         folders,
@@ -280,13 +376,14 @@ def _train(plan: PerceivePlan, folders: list[Path], state: dict[str, Any], show:
 
 
 def _test(
-    plan: PerceivePlan, scene: str, name: str, episodes: int, tested: Callable[[EpisodeRecord], None]
+    plan: PerceivePlan, scene: str, name: str, method: str, episodes: int, tested: Callable[[EpisodeRecord], None]
 ) -> EvaluateReply:
     """Drive the test episodes of a scene, and write their pages."""
     world = evaluation_world(scene, tested_settings(plan.config), avatars=plan.avatars, seed=plan.seed)
-    renderer, request = world.renderer(), EvaluateRequest(episodes=episodes, seed=plan.seed, methods=METHODS)
-    evaluator = make_evaluator(world, renderer=renderer, methods=named_methods(world, METHODS, plan.out))
-    hashes = method_hashes(METHODS, plan.out)
+    methods = (method, *BESIDE)
+    renderer, request = world.renderer(), EvaluateRequest(episodes=episodes, seed=plan.seed, methods=methods)
+    evaluator = make_evaluator(world, renderer=renderer, methods=named_methods(world, methods, plan.out))
+    hashes = method_hashes(methods, plan.out)
     settings = evaluation_settings(world, request, policy="", camera="policy", methods=hashes)
     out = plan.out / TEST_FOLDER / name
     if not is_of(out, settings):
@@ -295,7 +392,7 @@ def _test(
         reply = handle_evaluate(evaluator, request, report=tested, results=results)
         results.finish(summarize(reply, request, evaluator))
         replays = Replays(world, results, reply.episodes, renderer, evaluator.simulation)
-        write_pages(replays, request, reply, title=f"{PERCEIVE_AND_PLAN} in {name}")
+        write_pages(replays, request, reply, title=f"{method} in {name}")
     return reply
 
 
@@ -314,9 +411,11 @@ def perception_content(learned: Perceived, scenes: Sequence[str]) -> PerceptionC
         for name, reply in learned.replies.items()
         for (task, method), summary in reply.summaries.items()
     ]
-    test = f"readygo evaluate {scenes[0]} --methods {PERCEIVE_AND_PLAN} expert --checkpoints {plan.out}"
+    test = f"readygo evaluate {scenes[0]} --methods {learned.method} expert --checkpoints {plan.out}"
     return PerceptionContent(
-        title=f"{PERCEIVE_AND_PLAN} in {', '.join(places) or ', '.join(scenes)}",
+        title=f"{learned.method} in {', '.join(places) or ', '.join(scenes)}",
+        method=learned.method,
+        val=learned.val,
         scores=scores,
         metrics=learned.metrics,
         minutes=learned.minutes,

@@ -9,7 +9,10 @@ from readygo.apps.report.page import Block, CommandLine, PageLink, Paragraph, fa
 from readygo.apps.report.tables import DriverScore, success_rates
 from readygo.common.files import write_whole
 
-WATCHED = "perceive-and-plan"
+_DECIDES = {
+    "perceive-and-plan": "The expert plans among them.",
+    "perceive-and-act": "A policy that learned by reinforcement decides.",
+}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -17,6 +20,10 @@ class PerceptionContent:
     """Everything in a report."""
 
     title: str
+    method: str
+    """The chosen driver."""
+    val: Mapping[str, float]
+    """Success rates of the drivers that it was chosen from; empty without a choice."""
     scores: Sequence[DriverScore]
     """Scores of all drivers, without a test none."""
     metrics: Mapping[str, Any]
@@ -32,30 +39,32 @@ def perception_html(content: PerceptionContent) -> str:
     """The page as HTML text."""
     metrics = content.metrics
     tiles = [(f"{content.minutes:.0f} min", "recorded and trained"), (f"{metrics['images']:,}", "images")]
-    dynamic = [score for score in content.scores if score.driver == WATCHED and score.task != "static"]
+    dynamic = [score for score in content.scores if score.driver == content.method and score.task != "static"]
     tiles += [(percent(score.summary.success_rate), f"success {score.task}") for score in dynamic]
-    driving: list[Block] = success_rates(content.scores, watched=WATCHED) if content.scores else []
+    driving: list[Block] = success_rates(content.scores, watched=content.method) if content.scores else []
     if content.pages:
         driving.append(Paragraph(text="All test episodes, with the failures:", links=content.pages))
     return page(
         content.title,
-        "The robot knows the map of the place. A network tells people and free space from three images; a tracker "
-        "follows the people; the expert plans among them.",
+        "The robot knows the map of the place. A network tells people and free space from three images, and a tracker "
+        f"follows the people. {_DECIDES.get(content.method, '')}",
         tiles=tiles,
         sections={
             "Driving": driving,
-            "Why this form": [
-                Paragraph(
-                    text="Measured beside a policy that was trained on images alone, planning among perceived people "
-                    "reaches more goals among people, from the same camera; see docs/results/among_people.md. For a "
-                    "policy without a map use --form policy."
-                )
-            ],
+            "Why this driver": [Paragraph(text=reason(content))],
             "Perception": [fact_table(perception_facts(metrics))],
             "Commands": list(content.commands),
         },
         facts={"network": f"{metrics['parameters']:,} parameters"},
     )
+
+
+def reason(content: PerceptionContent) -> str:
+    """Why the driver was chosen, in a sentence."""
+    if not content.val:
+        return "There was no choice: a policy on states is trained for one scene, on a core of its own."
+    rates = ", ".join(f"{percent(rate)} by {name}" for name, rate in content.val.items())
+    return f"Success among pedestrians on the split val: {rates}. A policy without a map: --form policy."
 
 
 def perception_facts(metrics: Mapping[str, Any]) -> list[tuple[str, str]]:

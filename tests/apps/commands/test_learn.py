@@ -35,8 +35,8 @@ def test_line_says_what_is_known() -> None:
             ["embedded", "--form", "policy", "--minutes", "0"],
             "--minutes and --samples must be above 0, got 0 and None.",
         ),
-        (["embedded", "--form", "perceive-and-plan", "--inputs", "rgb"], "perceive-and-plan takes no --inputs."),
-        (["embedded", "--form", "perceive-and-plan", "--learn.mix", "0.5"], "perceive-and-plan takes no --learn.mix."),
+        (["embedded", "--form", "perceive", "--inputs", "rgb"], "perceive takes no --inputs."),
+        (["embedded", "--form", "perceive", "--learn.mix", "0.5"], "perceive takes no --learn.mix."),
     ],
 )
 def test_what_makes_no_sense_is_one_line_and_leaves_nothing(
@@ -126,12 +126,12 @@ def test_command_on_this_machine_is_neither_watched_nor_joined(wired, tmp_path: 
     assert f"More workers can join: {token}readygo worker all --connect tcp/lab:1\n" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("form", ["auto", "perceive-and-plan"])
+@pytest.mark.parametrize("form", ["auto", "perceive"])
 def test_without_options_of_policies_perception_is_learned(
     form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     asked = {}
-    learned = SimpleNamespace(replies={}, to_mapping=lambda: {"done": 2})
+    learned = SimpleNamespace(replies={}, method="perceive-and-act", to_mapping=lambda: {"done": 2})
 
     def run(plan, **more):
         asked["plan"], asked["episodes"] = plan, more["episodes"]

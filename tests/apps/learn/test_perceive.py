@@ -7,7 +7,6 @@ import pytest
 from readygo.apps.learn import perceive as module
 from readygo.apps.learn.perceive import (
     FIRST_EPISODES,
-    METHODS,
     RECORD_SHARE,
     STATE_FILE,
     PerceivePlan,
@@ -18,9 +17,13 @@ from readygo.apps.learn.perceive import (
     perception_content,
     read_state,
 )
+from readygo.apps.report.perception import reason
 from readygo.common.errors import RunError
 from readygo.common.robot import RobotConfig
+from readygo.runs.config import load_run_config
 from readygo.services.driver import DriverConfig
+from readygo.services.evaluator import Task
+from tests.common.state_policy.state_policies import write_state_policy
 
 HELD_OUT = {
     "images": 1, "people": 1, "average_precision": 1.0, "bearing_deg": 1.0, "distance": 0.1, "missed": 0.0,
@@ -92,15 +95,38 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, object]]:
         asked.append(("train", ([folder.name for folder in folders], config.minutes)))  # type: ignore[attr-defined]
         return METRICS
 
-    def test(plan: object, scene: str, name: str, episodes: int, tested: object) -> SimpleNamespace:
-        asked.append(("test", (scene, name, episodes)))
+    def test(plan: object, scene: str, name: str, method: str, episodes: int, tested: object) -> SimpleNamespace:
+        asked.append(("test", (scene, name, method, episodes)))
         return SimpleNamespace(summaries={})
 
     monkeypatch.setattr(module, "record", record)
     monkeypatch.setattr(module, "train_perception", train)
     monkeypatch.setattr(module, "_test", test)
     monkeypatch.setattr(module, "VARIANTS", 1)
+    monkeypatch.setattr(module, "cores_here", lambda: 1)
     return asked
+
+
+@pytest.fixture
+def rl(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """The commands of the policy on states, each of which leaves a policy unless it is told to fail."""
+    commands: list[list[str]] = []
+
+    class Process:
+        def __init__(self, command: list[str], **_: object) -> None:
+            commands.append(command)
+            if "--fail" not in commands[0]:
+                write_state_policy(Path(command[command.index("--out") + 1]))
+
+        def wait(self) -> int:
+            return 0
+
+        def poll(self) -> int:
+            return 0
+
+    monkeypatch.setattr(module, "cores_here", lambda: 3)
+    monkeypatch.setattr(module, "subprocess", SimpleNamespace(Popen=Process))
+    return commands
 
 
 def test_time_is_shared_between_recording_and_training(tmp_path: Path, steps: list[tuple[str, object]]) -> None:
@@ -113,10 +139,10 @@ def test_time_is_shared_between_recording_and_training(tmp_path: Path, steps: li
         ("record", (name, FIRST_EPISODES)),
         ("record", (name, wanted)),
         ("train", ([name], pytest.approx(0.9 * (1 - RECORD_SHARE) * 10))),
-        ("test", ("embedded", name, 2)),
+        ("test", ("embedded", name, "perceive-and-plan", 2)),
     ]
     assert learned.metrics == METRICS
-    assert learned.to_mapping()["form"] == METHODS[0]
+    assert learned.to_mapping()["method"] == "perceive-and-plan"
     assert len([*(tmp_path / "run" / "people").iterdir()]) == 1
 
 
@@ -131,6 +157,56 @@ def test_run_again_records_as_many_episodes_as_before(tmp_path: Path, steps: lis
     assert steps[0] == wanted
     assert learned.minutes > minutes
     assert not learned.replies
+
+
+def test_policy_on_states_is_trained_meanwhile_and_the_better_driver_on_val_is_tested(
+    tmp_path: Path, steps: list[tuple[str, object]], rl: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "cores_here", lambda: 3)
+    rates = {"perceive-and-act": 0.6, "perceive-and-plan": 0.4}
+    asked = []
+
+    def evaluate(evaluator: object, request: object, *, report: object) -> SimpleNamespace:
+        asked.append((request.split, request.methods))  # type: ignore[attr-defined]
+        return SimpleNamespace(
+            summaries={(Task.DYNAMIC, name): SimpleNamespace(success_rate=rate) for name, rate in rates.items()}
+        )
+
+    monkeypatch.setattr(module, "handle_evaluate", evaluate)
+    monkeypatch.setattr(module, "evaluation_world", lambda *_, **__: SimpleNamespace(renderer=lambda: None))
+    monkeypatch.setattr(module, "make_evaluator", lambda *_, **__: None)
+    monkeypatch.setattr(module, "named_methods", lambda *_: {})
+    plan = plan_of(tmp_path / "run")
+    learned = learn_to_perceive(plan, episodes=2)
+    (command,) = rl
+    assert command[2:5] == ["readygo", "rl", "embedded"]
+    assert command[command.index("--minutes") + 1] == "6"
+    assert command[command.index("--train-episodes") + 1] == "1000"
+    assert command[command.index("--demonstrations") + 1] == "500"
+    assert load_run_config(tmp_path / "run" / "rl.toml").robot == plan.config.robot
+    assert learned.method == "perceive-and-act"
+    assert learned.val == rates
+    assert steps[-1] == ("test", ("embedded", steps[0][1][0], "perceive-and-act", 2))  # type: ignore[index]
+    # What was chosen stays chosen, unless a network changes.
+    learn_to_perceive(plan, episodes=2)
+    assert len(asked) == 1
+    text = reason(perception_content(learned, ["embedded"]))
+    assert "60 % by perceive-and-act, 40 % by perceive-and-plan" in text
+
+
+def test_run_goes_without_a_policy_on_states_that_fails(
+    tmp_path: Path, steps: list[tuple[str, object]], rl: list[list[str]]
+) -> None:
+    rl.append(["--fail"])
+    learned = learn_to_perceive(plan_of(tmp_path / "run"), episodes=1)
+    assert (learned.method, learned.val) == ("perceive-and-plan", {})
+    assert "There was no choice" in reason(perception_content(learned, ["embedded"]))
+
+
+def test_several_scenes_have_no_policy_on_states(tmp_path: Path, rl: list[list[str]]) -> None:
+    assert module.has_policy_on_states(plan_of(tmp_path, "a"))
+    assert not module.has_policy_on_states(plan_of(tmp_path, "a", "b"))
+    assert (module.workers_of(plan_of(tmp_path, "a")), module.workers_of(plan_of(tmp_path, "a", "b"))) == (2, 3)
 
 
 def test_report_names_the_commands_that_come_next(tmp_path: Path, steps: list[tuple[str, object]]) -> None:
@@ -151,4 +227,4 @@ def test_progress_is_told(tmp_path: Path, steps: list[tuple[str, object]], monke
 
     monkeypatch.setattr(module, "record", record)
     learn_to_perceive(plan_of(tmp_path / "run"), episodes=0, show=told.append)
-    assert [(step.name, step.fraction) for step in told] == [("recording", 0.5)] * 2
+    assert [(step.name, step.fraction) for step in told] == [("recording", 0.5)] * 2 + [("reinforcement", 1.0)]

@@ -21,6 +21,8 @@ METRICS = {"images": 54900, "samples_seen": 185280, "parameters": 653770, "held_
 def content() -> PerceptionContent:
     return PerceptionContent(
         title="perceive-and-plan in hall",
+        method="perceive-and-plan",
+        val={"perceive-and-act": 0.4, "perceive-and-plan": 0.53},
         scores=(),
         metrics=METRICS,
         minutes=61.2,
@@ -31,7 +33,16 @@ def content() -> PerceptionContent:
 
 def test_page_says_what_is_seen_and_how_to_go_on(content: PerceptionContent) -> None:
     html = perception_html(content)
-    for text in ("perceive-and-plan in hall", "61 min", "54,900", "0.82", "16 %", "evaluation/hall/report.html"):
+    for text in (
+        "perceive-and-plan in hall",
+        "61 min",
+        "54,900",
+        "53 % by perceive-and-plan",
+        "The expert plans among them",
+        "0.82",
+        "16 %",
+        "evaluation/hall/report.html",
+    ):
         assert text in html
     assert "readygo evaluate hall" in html
 
