@@ -265,7 +265,7 @@ def learn_to_perceive(
 
 
 def has_policy_on_states(plan: PerceivePlan) -> bool:
-    """True if a policy on states is trained beside: for one scene, on a core of its own."""
+    """True if a policy on states is trained beside: for one scene, on a separate core."""
     return len(plan.scenes) == 1 and cores_here() > 1
 
 
@@ -297,11 +297,15 @@ def _reinforcement(plan: PerceivePlan) -> Iterator[Callable[[], None]]:
     with (plan.out / "rl.log").open("ab") as log:
         process = subprocess.Popen(command, stdout=log, stderr=log, env={**os.environ, **one})
         try:
-            yield lambda: process.wait() and None
+            yield lambda: _wait(process)
         finally:
             if process.poll() is None:
                 process.terminate()
                 process.wait()
+
+
+def _wait(process: "subprocess.Popen[bytes]") -> None:
+    process.wait()
 
 
 def _choose(plan: PerceivePlan, state: dict[str, Any], show: Show) -> dict[str, float]:
