@@ -25,6 +25,7 @@ from readygo.apps.learn.perceive import (
     Step,
     check_plan,
     learn_to_perceive,
+    not_one_camera,
     perceive_settings,
     perception_content,
 )
@@ -169,6 +170,8 @@ def _form(options: LearnOptions) -> str:
     if not given and options.config and "learn" in read_sections(options.config):
         given = [f"[learn] in {options.config}"]
     if options.form == "auto" and (given or (options.out / STATE).exists()):
+        return "policy"
+    if options.form == "auto" and not_one_camera(perceive_settings(options.config, options.robot, options.keys).robot):
         return "policy"
     if given:
         raise RunError(f"--form {PERCEIVE} takes no {', '.join(given)}.")

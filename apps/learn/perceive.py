@@ -37,11 +37,11 @@ from readygo.apps.report.tables import DriverScore
 from readygo.common.avatars.variants import write_variants
 from readygo.common.config import section_to_mapping
 from readygo.common.documents import read_json, write_toml
-from readygo.common.errors import RunError
+from readygo.common.errors import ConfigError, RunError
 from readygo.common.files import write_whole
 from readygo.common.messages import Split, StatusReply
 from readygo.common.perception.artifact import without_none
-from readygo.common.robot import load_robot
+from readygo.common.robot import RobotConfig, load_robot
 from readygo.common.state_policy.state_policy import is_state_policy
 from readygo.runs.config import RunConfig, load_run_config
 from readygo.runs.evaluation import evaluation_settings, evaluation_world, make_evaluator, summarize
@@ -183,6 +183,8 @@ def check_plan(plan: PerceivePlan) -> None:
         raise RunError('Name a scene: a bundle, or "embedded".')
     if not plan.minutes > 0:
         raise RunError(f"--minutes must be above 0, got {plan.minutes:g}.")
+    if reason := not_one_camera(plan.config.robot):
+        raise ConfigError(f"--form perceive is for one robot with one camera, not for {reason}: use --form policy.")
     hashes = [open_scene(scene).content_hash for scene in plan.scenes]
     if len(set(hashes)) < len(hashes):
         raise RunError("A scene is named twice; name each scene once.")
@@ -193,6 +195,11 @@ def check_plan(plan: PerceivePlan) -> None:
             raise RunError(f"{plan.out} learns in other scenes; choose another --out.")
     elif plan.out.exists() and any(plan.out.iterdir()):
         raise RunError(f"{plan.out} holds files of something else; choose an empty or new folder with --out.")
+
+
+def not_one_camera(robot: RobotConfig) -> str:
+    """What keeps perception from being trained for a robot; empty if nothing does."""
+    return "a robot of ranges" if robot.ranges.varies else "several cameras" if robot.cameras else ""
 
 
 def read_state(plan: PerceivePlan) -> dict[str, Any]:

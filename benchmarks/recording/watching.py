@@ -1,6 +1,6 @@
 """Memory and processor time of `readygo monitor` while a run continues and viewers look at its page.
 
-    readygo learn embedded --out RUN &
+    readygo learn embedded --form policy --out RUN &
     python -m readygo.benchmarks.recording.watching RUN --minutes 30 --viewers 2
 
 A viewer takes all that the page would be sent (the WebSocket of viser) and draws nothing, so that the monitor alone is

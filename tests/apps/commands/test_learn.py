@@ -162,6 +162,13 @@ def test_run_of_a_policy_goes_on_as_one(wired, tmp_path: Path) -> None:
     assert "learn_policy" in wired[0]
 
 
+def test_robot_of_ranges_learns_a_policy(wired, tmp_path: Path) -> None:
+    robot = tmp_path / "robot.toml"
+    robot.write_text("[ranges]\nradius_m = [0.2, 0.3]\n")
+    learn(LearnOptions(scenes=("one",), out=tmp_path / "run", robot=robot))
+    assert "learn_policy" in wired[0]
+
+
 def test_section_of_policies_in_the_configuration_learns_one(wired, tmp_path: Path) -> None:
     config = tmp_path / "a.toml"
     config.write_text("[learn]\nmix = 0.5\n")

@@ -42,8 +42,17 @@ def test_data_are_complete_before_the_test(tmp_path: Path, monkeypatch: pytest.M
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Callable[[], subprocess.Popen[str]]]:
     (tmp_path / "run.toml").write_text(CONFIG)
-    options = ["--minutes", "0.8", "--episodes", "1", "--config", str(tmp_path / "run.toml"), "--json"]
-    command = [sys.executable, "-m", "readygo", "learn", "embedded", "--out", str(tmp_path / "run"), *options]
+    options = [
+        str(tmp_path / "run"),
+        "--minutes",
+        "0.8",
+        "--episodes",
+        "1",
+        "--config",
+        str(tmp_path / "run.toml"),
+        "--json",
+    ]
+    command = [sys.executable, "-m", "readygo", "learn", "embedded", "--form", "policy", "--out", *options]
     processes = []
 
     def started() -> subprocess.Popen[str]:

@@ -1,3 +1,4 @@
+import dataclasses
 import json
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,8 +19,8 @@ from readygo.apps.learn.perceive import (
     read_state,
 )
 from readygo.apps.report.perception import reason
-from readygo.common.errors import RunError
-from readygo.common.robot import RobotConfig
+from readygo.common.errors import ConfigError, RunError
+from readygo.common.robot import RobotConfig, RobotRanges
 from readygo.runs.config import load_run_config
 from readygo.services.driver import DriverConfig
 from readygo.services.evaluator import Task
@@ -66,6 +67,14 @@ def test_plan_that_makes_no_sense_is_refused_and_leaves_nothing(
     )
     with pytest.raises(RunError, match=words):
         check_plan(plan)
+    assert not plan.out.exists()
+
+
+def test_robot_that_perception_is_not_for_is_refused(tmp_path: Path) -> None:
+    robot = RobotConfig(ranges=RobotRanges(radius_m=(0.2, 0.3)))
+    plan = plan_of(tmp_path / "run")
+    with pytest.raises(ConfigError, match="not for a robot of ranges: use --form policy"):
+        check_plan(dataclasses.replace(plan, config=dataclasses.replace(plan.config, robot=robot)))
     assert not plan.out.exists()
 
 
