@@ -53,13 +53,16 @@ Tested = Callable[[EpisodeRecord], None]
 
 @dataclass(frozen=True, kw_only=True)
 class LearnTrainingOptions:
-    """Budget, cameras and avatars of the training."""
+    """Budget, goal input, cameras and avatars of the training."""
 
     samples: int | None = None
     """Training budget in samples, repeats counted, instead of minutes: the result depends less on the machine's
     load."""
     avatars: Path | None = None
     """Avatar file or folder of avatars; the embedded ones by default."""
+    goal: GoalName | None = None
+    """Goal input of the policy: "point" (the default) is its position, "image" the robot's view at the goal, or
+    "both"."""
     cameras: str = ""
     """Cameras of the robot that the policy uses, by their names in robot.toml, including the first one; only the
     first one by default."""
@@ -96,9 +99,6 @@ class LearnOptions:
     it."""
     inputs: str = ""
     """Images that the policy uses and that are recorded, separated by commas: rgb, depth; rgb by default."""
-    goal: GoalName | None = None
-    """Goal input of the policy: "point" (the default) is its position, "image" the robot's view at the goal, or
-    "both"."""
     on: Literal["local", "hosts"] = "local"
     """Where episodes are driven: "local" shares this machine's cores between driving and training; "hosts" uses
     them for training only, and `readygo worker all` drives on other machines."""
@@ -131,7 +131,7 @@ def learn(options: LearnOptions) -> None:
             options.robot,
             options.inputs,
             options.training.cameras,
-            options.goal,
+            options.training.goal,
             scene_count=max(len(options.scenes), 1),
             keys=options.keys,
         ),

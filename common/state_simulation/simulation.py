@@ -46,7 +46,9 @@ class RewardConfig:
     second: float = -0.02
     """Per second."""
     success: float = 2.0
+    """At the goal."""
     collision: float = -2.0
+    """At a collision with an obstacle or a person."""
     near: float = -0.05
     """At contact with a person; falls to 0 at `near_m`."""
     near_m: float = 0.3

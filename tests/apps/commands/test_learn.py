@@ -83,8 +83,8 @@ def test_command_passes_on_what_it_is_told(wired, tmp_path: Path, capsys: pytest
     learn(
         LearnOptions(
             scenes=("one", "two"), out=out, minutes=7.0, episodes=4, seed=3, robot=robot, config=config,
-            inputs="rgb,depth", goal="image", on="hosts", watch=True, json=True, keys=keys,
-            training=LearnTrainingOptions(samples=900, avatars=tmp_path, cameras="left"),
+            inputs="rgb,depth", on="hosts", watch=True, json=True, keys=keys,
+            training=LearnTrainingOptions(samples=900, avatars=tmp_path, cameras="left", goal="image"),
             fleet=RouterOptions(listen="tls/lab:1", certs=certs),
         )
     )  # fmt: skip
