@@ -78,4 +78,4 @@ def meets_human(x_m: float, y_m: float, human_xy_m: Float64Array, contact_m: flo
         human_xy_m: Humans in the world [m], shape (N, 2).
         contact_m: Sum of the radii [m].
     """
-    return bool(point_meets_humans(x_m, y_m, np.ascontiguousarray(human_xy_m), contact_m))
+    return bool(point_meets_humans(x_m, y_m, np.ascontiguousarray(human_xy_m).reshape(-1, 2), contact_m))

@@ -41,8 +41,8 @@ MEMORY_S = 4.0
 """How long a human is told after the last detection [s]."""
 UNCONFIRMED_S, CONFIRMING = 0.5, 3
 """A track of fewer detections than `CONFIRMING` ends this long after the last one [s]."""
-_DOUBLE_M = 0.4
-"""Of two tracks nearer to each other than this the one with fewer detections ends [m]."""
+_DOUBLE_M, _DOUBLE_MPS = 0.4, 0.7
+"""Of two tracks nearer to each other than this in place [m] and velocity [m/s] the one with fewer detections ends."""
 _WALL_M = 0.15
 """Humans' centres keep this clear of what blocks them, but for errors of the map [m]."""
 _IN_WALL_M = 0.4
@@ -157,6 +157,7 @@ class PeopleTracker:
         return any(
             (other.hits, -other.number) > rank
             and math.hypot(other.mean[0] - track.mean[0], other.mean[1] - track.mean[1]) < _DOUBLE_M
+            and math.hypot(other.mean[2] - track.mean[2], other.mean[3] - track.mean[3]) < _DOUBLE_MPS
             for other in self.tracks
         )
 

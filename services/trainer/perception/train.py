@@ -263,7 +263,11 @@ def _lit(shown: Tensor, rng: np.random.Generator) -> Tensor:
 
 
 def _moving_average(average: Tensor, weights: Tensor, count: Tensor | int) -> Tensor:
-    return average + (1.0 - EMA_DECAY) * (weights - average) if average.is_floating_point() else weights
+    """The moving average, faster over the first steps: the weights at the start say nothing."""
+    if not average.is_floating_point():
+        return weights
+    steps = float(count)
+    return average + (1.0 - min(EMA_DECAY, (1.0 + steps) / (10.0 + steps))) * (weights - average)
 
 
 def _rate(fraction: float) -> float:

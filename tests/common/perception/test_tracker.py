@@ -134,6 +134,6 @@ def test_of_two_tracks_in_one_place_the_better_known_one_stays() -> None:
     # Far from where the track may be, and then on it.
     tracker.fuse((0.0, 0.0, 0.0), seen((x, 3.5, 0.0, 0.0)), nowhere)
     assert len(tracker.tracks) == 2
-    tracker.tracks[1].mean[1] = 2.1
+    tracker.tracks[1].mean[:] = x, 2.1, 1.0, 0.0
     tracker.fuse((0.0, 0.0, 0.0), NOBODY, nowhere)
     assert [track.number for track in tracker.tracks] == [0]

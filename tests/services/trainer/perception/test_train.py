@@ -31,7 +31,7 @@ def test_training_finds_posts_and_writes_what_runs(tmp_path: Path) -> None:
     assert told["bearing_deg"] < 4.0
     assert told["distance"] < 0.25
     assert told["missed"] < 0.4
-    assert json.loads((tmp_path / METRICS_FILE).read_text()) == metrics
+    assert (tmp_path / METRICS_FILE).read_text() == json.dumps(metrics, indent=2)
     assert (tmp_path / "perception.onnx").stat().st_size > 1000
 
 
