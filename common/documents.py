@@ -51,12 +51,21 @@ def read_json(path: str | Path, *, bytes_max: int = JSON_BYTES_MAX) -> Any:
 
 
 def write_toml(path: Path, tables: Mapping[str, Any], *, raises: type[ReadygoError]) -> None:
-    """Write plain values, lists and tables as a TOML file, whole or not at all.
+    """Write plain values, lists and tables as a TOML file, whole or not at all; keys without a value are left out.
 
     Raises:
         ReadygoError: `raises`, if the file cannot be written.
     """
-    write_whole(path, tomli_w.dumps(tables), raises=raises)
+    write_whole(path, tomli_w.dumps(_given(tables)), raises=raises)
+
+
+def _given(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """The keys that have a value: TOML has no null."""
+    return {
+        key: _given(value) if isinstance(value, Mapping) else value
+        for key, value in tables.items()
+        if value is not None
+    }
 
 
 def read_yaml(path: str | Path) -> Any:

@@ -47,7 +47,7 @@ def save_perception_spec(spec: PerceptionSpec, folder: Path) -> None:
         "robot": section_to_mapping(spec.robot),
         "training": dict(spec.training),
     }
-    write_toml(folder / SPEC_FILE, without_none(mapping), raises=PolicyError)
+    write_toml(folder / SPEC_FILE, mapping, raises=PolicyError)
 
 
 def load_perception_spec(folder: Path) -> PerceptionSpec:
@@ -77,12 +77,3 @@ def load_perception_spec(folder: Path) -> PerceptionSpec:
         )
     except (ConfigError, KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
         raise PolicyError(f"{path} cannot be used: {error}; train it again.") from error
-
-
-def without_none(mapping: Mapping[str, Any]) -> dict[str, Any]:
-    """The values that are given: TOML has no null."""
-    return {
-        key: without_none(value) if isinstance(value, Mapping) else value
-        for key, value in mapping.items()
-        if value is not None
-    }

@@ -71,7 +71,7 @@ def save_spec(spec: PolicySpec, folder: Path) -> None:
         "sensor": section_to_mapping(spec.sensor),
         "training": dict(spec.training),
     }
-    write_toml(folder / SPEC_FILE, _without_none(mapping), raises=PolicyError)
+    write_toml(folder / SPEC_FILE, mapping, raises=PolicyError)
 
 
 def load_spec(folder: Path) -> PolicySpec:
@@ -105,12 +105,3 @@ def load_spec(folder: Path) -> PolicySpec:
         )
     except (ConfigError, KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
         raise PolicyError(f"{path} cannot be used: {error}; export the policy again.") from error
-
-
-def _without_none(mapping: Mapping[str, Any]) -> dict[str, Any]:
-    """The values that are given: TOML has no null."""
-    return {
-        key: _without_none(value) if isinstance(value, Mapping) else value
-        for key, value in mapping.items()
-        if value is not None
-    }

@@ -132,7 +132,7 @@ class StatePolicy:
         with write_then_rename(folder / ACTOR_FILE, raises=PolicyError) as made, made.open("wb") as file:
             np.savez(file, **arrays)
         tables = {"format": STATE_POLICY_FORMAT, **section_to_mapping(self.spec)}
-        write_toml(folder / STATE_POLICY_FILE, _without_nothing(tables), raises=PolicyError)
+        write_toml(folder / STATE_POLICY_FILE, tables, raises=PolicyError)
 
 
 def forward(layers: Layers, told: Float32Array) -> Float32Array:
@@ -181,10 +181,3 @@ def _check_shapes(layers: Layers, spec: StatePolicySpec, folder: Path) -> None:
     )
     if not fits:
         raise PolicyError(f"The layers in {folder / ACTOR_FILE} do not fit each other, or the robot's commands.")
-
-
-def _without_nothing(value: Any) -> Any:
-    """TOML has no null: keys without a value are left out."""
-    if isinstance(value, Mapping):
-        return {key: _without_nothing(item) for key, item in value.items() if item is not None}
-    return value

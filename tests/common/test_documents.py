@@ -119,6 +119,8 @@ def test_tables_read_back_as_they_were_written(tmp_path: Path) -> None:
     }
     write_toml(tmp_path / "a.toml", tables, raises=SceneError)
     assert tomllib.loads((tmp_path / "a.toml").read_text()) == tables
+    write_toml(tmp_path / "a.toml", {"a": None, "b": {"c": None, "d": 1}}, raises=SceneError)
+    assert tomllib.loads((tmp_path / "a.toml").read_text()) == {"b": {"d": 1}}
     with pytest.raises(SceneError, match=r"a\.toml"):
         write_toml(tmp_path / "a.toml" / "b.toml", tables, raises=SceneError)
 

@@ -9,7 +9,6 @@ from readygo.common.perception.artifact import (
     PerceptionSpec,
     load_perception_spec,
     save_perception_spec,
-    without_none,
 )
 from readygo.common.robot import RobotConfig
 
@@ -19,10 +18,6 @@ def test_spec_comes_back(tmp_path: Path) -> None:
     spec = PerceptionSpec(robot=robot, spacing_s=0.4, training={"data": {"scenes": {"ab": "hall"}}})
     save_perception_spec(spec, tmp_path)
     assert load_perception_spec(tmp_path) == spec
-
-
-def test_what_is_none_is_left_out() -> None:
-    assert without_none({"a": None, "b": {"c": None, "d": 1}}) == {"b": {"d": 1}}
 
 
 @pytest.mark.parametrize(
