@@ -13,7 +13,8 @@ from readygo.common.maps import FloorMap
 from readygo.common.messages import DriverKind, topics
 from readygo.common.messages.live import LivePerception, LivePreview, LiveState
 from readygo.common.perception import live_perception
-from readygo.services.planner import EpisodePerception
+from readygo.common.perception.episode import EpisodePerception
+from readygo.services.planner import TrackedHumans
 
 EVERY_S = 0.25
 """Time between two looks that are shown, longer than the streams' own: all three messages are of one look [s]."""
@@ -34,7 +35,9 @@ class ShownDrives:
         self._shown: EpisodeSimulation | None = None
         self._shown_s = -math.inf
 
-    def __call__(self, simulation: EpisodeSimulation, perception: EpisodePerception, image: UInt8Array) -> None:
+    def __call__(
+        self, simulation: EpisodeSimulation, perception: EpisodePerception[TrackedHumans], image: UInt8Array
+    ) -> None:
         """Show a look; arguments as in `readygo.services.planner.expert.perceiving.OnLook`."""
         if self._shown is None or self._shown.outcome is not None:
             self._shown = simulation
@@ -51,7 +54,9 @@ class ShownDrives:
         )
 
 
-def drive_perception(simulation: EpisodeSimulation, perception: EpisodePerception, floor: FloorMap) -> LivePerception:
+def drive_perception(
+    simulation: EpisodeSimulation, perception: EpisodePerception[TrackedHumans], floor: FloorMap
+) -> LivePerception:
     """What a driver perceives at the present step, after its first look."""
     assert perception.perceived is not None
     x, y, yaw = perception.pose
@@ -65,7 +70,9 @@ def drive_perception(simulation: EpisodeSimulation, perception: EpisodePerceptio
     )
 
 
-def drive_state(simulation: EpisodeSimulation, perception: EpisodePerception, floor: FloorMap) -> LiveState:
+def drive_state(
+    simulation: EpisodeSimulation, perception: EpisodePerception[TrackedHumans], floor: FloorMap
+) -> LiveState:
     """Where everybody is in an episode that is being driven."""
     goal_x_m, goal_y_m = simulation.scenario.goal_xy_m.tolist()
     x_m, y_m, step = simulation.x_m, simulation.y_m, simulation.step

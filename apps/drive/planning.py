@@ -13,12 +13,11 @@ from readygo.common.errors import ConfigError, RunError
 from readygo.common.frames import wrap_angle
 from readygo.common.messages import EpisodeKey, Scenario, Split
 from readygo.common.perception import Perception
+from readygo.common.perception.episode import LOOK_S
 from readygo.common.policy import Policy, PolicyMemory, PolicySpec
 from readygo.common.robot import RobotConfig
 from readygo.services.planner import RobotPlanner, TrackedHumans
 
-LOOK_S = 0.1
-"""Time between two looks [s]."""
 _SLACK = 0.8
 """Share of it after which an image is looked at."""
 _ASTRAY = 0.3

@@ -17,12 +17,12 @@ from readygo.common.episode.loop import Command, DriverFailure, run_episode
 from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeKey, EpisodeMotions, Outcome, RobotTrajectory
 from readygo.common.perception import Perception
+from readygo.common.perception.episode import EpisodePerception
 from readygo.runs.methods import PERCEIVE_AND_ACT, PERCEIVE_AND_PLAN
 from readygo.runs.world import World
 from readygo.services.evaluator import EXPERT, EpisodeRecord, MatchedEpisode, RecordKey, Results, Simulate, Task
 from readygo.services.planner import (
     DrivenRun,
-    EpisodePerception,
     draw_ways,
     episode_view,
     run_beside_expert,

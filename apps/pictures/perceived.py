@@ -16,10 +16,11 @@ from readygo.common.maps import FloorMap
 from readygo.common.messages import EpisodeKey, RobotTrajectory
 from readygo.common.messages.live import LivePerception, LivePerson
 from readygo.common.perception import live_perception
+from readygo.common.perception.episode import EpisodePerception
 from readygo.common.perception.live import covariance_ellipse, free_points, place_ahead
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes.top_view import TopView
-from readygo.services.planner import EpisodePerception
+from readygo.services.planner import TrackedHumans
 
 PERCEIVED: Rgb = (200, 0, 110)
 """Colour of perceived people."""
@@ -43,7 +44,7 @@ class PerceivedRun:
 
     def __init__(
         self,
-        perception: EpisodePerception,
+        perception: EpisodePerception[TrackedHumans],
         episode: EpisodeKey,
         trajectory: RobotTrajectory,
         robot: RobotConfig,

@@ -12,11 +12,12 @@ from readygo.common.episode.robot import robot_of_episode
 from readygo.common.images.images import Images
 from readygo.common.images.names import RGB
 from readygo.common.messages import EpisodeMotions, RobotTrajectory, Scenario
+from readygo.common.perception.episode import EpisodePerception
 from readygo.common.scenes.top_view import TopView
 from readygo.services.planner import (
     DrivenRun,
-    EpisodePerception,
     RobotPlanner,
+    TrackedHumans,
     draw_knowledge,
     draw_superseded,
     episode_view,
@@ -40,7 +41,7 @@ class RobotView:
         *,
         sees: Sequence[str] = (),
         width_px: int = CAMERAS_WIDTH_PX,
-        perception: EpisodePerception | None = None,
+        perception: EpisodePerception[TrackedHumans] | None = None,
     ) -> None:
         """Mount the cameras on the robot.
 

@@ -14,7 +14,7 @@ believed.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -69,8 +69,6 @@ class Track:
     """Time since it was detected last [s]."""
     hits: int = 1
     """Detections so far."""
-    rows: list[tuple[float, float]] = field(default_factory=list)
-    """Places at the latest steps, the newest last [m]."""
 
 
 class PeopleTracker:
@@ -82,7 +80,6 @@ class PeopleTracker:
         frame: GridFrame | None,
         *,
         memory_s: float = MEMORY_S,
-        rows: int = 12,
         noise: float = kalman.ACCELERATION_NOISE,
     ) -> None:
         """Begin.
@@ -91,11 +88,10 @@ class PeopleTracker:
             clearance_m: Distance to what blocks humans [m], shape (H, W); None where no map is known.
             frame: Where its cells lie.
             memory_s: Tracks end when they were not detected for longer [s]; unconfirmed ones sooner.
-            rows: Places that a track keeps.
             noise: Spectral density of humans' acceleration [m2/s3].
         """
         self._clearance, self._frame = clearance_m, frame
-        self._memory_s, self._rows, self._noise = memory_s, rows, noise
+        self._memory_s, self._noise = memory_s, noise
         self._next = 0
         self.tracks: list[Track] = []
         """All tracks, also those that are not told yet."""
@@ -113,7 +109,6 @@ class PeopleTracker:
             track.age_s += dt_s
             if self._is_blocked(*track.mean[:2].tolist()) and not self._is_blocked(x, y):
                 track.mean[:] = x, y, 0.0, 0.0
-            track.rows = [*track.rows[1 - self._rows :], (float(track.mean[0]), float(track.mean[1]))]
         self.tracks = [track for track in self.tracks if track.age_s <= self._lasts_s(track) + 1e-6]
 
     def fuse(self, pose: Pose, people: People, shows: Callable[[float, float], bool]) -> None:
@@ -139,7 +134,6 @@ class PeopleTracker:
             kalman.update_velocity(track.mean, track.cov, v[k], speed[k])
             self._believe(track, float(people.presence[k]))
             track.age_s, track.hits = 0.0, track.hits + 1
-            track.rows[-1] = float(track.mean[0]), float(track.mean[1])
         for a, track in enumerate(self.tracks):
             if a not in hit and shows(*track.mean[:2].tolist()):
                 track.log_odds += math.log(1.0 - _SEEN)
@@ -169,7 +163,6 @@ class PeopleTracker:
         track = Track(number=self._next, mean=np.array([*xy, 0.0, 0.0]), cov=cov, log_odds=_BEGIN)
         kalman.update_velocity(track.mean, track.cov, np.ascontiguousarray(v), np.ascontiguousarray(speed))
         self._believe(track, presence)
-        track.rows = [(float(xy[0]), float(xy[1]))]
         self._next += 1
         self.tracks.append(track)
 

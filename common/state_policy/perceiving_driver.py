@@ -5,12 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from readygo.common.arrays import UInt8Array, UInt16Array
+from readygo.common.arrays import UInt16Array
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import Command, DriverFailure
 from readygo.common.perception import PeopleTracker, Perception
+from readygo.common.perception.episode import EpisodePerception, SteppedTracker, perceive_step
+from readygo.common.perception.tracker import Pose
 from readygo.common.policy.driver import PolicyCamera
-from readygo.common.policy.memory import PolicyMemory
 from readygo.common.state_policy.state_policy import StatePolicy
 from readygo.common.state_simulation.goal_distances import GoalDistances
 from readygo.common.state_simulation.observe import observe, told_count
@@ -30,8 +31,7 @@ SLOTS = 6
 class ActingState:
     """What the driver remembers of one episode."""
 
-    memory: PolicyMemory
-    tracker: PeopleTracker
+    perception: EpisodePerception[SteppedTracker]
     field_cm: UInt16Array
     """Remaining distances to the goal."""
     tracks: Tracks
@@ -65,55 +65,39 @@ class PerceivingStateDriver:
         """
         self._policy, self._perception, self._camera = policy, perception, camera
         self._world, self._distances, self._make_tracker = world, distances, make_tracker
-        self._numbers = tracker_numbers(policy.spec.noise, policy.spec.robot.clock)
+        # Tracks are brought to the present step before the policy is told of them.
+        self._numbers = tracker_numbers(policy.spec.noise, policy.spec.robot.clock)._replace(every=1)
         self._told = np.empty((1, told_count(world)), np.float32)
 
     def start(self, simulation: EpisodeSimulation) -> ActingState:
         """See `Driver.start`."""
         goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
+        tracker = SteppedTracker(self._make_tracker(), simulation.clock.dt_s, self._shows)
         return ActingState(
-            memory=self._perception.start(),
-            tracker=self._make_tracker(),
+            perception=EpisodePerception(self._perception, tracker, simulation.robot),
             field_cm=self._distances.to_goal_cm((goal_x, goal_y)),
             tracks=make_tracks(1, SLOTS),
         )
 
     def act(self, running: Sequence[tuple[EpisodeSimulation, ActingState]]) -> list[Command | DriverFailure]:
         """See `Driver.act`."""
-        for simulation, state in running:
-            state.memory.advance(np.array((simulation.v_mps, simulation.w_radps), np.float32))
-            if simulation.step > 0:
-                state.tracker.predict(simulation.clock.dt_s)
-        looking = [
-            (simulation, state)
-            for simulation, state in running
-            if self._camera.arrives(simulation) and simulation.step % self._numbers.every == 0
-        ]
-        if looking:
-            images = self._camera.look([simulation for simulation, _ in looking])
-            for (simulation, state), image in zip(looking, images, strict=True):
-                self._look(simulation, state, image)
+        perceive_step(self._camera, [(simulation, state.perception) for simulation, state in running])
         return [self._command(simulation, state) for simulation, state in running]
 
-    def _look(self, simulation: EpisodeSimulation, state: ActingState, image: UInt8Array) -> None:
-        state.memory.see(image)
-        command = np.array((simulation.v_mps, simulation.w_radps), np.float32)
-        people = self._perception.perceive(state.memory, command).people
-        taken = max(simulation.step - simulation.clock.steps(simulation.robot.camera.latency_s), 0)
-        x, y, yaw = simulation.path_xyyaw(taken, taken)[0].tolist()
-        state.tracker.fuse((x, y, yaw), people, lambda hx, hy: bool(is_visible(self._world, x, y, yaw, hx, hy)))
+    def _shows(self, pose: Pose, x_m: float, y_m: float) -> bool:
+        return bool(is_visible(self._world, *pose, x_m, y_m))
 
     def _command(self, simulation: EpisodeSimulation, state: ActingState) -> Command:
         if simulation.step % self._policy.spec.hold_steps == 0:
-            tell_tracks(state.tracker, state.tracks, simulation)
-            goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
-            one = simulation
+            one, people = simulation, state.perception.people
+            people.advance(one.step)
+            tell_tracks(people.tracker, state.tracks, one)
+            goal_x, goal_y = one.scenario.goal_xy_m.tolist()
             robot = (one.x_m, one.y_m, one.yaw_rad, one.v_mps, one.w_radps)
-            # Tracks are of the present step: no time has passed since a look.
-            numbers = self._numbers._replace(every=1)
             observe(
-                self._world, numbers, state.tracks, 0, one.step, robot, (goal_x, goal_y), state.field_cm, self._told[0]
-            )
+                self._world, self._numbers, state.tracks, 0, one.step, robot, (goal_x, goal_y), state.field_cm,
+                self._told[0],
+            )  # fmt: skip
             v, w = self._policy.choose(self._told)[0].tolist()
             state.command = v, w
         return state.command

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from readygo.services.planner.expert.interface import Decision as Decision
     from readygo.services.planner.expert.interface import Expert as Expert
     from readygo.services.planner.expert.interface import ExpertDriver as ExpertDriver
-    from readygo.services.planner.expert.perceiving import EpisodePerception as EpisodePerception
     from readygo.services.planner.expert.perceiving import PerceivingDriver as PerceivingDriver
     from readygo.services.planner.expert.perceiving import TrackedDriver as TrackedDriver
     from readygo.services.planner.expert.tracked import TrackedHumans as TrackedHumans
@@ -65,7 +64,6 @@ else:
             "ExpertDriver",
         ),
         ".expert.perceiving": (
-            "EpisodePerception",
             "PerceivingDriver",
             "TrackedDriver",
         ),

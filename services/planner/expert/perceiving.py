@@ -9,78 +9,24 @@ from readygo.common.arrays import UInt8Array
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import Command, DriverFailure
 from readygo.common.episode.streams import Purpose, episode_rng
-from readygo.common.perception import Perceived, Perception
+from readygo.common.perception import Perception
+from readygo.common.perception.episode import EpisodePerception, perceive_step
 from readygo.common.perception.noise import PerceptionNoise
 from readygo.common.perception.simulated import SimulatedPerception
 from readygo.common.policy.driver import PolicyCamera
-from readygo.common.robot import RobotConfig
-from readygo.services.planner.expert.perception import Pose
 from readygo.services.planner.expert.spacetime import SpaceTimeExpert
 from readygo.services.planner.expert.tracked import TrackedHumans
-
-LOOK_S = 0.1
-"""Time between two looks, as near as images come to it [s]."""
-
-
-class EpisodePerception:
-    """Perception over one episode: the latest images, the robot's own motion, and the tracks of people."""
-
-    def __init__(self, perception: Perception, people: TrackedHumans, robot: RobotConfig) -> None:
-        """Begin an episode.
-
-        Args:
-            perception: Tells what images show.
-            people: The tracks.
-            robot: Of the episode.
-        """
-        self.people = people
-        self._perception, self._memory, self._clock = perception, perception.start(), robot.clock
-        self._late_steps = robot.clock.steps(robot.camera.latency_s)
-        self.perceived: Perceived | None = None
-        """What the latest look told."""
-        self.pose: Pose = (0.0, 0.0, 0.0)
-        """The robot when the latest image was taken: x, y [m], yaw [rad]."""
-
-    def advance(self, command: Command) -> None:
-        """Let a step pass, over which v [m/s], w [rad/s] were executed; the first call is the episode's begin."""
-        self._memory.advance(np.array(command, np.float32))
-
-    def arrives(self, step: int) -> bool:
-        """True if an image comes at a step."""
-        return self._clock.sees(step, self._late_steps)
-
-    def is_due(self, step: int) -> bool:
-        """True if the image that comes at a step is looked at."""
-        return step % max(1, self._clock.steps(LOOK_S)) == 0 or self._clock.image_every > 1
-
-    def taken_at(self, step: int) -> int:
-        """The step at which the image was taken that comes at a step."""
-        return self._clock.image_step(step, self._late_steps)
-
-    def look(self, step: int, image: UInt8Array, command: Command, pose: Pose) -> None:
-        """Perceive.
-
-        Args:
-            step: The present step.
-            image: What the camera shows, sRGB, shape (H, W, 3).
-            command: Executed last.
-            pose: The robot when the image was taken.
-        """
-        self._memory.see(image)
-        self.perceived = self._perception.perceive(self._memory, np.array(command, np.float32))
-        self.pose = pose
-        self.people.look(step, pose, self.perceived.people)
 
 
 @dataclass(eq=False)
 class PerceivingState:
     """What the driver remembers of one episode."""
 
-    perception: EpisodePerception
+    perception: EpisodePerception[TrackedHumans]
     expert: SpaceTimeExpert
 
 
-OnLook = Callable[[EpisodeSimulation, EpisodePerception, UInt8Array], None]
+OnLook = Callable[[EpisodeSimulation, EpisodePerception[TrackedHumans], UInt8Array], None]
 """Called after a look: the episode, what was perceived, the image."""
 
 
@@ -113,27 +59,12 @@ class PerceivingDriver:
 
     def act(self, running: Sequence[tuple[EpisodeSimulation, PerceivingState]]) -> list[Command | DriverFailure]:
         """See `Driver.act`."""
-        for simulation, state in running:
-            state.perception.advance((simulation.v_mps, simulation.w_radps))
-        looking = [
-            (simulation, state)
-            for simulation, state in running
-            if self._camera.arrives(simulation) and state.perception.is_due(simulation.step)
-        ]
-        if looking:
-            images = self._camera.look([simulation for simulation, _ in looking])
-            for (simulation, state), image in zip(looking, images, strict=True):
-                self._look(simulation, state, image)
+        looked = perceive_step(self._camera, [(simulation, state.perception) for simulation, state in running])
+        if self.on_look is not None:
+            for simulation, perception, image in looked:
+                self.on_look(simulation, perception, image)
         decisions = [state.expert.act(simulation) for simulation, state in running]
         return [(decision.v_mps, decision.w_radps) for decision in decisions]
-
-    def _look(self, simulation: EpisodeSimulation, state: PerceivingState, image: UInt8Array) -> None:
-        perception, step = state.perception, simulation.step
-        taken = perception.taken_at(step)
-        x, y, yaw = simulation.path_xyyaw(taken, taken)[0].tolist()
-        perception.look(step, image, (simulation.v_mps, simulation.w_radps), (x, y, yaw))
-        if self.on_look is not None:
-            self.on_look(simulation, perception, image)
 
 
 class TrackedDriver:

@@ -6,6 +6,7 @@ import numpy as np
 
 from readygo.common.arrays import Float64Array
 from readygo.common.perception import People, PeopleTracker, Track
+from readygo.common.perception.episode import SteppedTracker
 from readygo.services.planner.expert.ground import EpisodeGround, SceneGround
 from readygo.services.planner.expert.perception import (
     MEMORY_S,
@@ -40,32 +41,26 @@ class TrackedHumans:
         self._views = 1 + 2 * window_steps(self._dt_s)
         self.tracker = PeopleTracker(ground.human_clearance, ground.human_frame, memory_s=MEMORY_S)
         """The tracks."""
-        self._step = 0
+        self._stepped = SteppedTracker(self.tracker, self._dt_s, self.eyes.show)
         self._perceived: tuple[int, list[PerceivedHuman]] | None = None
 
     def look(self, step: int, pose: Pose, people: People) -> None:
-        """Fuse what an image told that was taken at a step.
+        """Fuse what an image told, see `readygo.common.perception.episode.TakesLooks`.
 
         Args:
             step: The present step.
             pose: The robot when it was taken: x, y [m], yaw [rad].
             people: What was perceived, in the robot's frame.
         """
-        self._advance(step)
-        self.tracker.fuse(pose, people, lambda x, y: self.eyes.show(pose, x, y))
+        self._stepped.look(step, pose, people)
         self._perceived = None
 
     def observe(self, step: int, pose: Pose, human_xy_m: Float64Array) -> list[PerceivedHuman]:
         """The humans that are tracked, see `PeopleSource`; where they truly are does not matter."""
-        self._advance(step)
+        self._stepped.advance(step)
         if self._perceived is None or self._perceived[0] != step:
             self._perceived = step, [self._human(track) for track in self.tracker.known]
         return self._perceived[1]
-
-    def _advance(self, step: int) -> None:
-        for _ in range(self._step, step):
-            self.tracker.predict(self._dt_s)
-        self._step = max(self._step, step)
 
     def _human(self, track: Track) -> PerceivedHuman:
         x, y, vx, vy = track.mean.tolist()

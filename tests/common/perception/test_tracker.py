@@ -51,7 +51,6 @@ def test_human_who_walks_is_one_track_with_its_velocity() -> None:
     (track,) = tracker.known
     np.testing.assert_allclose(track.mean, [0.1, 2.0, 1.0, 0.0], atol=0.02)
     assert track.hits == 12
-    assert len(track.rows) == 12
 
 
 def test_detections_are_turned_from_the_robots_frame() -> None:
