@@ -42,19 +42,22 @@ def train_perception(
         SceneError: If the scene of some data is nowhere.
     """
     with torch_needed():
-        from readygo.services.trainer import PerceptionRun, joined, looks_of
+        from readygo.services.trainer import PerceptionRun, image_bytes, joined, looks_of
     datasets = [Dataset(folder) for folder in data]
     robot = datasets[0].robot
     if robot is None:
         raise DatasetError(f"{data[0]} names no robot; record it with this version.")
     if robot.ranges.varies or robot.cameras:
         raise ConfigError("Perception is trained for one robot with one camera; leave [ranges] and [cameras] out.")
-    parts = []
     for folder, dataset in zip(data, datasets, strict=True):
         if dataset.robot != robot:
             raise DatasetError(f"{folder} is of another robot than {data[0]}; train on data of one robot.")
+    images = sum(int(dataset.pictured.sum()) for dataset in datasets)
+    share = min(1.0, config.memory_mb * 1e6 / max(images * image_bytes(robot.camera), 1))
+    parts = []
+    for folder, dataset in zip(data, datasets, strict=True):
         maps = scene_of(folder, dataset, scenes).maps
-        parts.append(looks_of(dataset, robot.camera, maps.robot, maps.sight, config.spacing_s))
+        parts.append(looks_of(dataset, robot.camera, maps.robot, maps.sight, config.spacing_s, share=share))
     origin = {KEY: section_to_mapping(origin_of_data(data)), "settings": section_to_mapping(config)}
     spec = PerceptionSpec(robot=robot, spacing_s=config.spacing_s, training=origin)
     hashes = {f"data {number}": dataset.content_hash for number, dataset in enumerate(datasets)}

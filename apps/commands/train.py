@@ -41,7 +41,15 @@ HISTORY_KEYS = ("history",)
 """Metrics that are too long for the terminal; `metrics.json` has them."""
 NETWORK_KEYS = ("threads", "cache_mb", "batch_size", "learning_rate", "validation_fraction")
 """Keys that the training of a published network has as well."""
-PERCEPTION_KEYS = ("threads", "precision", "batch_size", "learning_rate", "weight_decay", "validation_fraction")
+PERCEPTION_KEYS = (
+    "threads",
+    "precision",
+    "memory_mb",
+    "batch_size",
+    "learning_rate",
+    "weight_decay",
+    "validation_fraction",
+)
 """Keys that the training of perception has as well."""
 
 

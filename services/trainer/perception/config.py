@@ -22,6 +22,8 @@ class PerceptionConfig:
     """CPU threads; 0 takes every core that the process may use."""
     precision: Literal["auto", "bf16", "fp32"] = "auto"
     """"auto" computes in bfloat16 on CPUs that multiply it, else in float32."""
+    memory_mb: Count = 4096
+    """Most memory for decoded images; of more data an even share of the episodes is learned from [MB]."""
     spacing_s: Positive = 0.2
     """Time between the three frames that it sees [s]."""
     widths: tuple[int, ...] = (24, 40, 56, 88, 160)

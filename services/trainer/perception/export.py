@@ -9,9 +9,9 @@ import torch
 
 from readygo.common.errors import PolicyError
 from readygo.common.files import write_whole
-from readygo.common.perception.artifact import GRAPH_FILE, SPEC_FILE, PerceptionSpec, save_perception_spec
+from readygo.common.perception.artifact import FRAMES, GRAPH_FILE, SPEC_FILE, PerceptionSpec, save_perception_spec
 from readygo.services.trainer.export import OPSET
-from readygo.services.trainer.perception.network import FRAMES, PerceptionModule, PerceptionNet
+from readygo.services.trainer.perception.network import PerceptionModule, PerceptionNet
 
 
 def export_perception(net: PerceptionNet, spec: PerceptionSpec, folder: Path) -> None:

@@ -1,7 +1,6 @@
 """Images with what perception shall tell of them, in memory."""
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +9,12 @@ from readygo.common.arrays import BoolArray, Float32Array, Int64Array, UInt8Arra
 from readygo.common.camera.config import CameraConfig
 from readygo.common.dataset import Dataset
 from readygo.common.maps import OccupancyMap, SightMap
+from readygo.common.perception.artifact import FRAMES
 from readygo.common.policy.motion import own_motion
 from readygo.common.policy.windows import window_at
-from readygo.services.trainer.frames import pool
+from readygo.services.trainer.frames import pool, pooling_of
 from readygo.services.trainer.perception.labels import PerceptionLabels, labels_of
-from readygo.services.trainer.perception.network import FRAMES, POOLED_HEIGHT_PX
+from readygo.services.trainer.perception.network import POOLED_HEIGHT_PX
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,15 +32,27 @@ class Looks:
     labels: PerceptionLabels
     episode: Int64Array
     """Number of each image's episode, shape (N,)."""
-    scene: Int64Array
-    """Number of each image's data folder, shape (N,)."""
 
     def __len__(self) -> int:
         return len(self.window)
 
 
-def looks_of(dataset: Dataset, camera: CameraConfig, blocked: OccupancyMap, sight: SightMap, spacing_s: float) -> Looks:
-    """All images of data that were recorded in one scene.
+def image_bytes(camera: CameraConfig) -> int:
+    """Memory that an image takes: its pooled colours and their mean."""
+    pooling = pooling_of(camera, POOLED_HEIGHT_PX)
+    return 4 * (camera.height_px // pooling) * (camera.width_px // pooling)
+
+
+def looks_of(
+    dataset: Dataset,
+    camera: CameraConfig,
+    blocked: OccupancyMap,
+    sight: SightMap,
+    spacing_s: float,
+    *,
+    share: float = 1.0,
+) -> Looks:
+    """The images of data that were recorded in one scene.
 
     Args:
         dataset: The recorded episodes.
@@ -48,16 +60,19 @@ def looks_of(dataset: Dataset, camera: CameraConfig, blocked: OccupancyMap, sigh
         blocked: What blocks the robot in the scene.
         sight: What hides humans there.
         spacing_s: Time between the images that are seen together [s].
+        share: Share of the episodes, spread evenly, whose images are taken.
 
     Raises:
         DatasetError: If a shard is damaged.
     """
-    samples = np.flatnonzero(dataset.pictured)
-    pooling = max(1, camera.height_px // POOLED_HEIGHT_PX)
-    with ThreadPoolExecutor(2) as pool_of_threads:
-        frames = np.stack(
-            list(pool_of_threads.map(lambda index: pool(dataset.decode(index), pooling), samples.tolist()))
-        )
+    numbers = np.arange(len(dataset.episodes))
+    taken = np.floor((numbers + 1) * share) > np.floor(numbers * share)
+    samples = np.flatnonzero(dataset.pictured & taken[dataset.episode_of_sample])
+    pooling = pooling_of(camera, POOLED_HEIGHT_PX)
+    size = camera.height_px // pooling, camera.width_px // pooling, 3
+    frames = np.empty((len(samples), *size), np.uint8)
+    for row, index in enumerate(samples.tolist()):
+        frames[row] = pool(dataset.decode(index), pooling)
     episode = dataset.episode_of_sample[samples].astype(np.int64)
     window = np.empty((len(samples), FRAMES), np.int64)
     spacing_ns = round(spacing_s * 1e9)
@@ -76,12 +91,13 @@ def looks_of(dataset: Dataset, camera: CameraConfig, blocked: OccupancyMap, sigh
         motion=own_motion(poses[window[:, :-1]], poses, executed),
         labels=labels_of(dataset, samples, camera, blocked, sight),
         episode=episode,
-        scene=np.zeros(len(samples), np.int64),
     )
 
 
 def joined(parts: Sequence[Looks]) -> Looks:
     """The images of several data folders as one."""
+    if len(parts) == 1:
+        return parts[0]
     first_frames = np.cumsum([0, *(len(part.frames) for part in parts)])
     first_episodes = np.cumsum([0, *(int(part.episode.max(initial=-1)) + 1 for part in parts)])
     return Looks(
@@ -95,7 +111,6 @@ def joined(parts: Sequence[Looks]) -> Looks:
             rays_m=np.concatenate([part.labels.rays_m for part in parts]),
         ),
         episode=np.concatenate([part.episode + first for part, first in zip(parts, first_episodes, strict=False)]),
-        scene=np.concatenate([np.full(len(part), number) for number, part in enumerate(parts)]),
     )
 
 

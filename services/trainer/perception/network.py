@@ -11,10 +11,11 @@ from torch import Tensor, nn
 
 from readygo.common.arrays import Float64Array
 from readygo.common.camera.config import CameraConfig
+from readygo.common.perception.artifact import FRAMES
 from readygo.common.perception.grid import SHAPE, polar_grid
 from readygo.common.perception.people import CHANNELS
+from readygo.services.trainer.frames import pooling_of
 
-FRAMES = 3
 POOLED_HEIGHT_PX = 72
 _LOG_SD_MIN, _LOG_SD_MAX = -4.0, 1.5
 _PRESENCE_BIAS = -4.0
@@ -72,7 +73,7 @@ class PerceptionNet(nn.Module):
 
     def __init__(self, camera: CameraConfig, widths: tuple[int, ...]) -> None:
         super().__init__()
-        self.pooling = max(1, camera.height_px // POOLED_HEIGHT_PX)
+        self.pooling = pooling_of(camera, POOLED_HEIGHT_PX)
         height, width = camera.height_px // self.pooling, camera.width_px // self.pooling
         a, b, c, d, neck = widths
         self.image = nn.Sequential(

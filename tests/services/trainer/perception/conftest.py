@@ -41,7 +41,6 @@ def make_looks(count: int = 60, *, episodes: int = 6, seed: int = 0) -> Looks:
             rays_m=np.full((count, len(polar_grid(CAMERA).bearings_rad)), 3.0, np.float32),
         ),
         episode=rows % episodes,
-        scene=np.zeros(count, np.int64),
     )
 
 

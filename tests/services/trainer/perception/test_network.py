@@ -2,9 +2,10 @@ import numpy as np
 import torch
 
 from readygo.common.camera.config import CameraConfig
+from readygo.common.perception.artifact import FRAMES
 from readygo.common.perception.grid import SHAPE, polar_grid
 from readygo.common.perception.people import ACROSS_SD, BEARING, BEARING_SD, CHANNELS, DISTANCE, PRESENCE
-from readygo.services.trainer.perception.network import FRAMES, PerceptionModule, PerceptionNet
+from readygo.services.trainer.perception.network import PerceptionModule, PerceptionNet
 from tests.services.trainer.perception.conftest import CAMERA
 
 WIDTHS = (4, 4, 8, 8, 16)
