@@ -3,7 +3,7 @@
 import dataclasses
 import json as json_module
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
@@ -40,7 +40,7 @@ from readygo.common.bus.identity import COORDINATOR
 from readygo.common.errors import RunError
 from readygo.runs.config import RunConfig
 from readygo.runs.sections import Keys, Sections, read_sections
-from readygo.services.evaluator import EpisodeRecord, summary_table
+from readygo.services.evaluator import EpisodeRecord, EvaluateReply, summary_table
 
 _NOT_IN_REPORT = ("scenes", "out", "minutes", "samples", "on", "watch", "json", "fleet")
 """Fields and groups that the report's command to resume leaves out, or sets itself."""
@@ -151,9 +151,7 @@ def learn(options: LearnOptions) -> None:
         sys.stdout.write(json_module.dumps(learned.to_mapping()) + "\n")
         return
     console = PlainConsole(soft_wrap=True)
-    for name, reply in learned.replies.items():
-        console.print(name, markup=False)
-        console.print(summary_table(reply.summaries))
+    _print_tables(console, learned.replies)
     console.print(f"The policy: {plan.policy}. How it learned and what it fails in: {report}", markup=False)
 
 
@@ -209,12 +207,16 @@ def _learn_to_perceive(options: LearnOptions) -> None:
         sys.stdout.write(json_module.dumps(learned.to_mapping()) + "\n")
         return
     console = PlainConsole(soft_wrap=True)
-    for name, reply in learned.replies.items():
-        console.print(name, markup=False)
-        console.print(summary_table(reply.summaries))
+    _print_tables(console, learned.replies)
     console.print(
         f"The network: {plan.perception}. It drives as the method {learned.method}: see {report}", markup=False
     )
+
+
+def _print_tables(console: PlainConsole, replies: Mapping[str, EvaluateReply]) -> None:
+    for name, reply in replies.items():
+        console.print(name, markup=False)
+        console.print(summary_table(reply.summaries))
 
 
 def _how_to_join(plan: LearnPlan, listen: str, certs: Path | None) -> str:

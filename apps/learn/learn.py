@@ -37,13 +37,6 @@ class Learned:
 
     def to_mapping(self) -> dict[str, Any]:
         """Plain values for scripts."""
-        test = {
-            name: {
-                f"{task.value} {method}": round(summary.success_rate, 4)
-                for (task, method), summary in reply.summaries.items()
-            }
-            for name, reply in self.replies.items()
-        }
         latest = self.points[-1]
         return {
             "policy": str(self.plan.policy),
@@ -52,9 +45,20 @@ class Learned:
             "learned": latest.learned,
             "policies": latest.policies,
             "val": section_to_mapping(self.chosen) if self.chosen else None,
-            "test": test,
+            "test": success_by_scene(self.replies),
             "report": str(self.plan.out / "report.html"),
         }
+
+
+def success_by_scene(replies: Mapping[str, EvaluateReply]) -> dict[str, dict[str, float]]:
+    """Success rates by scene, and by task and method, as plain values."""
+    return {
+        name: {
+            f"{task.value} {method}": round(summary.success_rate, 4)
+            for (task, method), summary in reply.summaries.items()
+        }
+        for name, reply in replies.items()
+    }
 
 
 def learn_policy(
@@ -79,7 +83,7 @@ def learn_policy(
     Raises:
         ReadygoError: If the run cannot continue; recorded data and trained policies stay.
     """
-    with lock_folder(plan):
+    with lock_folder(plan.out):
         measuring = Measuring(plan)
         supervisor = Supervisor(plan, measuring, show, reach)
         chosen = supervisor.learn()

@@ -5,9 +5,10 @@
     RUN/perception/     the network, with its checkpoint
     RUN/rl/             a policy on states of `readygo rl`, trained meanwhile on another core (one scene)
     RUN/evaluation/     the test episodes; report.html shows all of it
-    RUN/perceive.json   the settings, and the episodes that each scene has
+    RUN/perceive.json   the scenes, and the episodes that each of them has
+    RUN/settings.toml   the settings of the test, for `--config`
 
-Every step resumes, so the same command resumes the run.
+Every step resumes, so the same command resumes the run; with more minutes it trains longer on the same data.
 """
 
 import dataclasses
@@ -22,14 +23,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from readygo.apps.evaluation.replay import Replays
 from readygo.apps.evaluation.watch import write_pages
 from readygo.apps.fleet.run import record
 from readygo.apps.learn.cores import cores_here
 from readygo.apps.learn.gather import TASK_NAMES, TEST_FOLDER
-from readygo.apps.learn.plan import free_name
+from readygo.apps.learn.learn import success_by_scene
+from readygo.apps.learn.plan import LOCK_FILE, free_name, lock_folder
 from readygo.apps.report.evaluation import REPORT_FILE
 from readygo.apps.report.page import CommandLine, PageLink
 from readygo.apps.report.perception import PerceptionContent
@@ -40,7 +42,6 @@ from readygo.common.documents import read_json, write_toml
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.files import write_whole
 from readygo.common.messages import Split, StatusReply
-from readygo.common.perception.artifact import without_none
 from readygo.common.robot import RobotConfig, load_robot
 from readygo.common.state_policy.state_policy import is_state_policy
 from readygo.runs.config import RunConfig, load_run_config
@@ -68,7 +69,7 @@ from readygo.services.renderer import RendererConfig
 from readygo.services.trainer import PerceptionConfig
 
 FORMAT = "readygo-perceive/1"
-STATE_FILE = "perceive.json"
+STATE_FILE, SETTINGS_FILE = "perceive.json", "settings.toml"
 VARIANTS = 24
 """Varied avatars that walk in the data."""
 RECORD_SHARE = 0.35
@@ -126,20 +127,13 @@ class Perceived:
 
     def to_mapping(self) -> dict[str, Any]:
         """Plain values for scripts."""
-        test = {
-            name: {
-                f"{task.value} {method}": round(summary.success_rate, 4)
-                for (task, method), summary in reply.summaries.items()
-            }
-            for name, reply in self.replies.items()
-        }
         return {
             "method": self.method,
             "val": dict(self.val),
             "perception": str(self.plan.perception),
             "minutes": round(self.minutes, 2),
             "metrics": dict(self.metrics),
-            "test": test,
+            "test": success_by_scene(self.replies),
             "report": str(self.plan.out / "report.html"),
         }
 
@@ -193,7 +187,7 @@ def check_plan(plan: PerceivePlan) -> None:
         theirs = read_state(plan).get("scenes")
         if theirs != hashes:
             raise RunError(f"{plan.out} learns in other scenes; choose another --out.")
-    elif plan.out.exists() and any(plan.out.iterdir()):
+    elif plan.out.exists() and any(entry.name != LOCK_FILE for entry in plan.out.iterdir()):
         raise RunError(f"{plan.out} holds files of something else; choose an empty or new folder with --out.")
 
 
@@ -238,7 +232,13 @@ def learn_to_perceive(
     Raises:
         ReadygoError: If the run cannot continue; what is recorded and trained stays.
     """
-    plan.out.mkdir(parents=True, exist_ok=True)
+    with lock_folder(plan.out) as lock:
+        return _learn(plan, episodes, show, tested, lock)
+
+
+def _learn(
+    plan: PerceivePlan, episodes: int, show: Show, tested: Callable[[EpisodeRecord], None], lock: IO[str]
+) -> Perceived:
     state = {
         "format": FORMAT,
         "scenes": [open_scene(scene).content_hash for scene in plan.scenes],
@@ -247,13 +247,16 @@ def learn_to_perceive(
         **read_state(plan),
     }
     _write_state(plan, state)
+    settings = section_to_mapping(tested_settings(plan.config))
+    told = {name: section for name, section in settings.items() if name not in ("recorder", "coordinator")}
+    write_toml(plan.out / SETTINGS_FILE, told, raises=RunError)
     people = plan.out / "people"
     write_variants(plan.avatars, people, VARIANTS, plan.seed)
     names: list[str] = []
     for scene in plan.scenes:
         names.append(free_name(open_scene(scene).name or "scene", names))
     folders = [plan.out / "data" / name for name in names]
-    with _reinforcement(plan) as finish:
+    with _reinforcement(plan, lock) as finish:
         for name, scene in zip(names, plan.scenes, strict=True):
             _record(plan, scene, name, people, state, show)
         metrics = _train(plan, folders, state, show)
@@ -282,27 +285,29 @@ def workers_of(plan: PerceivePlan) -> int:
 
 
 @contextmanager
-def _reinforcement(plan: PerceivePlan) -> Iterator[Callable[[], None]]:
+def _reinforcement(plan: PerceivePlan, lock: IO[str]) -> Iterator[Callable[[], None]]:
     """Train a policy on states in another process; yields the function that waits for its end.
 
-    What it says is in RUN/rl.log. If it fails, the run goes without it.
+    What it says is in RUN/rl.log. If it fails, the run goes without it. It inherits the lock: where this process is
+    killed, the run is not resumed beside it.
     """
     if not has_policy_on_states(plan):
         yield lambda: None
         return
-    settings = plan.out / "rl.toml"
-    write_toml(settings, without_none(section_to_mapping(tested_settings(plan.config))), raises=RunError)
     episodes, lessons = (max(20, min(int(each * plan.minutes), most)) for each, most in (RL_EPISODES, RL_LESSONS))
     command = [
         *(sys.executable, "-m", "readygo", "rl", plan.scenes[0], "--out", str(plan.out / RL)),
-        *("--config", str(settings), "--seed", str(plan.seed), "--minutes", f"{RL_SHARE * plan.minutes:g}"),
+        *("--config", str(plan.out / SETTINGS_FILE), "--seed", str(plan.seed)),
+        *("--minutes", f"{RL_SHARE * plan.minutes:g}"),
         *("--train-episodes", str(episodes), "--val-episodes", str(min(episodes, 400))),
         *("--demonstrations", str(lessons)),
         *(("--avatars", str(plan.avatars)) if plan.avatars else ()),
     ]
     one = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")}
     with (plan.out / "rl.log").open("ab") as log:
-        process = subprocess.Popen(command, stdout=log, stderr=log, env={**os.environ, **one})
+        process = subprocess.Popen(
+            command, stdout=log, stderr=log, env={**os.environ, **one}, pass_fds=(lock.fileno(),)
+        )
         try:
             yield lambda: _wait(process)
         finally:
@@ -423,6 +428,7 @@ def perception_content(learned: Perceived, scenes: Sequence[str]) -> PerceptionC
         for (task, method), summary in reply.summaries.items()
     ]
     test = f"readygo evaluate {scenes[0]} --methods {learned.method} expert --checkpoints {plan.out}"
+    test += f" --config {plan.out / SETTINGS_FILE}" + (f" --avatars {plan.avatars}" if plan.avatars else "")
     return PerceptionContent(
         title=f"{learned.method} in {', '.join(places) or ', '.join(scenes)}",
         method=learned.method,
@@ -432,7 +438,7 @@ def perception_content(learned: Perceived, scenes: Sequence[str]) -> PerceptionC
         minutes=learned.minutes,
         pages=[PageLink(href=f"{TEST_FOLDER}/{name}/{REPORT_FILE}", what=name) for name in places],
         commands=[
-            CommandLine(what="test it again, with films", line=f"{test} --out {plan.out / 'again'} --video worst"),
+            CommandLine(what="test it again, with videos", line=f"{test} --out {plan.out / 'again'} --video worst"),
             CommandLine(
                 what="train longer on the same data",
                 line=f"readygo train {plan.out / 'data' / (places or ['*'])[0]} --recipe perception --minutes "

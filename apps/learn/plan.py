@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from readygo.apps.learn.config import GoalName, LearnConfig, load_learn_config
 from readygo.common.camera import CameraConfig
@@ -32,6 +32,7 @@ from readygo.services.renderer import RendererConfig
 from readygo.services.trainer import SamplingConfig, chosen_images
 
 FORMAT = "readygo-learn/1"
+LOCK_FILE = ".lock"
 STATE = "learn.json"
 """File with the settings that must not change when the run resumes, and the time spent."""
 SMALL_CAMERA = CameraConfig(height_px=72, width_px=128)
@@ -223,23 +224,23 @@ def make_plan(
 
 
 @contextmanager
-def lock_folder(plan: LearnPlan) -> Iterator[None]:
-    """Lock the run's folder, which is made if missing; the lock ends with the process.
+def lock_folder(out: Path) -> Iterator[IO[str]]:
+    """Lock a run's folder, which is made if missing; the lock ends with the process, and those that inherit its file.
 
     Raises:
         RunError: If another process holds the lock, or the folder cannot be written.
     """
     try:
-        plan.out.mkdir(parents=True, exist_ok=True)
-        lock = (plan.out / ".lock").open("w")
+        out.mkdir(parents=True, exist_ok=True)
+        lock = (out / LOCK_FILE).open("w")
     except OSError as error:
-        raise RunError(f"{plan.out} cannot be written: {error.strerror}.") from error
+        raise RunError(f"{out} cannot be written: {error.strerror}.") from error
     with lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
-            raise RunError(f"Another process is learning in {plan.out}; wait for it or stop it.") from error
-        yield
+            raise RunError(f"Another process is learning in {out}; wait for it or stop it.") from error
+        yield lock
 
 
 def read_state(plan: LearnPlan) -> dict[str, Any]:
@@ -274,7 +275,7 @@ def _check_folder(plan: LearnPlan) -> None:
         theirs, ours = read_state(plan)["runs"], _runs(plan)
         if set(theirs) != set(ours):
             raise RunError(f"{plan.out} learns in {', '.join(theirs)}; choose another --out for other scenes.")
-    elif plan.out.exists() and any(entry.name != ".lock" for entry in plan.out.iterdir()):
+    elif plan.out.exists() and any(entry.name != LOCK_FILE for entry in plan.out.iterdir()):
         raise RunError(f"{plan.out} holds files of something else; choose an empty or new folder with --out.")
 
 

@@ -18,6 +18,7 @@ from readygo.apps.learn.perceive import (
     perception_content,
     read_state,
 )
+from readygo.apps.learn.plan import lock_folder
 from readygo.apps.report.perception import reason
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.robot import RobotConfig, RobotRanges
@@ -155,6 +156,14 @@ def test_time_is_shared_between_recording_and_training(tmp_path: Path, steps: li
     assert len([*(tmp_path / "run" / "people").iterdir()]) == 1
 
 
+def test_folder_in_which_another_process_learns_is_left_alone(tmp_path: Path, steps: list[tuple[str, object]]) -> None:
+    plan = plan_of(tmp_path / "run")
+    with lock_folder(plan.out), pytest.raises(RunError, match="Another process is learning in"):
+        learn_to_perceive(plan, episodes=0)
+    assert steps == []
+    check_plan(plan)
+
+
 def test_run_again_records_as_many_episodes_as_before(tmp_path: Path, steps: list[tuple[str, object]]) -> None:
     plan = plan_of(tmp_path / "run")
     learn_to_perceive(plan, episodes=0)
@@ -192,7 +201,7 @@ def test_policy_on_states_is_trained_meanwhile_and_the_better_driver_on_val_is_t
     assert command[command.index("--minutes") + 1] == "6"
     assert command[command.index("--train-episodes") + 1] == "1000"
     assert command[command.index("--demonstrations") + 1] == "500"
-    assert load_run_config(tmp_path / "run" / "rl.toml").robot == plan.config.robot
+    assert load_run_config(tmp_path / "run" / "settings.toml").robot == plan.config.robot
     assert learned.method == "perceive-and-act"
     assert learned.val == rates
     assert steps[-1] == ("test", ("embedded", steps[0][1][0], "perceive-and-act", 2))  # type: ignore[index]

@@ -100,13 +100,13 @@ def test_scene_that_is_named_twice_is_refused(tmp_path: Path) -> None:
 
 def test_run_goes_on_only_as_what_it_is(tmp_path: Path) -> None:
     plan = plan_of(tmp_path / "run")
-    with lock_folder(plan):
+    with lock_folder(plan.out):
         write_state(plan, spent_s=12.0)
         for place in plan.places:
             with place.folder.lock():
                 place.folder.save(place.spec, 10)
                 place.folder.ledger.touch()
-        with pytest.raises(RunError, match="Another process is learning in"), lock_folder(plan):
+        with pytest.raises(RunError, match="Another process is learning in"), lock_folder(plan.out):
             pass
     assert read_state(plan_of(tmp_path / "run"))["spent_s"] == 12.0
     with pytest.raises(RunError, match="holds data of another run: seed differ"):
