@@ -12,7 +12,7 @@ from typing import Any
 from readygo.common.dataset.provenance import AvatarOrigin, Provenance, ScenarioOrigin, SceneOrigin
 from readygo.common.errors import PolicyError, RunError
 from readygo.common.extras import ROOT, install_command
-from readygo.common.messages import PolicyRef, RunSpec, encode
+from readygo.common.messages import PolicyRef, RunSpec, TeacherRef, encode
 from readygo.common.messages.stages import EXPERT_LINE
 from readygo.common.rasterizer.backend_names import GPU_BACKENDS
 from readygo.runs.config import RunConfig
@@ -37,6 +37,7 @@ def identity(spec: RunSpec) -> dict[str, Any]:
         "config": config,
         **({"stages": hashlib.sha256(stages).hexdigest()} if stages else {}),
         **({"policy": spec.policy.sha256, "mix": spec.policy.mix} if spec.policy else {}),
+        **({"teacher": spec.teacher.sha256} if spec.teacher else {}),
     }
 
 
@@ -46,12 +47,13 @@ def run_name(spec: RunSpec) -> str:
     return f"run-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
 
 
-def numeric_class(config: RunConfig, policy: PolicyRef | None = None) -> str:
+def numeric_class(config: RunConfig, policy: PolicyRef | None = None, teacher: TeacherRef | None = None) -> str:
     """Environment that determines the bits of a run's samples besides their key: backend, package versions, CPU.
 
     Args:
         config: All settings.
         policy: Policy that drives besides the expert; None without one. The runtime of its graphs counts as well.
+        teacher: State policy in the expert's place; None without one. NumPy's matrix products count as well.
 
     Raises:
         ReadygoError: If backend or policy cannot run on this machine.
@@ -70,6 +72,8 @@ def numeric_class(config: RunConfig, policy: PolicyRef | None = None) -> str:
         devices.append(device_numeric_class(config.animator.priormdm))
     if policy is not None:
         versions.append(_onnxruntime_class())
+    if teacher is not None:
+        versions.append("-".join(["blas", *_wide_instructions()]))
     return " ".join([backend, *devices, architecture, *versions])
 
 
@@ -80,7 +84,7 @@ def check_same_make(spec: RunSpec, config: RunConfig) -> None:
         RunError: If it has a different version of readygo, or a different numeric class.
     """
     check_version(spec)
-    theirs, mine = Provenance.of_run(spec).numeric_class, numeric_class(config, spec.policy)
+    theirs, mine = Provenance.of_run(spec).numeric_class, numeric_class(config, spec.policy, spec.teacher)
     if theirs not in ("", mine):
         raise RunError(
             f"The run's samples are of the numeric class {theirs!r}, this machine's would be of {mine!r}; "
@@ -101,15 +105,19 @@ def check_version(spec: RunSpec) -> None:
 
 def _onnxruntime_class() -> str:
     """Version of onnxruntime, and the CPU instructions that determine its kernels."""
-    from llvmlite.binding import get_host_cpu_features
-
     try:
         version = importlib.metadata.version("onnxruntime")
     except importlib.metadata.PackageNotFoundError as error:
         raise PolicyError(f"onnxruntime is not installed; run: {install_command('policy')}") from error
+    return "-".join(["onnxruntime", version, *_wide_instructions()])
+
+
+def _wide_instructions() -> list[str]:
+    """Instructions of this CPU by which libraries choose their kernels."""
+    from llvmlite.binding import get_host_cpu_features
+
     features = get_host_cpu_features()
-    wide = [name for name in ("avx2", "avx512f", "avx512vnni", "amx-int8") if features.get(name)]
-    return "-".join(["onnxruntime", version, *wide])
+    return [name for name in ("avx2", "avx512f", "avx512vnni", "amx-int8") if features.get(name)]
 
 
 def run_metadata(
@@ -143,4 +151,6 @@ def files_of(spec: RunSpec) -> dict[str, Path]:
         files |= {file.sha256: place if place.is_file() else place / file.path for file in spec.avatar_files}
     if spec.policy is not None:
         files |= {file.sha256: Path(spec.policy.path) / file.path for file in spec.policy.files}
+    if spec.teacher is not None:
+        files |= {file.sha256: Path(spec.teacher.path) / file.path for file in spec.teacher.files}
     return files

@@ -17,9 +17,8 @@ from readygo.common.policy.artifact import SPEC_FILE
 from readygo.common.policy.driver import PolicyDriver
 from readygo.common.scenes.scene import ROBOT_MAP_FILE
 from readygo.common.state_policy.perceiving_driver import PerceivingStateDriver
-from readygo.common.state_policy.state_driver import StateDriver
 from readygo.common.state_policy.state_policy import StatePolicy, is_state_policy, load_state_policy
-from readygo.runs.state_world import goal_distances, state_world
+from readygo.runs.state_world import goal_distances, state_driver, state_world
 from readygo.runs.world import World
 from readygo.services.evaluator import (
     EXPERT,
@@ -197,8 +196,7 @@ def _state_policy(name: str, folder: Path, world: World) -> MakeDriver:
     """The driver of a state policy: it is told its map, its pose, and simulated detections of pedestrians."""
 
     def make(evaluator: Evaluator) -> Driver[Any]:
-        policy = _load_state_policy(name, folder, evaluator)
-        return StateDriver(policy, state_world(world, policy.spec.observation), goal_distances(world))
+        return state_driver(world, _load_state_policy(name, folder, evaluator))
 
     return make
 

@@ -31,9 +31,10 @@ from readygo.common.messages import (
 from readygo.common.messages.stages import ANIMATE, DRIVE, EVALUATE, HUMAN_PLAN, RENDER, ROBOT_PLAN
 from readygo.common.policy.driver import PolicyDriver
 from readygo.common.rasterizer.warm import warm as warm_rasterizer
+from readygo.runs.state_world import state_driver
 from readygo.runs.world import World
 from readygo.services.animator import handle_animate
-from readygo.services.driver import Disturbance, RiskMap, disturbs, drive, driver_of
+from readygo.services.driver import Disturbance, RiskMap, StateTeacher, disturbs, drive, driver_of
 from readygo.services.planner import handle_human_plan, handle_robot_plan
 from readygo.services.renderer import (
     NO_PICTURE,
@@ -141,6 +142,7 @@ def _drive(world: World, bus: Bus) -> Work:
     # If the recorded image rate is below the camera's, a policy decides only when it has a new image.
     hold_steps = None if every > clock.image_every else clock.control_every
     weigher = RiskMap(planner.maps.robot)
+    teacher = state_driver(world, world.teacher) if world.teacher else None
     own = world.spec.policy if world.spec.policy and world.spec.policy.files else None
     if own:
         # Report errors of the policy before any work is claimed.
@@ -159,7 +161,7 @@ def _drive(world: World, bus: Bus) -> Work:
             policy = PolicyDriver(loaded, camera, hold_steps)
         elif disturbs(episode, config.driver.disturbed):
             disturbance = Disturbance(episode, simulation.robot)
-        expert = planner.expert(scenario, motions)
+        expert = StateTeacher(teacher, simulation) if teacher else planner.expert(scenario, motions)
         driven = drive(simulation, expert, weigher, policy, disturbance, camera=camera, image_every=every)
         if reason := unclear(renderer, episode, driven.trajectory.xyyaw, config.episode):
             return StageResult(rejected=reason)

@@ -15,9 +15,10 @@ from readygo.common.dataset.stage import Scenery
 from readygo.common.errors import RunError, SceneError
 from readygo.common.files import cache_folder
 from readygo.common.fleet.blobs import fetch_file, is_whole
-from readygo.common.messages import FileRef, PolicyRef, RunSpec, files_digest
+from readygo.common.messages import FileRef, PolicyRef, RunSpec, TeacherRef, files_digest
 from readygo.common.policy import Policy, load_policy
 from readygo.common.scenes import Scene, load_scene
+from readygo.common.state_policy.state_policy import StatePolicy, load_state_policy
 from readygo.runs.config import config_of
 from readygo.runs.policy import file_ref
 from readygo.services.animator import Animator
@@ -141,15 +142,35 @@ class World:
         return self._policies[ref]
 
     def _load_policy(self, ref: PolicyRef) -> Policy:
+        folder = self._policy_folder(ref, "policies")
+        policy = load_policy(folder)
+        _check_unchanged("Policy", folder, ref.files)
+        return policy
+
+    @cached_property
+    def teacher(self) -> StatePolicy | None:
+        """The state policy in the expert's place: at its path if it is there, else fetched from the run; None without.
+
+        Raises:
+            RunError: If the policy at the path is not the run's.
+            PolicyError: If it cannot be used.
+        """
+        ref = self.spec.teacher
+        if ref is None:
+            return None
+        folder = self._policy_folder(ref, "teachers")
+        teacher = load_state_policy(folder)
+        _check_unchanged("Teacher", folder, ref.files)
+        return teacher
+
+    def _policy_folder(self, ref: PolicyRef | TeacherRef, kind: str) -> Path:
+        """The folder with the files of a policy: its path, or one in this machine's cache for files of a kind."""
         folder = Path(ref.path)
         here = ref.path and _are_whole(ref.files, {file.path: folder / file.path for file in ref.files})
         if not here and self._bus is not None:
-            folder = _fetch_files(self._bus, ref.files, "policies", ref.sha256)
+            folder = _fetch_files(self._bus, ref.files, kind, ref.sha256)
             _keep_latest(folder)
-        policy = load_policy(folder)
-        if tuple(file_ref(folder, file.path) for file in ref.files) != ref.files:
-            raise RunError(f"Policy {folder} has changed since the run began; record into a new folder with --out.")
-        return policy
+        return folder
 
     def stage(self) -> Scenery:
         """The surroundings that viewers show with the run's samples; without the map if the scene is not here."""
@@ -160,6 +181,12 @@ class World:
         """The renderer."""
         config = self.config
         return Renderer(scene=self.scene, avatars=self.avatars, robot=config.robot, config=config.renderer)
+
+
+def _check_unchanged(what: str, folder: Path, files: tuple[FileRef, ...]) -> None:
+    """Raise RunError unless the files of a policy are those that the run began with."""
+    if tuple(file_ref(folder, file.path) for file in files) != files:
+        raise RunError(f"{what} {folder} has changed since the run began; record into a new folder with --out.")
 
 
 def _keep_latest(folder: Path) -> None:

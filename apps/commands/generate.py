@@ -36,6 +36,7 @@ from readygo.runs.policy import with_expert, with_policy
 from readygo.runs.scene_argument import open_scene
 from readygo.runs.sections import merge_tables
 from readygo.runs.spec import episode_count, make_spec
+from readygo.runs.teacher import with_teacher
 from readygo.services.planner import MixName
 
 Place = Literal["local", "slurm", "hosts"]
@@ -53,6 +54,9 @@ class RecordingOptions:
     """Record without pedestrians."""
     mix: float | None = None
     """Policy fraction: share of the episodes that the policy drives, 0..1; 0.5 by default."""
+    teacher: Path | None = None
+    """Folder of a state policy of this scene and robot, from `readygo rl`: it labels every sample instead of the
+    expert, and drives the expert's episodes."""
     again: Path | None = None
     """Data folder whose episodes are recorded again, each driven by the same policy as before; `scene` and the
     settings of the run come from there."""
@@ -182,8 +186,10 @@ def _new_run(options: GenerateOptions) -> tuple[RunSpec, int]:
     )
     if options.policy is not None:
         spec = with_policy(spec, config, options.policy, 0.5 if recording.mix is None else recording.mix)
-    elif config.driver.disturbed or "disturbed" in options.keys.get("driver", {}):
+    elif recording.teacher or config.driver.disturbed or "disturbed" in options.keys.get("driver", {}):
         spec = with_expert(spec)
+    if recording.teacher is not None:
+        spec = with_teacher(spec, config, recording.teacher)
     return spec, episode_count(world.scenarios) if options.episodes is None else options.episodes
 
 

@@ -53,7 +53,7 @@ Tested = Callable[[EpisodeRecord], None]
 
 @dataclass(frozen=True, kw_only=True)
 class LearnTrainingOptions:
-    """Budget, goal input, cameras and avatars of the training."""
+    """Budget, goal input, cameras, avatars, teacher and encoder of the training."""
 
     samples: int | None = None
     """Training budget in samples, repeats counted, instead of minutes: the result depends less on the machine's
@@ -66,6 +66,12 @@ class LearnTrainingOptions:
     cameras: str = ""
     """Cameras of the robot that the policy uses, by their names in robot.toml, including the first one; only the
     first one by default."""
+    teacher: Path | None = None
+    """Folder of a state policy of this scene and robot, from `readygo rl`: it labels every sample instead of the
+    expert, and drives the expert's episodes; for one scene."""
+    perception: Path | None = None
+    """Folder of trained perception (`readygo train --recipe perception`): its network is the policy's encoder, and its
+    robot is the default. By default the encoder learns with the policy."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,11 +139,14 @@ def learn(options: LearnOptions) -> None:
             options.training.cameras,
             options.training.goal,
             scene_count=max(len(options.scenes), 1),
+            perception=options.training.perception,
             keys=options.keys,
         ),
         Budget(minutes=options.minutes, samples=options.training.samples),
         avatars=options.training.avatars,
         seed=options.seed,
+        teacher=options.training.teacher,
+        perception=options.training.perception,
     )
     if options.fleet.listen:
         sys.stderr.write(f"{_how_to_join(plan, options.fleet.listen, options.fleet.certs)}\n")

@@ -97,10 +97,11 @@ class TrainOptions:
     val_scene: str = ""
     """Scene ("embedded" or a bundle) whose closed-loop success rate selects the checkpoint; its time is not
     counted. By default the last weights are used."""
-    recipe: Literal["best", "fast", "paper", "perception", "gnm", "vint", "nomad"] | None = None
+    recipe: Literal["best", "fast", "paper", "pretrained", "perception", "gnm", "vint", "nomad"] | None = None
     """"best" learns most from data with expert labels at every state, and is the default for such data; "fast" is
     the paper's network adapted to minutes on a CPU, the default for other data; "paper" trains that network as in
-    the paper, with Adam at a constant 1e-4. "perception" trains the network that sees people and free space, which
+    the paper, with Adam at a constant 1e-4; "pretrained" is "best" with the network of perception (--perception FOLDER)
+    as its encoder. "perception" trains the network that sees people and free space, which
     the method perceive-and-plan of `readygo evaluate --checkpoints` reads from the folder `perception` there. "gnm",
     "vint" and "nomad" train these published networks with their own losses on the expert's trajectories: `out` is
     then a folder for `readygo evaluate --checkpoints`, and training starts from published weights if they lie

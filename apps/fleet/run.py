@@ -159,7 +159,11 @@ def _run_in_process(folder: RunFolder, show: Show, line: Sequence[Entry], observ
             works = observer.works(stage_works(world, bus, line=line))
             _work_until_over(
                 bus,
-                Worker(name="in-process", numeric_class=numeric_class(world.config, world.spec.policy), works=works),
+                Worker(
+                    name="in-process",
+                    numeric_class=numeric_class(world.config, world.spec.policy, world.spec.teacher),
+                    works=works,
+                ),
                 show,
             )
     finally:

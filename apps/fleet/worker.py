@@ -335,7 +335,7 @@ def _work(bus: Bus, role: str, name: str, leave: Callable[[], bool], observer: P
     works = observer.works(stage_works(world, bus, "" if role == ALL else role))
     world.forget_avatars()
     session = bus.announce(role, name)
-    numeric = numeric_class(world.config, world.spec.policy)
+    numeric = numeric_class(world.config, world.spec.policy, world.spec.teacher)
     me = Worker(name=name, numeric_class=numeric, works=works, role=role, session=session)
     return pull(bus, me, leave=leave)
 

@@ -68,7 +68,7 @@ def gather(
     return ReportContent(
         title=f"A policy for {', '.join(each.name for each in plan.places)}",
         subtitle=f"{_story(scores)}It learned from that place's Gaussians alone: a fleet recorded what the "
-        "newest policy did and what the expert would have done, while a trainer learned from it, on this machine.",
+        "newest policy did and what its teacher would have done, while a trainer learned from it, on this machine.",
         hero=_hero(films, recorded, driven, view),
         scene_name=place.name,
         scene_note=f"{len(world.scene.cloud):,} Gaussians; {len(world.avatars)} humans can walk in it.",
@@ -105,7 +105,7 @@ def _story(scores: Sequence[DriverScore]) -> str:
     expert = [f"{rates['expert', task]} {task}" for task in tasks if ("expert", task) in rates]
     if not told:
         return ""
-    taught = f"; the expert that teaches it, which knows the map, in {' and '.join(expert)}" if expert else ""
+    taught = f"; the expert, which knows the map, in {' and '.join(expert)}" if expert else ""
     return f"From its camera alone it reaches its goal in {' and '.join(told)}{taught}. "
 
 

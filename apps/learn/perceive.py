@@ -429,6 +429,7 @@ def perception_content(learned: Perceived, scenes: Sequence[str]) -> PerceptionC
     ]
     test = f"readygo evaluate {scenes[0]} --methods {learned.method} expert --checkpoints {plan.out}"
     test += f" --config {plan.out / SETTINGS_FILE}" + (f" --avatars {plan.avatars}" if plan.avatars else "")
+    teacher = f" --teacher {plan.out / RL}" if is_state_policy(plan.out / RL) else ""
     return PerceptionContent(
         title=f"{learned.method} in {', '.join(places) or ', '.join(scenes)}",
         method=learned.method,
@@ -445,7 +446,9 @@ def perception_content(learned: Perceived, scenes: Sequence[str]) -> PerceptionC
                 f"{2 * plan.minutes:g} --out {plan.perception}",
             ),
             CommandLine(
-                what="a policy without a map", line=f"readygo learn {' '.join(scenes)} --form policy --out policy"
+                what="a policy without a map, which learns from these",
+                line=f"readygo learn {' '.join(scenes)} --form policy --perception {plan.perception}{teacher} "
+                "--out policy",
             ),
         ],
     )

@@ -15,16 +15,18 @@ from readygo.common.camera import CameraConfig
 from readygo.common.documents import read_json
 from readygo.common.errors import ConfigError, RunError, SceneError
 from readygo.common.files import write_whole
-from readygo.common.images.names import kind_of
+from readygo.common.images.names import RGB, kind_of
 from readygo.common.messages import EpisodeKey, HumanPlanRequest, RunSpec, Split
+from readygo.common.perception.artifact import WEIGHTS_FILE, load_perception_spec
 from readygo.common.policy.sight import check_cameras
 from readygo.common.robot import RobotConfig, load_robot
 from readygo.runs.config import RunConfig, load_run_config
 from readygo.runs.folder import RunFolder
-from readygo.runs.policy import with_offers
+from readygo.runs.policy import file_ref, with_offers
 from readygo.runs.scene_argument import open_scene
 from readygo.runs.sections import NO_KEYS, Keys, with_keys
 from readygo.runs.spec import make_spec
+from readygo.runs.teacher import with_teacher
 from readygo.runs.world import World
 from readygo.services.driver import DriverConfig
 from readygo.services.planner import HumanPlannerConfig, handle_human_plan
@@ -81,6 +83,13 @@ class LearnPlan:
     budget: Budget
     avatars: Path | None
     seed: int
+    perception: Path | None = None
+    """Folder of trained perception whose network is the policy's encoder; None for an encoder that learns with it."""
+
+    @property
+    def recipe(self) -> str:
+        """Recipe of the training."""
+        return "pretrained" if self.perception else "best"
 
     def image_count(self, samples: int) -> int:
         """Estimated number of samples with an image among recorded samples, with an error of up to one per episode."""
@@ -107,7 +116,14 @@ class LearnPlan:
         return self.out / "curve.json"
 
 
-def learn_settings(config: Path | None, robot: Path | None, *, scene_count: int = 1, keys: Keys = NO_KEYS) -> RunConfig:
+def learn_settings(
+    config: Path | None,
+    robot: Path | None,
+    *,
+    scene_count: int = 1,
+    perception: Path | None = None,
+    keys: Keys = NO_KEYS,
+) -> RunConfig:
     """The settings of the recording runs, with defaults for training instead of those of `readygo generate`.
 
     Defaults: small images with levels of detail and without labels, few per second; first only episodes without
@@ -117,17 +133,23 @@ def learn_settings(config: Path | None, robot: Path | None, *, scene_count: int 
         config: TOML file with sections of settings.
         robot: The robot's file.
         scene_count: Number of scenes that share the first episodes.
+        perception: Folder of trained perception whose network is the encoder: its robot and frame spacing are the
+            default.
         keys: Keys of the command line, by section.
 
     Raises:
         ConfigError: If a file cannot be read or holds an unknown key or a wrong value.
+        PolicyError: If perception cannot be used.
     """
-    usual = RobotConfig(camera=SMALL_CAMERA)
+    usual, spacing_s = RobotConfig(camera=SMALL_CAMERA), SamplingConfig().frame_spacing_s
+    if perception is not None:
+        perceives = load_perception_spec(perception)
+        usual, spacing_s = perceives.robot, perceives.spacing_s
     own = load_robot(robot, cameras_of=usual) if robot else None
     base = RunConfig(
         robot=usual,
         human_planner=HumanPlannerConfig(absent=ABSENT, absent_first=-(-ABSENT_FIRST // scene_count)),
-        driver=DriverConfig(disturbed=DISTURBED, camera_hz=_pictures_hz(own or RobotConfig())),
+        driver=DriverConfig(disturbed=DISTURBED, camera_hz=_pictures_hz(own or usual, spacing_s)),
         renderer=RendererConfig(detail="lod", labels=False),
     )
     return load_run_config(config, own, base=base, keys=keys)
@@ -141,6 +163,7 @@ def learn_configs(
     goal: GoalName | None = None,
     *,
     scene_count: int = 1,
+    perception: Path | None = None,
     keys: Keys = NO_KEYS,
 ) -> tuple[RunConfig, LearnConfig]:
     """The settings of the recording runs and of training; all inputs of the policy are recorded.
@@ -152,13 +175,16 @@ def learn_configs(
         cameras: Cameras that the policy uses, separated by commas; as in the section `[learn]` if empty.
         goal: Goal input of the policy; as in `[learn]` by default.
         scene_count: Number of scenes that share the first episodes.
+        perception: As for `learn_settings`.
         keys: Keys of the command line, by section.
 
     Raises:
-        ConfigError: If a file cannot be read or holds an unknown key or a wrong value, or there is no such image.
+        ConfigError: If a file cannot be read or holds an unknown key or a wrong value, there is no such image, or
+            perception does not see the policy's images.
+        PolicyError: If perception cannot be used.
     """
     of_runs = {name: section for name, section in keys.items() if name != "learn"}
-    runs = learn_settings(config, robot, scene_count=scene_count, keys=of_runs)
+    runs = learn_settings(config, robot, scene_count=scene_count, perception=perception, keys=of_runs)
     learn = load_learn_config(config)
     given: dict[str, Any] = {"goal": goal} if goal else {}
     if inputs or cameras:
@@ -168,16 +194,28 @@ def learn_configs(
         check_cameras(learn.images, runs.robot)
     except ValueError as error:
         raise ConfigError(f"learn: {error}") from error
+    if perception is not None:
+        _check_perception(perception, runs.robot, learn)
     outputs = tuple(dict.fromkeys((*runs.renderer.outputs, *map(kind_of, learn.images))))
     goal_image = runs.renderer.goal_image or learn.goal != "point"
     renderer = dataclasses.replace(runs.renderer, outputs=outputs, goal_image=goal_image)
     return dataclasses.replace(runs, renderer=renderer), learn
 
 
-def _pictures_hz(robot: RobotConfig) -> float:
+def _check_perception(perception: Path, robot: RobotConfig, learn: LearnConfig) -> None:
+    """Raise ConfigError unless trained perception is whole and sees what the policy sees."""
+    if (learn.images, learn.goal) != ((RGB,), "point"):
+        raise ConfigError('--perception goes with the rgb of one camera and goal "point".')
+    if not (perception / WEIGHTS_FILE).is_file():
+        raise ConfigError(f"{perception} has no {WEIGHTS_FILE}; train perception again.")
+    if load_perception_spec(perception).robot.camera != robot.camera:
+        raise ConfigError(f"{perception} perceives with another camera than the run's; train it with this camera.")
+
+
+def _pictures_hz(robot: RobotConfig, spacing_s: float) -> float:
     """Lowest image rate that the camera, the policy's frame stack and the latency allow [Hz]."""
     clock, camera_hz = robot.clock, robot.camera_hz
-    late_steps, spacing = clock.steps(robot.camera.latency_s), round(SamplingConfig().frame_spacing_s * camera_hz)
+    late_steps, spacing = clock.steps(robot.camera.latency_s), round(spacing_s * camera_hz)
     if late_steps % clock.image_every:
         return camera_hz
     most = max(1, math.floor(IMAGE_EVERY_S * camera_hz))
@@ -194,17 +232,33 @@ def make_plan(
     *,
     avatars: Path | None,
     seed: int,
+    teacher: Path | None = None,
+    perception: Path | None = None,
 ) -> LearnPlan:
     """Plan the runs of some scenes, with one robot and one scenario mix; writes nothing.
 
+    Args:
+        scenes: Scenes, each once.
+        out: Folder of the learning run.
+        config: Settings of the recording runs.
+        learn: Settings of training.
+        budget: When it ends.
+        avatars: Avatar file or folder; None for the embedded ones.
+        seed: Seed of the recording runs.
+        teacher: Folder of a state policy that takes the expert's place; None for the expert.
+        perception: Folder of trained perception whose network is the encoder; None for one that learns with the policy.
+
     Raises:
         SceneError: If there is no such scene, or it has no room for humans.
+        PolicyError: If the teacher cannot be used, or was trained for another robot or scene.
         RunError: If `out` holds something else, or was begun with other scenes or settings.
     """
     if not scenes:
         raise RunError('Name a scene: a bundle, or "embedded".')
     if not (0 < budget.minutes < math.inf and (budget.samples is None or budget.samples > 0)):
         raise RunError(f"--minutes and --samples must be above 0, got {budget.minutes:g} and {budget.samples}.")
+    if teacher is not None and len(scenes) > 1:
+        raise RunError(f"--teacher knows one scene, got {len(scenes)}: name its scene alone.")
     places: list[LearnPlace] = []
     for scene in scenes:
         spec = make_spec(open_scene(scene), avatars, config, seed=seed, split=Split.TRAIN, static=False)
@@ -212,9 +266,19 @@ def make_plan(
             raise RunError(f"Scene {scene} is named twice; name each scene once.")
         name = free_name(spec.metadata["scene"]["name"] or "scene", [place.name for place in places])
         folder = RunFolder(out / "data" / name)
-        places.append(LearnPlace(name=name, scene=scene, spec=with_offers(spec, config, learn.mix), folder=folder))
+        spec = with_offers(spec, config, learn.mix)
+        if teacher is not None:
+            spec = with_teacher(spec, config, teacher)
+        places.append(LearnPlace(name=name, scene=scene, spec=spec, folder=folder))
     plan = LearnPlan(
-        out=out, places=tuple(places), config=config, learn=learn, budget=budget, avatars=avatars, seed=seed
+        out=out,
+        places=tuple(places),
+        config=config,
+        learn=learn,
+        budget=budget,
+        avatars=avatars,
+        seed=seed,
+        perception=perception,
     )
     _check_folder(plan)
     for place in plan.places:
@@ -262,7 +326,7 @@ def read_state(plan: LearnPlan) -> dict[str, Any]:
 
 def write_state(plan: LearnPlan, **state: Any) -> None:
     """Write the run's settings and its progress."""
-    mapping = {"format": FORMAT, "runs": _runs(plan), **state}
+    mapping = {"format": FORMAT, "runs": _runs(plan), **_encoder(plan), **state}
     write_whole(plan.state_file, json.dumps(mapping, indent=2) + "\n", raises=RunError)
 
 
@@ -270,9 +334,17 @@ def _runs(plan: LearnPlan) -> dict[str, str]:
     return {place.name: place.spec.run for place in plan.places}
 
 
+def _encoder(plan: LearnPlan) -> dict[str, str]:
+    """Hash of the weights that a pretrained encoder begins with."""
+    return {"perception": file_ref(plan.perception, WEIGHTS_FILE).sha256} if plan.perception else {}
+
+
 def _check_folder(plan: LearnPlan) -> None:
     if plan.state_file.exists():
-        theirs, ours = read_state(plan)["runs"], _runs(plan)
+        state = read_state(plan)
+        if state.get("perception") != _encoder(plan).get("perception"):
+            raise RunError(f"{plan.out} was begun with other perception, or with none; choose another --out.")
+        theirs, ours = state["runs"], _runs(plan)
         if set(theirs) != set(ours):
             raise RunError(f"{plan.out} learns in {', '.join(theirs)}; choose another --out for other scenes.")
     elif plan.out.exists() and any(entry.name != LOCK_FILE for entry in plan.out.iterdir()):

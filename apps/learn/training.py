@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from readygo.apps.learn.plan import LearnPlan
+from readygo.common.config import section_to_mapping
 from readygo.common.documents import read_json, write_toml
 from readygo.common.drawing.charts import Curve
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
-from readygo.services.trainer import best_recipe, loss_curves
+from readygo.services.trainer import RECIPES, best_recipe, loss_curves, with_overrides
 
 _HISTORY = ("samples", "train_loss", "validation_loss")
 _NO_PROGRESS = (ValueError, TypeError, LookupError, AttributeError, OverflowError)
@@ -111,18 +112,21 @@ def read_history(folder: Path) -> list[dict[str, Any]]:
 
 
 def write_trainer_config(plan: LearnPlan, threads: int) -> Path:
-    """Write the trainer's settings, the recipe "best" with the run's budget; returns the file's path."""
+    """Write the trainer's settings, the plan's recipe with its budget; returns the file's path."""
     budget = plan.budget
-    tables = {
-        "minutes": float(budget.minutes),
-        **({"samples": budget.samples} if budget.samples is not None else {}),
-        "seed": plan.seed,
-        "threads": threads,
-        "offer_every_s": max(OFFER_MIN_S, 60 * budget.minutes / OFFERS),
-        "network": {"images": plan.learn.images, "goal": plan.learn.goal},
-    }
+    config = with_overrides(
+        RECIPES[plan.recipe](),
+        minutes=float(budget.minutes),
+        samples=budget.samples,
+        seed=plan.seed,
+        threads=threads,
+        offer_every_s=max(OFFER_MIN_S, 60 * budget.minutes / OFFERS),
+        images=plan.learn.images,
+        goal=plan.learn.goal,
+        perception=str(plan.perception.resolve()) if plan.perception else None,
+    )
     path = plan.out / "trainer.toml"
-    write_toml(path, tables, raises=RunError)
+    write_toml(path, section_to_mapping(config), raises=RunError)
     return path
 
 

@@ -59,6 +59,14 @@ class PolicyOrigin:
 
 
 @dataclass(frozen=True, kw_only=True)
+class TeacherOrigin:
+    """The state policy that labelled the samples, and drove the episodes that are the expert's without it."""
+
+    sha256: str = ""
+    """SHA-256 over the files that it is loaded from."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Provenance:
     """Versions, hashes, licenses and settings of the run that recorded a shard; empty where it does not say."""
 
@@ -74,6 +82,8 @@ class Provenance:
     """File of the scenarios that were played; None where scenarios were drawn."""
     policy: PolicyOrigin | None = None
     """The policy that drove; None where the expert alone drove."""
+    teacher: TeacherOrigin | None = None
+    """The teacher in the expert's place; None where the expert labelled."""
     seed: int | None = None
     config: Mapping[str, Any] | None = None
     """The run's resolved settings by section, as plain values."""
@@ -91,12 +101,13 @@ class Provenance:
             DatasetError: If a value is of another kind than this version's.
         """
         try:
-            scenarios, policy = mapping.get("scenarios"), mapping.get("policy")
+            scenarios, policy, teacher = (mapping.get(name) for name in ("scenarios", "policy", "teacher"))
             parts = {
                 "scene": _part(SceneOrigin, mapping.get("scene", {})),
                 "avatars": {name: _part(AvatarOrigin, entry) for name, entry in mapping.get("avatars", {}).items()},
                 "scenarios": None if scenarios is None else _part(ScenarioOrigin, scenarios),
                 "policy": None if policy is None else _part(PolicyOrigin, policy),
+                "teacher": None if teacher is None else _part(TeacherOrigin, teacher),
             }
         except (TypeError, AttributeError) as error:
             raise DatasetError(f"the metadata cannot be read: {error}") from error

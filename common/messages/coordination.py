@@ -126,6 +126,21 @@ class PolicyRef:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class TeacherRef:
+    """A state policy that labels a run's samples instead of the expert, and drives the expert's episodes."""
+
+    path: str
+    """Its folder on the machine that began the run."""
+    files: tuple[FileRef, ...]
+    """All that it is loaded from."""
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 over the names and hashes of the files, in any order."""
+        return files_digest(self.files)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class ClaimRequest:
     """A worker asks for work."""
 
@@ -358,6 +373,8 @@ class RunSpec:
     """The policy that drives; None where the expert alone drives."""
     avatar_files: tuple[FileRef, ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
     """The files at `avatars_path`; none where the avatars are the embedded ones."""
+    teacher: TeacherRef | None = field(default=None, metadata=OMITTED_WHEN_DEFAULT)
+    """The state policy in the expert's place; None where the expert labels."""
 
     def __post_init__(self) -> None:
         check_sha256("scene_hash", self.scene_hash)

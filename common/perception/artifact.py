@@ -1,9 +1,9 @@
-"""The perception artifact: a folder with `perception.toml`, `perception.onnx` and `metrics.json`.
+"""The perception artifact: a folder with `perception.toml`, `perception.onnx`, `weights.safetensors`, `metrics.json`.
 
 The graph is given the newest image and those before it as bytes (`frames`, uint8 (3, H, W, 3), the oldest first) and
 the robot's own motion (`motion`, float32 (1, 8), `readygo.common.policy.motion.own_motion`). It answers the map of
 people (`people`, float32 (9, D, C), `readygo.common.perception.people`) and free distances with the deviation of their
-logarithms (`rays`, float32 (2, C)). These inputs are all of its state.
+logarithms (`rays`, float32 (2, C)). These inputs are all of its state. The weights are for networks that begin with it.
 """
 
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from readygo.common.errors import ConfigError, PolicyError
 from readygo.common.robot import RobotConfig
 
 PERCEPTION_FORMAT = "readygo-perception/1"
-SPEC_FILE, GRAPH_FILE = "perception.toml", "perception.onnx"
+SPEC_FILE, GRAPH_FILE, WEIGHTS_FILE = "perception.toml", "perception.onnx", "weights.safetensors"
 FILES = (GRAPH_FILE, SPEC_FILE)
 """Names of all that perception is loaded from."""
 FRAMES = 3

@@ -13,7 +13,14 @@ from readygo.common.perception.noise import PerceptionNoise
 from readygo.common.state_policy.state_policy import StatePolicy
 from readygo.common.state_simulation.goal_distances import GoalDistances
 from readygo.common.state_simulation.observe import observe, told_count
-from readygo.common.state_simulation.tracks import Tracks, begin_tracks, look, make_tracks, tracker_numbers
+from readygo.common.state_simulation.tracks import (
+    Tracks,
+    begin_tracks,
+    is_visible,
+    look,
+    make_tracks,
+    tracker_numbers,
+)
 from readygo.common.state_simulation.world import StateWorld
 
 
@@ -84,11 +91,20 @@ class StateDriver:
             pose = (one.x_m, one.y_m, one.yaw_rad)
             look(self._world, self._numbers, episode.tracks, 0, one.step, pose, human_xy_m, len(human_xy_m))
 
+    def decide(self, simulation: EpisodeSimulation, episode: StateEpisode) -> Command:
+        """The policy's command at the present state, which was perceived before: v [m/s], w [rad/s]."""
+        v, w = self._policy.choose(self.told(simulation, episode))[0].tolist()
+        return v, w
+
+    def sees_human(self, simulation: EpisodeSimulation) -> bool:
+        """True if one of the robot's cameras shows a human now."""
+        pose = (simulation.x_m, simulation.y_m, simulation.yaw_rad)
+        return any(is_visible(self._world, *pose, x_m, y_m) for x_m, y_m in simulation.human_xy_m.tolist())
+
     def _command(self, simulation: EpisodeSimulation, episode: StateEpisode) -> Command:
         self.perceive(simulation, episode)
         if simulation.step % self.hold_steps == 0:
-            v, w = self._policy.choose(self.told(simulation, episode))[0].tolist()
-            episode.command = v, w
+            episode.command = self.decide(simulation, episode)
         return episode.command
 
 

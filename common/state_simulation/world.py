@@ -119,7 +119,7 @@ def make_world(
         sight_place=(sight_frame.origin_x_m, sight_frame.origin_y_m, sight_frame.resolution_m, sight.layer_m),
         coarse=coarse_place(frame),
         robot=RobotLimits(*(float(getattr(robot, name)) for name in RobotLimits._fields)),
-        cameras=_cameras(robot),
+        cameras=camera_views(robot),
         bearings_rad=_bearings_rad(robot, observation),
         arcs=_arcs(robot) if observation.arcs else np.zeros((0, 2)),
         tells_path=observation.path,
@@ -133,7 +133,8 @@ def make_world(
     )
 
 
-def _cameras(robot: RobotConfig) -> Float64Array:
+def camera_views(robot: RobotConfig) -> Float64Array:
+    """What a robot's cameras show, as in `StateWorld.cameras`, shape (C, 8)."""
     mounts = [
         (*view_of(camera), camera.mount_x_m, camera.mount_y_m, math.radians(camera.mount_yaw_deg))
         for camera in robot.all_cameras.values()

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from readygo.services.driver.handlers import drive as drive
     from readygo.services.driver.handlers import driver_of as driver_of
     from readygo.services.driver.risks import RiskMap as RiskMap
+    from readygo.services.driver.teacher import StateTeacher as StateTeacher
 else:
     _NAMES = {
         ".config": ("DriverConfig",),
@@ -33,6 +34,7 @@ else:
             "driver_of",
         ),
         ".risks": ("RiskMap",),
+        ".teacher": ("StateTeacher",),
     }
     __all__ = [name for names in _NAMES.values() for name in names]
     __getattr__ = lazy_names(__name__, _NAMES)

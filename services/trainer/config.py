@@ -9,6 +9,9 @@ from readygo.common.images.names import RGB
 from readygo.common.policy.sight import check_images
 from readygo.common.policy.windows import FRAME_COUNT
 
+PERCEPTION_WIDTHS, PERCEPTION_SPACING_S = (24, 40, 56, 88, 160), 0.2
+"""Channels of the network of perception, and the time between the frames that it sees [s], unless others are given."""
+
 Share = Annotated[float, Range(low=0.0, high=1.0)]
 Positive = Annotated[float, Range(above=0.0)]
 Count = Annotated[int, Range(low=1)]
@@ -34,8 +37,14 @@ class NetworkConfig:
     """Numbers that the encoder answers."""
     motion: Literal["poses", "command"] = "command"
     """Form of the ego-motion that the network gets, see `readygo.services.trainer.inputs.MotionInput`."""
+    memory_count: Annotated[int, Range(low=0, high=1024)] = 0
+    """Numbers that it remembers from frame to frame, `frame_spacing_s` apart (a gated recurrent unit); 0: none. In
+    training it remembers the earlier samples of a chain."""
     widths: tuple[int, ...] = (32, 64, 128, 192, 272)
     """Channels of the stem and of the four residual blocks."""
+    encoder: Literal["own", "perception"] = "own"
+    """"own": an encoder that learns with the policy; "perception": trained perception, whose weights stay as they are,
+    and `widths` are those of its network."""
     pooled_height_px: Annotated[int, Range(low=0)] = 0
     """Larger images are pooled by the largest whole factor that leaves this height; 0 takes them as they are [px]."""
     output: Literal["regression", "bins", "weighed"] = "regression"
@@ -51,8 +60,20 @@ class NetworkConfig:
                 f'goal "{self.goal}" goes with the rgb of one camera and fusion "late", got '
                 f'{", ".join(self.images)} and "{self.fusion}".'
             )
+        if self.memory_count and self.goal != "point":
+            raise ValueError(f'memory_count goes with goal "point", got "{self.goal}".')
         if len(self.widths) != 5 or min(self.widths) < 1:
             raise ValueError(f"widths must be five channel counts, got {self.widths}.")
+        if self.encoder == "perception" and not self._sees_as_perception:
+            raise ValueError(
+                f'encoder "perception" sees {FRAME_COUNT} rgb frames of 72 rows: it goes with fusion "early", '
+                'motion "poses", goal "point" and pooled_height_px 72.'
+            )
+
+    @property
+    def _sees_as_perception(self) -> bool:
+        frames = self.fusion, self.frame_count, self.images, self.pooled_height_px
+        return frames == ("early", FRAME_COUNT, (RGB,), 72) and (self.motion, self.goal) == ("poses", "point")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,6 +139,8 @@ class TrainConfig:
     """Most memory for episodes as they were recorded; beyond it they are thinned out, every round alike [MB]."""
     cache_mb: Annotated[int, Range(low=0)] = 1024
     """Most memory for decoded frames; the rest is decoded again for each batch [MB]."""
+    perception: str = ""
+    """Folder of trained perception, which a network with encoder "perception" begins with."""
     validation_fraction: Annotated[float, Range(low=0.0, high=0.9)] = 0.1
     """Share of the episodes that is held out when no validation data are given."""
     validate_every: Count = 12_000
@@ -170,7 +193,21 @@ def best_recipe() -> TrainConfig:
     )
 
 
-RECIPES = {"best": best_recipe, "fast": fast_recipe, "paper": paper_recipe}
+def pretrained_recipe() -> TrainConfig:
+    """`best` with the network of perception as its encoder: only what reads from it learns."""
+    best = best_recipe()
+    network = dataclasses.replace(
+        best.network,
+        encoder="perception",
+        fusion="early",
+        latent_count=128,
+        widths=PERCEPTION_WIDTHS,
+    )
+    sampling = dataclasses.replace(best.sampling, frame_spacing_s=PERCEPTION_SPACING_S, humans_weight=0.0)
+    return dataclasses.replace(best, network=network, sampling=sampling)
+
+
+RECIPES = {"best": best_recipe, "fast": fast_recipe, "paper": paper_recipe, "pretrained": pretrained_recipe}
 
 
 def with_overrides(config: TrainConfig, **settings: object) -> TrainConfig:

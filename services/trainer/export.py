@@ -1,12 +1,10 @@
 """Write a policy network as the policy artifact: one ONNX graph, its description, and the weights.
 
-The graph is PyTorch's own export of `InferenceModule`; the file depends on nothing but the weights.
+The graph is that of `InferenceModule`.
 """
 
 import copy
 import dataclasses
-import tempfile
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +22,12 @@ from readygo.common.policy.sight import channels_of
 from readygo.common.policy.traits import TRAIT_COUNT
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
+from readygo.services.trainer.graph_file import graph_bytes
 from readygo.services.trainer.inputs import Fusion, GoalForm, MotionInput, PolicyInputs
 from readygo.services.trainer.model import Encoder, PolicyNet, ResidualBlock
 
-OPSET = 17
+MEMORY = "memory"
+"""Name of the graph's state."""
 
 
 class InferenceModule(nn.Module):
@@ -38,28 +38,33 @@ class InferenceModule(nn.Module):
 
         Args:
             net: The trained network.
-            spec: From `graph_spec` of its inputs.
+            spec: From `graph_spec`.
         """
         super().__init__()
         self.net = copy.deepcopy(net).eval().cpu()
-        fold_norms(self.net.encoder)
+        if isinstance(self.net.encoder, Encoder):
+            fold_norms(self.net.encoder)
         for value in self.net.parameters():
             value.data = value.data.contiguous()
-        self._names = [*spec.inputs, *spec.cache]
+        self._names = [*spec.inputs, *spec.state, *spec.cache]
 
     def forward(self, *values: Tensor) -> tuple[Tensor, ...]:
         """One decision.
 
         Args:
-            *values: What `GraphSpec.inputs` and then `GraphSpec.cache` name.
+            *values: What `GraphSpec.inputs`, then `GraphSpec.state` and then `GraphSpec.cache` name.
 
         Returns:
-            v [m/s] and w [rad/s], shape (1, 2), and with late fusion the latents of the N new frames, shape (N, L).
+            v [m/s] and w [rad/s], shape (1, 2), then the memory, shape (1, R), if there is one, and with late fusion
+            the latents of the N new frames, shape (N, L).
         """
         net, given = self.net, dict(zip(self._names, values, strict=True))
         # With early fusion shape (1, F, H, W, C) each, else (N, H, W, C).
-        latents = new = net.encoder(torch.cat([self._pixels(given[name], name) for name in net.inputs.images], dim=1))
-        if net.inputs.fusion is Fusion.LATE:
+        pixels = torch.cat([self._pixels(given[name], name) for name in net.inputs.images], dim=1)
+        if net.inputs.fusion is Fusion.EARLY:
+            latents = new = net.encode_stacked(pixels, given.get(Given.MOTION, torch.zeros(1, 0)))
+        else:
+            new = net.encoder(pixels)
             rows = [given[name] for name in (Given.WINDOW, Given.GOAL_FRAME) if name in given]
             latents = torch.cat([given["latents"], new])[torch.cat(rows)].reshape(1, -1)
         traits, goal_xy_m = given.get(Given.ROBOT), given.get(Given.GOAL, torch.zeros(1, 2))
@@ -67,9 +72,15 @@ class InferenceModule(nn.Module):
             motion = given[Given.MOTION]
         else:
             motion = torch.cat([given[Given.COMMAND], torch.ones(1, 1)], dim=1)
-        answers = net.act(latents, net.normalise_motion(motion, traits), goal_xy_m, traits)
-        action = net.clip(net.decide(answers), traits)
-        return (action, new) if net.inputs.fusion is Fusion.LATE else (action,)
+        told, kept, remembered = net.normalise_motion(motion, traits), [], None
+        if net.memory is not None:
+            seen = torch.cat([latents, told], dim=1)[:, None]
+            remembered = net.memory(seen, given[MEMORY][None])[0][:, 0]
+            kept.append(remembered)
+        if net.inputs.fusion is Fusion.LATE:
+            kept.append(new)
+        action = net.clip(net.decide(net.act(latents, told, goal_xy_m, traits, remembered)), traits)
+        return (action, *kept)
 
     def _pixels(self, image: Tensor, name: str) -> Tensor:
         """Bytes of an image -> numbers in [-1, 1], pooled as training pools them, shape (N, C, h, w)."""
@@ -98,8 +109,13 @@ def _fold(conv: nn.Conv2d, norm: nn.BatchNorm2d) -> tuple[nn.Conv2d, Any]:
     return fused, nn.Identity()
 
 
-def graph_spec(inputs: PolicyInputs) -> GraphSpec:
-    """What the graph of a policy is given and gives: with late fusion it keeps the latents of its frames."""
+def graph_spec(inputs: PolicyInputs, frame_spacing_s: float) -> GraphSpec:
+    """What the graph of a policy is given and gives: with late fusion it keeps the latents of its frames.
+
+    Args:
+        inputs: Of the policy.
+        frame_spacing_s: Time between its frames [s], in which its memory advances.
+    """
     late = inputs.fusion is Fusion.LATE
     named = {
         Given.WINDOW: late,
@@ -113,14 +129,20 @@ def graph_spec(inputs: PolicyInputs) -> GraphSpec:
     cache = {"latents": "latent"} if late else {}
     # One that sees its goal holds its command between two images.
     rate_hz = None if inputs.goal is GoalForm.POINT else float(RATE_HZ)
+    if inputs.memory_count:
+        rate_hz = 1.0 / frame_spacing_s
     return GraphSpec(
-        inputs={name: name for name in given}, cache=cache, frame_count=inputs.frame_count, rate_hz=rate_hz
+        inputs={name: name for name in given},
+        state={MEMORY: f"{MEMORY}_next"} if inputs.memory_count else {},
+        cache=cache,
+        frame_count=inputs.frame_count,
+        rate_hz=rate_hz,
     )
 
 
-def policy_graph(net: PolicyNet, robot: RobotConfig) -> bytes:
-    """The graph of a policy as an ONNX file."""
-    spec, inputs = graph_spec(net.inputs), net.inputs
+def policy_graph(net: PolicyNet, robot: RobotConfig, frame_spacing_s: float) -> bytes:
+    """The graph of a policy as an ONNX file; arguments as for `graph_spec`."""
+    spec, inputs = graph_spec(net.inputs, frame_spacing_s), net.inputs
     size_px = robot.camera.height_px, robot.camera.width_px
     frames = (1, inputs.frame_count) if inputs.fusion is Fusion.EARLY else (2,)
     examples = {
@@ -133,25 +155,19 @@ def policy_graph(net: PolicyNet, robot: RobotConfig) -> bytes:
         **{name: torch.zeros(*frames, *size_px, channels_of([name]), dtype=torch.uint8) for name in inputs.images},
     }
     values = [examples[given] for given in spec.inputs.values()]
+    values += [torch.zeros(1, inputs.memory_count) for _ in spec.state]
     values += [torch.zeros(2, inputs.latent_count) for _ in spec.cache]
     free = {}
     if spec.cache:
         free = {name: {0: "known"} for name in spec.cache}
         free |= {name: {0: "new"} for name in (*inputs.images, *spec.cache.values())}
-    with warnings.catch_warnings(), torch.no_grad(), tempfile.TemporaryDirectory() as folder:
-        # The exporter by tracing is ten times faster than its successor, which matters where a run publishes often.
-        warnings.simplefilter("ignore")
-        torch.onnx.export(
-            InferenceModule(net, spec),
-            tuple(values),
-            Path(folder) / GRAPH_FILE,
-            input_names=[*spec.inputs, *spec.cache],
-            output_names=[spec.action, *spec.cache.values()],
-            dynamic_axes=free,
-            opset_version=OPSET,
-            dynamo=False,
-        )
-        return (Path(folder) / GRAPH_FILE).read_bytes()
+    return graph_bytes(
+        InferenceModule(net, spec),
+        values,
+        inputs=[*spec.inputs, *spec.state, *spec.cache],
+        outputs=[spec.action, *spec.state.values(), *spec.cache.values()],
+        free=free,
+    )
 
 
 def export_policy(net: PolicyNet, spec: PolicySpec, folder: Path) -> None:
@@ -165,11 +181,11 @@ def export_policy(net: PolicyNet, spec: PolicySpec, folder: Path) -> None:
     Raises:
         PolicyError: If a file cannot be written.
     """
-    graph = policy_graph(net, spec.robot)
+    graph = policy_graph(net, spec.robot, spec.frame_spacing_s)
     weights = {name: value.detach().cpu().contiguous() for name, value in net.driving_weights().items()}
     folder.mkdir(parents=True, exist_ok=True)
     # Without it a folder is no policy: one that is half replaced is not taken for a whole one.
     (folder / SPEC_FILE).unlink(missing_ok=True)
     write_whole(folder / GRAPH_FILE, graph, raises=PolicyError)
     write_whole(folder / WEIGHTS_FILE, safetensors.torch.save(weights), raises=PolicyError)
-    save_spec(dataclasses.replace(spec, graph=graph_spec(net.inputs)), folder)
+    save_spec(dataclasses.replace(spec, graph=graph_spec(net.inputs, spec.frame_spacing_s)), folder)

@@ -1,16 +1,15 @@
 """Decoded frames, kept in memory up to a limit."""
 
-import cv2
 import numpy as np
 
 from readygo.common.arrays import Int64Array, UInt8Array
-from readygo.common.camera import CameraConfig
 from readygo.common.errors import DatasetError
 from readygo.common.images.encoded import decode_image
 from readygo.common.images.files import decode_output
 from readygo.common.images.names import GOAL_IMAGE, RGB, kind_of
 from readygo.common.policy.sight import as_measured, channels_of, in_bytes, side_by_side
 from readygo.common.robot import RobotConfig
+from readygo.services.trainer.pooling import pool, thin_pixels
 from readygo.services.trainer.reservoir import Reservoir
 from readygo.services.trainer.samples import TrainingSamples
 
@@ -96,30 +95,3 @@ class FrameCache:
         self._version = self._reservoir.version
         for name in [name for name in self._kept if name not in self._reservoir.episodes]:
             self._room += len(self._kept.pop(name))
-
-
-def pooling_of(camera: CameraConfig, pooled_height_px: int) -> int:
-    """The largest whole factor that divides a camera's image and leaves the height; 1 for a height of 0."""
-    if pooled_height_px == 0:
-        return 1
-    height, width = camera.height_px, camera.width_px
-    factors = range(1, max(1, height // pooled_height_px) + 1)
-    return max(factor for factor in factors if height % factor == 0 and width % factor == 0)
-
-
-def thin_pixels(depth: UInt8Array, factor: int) -> UInt8Array:
-    """The pixel in the middle of every square of `factor` pixels: a mean of depths is where nothing is."""
-    return depth[factor // 2 :: factor, factor // 2 :: factor]
-
-
-def pool(frame: UInt8Array, factor: int) -> UInt8Array:
-    """The mean of every square of `factor` pixels, halves rounded up, shape (H / factor, W / factor, 3)."""
-    if factor == 1:
-        return frame
-    if factor == 2:
-        # OpenCV rounds this one as said, and is ten times faster.
-        return np.asarray(cv2.resize(frame, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.uint8)
-    height, width = frame.shape[0] // factor, frame.shape[1] // factor
-    sums = frame.reshape(height, factor, width, factor, 3).sum(axis=(1, 3), dtype=np.uint32)
-    pooled: UInt8Array = ((2 * sums + factor * factor) // (2 * factor * factor)).astype(np.uint8)
-    return pooled

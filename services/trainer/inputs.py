@@ -60,6 +60,8 @@ class PolicyInputs:
     """Form in which the policy gets its goal."""
     robot: bool = False
     """True if the head is told which robot it drives."""
+    memory_count: int = 0
+    """Numbers that it remembers from frame to frame, one frame spacing apart."""
 
     @property
     def frames_together(self) -> int:
@@ -79,5 +81,10 @@ class PolicyInputs:
 
     @property
     def feature_count(self) -> int:
-        """Numbers that the head takes: latents, ego-motion, goal."""
-        return self.latents_width + self.motion.width(self.frame_count) + (0 if self.goal is GoalForm.IMAGE else 2)
+        """Numbers that the head takes: latents, ego-motion, memory, goal."""
+        return self.memory_input_count + self.memory_count + (0 if self.goal is GoalForm.IMAGE else 2)
+
+    @property
+    def memory_input_count(self) -> int:
+        """Numbers that the memory takes: latents and ego-motion."""
+        return self.latents_width + self.motion.width(self.frame_count)

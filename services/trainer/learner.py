@@ -1,9 +1,11 @@
 """The weights of a training run, and what changes them: one optimisation step on a batch."""
 
 import copy
+from collections.abc import Mapping
 from typing import Any
 
 import torch
+from torch import Tensor
 
 from readygo.common.robot import RobotConfig
 from readygo.services.trainer.config import TrainConfig
@@ -11,14 +13,23 @@ from readygo.services.trainer.hardware import device_of, dtype_of
 from readygo.services.trainer.model import PolicyNet
 from readygo.services.trainer.objective import Objective, Shown
 from readygo.services.trainer.parts import timing_of
+from readygo.services.trainer.pretrained import PretrainedEncoder
 from readygo.services.trainer.ranks import Ranks
 
 
 class Learner:
     """Network, averaged network and optimizer."""
 
-    def __init__(self, robot: RobotConfig, config: TrainConfig, ranks: Ranks) -> None:
+    def __init__(
+        self, robot: RobotConfig, config: TrainConfig, ranks: Ranks, encoder: Mapping[str, Tensor] | None = None
+    ) -> None:
         """New weights, a function of the seed.
+
+        Args:
+            robot: The policy's.
+            config: Settings of the training.
+            ranks: Processes that train together.
+            encoder: Weights of trained perception, for a pretrained encoder.
 
         Raises:
             PolicyError: If the device that is asked for is not there.
@@ -29,6 +40,9 @@ class Learner:
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(config.seed)
             self.model = PolicyNet(robot, config.network, reads_humans=config.sampling.humans_weight > 0)
+        if encoder is not None:
+            assert isinstance(self.model.encoder, PretrainedEncoder)
+            self.model.encoder.perception.load_state_dict(encoder)
         self.model.to(device=device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         if self.model.bins is not None:
             self.model.bins.to(device)

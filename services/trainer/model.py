@@ -21,8 +21,9 @@ from readygo.common.policy.traits import LIMITS_AT, TRAIT_COUNT, trait_units
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import SPEED_SHARES, TURN_SHARES, backward_rows
 from readygo.services.trainer.config import NetworkConfig
-from readygo.services.trainer.frames import pooling_of
 from readygo.services.trainer.inputs import GOAL_SCALE_M, Fusion, GoalForm, MotionInput, PolicyInputs
+from readygo.services.trainer.pooling import pooling_of
+from readygo.services.trainer.pretrained import PretrainedEncoder
 
 NECK_CHANNELS = 32
 HEAD_WIDTHS = (256, 128)
@@ -149,18 +150,27 @@ class PolicyNet(nn.Module):
             images=config.images,
             goal=GoalForm(config.goal),
             robot=robot.ranges.varies,
+            memory_count=config.memory_count,
         )
         by_image = channels_by_image(self.inputs.images, self.inputs.frames_together)
         self._by_image = [channel for channels in by_image.values() for channel in channels]
         """Channels in the order of the graph's images: the rgb of all frames, then their depths."""
         self.pooling = pooling_of(robot.camera, config.pooled_height_px)
         size_px = robot.camera.height_px // self.pooling, robot.camera.width_px // self.pooling
-        self.encoder = Encoder(size_px, self.inputs.image_channels, config.widths, config.latent_count)
+        self.encoder: Encoder | PretrainedEncoder
+        if config.encoder == "perception":
+            self.encoder = PretrainedEncoder(robot.camera, config.widths, config.latent_count)
+        else:
+            self.encoder = Encoder(size_px, self.inputs.image_channels, config.widths, config.latent_count)
         self.bins = bins_of(config, robot)
         self.caution = CAUTION if config.output == "weighed" else None
         """Risk coefficient; None if commands are not weighed by what they risk."""
         answers = len(self.bins.centres) * (3 if self.caution is not None else 1) if self.bins else 2
         self.head = Head(self.inputs.feature_count + (TRAIT_COUNT if self.inputs.robot else 0), answers)
+        self.memory: nn.GRU | None = None
+        """Remembers from frame to frame; None without."""
+        if config.memory_count:
+            self.memory = nn.GRU(self.inputs.memory_input_count, config.memory_count, batch_first=True)
         self.humans = humans_head(self.inputs.latents_width) if reads_humans else None
         """Head that reads humans from the latents, for training alone; None if it is not trained."""
         self.register_buffer("limits", torch.tensor([robot.v_max_mps, robot.w_max_radps]), persistent=False)
@@ -175,26 +185,46 @@ class PolicyNet(nn.Module):
             self.register_buffer(name, torch.from_numpy(units).float(), persistent=False)
 
     def forward(
-        self, images: Tensor, window: Tensor, motion: Tensor, goal_xy_m: Tensor, traits: Tensor | None = None
+        self,
+        images: Tensor,
+        window: Tensor,
+        motion: Tensor,
+        goal_xy_m: Tensor,
+        traits: Tensor | None = None,
+        chains: Tensor | None = None,
     ) -> tuple[Tensor, Tensor]:
-        """`encode_windows`, in the type that autocast sets, then `act` in float32.
+        """`encode_windows`, in the type that autocast sets, then `remember` and `act` in float32.
+
+        Args:
+            images: As for `encode_windows`, as is `window`.
+            window: See there.
+            motion: Own motion in SI units, shape (B, M).
+            goal_xy_m: As for `act`.
+            traits: As for `act`.
+            chains: See `readygo.services.trainer.samples.chain_rows`, for a network with a memory.
 
         Returns:
             What the head answers, and what `humans` reads, shape (B, 3); empty without it.
         """
-        latents = self.encode_windows(images, window)
+        latents = self.encode_windows(images, window, motion)
         with torch.autocast(images.device.type, enabled=False):
             latents = latents.float()
-            answers = self.act(latents, self.normalise_motion(motion, traits), goal_xy_m, traits)
+            told = self.normalise_motion(motion, traits)
+            remembered = None
+            if self.memory is not None:
+                assert chains is not None
+                remembered = self.remember(latents, told, chains)
+            answers = self.act(latents, told, goal_xy_m, traits, remembered)
             return answers, latents[:, :0] if self.humans is None else self.humans(latents)
 
-    def encode_windows(self, images: Tensor, window: Tensor) -> Tensor:
+    def encode_windows(self, images: Tensor, window: Tensor, motion: Tensor) -> Tensor:
         """Latents of windows that share frames.
 
         Args:
             images: Distinct frames in [-1, 1], shape (F, C, H, W).
             window: Rows of `images` that each sample sees, oldest first, and at last what shows its goal where the
                 network sees that, shape (B, `frame_count`) or one more.
+            motion: Own motion in SI units, which a pretrained encoder takes, shape (B, M).
 
         Returns:
             Shape (B, `latents_width`).
@@ -203,12 +233,37 @@ class PolicyNet(nn.Module):
             stacked = torch.cat([images[window[:, k]] for k in range(self.inputs.frame_count)], dim=1)
             if len(self.inputs.images) > 1:
                 stacked = stacked[:, self._by_image]
-            latents: Tensor = self.encoder(stacked.contiguous(memory_format=torch.channels_last))
-            return latents
-        latents = self.encoder(images)[window.reshape(-1)]
+            return self.encode_stacked(stacked.contiguous(memory_format=torch.channels_last), motion)
+        latents: Tensor = self.encoder(images)[window.reshape(-1)]
         return latents.reshape(len(window), self.inputs.latents_width)
 
-    def act(self, latents: Tensor, motion: Tensor, goal_xy_m: Tensor, traits: Tensor | None = None) -> Tensor:
+    def encode_stacked(self, stacked: Tensor, motion: Tensor) -> Tensor:
+        """Latents of stacked frames (early fusion), shape (B, L); motion as for `encode_windows`."""
+        pretrained = isinstance(self.encoder, PretrainedEncoder)
+        latents: Tensor = self.encoder(stacked, motion) if pretrained else self.encoder(stacked)
+        return latents
+
+    def remember(self, latents: Tensor, motion: Tensor, chains: Tensor) -> Tensor:
+        """What is remembered at each sample of a batch, from the samples before it in its chain, shape (B, R).
+
+        Args:
+            latents: From `encode_windows`.
+            motion: Own motion from `normalise_motion`.
+            chains: See `readygo.services.trainer.samples.chain_rows`.
+        """
+        assert self.memory is not None
+        seen = torch.cat([latents, motion], dim=1)
+        remembered: Tensor = self.memory(seen[chains.clamp(min=0)])[0]
+        return remembered[chains >= 0]
+
+    def act(
+        self,
+        latents: Tensor,
+        motion: Tensor,
+        goal_xy_m: Tensor,
+        traits: Tensor | None = None,
+        remembered: Tensor | None = None,
+    ) -> Tensor:
         """What the head answers, for `decide` and for the loss.
 
         Args:
@@ -217,8 +272,9 @@ class PolicyNet(nn.Module):
             goal_xy_m: Goals in the robot's frame [m], shape (B, 2).
             traits: Of the robots, where the network is told them (`readygo.common.policy.traits`), shape
                 (B, TRAIT_COUNT).
+            remembered: From `remember`, for a network with a memory.
         """
-        features = [latents, motion]
+        features = [latents, motion] if remembered is None else [latents, motion, remembered]
         if self.inputs.goal is not GoalForm.IMAGE:
             features.append((goal_xy_m / GOAL_SCALE_M).clamp(-1.0, 1.0))
         if self.inputs.robot:
@@ -299,4 +355,5 @@ def motion_scale(inputs: PolicyInputs, robot: RobotConfig) -> list[float]:
 
 def parameter_count(model: PolicyNet) -> int:
     """Trained numbers of what is exported."""
-    return sum(p.numel() for part in (model.encoder, model.head) for p in part.parameters())
+    parts = (model.encoder, model.head, model.memory)
+    return sum(p.numel() for part in parts if part is not None for p in part.parameters())

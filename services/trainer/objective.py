@@ -13,13 +13,14 @@ from readygo.common.policy.traits import LIMITS_AT
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import HUMAN, OBSTACLE, UNKNOWN_RISK, mirror_indices
 from readygo.services.trainer.config import TrainConfig
-from readygo.services.trainer.frames import FrameCache, pooling_of
+from readygo.services.trainer.frames import FrameCache
 from readygo.services.trainer.goals import Goals, hindsight_goals, own_goals
 from readygo.services.trainer.inputs import MotionInput
 from readygo.services.trainer.light import light_on, lit
 from readygo.services.trainer.model import Bins
 from readygo.services.trainer.motion import correct_for_turn, corrupt_previous, mirrored_motion, turn_motion, turn_world
-from readygo.services.trainer.samples import Batch, TrainingSamples, WindowTiming, make_batch
+from readygo.services.trainer.pooling import pooling_of
+from readygo.services.trainer.samples import Batch, TrainingSamples, WindowTiming, chain_rows, make_batch
 from readygo.services.trainer.views import BatchViews, draw_views, plain_view
 from readygo.services.trainer.warps import RobotWarp, mirror_twins, show_frames
 
@@ -54,6 +55,8 @@ class Shown:
     """Risks of commands, see `TrainingSamples.risks`, shape (B, C)."""
     humans: Tensor
     """The nearest visible human, see `TrainingSamples.humans`, shape (B, 3)."""
+    chains: Tensor
+    """Samples in chains, see `chain_rows`, shape (N, T)."""
 
     def to(self, device: torch.device) -> "Shown":
         """The batch on a device."""
@@ -111,6 +114,7 @@ class Objective:
             targets=np.where(mirrored, targets * LEFT_RIGHT, targets),
             risks=np.where(mirrored, risks[:, self._mirrored_commands], risks),
             humans=np.where(mirrored, humans * np.array([1, -1, 1]), humans).astype(np.float32),
+            first=table.first[samples],
         )
 
     def plain(
@@ -137,13 +141,14 @@ class Objective:
             targets=table.targets[samples],
             risks=table.risks[samples],
             humans=table.humans[samples],
+            first=table.first[samples],
         )
 
     def answers(self, network: nn.Module, shown: Shown) -> tuple[Tensor, Tensor]:
         """What `PolicyNet.forward` answers to a batch, computed in the type that was chosen."""
         with torch.autocast(shown.images.device.type, torch.bfloat16, enabled=self._dtype is torch.bfloat16):
             answers: tuple[Tensor, Tensor] = network(
-                shown.images, shown.window, shown.motion, shown.goals_xy_m, shown.traits
+                shown.images, shown.window, shown.motion, shown.goals_xy_m, shown.traits, shown.chains
             )
         return answers
 
@@ -210,6 +215,7 @@ class Objective:
             targets=torch.from_numpy(numbers["targets"] / told[:, LIMITS_AT:]),
             risks=torch.from_numpy(numbers["risks"].astype(np.uint8)),
             humans=torch.from_numpy(numbers["humans"]),
+            chains=torch.from_numpy(chain_rows(batch.samples, numbers["first"], self._timing.spacing_steps)),
         )
 
 

@@ -21,8 +21,7 @@ from readygo.common.policy.artifact import METRICS_FILE
 from readygo.services.trainer.export import export_policy
 from readygo.services.trainer.history import loss_curves
 from readygo.services.trainer.model import PolicyNet, parameter_count
-from readygo.services.trainer.run import CANDIDATE_FOLDER, TrainRun
-from readygo.services.trainer.samples import spread_samples
+from readygo.services.trainer.run import CANDIDATE_FOLDER, TrainRun, held_out_samples
 from readygo.services.trainer.validation import error_metrics, predict
 
 CURVE_FILE = "loss.svg"
@@ -81,7 +80,7 @@ def _errors(run: TrainRun) -> dict[str, float | int]:
     part = run.held_out
     if not part.reservoir.episodes:
         return {}
-    rows = spread_samples(part.table, FINAL_SAMPLES)
+    rows = held_out_samples(part.table, FINAL_SAMPLES, run.config, run.spec.frame_spacing_steps)
     predictions = predict(chosen_model(run), run.learner.objective, part, rows)
     training = run.training.table
     mean_action = training.targets[training.usable_samples].mean(axis=0, dtype=np.float64).astype(np.float32)

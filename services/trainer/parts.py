@@ -9,7 +9,8 @@ from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import command_grid
 from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.episodes import SampleSource, TrainingEpisode, read_episodes
-from readygo.services.trainer.frames import FrameCache, pooling_of
+from readygo.services.trainer.frames import FrameCache
+from readygo.services.trainer.pooling import pooling_of
 from readygo.services.trainer.reservoir import Reservoir
 from readygo.services.trainer.samples import TrainingSamples, WindowTiming, episode_table, held_out_names, join_tables
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from torch import Tensor
 
 from readygo.common.arrays import Int64Array
 from readygo.common.camera import SensorConfig
@@ -21,8 +22,9 @@ from readygo.services.trainer.export import export_policy
 from readygo.services.trainer.hardware import available_cores
 from readygo.services.trainer.learner import Learner
 from readygo.services.trainer.parts import EpisodePart
+from readygo.services.trainer.pretrained import perception_weights
 from readygo.services.trainer.ranks import Ranks
-from readygo.services.trainer.samples import draw_samples, spread_samples
+from readygo.services.trainer.samples import TrainingSamples, draw_samples, spread_chains, spread_samples
 from readygo.services.trainer.schedule import RateSchedule
 from readygo.services.trainer.validation import predict, validation_loss
 
@@ -39,8 +41,9 @@ BUDGET_FIELDS = (
     "memory_mb",
     "cache_mb",
     "offer_every_s",
+    "perception",
 )
-"""Settings that may change when a run is continued."""
+"""Settings that may change when a run is continued; of `perception` the weights must stay, not the place."""
 CANDIDATE_FOLDER = "candidate"
 """Policy whose closed-loop success is being measured."""
 
@@ -84,13 +87,15 @@ class TrainRun:
             evaluate: Chooses the weights by closed-loop success; without it the last ones are taken.
 
         Raises:
-            PolicyError: If `out` belongs to a run of other data or settings.
+            PolicyError: If `out` belongs to a run of other data or settings, or perception is missing or does not fit.
         """
         self.training, self.held_out = parts
+        encoder = encoder_of(robot, config)
+        data = data | ({"perception_weights": encoder[1]} if encoder else {})
         self.config, self.out, self.data, self.evaluate = config, out, data, evaluate
         self.spec = PolicySpec(robot=robot, sensor=sensor, frame_spacing_s=config.sampling.frame_spacing_s)
         self.ranks = Ranks()
-        self.learner = Learner(robot, config, self.ranks)
+        self.learner = Learner(robot, config, self.ranks, encoder[0] if encoder else None)
         self.schedule = RateSchedule(config.optimizer)
         self.steps, self.samples_seen, self.elapsed_s = 0, 0, 0.0
         """`elapsed_s` is processor time of each thread [s]."""
@@ -162,7 +167,7 @@ class TrainRun:
         if not self.held_out.reservoir.episodes:
             return math.nan
         table = self.held_out.table
-        rows = spread_samples(table, VALIDATION_SAMPLES)
+        rows = held_out_samples(table, VALIDATION_SAMPLES, self.config, self.spec.frame_spacing_steps)
         predictions = predict(self.learner.average, self.learner.objective, self.held_out, rows)
         return validation_loss(predictions, table.targets[rows], table.limits(rows))
 
@@ -267,6 +272,31 @@ class TrainRun:
 
     def _clock(self) -> "ProcessorClock":
         return ProcessorClock(self)
+
+
+def held_out_samples(table: TrainingSamples, limit: int, config: TrainConfig, spacing_steps: int) -> Int64Array:
+    """At most `limit` samples that errors are measured on: in chains, for a network that remembers."""
+    if not config.network.memory_count:
+        return spread_samples(table, limit)
+    return spread_chains(table, limit, chain_length=config.sampling.chain_length, spacing_steps=spacing_steps)
+
+
+def encoder_of(robot: RobotConfig, config: TrainConfig) -> tuple[dict[str, Tensor], str] | None:
+    """Weights that a pretrained encoder begins with, and their SHA-256; None for one that learns with the policy.
+
+    Raises:
+        PolicyError: If one is given and the other is not, or they do not fit.
+    """
+    if config.network.encoder == "own":
+        if config.perception:
+            raise PolicyError("--perception goes with --recipe pretrained.")
+        return None
+    if not config.perception:
+        raise PolicyError(
+            "--recipe pretrained needs trained perception: give its folder with --perception "
+            "(readygo train DATA --recipe perception --out FOLDER)."
+        )
+    return perception_weights(Path(config.perception), robot, config)
 
 
 class ProcessorClock:

@@ -269,6 +269,33 @@ def draw_samples(
     return np.concatenate(chains)
 
 
+def spread_chains(table: TrainingSamples, limit: int, *, chain_length: int, spacing_steps: int) -> Int64Array:
+    """At most `limit` usable samples in chains of `draw_samples`, the chains evenly spread, in order."""
+    starts = spread_samples(table, max(1, limit // chain_length))
+    steps = np.arange(chain_length) * spacing_steps
+    samples = starts[:, None] + steps
+    chains: Int64Array = samples[samples <= table.last[starts][:, None]]
+    kept: Int64Array = chains[table.usable[chains]]
+    return kept
+
+
+def chain_rows(samples: Int64Array, first: Int64Array, spacing_steps: int) -> Int64Array:
+    """The chains of a batch: rows of its samples, each chain in order and then -1, shape (N, T).
+
+    Args:
+        samples: Samples of the batch, shape (B,).
+        first: First sample of each one's episode, shape (B,).
+        spacing_steps: Steps between the samples of a chain.
+    """
+    begins = np.ones(len(samples), np.bool_)
+    begins[1:] = (np.diff(samples) != spacing_steps) | (np.diff(first) != 0)
+    chain = np.cumsum(begins) - 1
+    place = np.arange(len(samples)) - np.flatnonzero(begins)[chain]
+    rows = np.full((chain[-1] + 1, place.max() + 1), -1, np.int64)
+    rows[chain, place] = np.arange(len(samples))
+    return rows
+
+
 def spread_samples(table: TrainingSamples, limit: int) -> Int64Array:
     """At most `limit` usable samples, evenly spread, in order."""
     usable = table.usable_samples

@@ -9,7 +9,7 @@ import pytest
 from readygo.common.dataset.provenance import SceneOrigin
 from readygo.common.errors import RunError
 from readygo.common.extras import ROOT
-from readygo.common.messages import FileRef, OnRejection, PolicyRef, RunSpec, Split
+from readygo.common.messages import FileRef, OnRejection, PolicyRef, RunSpec, Split, TeacherRef
 from readygo.common.messages.stages import DRIVE_LINE, EXPERT_LINE
 from readygo.runs.config import RunConfig, resolved_sections
 from readygo.runs.identity import check_same_make, files_of, identity, numeric_class, run_metadata, run_name
@@ -80,6 +80,7 @@ def test_each_thing_that_samples_depend_on_is_part_of_a_runs_identity() -> None:
         {"scenarios": "<a/>"}, {"scenarios": "<b/>"}, {"config": {"robot": {"radius_m": 0.3}}}, {"policy": policy},
         {"policy": dataclasses.replace(policy, mix=0.5)}, {"stages": DRIVE_LINE},
         {"policy": dataclasses.replace(policy, files=(FileRef(path="head", sha256="2" * 64, size=3),))},
+        {"teacher": TeacherRef(path="t", files=policy.files)}, {"teacher": TeacherRef(path="t", files=())},
     ]  # fmt: skip
     specs = [SPEC, *(dataclasses.replace(SPEC, **change) for change in changes)]  # type: ignore[arg-type]
     assert len({run_name(spec) for spec in specs}) == len(specs)
@@ -103,3 +104,5 @@ def test_files_of_a_run_are_where_it_began(tmp_path: Path) -> None:
     assert files_of(one)[hashes["ann.npz"]] == archive
     driven = dataclasses.replace(one, policy=PolicyRef(path="policy", files=(files["head"],), mix=0.1))
     assert files_of(driven) == {**files_of(one), hashes["head"]: Path("policy/head")}
+    taught = dataclasses.replace(one, teacher=TeacherRef(path="teacher", files=(files["head"],)))
+    assert files_of(taught) == {**files_of(one), hashes["head"]: Path("teacher/head")}

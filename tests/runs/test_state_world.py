@@ -7,7 +7,8 @@ from readygo.common.robot import RobotRanges
 from readygo.common.state_simulation.world import ObservationConfig
 from readygo.runs.config import RunConfig
 from readygo.runs.evaluation import evaluation_world
-from readygo.runs.state_world import goal_distances, state_world
+from readygo.runs.state_world import goal_distances, state_driver, state_world
+from tests.common.state_policy.state_policies import make_state_policy
 
 
 def test_world_has_the_numbers_of_the_run() -> None:
@@ -25,3 +26,10 @@ def test_robots_of_ranges_are_refused() -> None:
     world = evaluation_world("embedded", dataclasses.replace(RunConfig(), robot=ranged), avatars=None, seed=0)
     with pytest.raises(ConfigError, match="ranges"):
         state_world(world, ObservationConfig())
+    with pytest.raises(ConfigError, match="ranges"):
+        state_driver(world, make_state_policy())
+
+
+def test_driver_holds_commands_as_long_as_its_policy_did() -> None:
+    world = evaluation_world("embedded", RunConfig(), avatars=None, seed=0)
+    assert state_driver(world, make_state_policy(hold_s=0.4)).hold_steps == 8

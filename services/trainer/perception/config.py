@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from readygo.common.config import Range, check_ranges
+from readygo.services.trainer.config import PERCEPTION_SPACING_S, PERCEPTION_WIDTHS
 
 Positive = Annotated[float, Range(above=0.0)]
 Count = Annotated[int, Range(low=1)]
@@ -24,9 +25,9 @@ class PerceptionConfig:
     """"auto" computes in bfloat16 on CPUs that multiply it, else in float32."""
     memory_mb: Count = 4096
     """Most memory for decoded images; of more data an even share of the episodes is learned from [MB]."""
-    spacing_s: Positive = 0.2
+    spacing_s: Positive = PERCEPTION_SPACING_S
     """Time between the three frames that it sees [s]."""
-    widths: tuple[int, ...] = (24, 40, 56, 88, 160)
+    widths: tuple[int, ...] = PERCEPTION_WIDTHS
     """Channels after each halving of the image, and of the columns."""
     batch_size: Count = 64
     """Images per step."""

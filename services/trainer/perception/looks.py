@@ -12,9 +12,9 @@ from readygo.common.maps import OccupancyMap, SightMap
 from readygo.common.perception.artifact import FRAMES
 from readygo.common.policy.motion import own_motion
 from readygo.common.policy.windows import window_at
-from readygo.services.trainer.frames import pool, pooling_of
 from readygo.services.trainer.perception.labels import PerceptionLabels, labels_of
 from readygo.services.trainer.perception.network import POOLED_HEIGHT_PX
+from readygo.services.trainer.pooling import pool, pooling_of
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -14,7 +14,7 @@ from readygo.common.camera.config import CameraConfig
 from readygo.common.perception.artifact import FRAMES
 from readygo.common.perception.grid import SHAPE, polar_grid
 from readygo.common.perception.people import CHANNELS
-from readygo.services.trainer.frames import pooling_of
+from readygo.services.trainer.pooling import pooling_of
 
 POOLED_HEIGHT_PX = 72
 _LOG_SD_MIN, _LOG_SD_MAX = -4.0, 1.5
@@ -114,11 +114,19 @@ class PerceptionNet(nn.Module):
             logarithm of its distance; velocities [m/s]; logarithms of four deviations. And of each column the
             logarithm of the free distance [m] and that of its deviation, shape (B, 2, C).
         """
-        features = self.image(shown)
-        columns = self.neck(features.flatten(1, 2)) + self.motion(motion * self.motion_scale)[:, :, None]
-        columns = self.columns(nn.functional.relu(columns))
-        people = self.people(columns).float().view(-1, CHANNELS, *SHAPE)
-        free = self.free(columns).float()
+        return self.read(self.features(shown, motion))
+
+    def features(self, shown: Tensor, motion: Tensor) -> Tensor:
+        """Feature vectors of the columns, shape (B, F, C); arguments as in `forward`."""
+        image = self.image(shown)
+        columns = self.neck(image.flatten(1, 2)) + self.motion(motion * self.motion_scale)[:, :, None]
+        features: Tensor = self.columns(nn.functional.relu(columns))
+        return features
+
+    def read(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        """What `forward` answers, from the features of the columns."""
+        people = self.people(features).float().view(-1, CHANNELS, *SHAPE)
+        free = self.free(features).float()
         people = torch.cat([people[:, :5], people[:, 5:].clamp(_LOG_SD_MIN, _LOG_SD_MAX)], dim=1)
         return people, torch.cat([free[:, :1], free[:, 1:].clamp(_LOG_SD_MIN, _LOG_SD_MAX)], dim=1)
 

@@ -11,12 +11,15 @@ from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from readygo.__main__ import main
 from readygo.apps.commands import generate as command
 from readygo.apps.commands.generate import (
     GenerateOptions,
     PlaceOptions,
+    RecordingOptions,
     _check_place,
     _how_to_join,
     _record,
@@ -27,10 +30,14 @@ from readygo.apps.fleet.options import FleetOptions
 from readygo.apps.observe.settings import Observing
 from readygo.benchmarks.recording.memory import workers_below
 from readygo.common.dataset import Dataset, validate
+from readygo.common.dataset.provenance import TeacherOrigin
 from readygo.common.errors import CertificateError, ConfigError, RunError
-from readygo.common.messages import StatusReply
+from readygo.common.messages import DriverKind, StatusReply
+from readygo.common.scenes import load_scene
 from readygo.runs.folder import RunFolder
 from tests.common.messages.run_specs import SPEC
+from tests.common.policy.artifacts import ROBOT, write_policy
+from tests.common.state_policy.state_policies import write_state_policy
 
 ROOT = Path(__file__).resolve().parents[3]
 EPISODES = 5
@@ -190,6 +197,87 @@ def test_missing_packages_of_an_option_are_said_before_anything_is_made(
     with pytest.raises(ConfigError, match="--metrics needs prometheus-client"):
         generate(GenerateOptions(scene="embedded", out=tmp_path / "out", observe=Observing(metrics="127.0.0.1:0")))
     assert not (tmp_path / "out").exists()
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("small") / "small.toml"
+    path.write_text(
+        "[episode]\ngoal_distance_max_m = 4.0\ntime_limit_s = 3.0\n[robot.camera]\nheight_px = 8\nwidth_px = 10\n"
+        "[driver]\ncamera_hz = 4.0\n"
+    )
+    return path
+
+
+@pytest.fixture(scope="module")
+def teacher(scene: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder, content = tmp_path_factory.mktemp("teacher"), load_scene(scene).content_hash
+    return write_state_policy(folder, robot=ROBOT, scene_hash=content, scene_name="embedded")
+
+
+@pytest.fixture(scope="module")
+def taught(scene: Path, small: Path, teacher: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("data") / "taught"
+    recording = RecordingOptions(teacher=teacher)
+    generate(
+        GenerateOptions(scene=str(scene), out=out, episodes=3, workers=0, config=small, json=True, recording=recording)
+    )
+    return out
+
+
+def test_teacher_drives_and_labels_and_the_data_name_it(taught: Path, teacher: Path) -> None:
+    dataset, spec = Dataset([taught]), RunFolder(taught).load()[0]
+    assert spec.teacher is not None
+    assert dataset.provenance.teacher == TeacherOrigin(sha256=spec.teacher.sha256)
+    assert {entry.driver for entry in dataset.episodes} == {DriverKind.EXPERT}
+    labelled = np.flatnonzero(dataset.pictured)
+    assert len(labelled) > 20
+    assert np.array_equal(dataset.expert_actions[labelled], dataset.actions[labelled])
+    assert validate(taught).ok
+
+
+def test_run_with_a_teacher_is_recorded_again_to_the_same_bytes(taught: Path, tmp_path: Path) -> None:
+    again = RecordingOptions(again=taught)
+    generate(GenerateOptions(out=tmp_path / "again", workers=0, json=True, recording=again))
+    assert _digests(tmp_path / "again") == _digests(taught)
+
+
+def test_teacher_labels_what_a_policy_drives(taught: Path, scene: Path, small: Path, teacher: Path, tmp_path: Path):
+    policy, labels = write_policy(tmp_path / "policy"), {}
+    for name, by in (("taught", teacher), ("expert", None)):
+        out, recording = tmp_path / name, RecordingOptions(teacher=by, mix=1.0)
+        options = {"episodes": 1, "workers": 0, "config": small, "json": True, "recording": recording}
+        generate(GenerateOptions(scene=str(scene), out=out, policy=policy, **options))
+        dataset = Dataset([out])
+        assert [entry.driver for entry in dataset.episodes] == [DriverKind.POLICY]
+        labels[name] = dataset.expert_actions[dataset.pictured], dataset.actions
+    assert np.array_equal(labels["taught"][1], labels["expert"][1])
+    assert not np.array_equal(labels["taught"][0], labels["expert"][0])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["SCENE", "--teacher", "nowhere"], "--teacher: nowhere holds no state policy; train one: readygo rl SCENE"),
+        (["SCENE", "--teacher", "TEACHER"], "--teacher: it was trained for another robot (its cameras show something"),
+        (["embedded:1", "--teacher", "TEACHER", "--config", "SMALL"], "--teacher: it was trained in embedded ("),
+        (["--again", "DATA", "--teacher", "TEACHER"], "--again takes scene and settings from the recorded run: leave"),
+    ],
+)
+def test_teacher_that_does_not_fit_is_one_line_and_leaves_nothing(
+    arguments: list[str], message: str, taught: Path, scene: Path, small: Path, teacher: Path, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    places = {"SCENE": scene, "TEACHER": teacher, "SMALL": small, "DATA": taught}
+    words = [str(places.get(word, word)) for word in arguments]
+    monkeypatch.setattr(sys, "argv", ["readygo", "generate", *words, "--out", str(tmp_path / "run")])
+    with pytest.raises(SystemExit) as exit_info:
+        main()
+    assert exit_info.value.code == 2
+    said = capsys.readouterr().err
+    assert message in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "run").exists()
 
 
 SUMMARY = {"episodes": 7, "samples": 1234, "wall_s": 5.67, "rejected": {"timeout": 2, "no <path>": 1}}

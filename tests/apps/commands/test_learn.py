@@ -37,6 +37,9 @@ def test_line_says_what_is_known() -> None:
         ),
         (["embedded", "--form", "perceive", "--inputs", "rgb"], "perceive takes no --inputs."),
         (["embedded", "--form", "perceive", "--learn.mix", "0.5"], "perceive takes no --learn.mix."),
+        (["embedded", "--form", "perceive", "--teacher", "rl"], "perceive takes no --teacher."),
+        (["embedded", "--teacher", "nowhere"], "--teacher: nowhere holds no state policy; train one"),
+        (["embedded", "embedded:1", "--teacher", "nowhere"], "--teacher knows one scene, got 2"),
     ],
 )
 def test_what_makes_no_sense_is_one_line_and_leaves_nothing(
@@ -84,15 +87,26 @@ def test_command_passes_on_what_it_is_told(wired, tmp_path: Path, capsys: pytest
         LearnOptions(
             scenes=("one", "two"), out=out, minutes=7.0, episodes=4, seed=3, robot=robot, config=config,
             inputs="rgb,depth", on="hosts", watch=True, json=True, keys=keys,
-            training=LearnTrainingOptions(samples=900, avatars=tmp_path, cameras="left", goal="image"),
+            training=LearnTrainingOptions(
+                samples=900,
+                avatars=tmp_path,
+                cameras="left",
+                goal="image",
+                teacher=tmp_path / "rl",
+                perception=tmp_path / "perception",
+            ),
             fleet=RouterOptions(listen="tls/lab:1", certs=certs),
         )
     )  # fmt: skip
     assert asked["identity_for"] == (("tls/lab:1", "coordinator"), {"certs": certs})
-    assert asked["learn_configs"] == ((config, robot, "rgb,depth", "left", "image"), {"scene_count": 2, "keys": keys})
+    words, more = asked["learn_configs"]
+    assert words == (config, robot, "rgb,depth", "left", "image")
+    assert more == {"scene_count": 2, "perception": tmp_path / "perception", "keys": keys}
     words, more = asked["make_plan"]
     assert words[:4] == (("one", "two"), out, "robot", "settings")
-    assert (words[4].minutes, words[4].samples, more) == (7.0, 900, {"avatars": tmp_path, "seed": 3})
+    assert (words[4].minutes, words[4].samples) == (7.0, 900)
+    folders = {"teacher": tmp_path / "rl", "perception": tmp_path / "perception"}
+    assert more == {"avatars": tmp_path, "seed": 3, **folders}
     (where, begun, by), _ = asked["show_page"]
     assert (where, by) == (out, certs)
     assert not begun()
@@ -104,6 +118,7 @@ def test_command_passes_on_what_it_is_told(wired, tmp_path: Path, capsys: pytest
     assert (more["reach"].listen, more["reach"].certs, more["reach"].hosts) == ("tls/lab:1", certs, True)
     given = {"--episodes": "4", "--seed": "3", "--robot": str(robot), "--config": str(config)}
     given |= {"--inputs": "rgb,depth", "--goal": "image", "--avatars": str(tmp_path), "--cameras": "left"}
+    given |= {f"--{name}": str(folder) for name, folder in folders.items()}
     assert asked["report_content"] == ((learned, ("one", "two"), given | {"--renderer.goal-image": "true"}), {})
     assert asked["write_report"] == ((out / "report.html", "content"), {})
     said = capsys.readouterr()
@@ -115,7 +130,7 @@ def test_command_on_this_machine_is_neither_watched_nor_joined(wired, tmp_path: 
     asked, plan, _ = wired
     learn(LearnOptions(scenes=(), out=tmp_path / "run", form="policy"))
     assert set(asked) == {"learn_configs", "make_plan", "learn_policy", "report_content", "write_report"}
-    assert asked["learn_configs"][1] == {"scene_count": 1, "keys": {}}
+    assert asked["learn_configs"][1] == {"scene_count": 1, "perception": None, "keys": {}}
     assert asked["report_content"][0][2] == {"--form": "policy"}
     reach = asked["learn_policy"][1]["reach"]
     assert (reach.listen, reach.hosts) == ("", False)

@@ -95,7 +95,7 @@ def _in_process(folder: RunFolder) -> Iterator[tuple[Bus, Worker]]:
     world = World(coordinator.spec, bus)
     recorder = make_recorder(bus, "rec0", folder, world)
     attach_recorder(bus, recorder)
-    made_by = numeric_class(world.config, world.spec.policy)
+    made_by = numeric_class(world.config, world.spec.policy, world.spec.teacher)
     yield bus, Worker(name="w", numeric_class=made_by, works=stage_works(world, bus))
     recorder.close()
     coordinator.ledger.close()

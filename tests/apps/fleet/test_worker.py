@@ -142,7 +142,7 @@ def test_worker_of_stages_is_there_before_it_pulls(
     assert _work(fakes.bus, role, "w7", lambda: True, fakes.observer, alone=alone)
     me = Worker(
         name="w7",
-        numeric_class=("class", world.config, world.spec.policy),  # type: ignore[arg-type]
+        numeric_class=("class", world.config, world.spec.policy, world.spec.teacher),  # type: ignore[arg-type]
         works={"works": (world, fakes.bus, stages)},  # type: ignore[dict-item]
         role=role,
         session="first",

@@ -18,16 +18,27 @@ from readygo.apps.learn.plan import (
 )
 from readygo.common.errors import ConfigError, ReadygoError, RunError, SceneError
 from readygo.common.messages.stages import DRIVE_LINE
-from readygo.common.robot import CameraConfig
+from readygo.common.perception.artifact import (
+    WEIGHTS_FILE,
+    PerceptionSpec,
+    load_perception_spec,
+    save_perception_spec,
+)
+from readygo.common.robot import CameraConfig, RobotConfig
 from readygo.runs.config import RunConfig
 from readygo.runs.scene_argument import open_scene
+from tests.common.state_policy.state_policies import write_state_policy
 
 
 def plan_of(
-    out: Path, config: RunConfig | None = None, scenes: tuple[str, ...] = ("embedded",), seed: int = 0
+    out: Path,
+    config: RunConfig | None = None,
+    scenes: tuple[str, ...] = ("embedded",),
+    seed: int = 0,
+    teacher: Path | None = None,
 ) -> LearnPlan:
-    settings = config or learn_settings(None, None)
-    return make_plan(scenes, out, settings, LearnConfig(), Budget(minutes=1.0), avatars=None, seed=seed)
+    settings, budget = config or learn_settings(None, None), Budget(minutes=1.0)
+    return make_plan(scenes, out, settings, LearnConfig(), budget, avatars=None, seed=seed, teacher=teacher)
 
 
 def test_run_waits_for_policies_and_says_what_the_expert_would_do(tmp_path: Path) -> None:
@@ -121,6 +132,30 @@ def test_run_goes_on_only_as_what_it_is(tmp_path: Path) -> None:
         plan_of(tmp_path / "run")
 
 
+def test_teacher_is_part_of_the_run(tmp_path: Path) -> None:
+    scene_hash = open_scene("embedded").content_hash
+    first, other = (write_state_policy(tmp_path / f"{k}", scene_hash=scene_hash, seed=k) for k in range(2))
+    plan = plan_of(tmp_path / "run", teacher=first)
+    (place,) = plan.places
+    assert place.spec.teacher is not None
+    assert place.spec.policy is not None
+    assert place.spec.metadata["teacher"] == {"sha256": place.spec.teacher.sha256}
+    with place.folder.lock():
+        place.folder.save(place.spec, 10)
+        place.folder.ledger.touch()
+    with lock_folder(plan.out):
+        write_state(plan, spent_s=12.0)
+    assert plan_of(tmp_path / "run", teacher=first).places == plan.places
+    for teacher in (other, None):
+        with pytest.raises(RunError, match="holds data of another run: teacher differ"):
+            plan_of(tmp_path / "run", teacher=teacher)
+
+
+def test_teacher_of_several_scenes_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match=r"^--teacher knows one scene, got 2: name its scene alone\."):
+        plan_of(tmp_path / "run", scenes=("embedded", "embedded:1"), teacher=tmp_path)
+
+
 def test_folder_of_something_else_is_refused(tmp_path: Path) -> None:
     (tmp_path / "precious.txt").write_text("")
     with pytest.raises(RunError, match="holds files of something else"):
@@ -151,3 +186,55 @@ def test_scene_must_be_named(tmp_path: Path) -> None:
 def test_pictures_are_as_few_as_the_cameras_latency_allows(tmp_path: Path, latency_s: float, hz: float) -> None:
     (tmp_path / "robot.toml").write_text(f"[camera]\nwidth_px = 128\nheight_px = 72\nlatency_s = {latency_s}\n")
     assert learn_settings(None, tmp_path / "robot.toml").driver.camera_hz == hz
+
+
+def perceiving(folder: Path, *, spacing_s: float = 0.2, camera: CameraConfig | None = None) -> Path:
+    """Untrained perception, as far as a plan reads it."""
+    folder.mkdir()
+    robot = RobotConfig(camera=camera or CameraConfig(height_px=72, width_px=96), v_max_mps=0.7)
+    save_perception_spec(PerceptionSpec(robot=robot, spacing_s=spacing_s), folder)
+    (folder / WEIGHTS_FILE).write_bytes(b"weights")
+    return folder
+
+
+def test_robot_and_image_rate_are_those_of_perception(tmp_path: Path) -> None:
+    folder = perceiving(tmp_path / "perception")
+    config, _ = learn_configs(None, None, "", "", perception=folder)
+    assert config.robot == load_perception_spec(folder).robot
+    assert config.driver.camera_hz == 5.0
+    config, _ = learn_configs(None, None, "", "", perception=perceiving(tmp_path / "slower", spacing_s=0.5))
+    assert config.driver.camera_hz == 4.0
+
+
+def test_perception_that_does_not_see_the_policys_images_is_refused(tmp_path: Path) -> None:
+    folder, robot = perceiving(tmp_path / "perception"), tmp_path / "robot.toml"
+    for inputs, goal in (("rgb,depth", None), ("", "image")):
+        with pytest.raises(ConfigError, match='rgb of one camera and goal "point"'):
+            learn_configs(None, None, inputs, "", goal, perception=folder)  # type: ignore[arg-type]
+    robot.write_text("[camera]\nheight_px = 72\nwidth_px = 128\n")
+    with pytest.raises(ConfigError, match="perceives with another camera"):
+        learn_configs(None, robot, "", "", perception=folder)
+    (folder / WEIGHTS_FILE).unlink()
+    with pytest.raises(ConfigError, match=r"has no weights\.safetensors; train perception again"):
+        learn_configs(None, None, "", "", perception=folder)
+
+
+def test_run_goes_on_with_the_same_perception_only(tmp_path: Path) -> None:
+    first, other = perceiving(tmp_path / "first"), perceiving(tmp_path / "other")
+    (other / WEIGHTS_FILE).write_bytes(b"other weights")
+    config, learn = learn_configs(None, None, "", "", perception=first)
+
+    def plan(perception: Path | None) -> LearnPlan:
+        budget = Budget(minutes=1.0)
+        return make_plan(
+            ("embedded",), tmp_path / "run", config, learn, budget, avatars=None, seed=0, perception=perception
+        )
+
+    begun = plan(first)
+    assert begun.recipe == "pretrained"
+    with lock_folder(begun.out):
+        write_state(begun, spent_s=1.0)
+    assert plan(first) == begun
+    for perception in (other, None):
+        with pytest.raises(RunError, match="was begun with other perception, or with none"):
+            plan(perception)

@@ -2,8 +2,22 @@ import json
 import time
 from pathlib import Path
 
-from readygo.apps.learn.training import Training, begin_decay, forget_decay, read_history, read_training
-from readygo.services.trainer import live
+import pytest
+
+from readygo.apps.learn.config import LearnConfig
+from readygo.apps.learn.plan import Budget, LearnPlan
+from readygo.apps.learn.training import (
+    Training,
+    begin_decay,
+    forget_decay,
+    read_history,
+    read_training,
+    write_trainer_config,
+)
+from readygo.runs.config import RunConfig
+from readygo.runs.training import make_config
+from readygo.services.trainer import best_recipe, live
+from readygo.services.trainer.config import pretrained_recipe
 
 TOLD = {
     "state": "training",
@@ -71,3 +85,23 @@ def test_progress_of_another_shape_says_nothing(tmp_path: Path) -> None:
         (tmp_path / "progress.json").write_text(text)
         assert read_training(tmp_path) == Training()
         assert read_history(tmp_path) == []
+
+
+@pytest.mark.parametrize("encoder", [None, "perception"])
+def test_trainer_reads_the_recipe_of_the_plan(tmp_path: Path, encoder: str | None) -> None:
+    perception = tmp_path / encoder if encoder else None
+    plan = LearnPlan(
+        out=tmp_path,
+        places=(),
+        config=RunConfig(),
+        learn=LearnConfig(),
+        budget=Budget(minutes=30.0, samples=9000),
+        avatars=None,
+        seed=4,
+        perception=perception,
+    )
+    read = make_config("best", write_trainer_config(plan, 3))
+    recipe = pretrained_recipe() if encoder else best_recipe()
+    assert (read.network, read.sampling, read.optimizer) == (recipe.network, recipe.sampling, recipe.optimizer)
+    assert (read.minutes, read.samples, read.seed, read.threads, read.offer_every_s) == (30.0, 9000, 4, 3, 30.0)
+    assert read.perception == (str(perception) if perception else "")

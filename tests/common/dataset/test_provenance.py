@@ -5,7 +5,7 @@ import pytest
 from mcap.reader import make_reader
 
 from readygo.common.dataset import AvatarOrigin, Provenance, ScenarioOrigin, SceneOrigin
-from readygo.common.dataset.provenance import provenance_from_strings, provenance_to_strings
+from readygo.common.dataset.provenance import TeacherOrigin, provenance_from_strings, provenance_to_strings
 from readygo.common.errors import ConfigError, DatasetError
 from readygo.common.messages import RunSpec, Split
 from tests.common.dataset.episodes import PROVENANCE, ROBOT
@@ -29,7 +29,8 @@ def test_record_keeps_its_keys_and_bytes() -> None:
 
 def test_mapping_comes_back() -> None:
     whole = dataclasses.replace(PROVENANCE, scenarios=ScenarioOrigin(name="five.toml", sha256="ef" * 32))
-    for provenance in (whole, PROVENANCE, Provenance()):
+    taught = dataclasses.replace(whole, teacher=TeacherOrigin(sha256="cd" * 32))
+    for provenance in (taught, whole, PROVENANCE, Provenance()):
         assert Provenance.from_mapping(json.loads(json.dumps(provenance.to_mapping()))) == provenance
     assert PROVENANCE.robot == ROBOT
     assert Provenance().robot is None

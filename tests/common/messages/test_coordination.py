@@ -24,6 +24,7 @@ from readygo.common.messages import (
     RunSpec,
     Split,
     StatusReply,
+    TeacherRef,
     Verdict,
     VerdictStatus,
     decode,
@@ -116,6 +117,14 @@ def test_policy_travels_with_the_spec_where_there_is_one() -> None:
     assert b"policy" not in encode(_spec())
     policy = PolicyRef(path="p", files=(FileRef(path="policy.toml", sha256="0" * 64, size=3),), mix=0.5)
     assert decode(RunSpec, encode(_spec(policy=policy))).policy == policy
+
+
+def test_teacher_travels_with_the_spec_where_there_is_one() -> None:
+    assert b"teacher" not in encode(_spec())
+    files = (FileRef(path="state_policy.toml", sha256="0" * 64, size=3),)
+    teacher = TeacherRef(path="p", files=files)
+    assert decode(RunSpec, encode(_spec(teacher=teacher))).teacher == teacher
+    assert teacher.sha256 == PolicyRef(path="", files=files, mix=0.5).sha256
 
 
 @pytest.mark.parametrize("mix", [-0.01, 1.01, float("nan")])

@@ -2,6 +2,7 @@
 
 import itertools
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,9 +16,10 @@ TOLD_COUNT = PEOPLE + ObservationConfig().people * PERSON_COUNT + (1 + len(ARC_S
 """Numbers that a robot is told by default."""
 
 
-def make_state_policy(noise: PerceptionNoise = PERCEIVED, seed: int = 0) -> StatePolicy:
-    """A policy of one hidden layer that has learned nothing."""
-    rng, spec = np.random.default_rng(seed), StatePolicySpec(robot=RobotConfig(), scene_hash="0" * 64, noise=noise)
+def make_state_policy(noise: PerceptionNoise = PERCEIVED, seed: int = 0, **changes: Any) -> StatePolicy:
+    """A policy of one hidden layer that has learned nothing, with changes of its spec."""
+    known = {"robot": RobotConfig(), "scene_hash": "0" * 64, "noise": noise}
+    rng, spec = np.random.default_rng(seed), StatePolicySpec(**{**known, **changes})
     sizes = [TOLD_COUNT, 16, len(commands_of(spec.robot))]
     layers = [
         (rng.normal(size=(after, before)).astype(np.float32), rng.normal(size=after).astype(np.float32))
@@ -26,7 +28,7 @@ def make_state_policy(noise: PerceptionNoise = PERCEIVED, seed: int = 0) -> Stat
     return StatePolicy(spec=spec, layers=layers)
 
 
-def write_state_policy(folder: Path) -> Path:
+def write_state_policy(folder: Path, **changes: Any) -> Path:
     """A folder with such a policy."""
-    make_state_policy().save(folder)
+    make_state_policy(**changes).save(folder)
     return folder

@@ -38,8 +38,9 @@ def test_exported_graph_answers_what_torch_answers(tmp_path, size):
     goals = rng.uniform(-12, 12, (30, 2)).astype(np.float32)
     window = torch.tensor([[max(step - back, 0) for back in (20, 10, 0)] for step in range(30)])
     with torch.inference_mode():
-        latents = model.encode_windows(torch.from_numpy(images / np.float32(127.5) - 1).permute(0, 3, 1, 2), window)
         motion = torch.from_numpy(np.column_stack([commands, np.ones(30, np.float32)]))
+        frames = torch.from_numpy(images / np.float32(127.5) - 1).permute(0, 3, 1, 2)
+        latents = model.encode_windows(frames, window, motion)
         answers = model.act(latents, model.normalise_motion(motion), torch.from_numpy(goals))
         expected = model.clip(model.decide(answers)).numpy()
     memory = policy.start()
@@ -55,7 +56,7 @@ def test_actions_stay_within_the_limits(output):
     robot = RobotConfig(camera=CameraConfig(height_px=16, width_px=16))
     model = trained_looking_model(robot, output=output)
     model.head.layer3.weight.data.mul_(100)
-    session = onnxruntime.InferenceSession(policy_graph(model, robot), providers=["CPUExecutionProvider"])
+    session = onnxruntime.InferenceSession(policy_graph(model, robot, 0.5), providers=["CPUExecutionProvider"])
     rng = np.random.default_rng(0)
     given = {
         "rgb": np.empty((0, 16, 16, 3), np.uint8),
@@ -88,7 +89,7 @@ def test_export_leaves_the_network_as_it_was():
     robot = RobotConfig(camera=CameraConfig(height_px=16, width_px=16))
     model = trained_looking_model(robot).train()
     before = {name: value.clone() for name, value in model.state_dict().items()}
-    policy_graph(model, robot)
+    policy_graph(model, robot, 0.5)
     assert model.training
     assert all(torch.equal(before[name], value) for name, value in model.state_dict().items())
 

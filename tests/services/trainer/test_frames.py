@@ -11,7 +11,8 @@ from readygo.common.images.files import decode_output, encode_output
 from readygo.common.images.images import Images
 from readygo.common.robot import RobotConfig
 from readygo.services.trainer import frames as frames_module
-from readygo.services.trainer.frames import FrameCache, pool, pooling_of
+from readygo.services.trainer.frames import FrameCache
+from readygo.services.trainer.pooling import pool
 from readygo.services.trainer.reservoir import Reservoir
 from readygo.services.trainer.samples import WindowTiming, episode_table, join_tables
 from tests.services.trainer.conftest import make_one, png
@@ -91,20 +92,6 @@ def test_image_of_another_size_or_damaged_is_refused_by_name():
         cache = FrameCache(reservoir, RobotConfig(camera=CAMERA), pooling=1, limit_bytes=0)
         with pytest.raises(DatasetError, match=rf"Sample 0 of episode abc has .*{message}"):
             cache.get(table_of(reservoir), np.array([0]))
-
-
-def test_pooling_leaves_the_height_and_divides_the_image():
-    sizes = [(72, 128), (144, 256), (240, 320), (216, 384), (100, 101), (36, 64)]
-    factors = [pooling_of(CameraConfig(height_px=h, width_px=w), 72) for h, w in sizes]
-    assert factors == [1, 2, 2, 3, 1, 1]
-    assert pooling_of(CameraConfig(), 0) == 1
-
-
-@pytest.mark.parametrize("factor", [1, 2, 3, 4])
-def test_pooled_pixel_is_the_mean_with_halves_rounded_up(factor):
-    frame = np.random.default_rng(0).integers(0, 256, (24, 48, 3), np.uint8)
-    means = frame.reshape(24 // factor, factor, 48 // factor, factor, 3).astype(np.float64).mean(axis=(1, 3))
-    assert np.array_equal(pool(frame, factor), np.floor(means + 0.5))
 
 
 def test_pooled_frames_are_what_the_cache_gives():

@@ -12,12 +12,14 @@ from readygo.common.robot.command_grid import UNKNOWN_RISK
 from readygo.common.robot.ranges import RobotRanges
 from readygo.services.trainer.samples import (
     WindowTiming,
+    chain_rows,
     draw_samples,
     episode_table,
     held_out_names,
     join_tables,
     make_batch,
     name_rank,
+    spread_chains,
     spread_samples,
 )
 from tests import crooked
@@ -227,6 +229,23 @@ def test_ranks_of_names_are_even():
 
 def test_spread_samples_are_even_and_limited(table):
     assert spread_samples(table, 100).tolist() == list(range(0, 360, 4))
+
+
+def test_chains_end_with_the_episode_and_where_samples_are_not_next_to_each_other():
+    samples = np.array([3, 5, 7, 13, 15, 30, 32, 40])
+    first = np.array([0, 0, 0, 0, 0, 0, 32, 32])
+    rows = chain_rows(samples, first, 2)
+    assert rows.tolist() == [[0, 1, 2], [3, 4, -1], [5, -1, -1], [6, -1, -1], [7, -1, -1]]
+    assert rows[rows >= 0].tolist() == list(range(8))
+
+
+def test_spread_chains_stay_in_their_episodes(table):
+    chosen = spread_chains(table, 24, chain_length=4, spacing_steps=5)
+    rows = chain_rows(chosen, table.first[chosen], 5)
+    assert rows.shape == (6, 4)
+    starts = chosen[rows[:, 0]]
+    assert np.array_equal(starts, spread_samples(table, 6))
+    assert all(len(set(table.first[chosen[row[row >= 0]]].tolist())) == 1 for row in rows)
 
 
 @pytest.mark.parametrize("robot", [crooked.ROBOT, crooked.ODD_RATES], ids=["20 Hz", "30 Hz"])

@@ -7,8 +7,8 @@ import pytest
 from readygo.common.camera import CameraConfig
 from readygo.common.camera.lens import make_lens
 from readygo.common.robot import RobotConfig
-from readygo.services.trainer.frames import pool
 from readygo.services.trainer.light import draw_light
+from readygo.services.trainer.pooling import pool
 from readygo.services.trainer.views import BatchViews, plain_view
 from readygo.services.trainer.warps import RobotWarp, in_mirror, mirror_twins, show_frames
 from tests import crooked

@@ -1,0 +1,79 @@
+"""Runs in which a state policy, the teacher, takes the expert's place: it labels, and drives the expert's episodes."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from readygo.common.camera import CameraConfig
+from readygo.common.config import section_differences
+from readygo.common.dataset.provenance import Provenance, TeacherOrigin
+from readygo.common.errors import PolicyError
+from readygo.common.messages import RunSpec, TeacherRef
+from readygo.common.robot import RobotConfig
+from readygo.common.state_policy.state_policy import (
+    ACTOR_FILE,
+    STATE_POLICY_FILE,
+    StatePolicySpec,
+    is_state_policy,
+    load_state_policy,
+)
+from readygo.common.state_simulation.world import camera_views
+from readygo.runs.config import RunConfig
+from readygo.runs.identity import numeric_class, run_name
+from readygo.runs.policy import file_ref
+
+
+def with_teacher(spec: RunSpec, config: RunConfig, folder: Path) -> RunSpec:
+    """A run in which a state policy takes the expert's place.
+
+    Args:
+        spec: Spec of a run with the driver stage.
+        config: Settings of the run.
+        folder: Folder of the state policy, from `readygo rl`.
+
+    Raises:
+        PolicyError: If the policy cannot be used, or was trained for another robot or scene.
+    """
+    if not is_state_policy(folder):
+        raise PolicyError(f"--teacher: {folder} holds no state policy; train one: readygo rl SCENE --out {folder}.")
+    trained = load_state_policy(folder).spec
+    _check_robot(trained, config.robot)
+    _check_scene(trained, spec)
+    files = tuple(file_ref(folder, name) for name in (STATE_POLICY_FILE, ACTOR_FILE))
+    teacher = TeacherRef(path=str(folder.resolve()), files=files)
+    metadata = {
+        **spec.metadata,
+        "numeric_class": numeric_class(config, spec.policy, teacher),
+        "teacher": dataclasses.asdict(TeacherOrigin(sha256=teacher.sha256)),
+    }
+    taught = dataclasses.replace(spec, teacher=teacher, metadata=metadata)
+    return dataclasses.replace(taught, run=run_name(taught))
+
+
+def _check_robot(trained: StatePolicySpec, robot: RobotConfig) -> None:
+    """Raise PolicyError unless a state policy drives a robot; of its cameras only what they show matters."""
+    if robot.ranges.varies:
+        raise PolicyError("--teacher: a state policy drives one robot; leave [ranges] out of robot.toml.")
+    ours, theirs = camera_views(trained.robot), camera_views(robot)
+    different = section_differences(_without_cameras(trained.robot), _without_cameras(robot))
+    if different:
+        key, known, asked = different[0]
+        difference = f"{key} is {known}, here {asked}"
+    elif ours.shape != theirs.shape or not np.allclose(ours, theirs):
+        difference = "its cameras show something else"
+    else:
+        return
+    raise PolicyError(f"--teacher: it was trained for another robot ({difference}); name its robot with --robot.")
+
+
+def _without_cameras(robot: RobotConfig) -> RobotConfig:
+    return dataclasses.replace(robot, camera=CameraConfig(), camera_name=RobotConfig.camera_name, cameras={})
+
+
+def _check_scene(trained: StatePolicySpec, spec: RunSpec) -> None:
+    """Raise PolicyError unless a state policy knows the scene of a run."""
+    if trained.scene_hash != spec.scene_hash:
+        theirs = f"{trained.scene_name or 'a scene'} ({trained.scene_hash[:12]})"
+        ours = f"{Provenance.of_run(spec).scene.name or 'a scene'} ({spec.scene_hash[:12]})"
+        raise PolicyError(f"--teacher: it was trained in {theirs}, the run is in {ours}; train one there.")
