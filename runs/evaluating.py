@@ -11,6 +11,7 @@ from readygo.common.errors import RunError
 from readygo.common.fleet import Inputs, StageResult, Work
 from readygo.common.messages import (
     ClaimReply,
+    DriverKind,
     DrivesRequest,
     EpisodeKey,
     EvaluationPlan,
@@ -20,6 +21,7 @@ from readygo.common.messages import (
     topics,
 )
 from readygo.common.rasterizer.warm import warm as warm_rasterizer
+from readygo.common.state_policy.perceiving_driver import PerceivingStateDriver
 from readygo.runs.evaluation import make_evaluator, make_evaluator_config, make_request
 from readygo.runs.method_files import check_method_files
 from readygo.runs.methods import named_methods, needs_renderer
@@ -54,7 +56,9 @@ def evaluation_work(world: World, bus: Bus) -> Work:
     made = _make_drivers(world, plan)
     for driver in made.by_method.values():
         if isinstance(driver, PerceivingDriver):
-            driver.on_look = ShownDrives(bus, world.scene.maps.floor)
+            driver.on_look = ShownDrives(bus, world.scene.maps.floor, DriverKind.EXPERT)
+        elif isinstance(driver, PerceivingStateDriver):
+            driver.on_look = ShownDrives(bus, world.scene.maps.floor, DriverKind.POLICY)
 
     def work(claim: ClaimReply, inputs: Inputs) -> StageResult | None:
         assert claim.episode is not None

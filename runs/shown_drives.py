@@ -13,8 +13,7 @@ from readygo.common.maps import FloorMap
 from readygo.common.messages import DriverKind, topics
 from readygo.common.messages.live import LivePerception, LivePreview, LiveState
 from readygo.common.perception import live_perception
-from readygo.common.perception.episode import EpisodePerception
-from readygo.services.planner import TrackedHumans
+from readygo.common.perception.episode import EpisodePerception, TakesLooks
 
 EVERY_S = 0.25
 """Time between two looks that are shown, longer than the streams' own: all three messages are of one look [s]."""
@@ -23,22 +22,25 @@ EVERY_S = 0.25
 class ShownDrives:
     """Told of a driver's looks: shows one of the episodes that it drives at a time."""
 
-    def __init__(self, bus: Bus, floor: FloorMap, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, bus: Bus, floor: FloorMap, driver: DriverKind, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         """Show nothing yet.
 
         Args:
             bus: Bus of the run.
             floor: Height of the floor.
+            driver: Who drives.
             clock: Wall clock [s].
         """
-        self._bus, self._floor, self._clock = bus, floor, clock
+        self._bus, self._floor, self._driver, self._clock = bus, floor, driver, clock
         self._shown: EpisodeSimulation | None = None
         self._shown_s = -math.inf
 
     def __call__(
-        self, simulation: EpisodeSimulation, perception: EpisodePerception[TrackedHumans], image: UInt8Array
+        self, simulation: EpisodeSimulation, perception: EpisodePerception[TakesLooks], image: UInt8Array
     ) -> None:
-        """Show a look; arguments as in `readygo.services.planner.expert.perceiving.OnLook`."""
+        """Show a look; arguments as in `readygo.common.perception.episode.OnLook`."""
         if self._shown is None or self._shown.outcome is not None:
             self._shown = simulation
         now_s = self._clock()
@@ -46,7 +48,7 @@ class ShownDrives:
             return
         self._shown_s = now_s
         episode, time_ns = simulation.scenario.episode, simulation.time_ns
-        self._bus.tell(topics.STATE, lambda: drive_state(simulation, perception, self._floor))
+        self._bus.tell(topics.STATE, lambda: drive_state(simulation, perception, self._floor, self._driver))
         self._bus.tell(topics.PERCEPTION, lambda: drive_perception(simulation, perception, self._floor))
         self._bus.tell(
             topics.PREVIEW,
@@ -55,7 +57,7 @@ class ShownDrives:
 
 
 def drive_perception(
-    simulation: EpisodeSimulation, perception: EpisodePerception[TrackedHumans], floor: FloorMap
+    simulation: EpisodeSimulation, perception: EpisodePerception[TakesLooks], floor: FloorMap
 ) -> LivePerception:
     """What a driver perceives at the present step, after its first look."""
     assert perception.perceived is not None
@@ -71,7 +73,7 @@ def drive_perception(
 
 
 def drive_state(
-    simulation: EpisodeSimulation, perception: EpisodePerception[TrackedHumans], floor: FloorMap
+    simulation: EpisodeSimulation, perception: EpisodePerception[TakesLooks], floor: FloorMap, driver: DriverKind
 ) -> LiveState:
     """Where everybody is in an episode that is being driven."""
     goal_x_m, goal_y_m = simulation.scenario.goal_xy_m.tolist()
@@ -91,7 +93,7 @@ def drive_state(
         time_ns=simulation.time_ns,
         sample=step,
         sample_count=simulation.clock.steps(simulation.config.time_limit_s),
-        driver=DriverKind.EXPERT,
+        driver=driver,
         goal_xy_m=(goal_x_m, goal_y_m),
         robot_xyzyaw=(x_m, y_m, floor.at(x_m, y_m), simulation.yaw_rad),
         v_mps=simulation.v_mps,

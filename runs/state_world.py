@@ -1,11 +1,12 @@
 """The world of a run for the state simulation and for drivers that are told states."""
 
-from readygo.common.maps import sight_of_occupancy
 from readygo.common.state_policy.state_driver import StateDriver
 from readygo.common.state_policy.state_policy import StatePolicy
 from readygo.common.state_simulation.goal_distances import GoalDistances
 from readygo.common.state_simulation.world import ObservationConfig, StateWorld, make_world
+from readygo.runs.config import RunConfig
 from readygo.runs.world import World
+from readygo.services.planner import PlanningMaps
 
 
 def state_world(world: World, observation: ObservationConfig) -> StateWorld:
@@ -14,9 +15,12 @@ def state_world(world: World, observation: ObservationConfig) -> StateWorld:
     Raises:
         ConfigError: If its robot has ranges.
     """
-    maps = world.scene.maps
-    sight = maps.sight if maps.sight is not None else sight_of_occupancy(maps.robot)
-    return make_world(maps.robot, sight, world.config.robot, world.config.episode, observation)
+    return state_world_of(world.scene.maps, world.config, observation)
+
+
+def state_world_of(maps: PlanningMaps, config: RunConfig, observation: ObservationConfig) -> StateWorld:
+    """The world of some maps; arguments and errors as for `state_world`."""
+    return make_world(maps.robot, maps.sight, config.robot, config.episode, observation)
 
 
 def goal_distances(world: World) -> GoalDistances:

@@ -40,8 +40,7 @@ def with_teacher(spec: RunSpec, config: RunConfig, folder: Path) -> RunSpec:
     trained = load_state_policy(folder).spec
     _check_robot(trained, config.robot)
     _check_scene(trained, spec)
-    files = tuple(file_ref(folder, name) for name in (STATE_POLICY_FILE, ACTOR_FILE))
-    teacher = TeacherRef(path=str(folder.resolve()), files=files)
+    teacher = teacher_ref(folder)
     metadata = {
         **spec.metadata,
         "numeric_class": numeric_class(config, spec.policy, teacher),
@@ -49,6 +48,12 @@ def with_teacher(spec: RunSpec, config: RunConfig, folder: Path) -> RunSpec:
     }
     taught = dataclasses.replace(spec, teacher=teacher, metadata=metadata)
     return dataclasses.replace(taught, run=run_name(taught))
+
+
+def teacher_ref(folder: Path) -> TeacherRef:
+    """Reference to a state policy, with its hash."""
+    files = tuple(file_ref(folder, name) for name in (STATE_POLICY_FILE, ACTOR_FILE))
+    return TeacherRef(path=str(folder.resolve()), files=files)
 
 
 def _check_robot(trained: StatePolicySpec, robot: RobotConfig) -> None:

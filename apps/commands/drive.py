@@ -15,8 +15,8 @@ from readygo.apps.drive.calibration import Rectifier, camera_from_file, camera_f
 from readygo.apps.drive.messages import GoalMessage
 from readygo.apps.drive.named_topics import check_topics, image_topics, info_topics
 from readygo.apps.drive.people import PeopleFinder
+from readygo.apps.drive.perceiving import MakeDecider, PerceivingPolicy, acting, planning
 from readygo.apps.drive.pilot import DriveConfig, Pilot, TrialEnding, limit_speeds
-from readygo.apps.drive.planning import PlanningPolicy
 from readygo.apps.drive.robot import Robot, Topics, connect_robot
 from readygo.apps.drive.trial import PATIENCE_S, run_trial, trial_end
 from readygo.apps.drive.trial_log import TrialLog
@@ -25,7 +25,8 @@ from readygo.apps.terminal import PlainConsole
 from readygo.common.arrays import UInt8Array
 from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.camera import CameraConfig
-from readygo.common.errors import BusError, ConfigError, RunError
+from readygo.common.config import section_differences
+from readygo.common.errors import BusError, ConfigError, PolicyError, RunError
 from readygo.common.files import read_regular
 from readygo.common.images.encoded import decode_pixels
 from readygo.common.images.names import RGB, cameras_of
@@ -33,10 +34,14 @@ from readygo.common.perception import Perception, load_perception
 from readygo.common.policy import Policy, load_policy
 from readygo.common.policy.sight import camera_on
 from readygo.common.robot import RobotConfig, load_robot
+from readygo.common.state_policy.state_policy import load_state_policy
+from readygo.common.state_simulation.goal_distances import GoalDistances
 from readygo.runs.config import RunConfig
 from readygo.runs.origin import settings_of_policy
 from readygo.runs.policy import policy_sha256
 from readygo.runs.scene_argument import open_maps
+from readygo.runs.state_world import state_world_of
+from readygo.runs.teacher import teacher_ref
 from readygo.services.planner import RobotPlanner
 
 Value = TypeVar("Value")
@@ -92,11 +97,11 @@ class DrivePeopleOptions:
     ten times a second, and publishes them."""
     people: str = "/people"
     """Topic of the people, people_msgs/People in the odometry's frame, with `perception`."""
-    driver: Literal["policy", "perceive-and-plan"] = "policy"
+    driver: Literal["policy", "perceive-and-plan", "perceive-and-act"] = "policy"
     """"perceive-and-plan" drives without a policy: the planner drives on the map of `scene` among the people that
-    `perception` sees."""
+    `perception` sees. "perceive-and-act": a policy from `readygo rl` decides there instead."""
     scene: str = ""
-    """Scene bundle, "embedded", or a ROS map (.yaml) that the planner drives on."""
+    """Scene bundle, "embedded", or a ROS map (.yaml) that planner or state policy drive on."""
     start: tuple[float, float, float] | None = None
     """Start pose in the scene: x, y [m], yaw [rad]; by default the odometry is in the scene's frame."""
 
@@ -122,7 +127,7 @@ class DriveOptions:
     """
 
     policy: Positional[Path | None] = None
-    """Folder of a trained policy; none with `driver` perceive-and-plan."""
+    """Folder of a trained policy; with `driver` perceive-and-act one from `readygo rl`, with perceive-and-plan none."""
     goal: tuple[float, float] | None = None
     """Goal position, ahead and left of the robot's start pose [m]; see `goal_frame`."""
     goal_topic: str = ""
@@ -187,7 +192,7 @@ def drive(options: DriveOptions) -> None:
         pilot = _pilot(policy, rectify, config, where, goal_image)
         record = {
             "policy": options.policy.resolve().name if options.policy else options.beside.driver,
-            "policy_sha256": policy_sha256(options.policy) if options.policy else "",
+            "policy_sha256": _hash_of(options),
             "task": options.task,
             "time_limit_s": config.time_limit_s,
         }
@@ -217,7 +222,7 @@ def _topics(options: DriveOptions, named: Mapping[str, str]) -> Topics:
 
 
 def _driver(options: DriveOptions, perception: Perception | None) -> Policy:
-    """The policy, or the planner in its place.
+    """The policy, or what drives on a map in its place.
 
     Raises:
         ConfigError: If options are missing, or have no effect.
@@ -229,16 +234,46 @@ def _driver(options: DriveOptions, perception: Perception | None) -> Policy:
         if options.policy is None:
             raise ConfigError("Name the policy: readygo drive POLICY, or --driver perceive-and-plan.")
         if beside.scene or beside.start:
-            raise ConfigError("--scene and --start are for --driver perceive-and-plan.")
+            raise ConfigError("--scene and --start are for --driver perceive-and-plan and perceive-and-act.")
         return _load_policy(options.policy, options.robot)
-    if options.policy is not None or options.robot is not None:
-        raise ConfigError("--driver perceive-and-plan drives the robot of its network: leave POLICY and --robot out.")
+    acts = beside.driver == "perceive-and-act"
+    if options.robot is not None or (options.policy is not None and not acts):
+        left_out = "--robot" if acts else "POLICY and --robot"
+        raise ConfigError(f"--driver {beside.driver} drives the robot of its network: leave {left_out} out.")
     if perception is None or not beside.scene:
-        raise ConfigError("--driver perceive-and-plan needs --perception FOLDER and --scene SCENE.")
+        raise ConfigError(f"--driver {beside.driver} needs --perception FOLDER and --scene SCENE.")
     maps, _ = open_maps(beside.scene)
     settings = RunConfig(robot=perception.spec.robot)
     planner = RobotPlanner(maps, {}, settings.robot, settings.episode, settings.expert)
-    return PlanningPolicy(perception, planner, beside.start)
+    decider = _acting(options.policy, settings, planner) if acts else planning(planner)
+    return PerceivingPolicy(perception, planner, decider, beside.start)
+
+
+def _acting(folder: Path | None, settings: RunConfig, planner: RobotPlanner) -> MakeDecider:
+    """A state policy, which decides on a map.
+
+    Raises:
+        ConfigError: If none is named.
+        PolicyError: If it cannot be used, or was trained for another robot.
+    """
+    if folder is None:
+        raise ConfigError("--driver perceive-and-act needs a policy: readygo drive FOLDER, from `readygo rl`.")
+    policy = load_state_policy(folder)
+    if different := section_differences(policy.spec.robot, settings.robot):
+        name, ours, theirs = different[0]
+        raise PolicyError(f"{folder} drives another robot: {name} {ours} (that of perception: {theirs}).")
+    world = state_world_of(planner.maps, settings, policy.spec.observation)
+    distances = GoalDistances(planner.maps.robot, settings.robot.planning_radius_m)
+    return acting(policy, world, distances, planner)
+
+
+def _hash_of(options: DriveOptions) -> str:
+    """SHA-256 of the policy that drives; empty without one."""
+    if options.policy is None:
+        return ""
+    if options.beside.driver == "policy":
+        return policy_sha256(options.policy)
+    return teacher_ref(options.policy).sha256
 
 
 def _load_policy(folder: Path, robot: Path | None) -> Policy:

@@ -21,6 +21,11 @@ LOOK_S = 0.1
 class TakesLooks(Protocol):
     """What an image told of people is for it."""
 
+    @property
+    def tracker(self) -> PeopleTracker:
+        """The people over time."""
+        ...
+
     def look(self, step: int, pose: Pose, people: People) -> None:
         """Fuse what an image told.
 
@@ -44,6 +49,7 @@ class SteppedTracker:
             shows: True if a robot's camera shows a human at a place of the world [m], as far as the map says.
         """
         self.tracker = tracker
+        """The people over time."""
         self._dt_s, self._shows, self._step = dt_s, shows, 0
 
     def advance(self, step: int) -> None:
@@ -58,7 +64,7 @@ class SteppedTracker:
         self.tracker.fuse(pose, people, lambda x, y: self._shows(pose, x, y))
 
 
-Sink = TypeVar("Sink", bound=TakesLooks)
+Sink = TypeVar("Sink", bound=TakesLooks, covariant=True)
 
 
 class EpisodePerception(Generic[Sink]):
@@ -109,6 +115,10 @@ class EpisodePerception(Generic[Sink]):
         self.perceived = self._perception.perceive(self._memory, np.array(command, np.float32))
         self.pose = pose
         self.people.look(step, pose, self.perceived.people)
+
+
+OnLook = Callable[[EpisodeSimulation, EpisodePerception[Sink], UInt8Array], None]
+"""Called after a look: the episode, what was perceived, the image."""
 
 
 def perceive_step(

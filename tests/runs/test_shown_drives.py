@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from readygo.common.bus import InProcessBus
-from readygo.common.messages import Outcome, topics
+from readygo.common.messages import DriverKind, Outcome, topics
 from readygo.common.perception import PeopleTracker, Perceived
 from readygo.common.perception.grid import SHAPE
 from readygo.common.perception.people import CHANNELS
@@ -65,7 +65,8 @@ def wait_for(condition: Callable[[], object]) -> None:
 
 
 def test_state_has_robot_and_humans_on_the_floor() -> None:
-    state = drive_state(simulation(), perceiving(), FLOOR)
+    state = drive_state(simulation(), perceiving(), FLOOR, DriverKind.POLICY)
+    assert state.driver is DriverKind.POLICY
     assert state.robot_xyzyaw == (1.0, 2.0, 0.5, math.pi / 2)
     assert state.humans_xyzyaw == (pytest.approx((1.0, 5.0, 0.5, -math.pi / 2)),)
     assert (state.sample, state.sample_count, state.human_visible) == (4, 1000, True)
@@ -92,7 +93,7 @@ def test_one_episode_is_shown_at_a_time_and_all_three_messages_are_of_one_look()
     now_s = [0.0]
     # The bus's own gate is of the wall clock.
     worker._teller._clock = lambda: now_s[0]
-    shown = ShownDrives(worker, FLOOR, clock=lambda: now_s[0])
+    shown = ShownDrives(worker, FLOOR, DriverKind.POLICY, clock=lambda: now_s[0])
     first, second = simulation(4), simulation(8)
     for moment in range(40):
         now_s[0] = 0.05 * moment
@@ -114,4 +115,4 @@ def test_one_episode_is_shown_at_a_time_and_all_three_messages_are_of_one_look()
 def test_nothing_is_made_where_nobody_listens() -> None:
     bus = InProcessBus()
     bus.announce("evaluator", "evaluator0")
-    ShownDrives(bus, FLOOR)(simulation(), None, IMAGE)
+    ShownDrives(bus, FLOOR, DriverKind.EXPERT)(simulation(), None, IMAGE)

@@ -5,12 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from readygo.common.arrays import UInt8Array
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import Command, DriverFailure
 from readygo.common.episode.streams import Purpose, episode_rng
 from readygo.common.perception import Perception
-from readygo.common.perception.episode import EpisodePerception, perceive_step
+from readygo.common.perception.episode import EpisodePerception, OnLook, perceive_step
 from readygo.common.perception.noise import PerceptionNoise
 from readygo.common.perception.simulated import SimulatedPerception
 from readygo.common.policy.driver import PolicyCamera
@@ -26,15 +25,11 @@ class PerceivingState:
     expert: SpaceTimeExpert
 
 
-OnLook = Callable[[EpisodeSimulation, EpisodePerception[TrackedHumans], UInt8Array], None]
-"""Called after a look: the episode, what was perceived, the image."""
-
-
 class PerceivingDriver:
     """Drives by images, odometry, map and goal. It knows nothing else of people."""
 
     looks = True
-    on_look: OnLook | None = None
+    on_look: OnLook[TrackedHumans] | None = None
     """Told of every look, for viewers."""
 
     def __init__(

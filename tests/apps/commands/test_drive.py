@@ -30,8 +30,14 @@ from readygo.common.dataset.ros_log import read_record
 from readygo.common.errors import BusError, ConfigError, PolicyError
 from readygo.common.policy import PolicySpec
 from readygo.common.robot import CameraConfig, RobotConfig
+from readygo.common.state_policy.actor import StateActor
+from readygo.runs.config import RunConfig
+from readygo.runs.policy import policy_sha256
+from readygo.runs.teacher import teacher_ref
 from tests.apps.drive.conftest import CAMERA, odometry
 from tests.common.policy.artifacts import write_policy
+from tests.common.state_policy.state_policies import write_state_policy
+from tests.services.planner.worlds import make_robot_planner
 
 pytest.importorskip("rosbags", reason="rosbags (extra robot-logs) is not installed")
 
@@ -119,7 +125,7 @@ def test_whoever_ends_it_the_robot_stands(policy, standing_robot, tmp_path, numb
         (
             {"goal": (1.0, 0.0), "beside": DrivePeopleOptions(scene="embedded")},
             ConfigError,
-            "--scene and --start are for --driver perceive-and-plan",
+            "--scene and --start are for --driver perceive-and-plan and perceive-and-act",
         ),
         (
             {"goal": (1.0, 0.0), "beside": DrivePeopleOptions(driver="perceive-and-plan")},
@@ -130,6 +136,16 @@ def test_whoever_ends_it_the_robot_stands(policy, standing_robot, tmp_path, numb
             {"policy": None, "goal": (1.0, 0.0), "beside": DrivePeopleOptions(driver="perceive-and-plan")},
             ConfigError,
             "needs --perception FOLDER and --scene SCENE",
+        ),
+        (
+            {"goal": (1.0, 0.0), "robot": Path("r.toml"), "beside": DrivePeopleOptions(driver="perceive-and-act")},
+            ConfigError,
+            "drives the robot of its network: leave --robot out",
+        ),
+        (
+            {"goal": (1.0, 0.0), "beside": DrivePeopleOptions(driver="perceive-and-act")},
+            ConfigError,
+            "--driver perceive-and-act needs --perception FOLDER and --scene SCENE",
         ),
         ({"policy": None, "goal": (1.0, 0.0)}, ConfigError, "Name the policy"),
         (
@@ -143,6 +159,26 @@ def test_whoever_ends_it_the_robot_stands(policy, standing_robot, tmp_path, numb
 def test_what_makes_no_trial_is_said(policy, options, error, words):
     with pytest.raises(error, match=words):
         drive(DriveOptions(**{"policy": policy, **options}))
+
+
+def test_state_policy_drives_the_robot_that_perception_knows(tmp_path):
+    planner, settings = make_robot_planner(mode="spacetime"), RunConfig()
+    with pytest.raises(ConfigError, match="needs a policy: readygo drive FOLDER, from `readygo rl`"):
+        command._acting(None, settings, planner)
+    with pytest.raises(PolicyError, match="holds no usable state policy"):
+        command._acting(tmp_path, settings, planner)
+    faster = write_state_policy(tmp_path / "faster", robot=RobotConfig(v_max_mps=1.5))
+    with pytest.raises(PolicyError, match=r"drives another robot: v_max_mps 1\.5 \(that of perception: 1\.0\)"):
+        command._acting(faster, settings, planner)
+    decider = command._acting(write_state_policy(tmp_path / "fits"), settings, planner)((-1.5, 5.0, 1.57), (-1.5, 9.0))
+    assert isinstance(decider, StateActor)
+
+
+def test_trial_names_the_policy_that_decided(tmp_path, policy):
+    rl, beside = write_state_policy(tmp_path / "rl"), DrivePeopleOptions(driver="perceive-and-act")
+    assert command._hash_of(DriveOptions(policy=rl, beside=beside)) == teacher_ref(rl).sha256
+    assert command._hash_of(DriveOptions(policy=policy)) == policy_sha256(policy)
+    assert command._hash_of(DriveOptions()) == ""
 
 
 def test_policy_for_several_robots_wants_to_know_which_one_it_drives(policy, tmp_path):

@@ -72,7 +72,7 @@ def told_at_the_end(drawn: Drawn, seeing: Seeing, steps: int = 9) -> np.ndarray:
         (command,) = driver.act([(one, state)])
         one.advance(*command)  # type: ignore[misc]
     driver.act([(one, state)])
-    return driver._told[0].copy()
+    return state.actor.told[0].copy()
 
 
 def test_policy_is_told_the_perceived_human_where_it_is(drawn: Drawn) -> None:
@@ -100,4 +100,4 @@ def test_policy_knows_nothing_of_people_that_are_not_perceived(drawn: Drawn) -> 
     assert one.human_xy_m.size > 0
     state = driver.start(one)
     driver.act([(one, state)])
-    assert (state.tracks.seen_step == -1).all()
+    assert (state.actor.tracks.seen_step == -1).all()

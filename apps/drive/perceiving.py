@@ -1,49 +1,114 @@
-"""Perceive, track, plan on a robot: the planner drives it on a known map, as the method perceive-and-plan does."""
+"""Perceive, track, decide on a robot that knows its map, as the methods perceive-and-plan and perceive-and-act do."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Protocol, cast
 
 import numpy as np
 
 from readygo.common.arrays import Float32Array, Float64Array, UInt8Array
 from readygo.common.episode import EpisodeSimulation
+from readygo.common.episode.loop import Command
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.frames import wrap_angle
 from readygo.common.messages import EpisodeKey, Scenario, Split
-from readygo.common.perception import Perception
+from readygo.common.perception import People, PeopleTracker, Perception
 from readygo.common.perception.episode import LOOK_S
 from readygo.common.policy import Policy, PolicyMemory, PolicySpec
 from readygo.common.robot import RobotConfig
-from readygo.services.planner import RobotPlanner, TrackedHumans
+from readygo.common.state_policy.actor import RobotState, StateActor
+from readygo.common.state_policy.state_policy import StatePolicy
+from readygo.common.state_simulation.goal_distances import GoalDistances
+from readygo.common.state_simulation.world import StateWorld
+from readygo.services.planner import Expert, RobotPlanner, TrackedHumans
 
 _SLACK = 0.8
 """Share of it after which an image is looked at."""
 _ASTRAY = 0.3
-"""The planner starts from its last command, unless the robot's motion differs from that by more [m/s, rad/s]."""
+"""The robot is taken to move by its last command, unless its motion differs from that by more [m/s, rad/s]."""
 _NOBODY: Float64Array = np.empty((0, 2))
 Pose = tuple[float, float, float]
 
 
-class PlanningPolicy(Policy):
-    """A policy for one trial that perceives people, tracks them and plans among them on the map of a scene."""
+class Decider(Protocol):
+    """Decides in one trial, by the robot's pose on the map and what was perceived."""
 
-    def __init__(self, perception: Perception, planner: RobotPlanner, start: Pose | None = None) -> None:
+    def look(self, step: int, pose: Pose, people: People) -> None:
+        """See `readygo.common.perception.episode.TakesLooks`."""
+        ...
+
+    def act(self, robot: RobotState) -> Command:
+        """The command now: v [m/s], w [rad/s]."""
+        ...
+
+
+MakeDecider = Callable[[Pose, tuple[float, float]], Decider]
+"""Makes what decides in a trial, from its start pose and its goal on the map."""
+
+
+@dataclass(frozen=True, eq=False)
+class Planning:
+    """The planner decides, among the people that are tracked for it."""
+
+    expert: Expert
+    people: TrackedHumans
+
+    def look(self, step: int, pose: Pose, people: People) -> None:
+        """See `Decider.look`."""
+        self.people.look(step, pose, people)
+
+    def act(self, robot: RobotState) -> Command:
+        """See `Decider.act`; where people truly are is not asked."""
+        decision = self.expert.act(cast(EpisodeSimulation, robot))
+        return decision.v_mps, decision.w_radps
+
+
+def planning(planner: RobotPlanner) -> MakeDecider:
+    """The planner decides."""
+
+    def make(start: Pose, goal: tuple[float, float]) -> Decider:
+        episode = EpisodeKey(seed=0, split=Split.TEST, index=0)
+        scenario = Scenario(episode=episode, start_xyyaw=np.array(start), goal_xy_m=np.array(goal), humans=())
+        return Planning(*planner.tracked_expert(scenario))
+
+    return make
+
+
+def acting(policy: StatePolicy, world: StateWorld, distances: GoalDistances, planner: RobotPlanner) -> MakeDecider:
+    """A state policy decides; arguments as for `StateActor`, and people are tracked on the planner's map."""
+    ground = planner.ground
+
+    def make(start: Pose, goal: tuple[float, float]) -> Decider:
+        tracker = PeopleTracker(ground.human_clearance, ground.human_frame)
+        return StateActor(policy, world, distances, tracker, goal)
+
+    return make
+
+
+class PerceivingPolicy(Policy):
+    """A policy for one trial that perceives people, tracks them and decides among them on the map of a scene."""
+
+    def __init__(
+        self, perception: Perception, planner: RobotPlanner, make_decider: MakeDecider, start: Pose | None = None
+    ) -> None:
         """Prepare a trial.
 
         Args:
             perception: Tells what images show.
-            planner: Plans on the map, with the robot that perception was trained with.
+            planner: Knows the map, and the robot that perception was trained with.
+            make_decider: Makes what decides.
             start: Where the trial begins in the scene: x, y [m], yaw [rad]; None for odometry in the scene's frame.
         """
         super().__init__(PolicySpec(robot=planner.robot))
-        self._perception, self._planner, self._start = perception, planner, start
+        self._perception, self._ground, self._make_decider = perception, planner.ground, make_decider
+        self._start = start
         self._turn_rad, self._shift_m = 0.0, (0.0, 0.0)
         self._begun_ns: int | None = None
         self._looked_ns: int | None = None
-        self._plans: tuple[Any, TrackedHumans] | None = None
-        self._waiting: list[tuple[int, Pose, Any]] = []
+        self._decider: Decider | None = None
+        self._waiting: list[tuple[int, Pose, People]] = []
         self._command = self._moving = np.zeros(2, np.float32)
 
     def start(self, robot: RobotConfig | None = None) -> PolicyMemory:
@@ -64,7 +129,7 @@ class PlanningPolicy(Policy):
     def decide(
         self, memories: Sequence[PolicyMemory], commands: Float32Array, goals_xy_m: Float32Array
     ) -> Float32Array:
-        """The planner's command.
+        """The command now.
 
         Raises:
             RunError: If the robot is beyond the map.
@@ -75,26 +140,26 @@ class PlanningPolicy(Policy):
             self._begun_ns = now_ns
             self._place(odometry)
         pose = self._in_scene(odometry)
-        if self._plans is None:
-            self._plans = self._begin(pose, goals_xy_m[0].tolist())
-        expert, people = self._plans
+        if self._decider is None:
+            self._decider = self._begin(pose, goals_xy_m[0].tolist())
         for time_ns, taken, seen in self._waiting:
-            people.look(self._step(time_ns), self._in_scene(taken), seen)
+            self._decider.look(self._step(time_ns), self._in_scene(taken), seen)
         self._waiting.clear()
         self._check_inside(pose)
-        decision = expert.act(self._robot_at(self._step(now_ns), pose))
-        self._command = np.array((decision.v_mps, decision.w_radps), np.float32)
+        self._command = np.array(self._decider.act(self._robot_at(self._step(now_ns), pose)), np.float32)
         return self._command[None]
 
-    def _robot_at(self, step: int, pose: Pose) -> EpisodeSimulation:
-        """What the planner asks of an episode."""
+    def _robot_at(self, step: int, pose: Pose) -> RobotState:
+        """What is asked of an episode."""
         astray = bool(np.abs(self._command - self._moving).max() > _ASTRAY)
         v_mps, w_radps = (self._moving if astray else self._command).tolist()
         x_m, y_m, yaw_rad = pose
-        state = SimpleNamespace(
-            step=step, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, v_mps=v_mps, w_radps=w_radps, human_xy_m=_NOBODY
+        return cast(
+            RobotState,
+            SimpleNamespace(
+                step=step, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, v_mps=v_mps, w_radps=w_radps, human_xy_m=_NOBODY
+            ),
         )
-        return cast(EpisodeSimulation, state)
 
     def _step(self, time_ns: int) -> int:
         assert self._begun_ns is not None
@@ -115,8 +180,8 @@ class PlanningPolicy(Policy):
         dx, dy = self._shift_m
         return c * x - s * y + dx, s * x + c * y + dy, float(wrap_angle(yaw + self._turn_rad))
 
-    def _begin(self, pose: Pose, goal_xy_robot_m: Sequence[float]) -> tuple[Any, TrackedHumans]:
-        """The planner of the trial.
+    def _begin(self, pose: Pose, goal_xy_robot_m: Sequence[float]) -> Decider:
+        """What decides in the trial.
 
         Raises:
             ConfigError: If start or goal is not free on the map.
@@ -131,14 +196,7 @@ class PlanningPolicy(Policy):
                     f"The {name} ({place[0]:.2f}, {place[1]:.2f}) is not free on the scene's map; is the odometry in "
                     "the scene's frame, or --start right?"
                 )
-        return self._planner.tracked_expert(
-            Scenario(
-                episode=EpisodeKey(seed=0, split=Split.TEST, index=0),
-                start_xyyaw=np.array(pose),
-                goal_xy_m=np.array(goal),
-                humans=(),
-            )
-        )
+        return self._make_decider(pose, goal)
 
     def _check_inside(self, pose: Pose) -> None:
         if self._clearance_m(*pose[:2]) < 0:
@@ -146,7 +204,7 @@ class PlanningPolicy(Policy):
 
     def _clearance_m(self, x_m: float, y_m: float) -> float:
         """Distance to what blocks the robot [m]; -1 beyond the map."""
-        ground = self._planner.ground
+        ground = self._ground
         i, j = ground.occupancy.frame.cell(x_m, y_m)
         rows, columns = ground.clearance.shape
         return float(ground.clearance[i, j]) if 0 <= i < rows and 0 <= j < columns else -1.0

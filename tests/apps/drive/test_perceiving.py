@@ -4,12 +4,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from readygo.apps.drive.planning import PlanningPolicy
+from readygo.apps.drive.perceiving import PerceivingPolicy, acting, planning
 from readygo.common.errors import ConfigError, RunError
+from readygo.common.perception import PeopleTracker
 from readygo.common.perception.people import NOBODY
 from readygo.common.policy import PolicyMemory
 from readygo.common.robot.kinematics import STEP_NS
+from readygo.common.state_policy.actor import StateActor
+from readygo.common.state_simulation.goal_distances import GoalDistances
+from readygo.common.state_simulation.observe import PEOPLE
+from readygo.runs.config import RunConfig
+from readygo.runs.state_world import state_world_of
 from tests.common.perception.test_tracker import seen
+from tests.common.state_policy.state_policies import make_state_policy
 from tests.services.planner.worlds import make_robot_planner
 
 IMAGE = np.zeros((1, 144, 256, 3), np.uint8)
@@ -60,6 +67,10 @@ START = (-1.5, 5.0, math.pi / 2)
 """In the lower left room; a door leads to the upper left one."""
 
 
+def planned(perception, planner, start=None):
+    return PerceivingPolicy(perception, planner, planning(planner), start)
+
+
 def in_scene(pose):
     """A pose of odometry that begins at `START`."""
     x, y, yaw = pose
@@ -69,7 +80,7 @@ def in_scene(pose):
 def test_robot_drives_through_a_door_to_its_goal_from_where_the_trial_begins(planner):
     perception = FakePerception()
     # 4 m ahead, behind the wall.
-    trial = Trial(PlanningPolicy(perception, planner, START), (4.0, 0.0))
+    trial = Trial(planned(perception, planner, START), (4.0, 0.0))
     wall_x = []
     for _ in range(240):
         trial.step()
@@ -84,7 +95,7 @@ def test_robot_drives_through_a_door_to_its_goal_from_where_the_trial_begins(pla
 
 def test_images_are_looked_at_ten_times_a_second(planner):
     perception = FakePerception()
-    trial = Trial(PlanningPolicy(perception, planner, START), (4.0, 0.0))
+    trial = Trial(planned(perception, planner, START), (4.0, 0.0))
     for _ in range(20):
         trial.step()
     assert perception.looks == 10
@@ -92,7 +103,7 @@ def test_images_are_looked_at_ten_times_a_second(planner):
 
 def test_robot_keeps_away_from_a_human_that_it_perceives(planner):
     perception, human = FakePerception(), (-1.5, 4.0)
-    trial = Trial(PlanningPolicy(perception, planner), (-1.5, 2.6), pose=(-1.5, 6.2, -math.pi / 2))
+    trial = Trial(planned(perception, planner), (-1.5, 2.6), pose=(-1.5, 6.2, -math.pi / 2))
     nearest_m = math.inf
     for _ in range(120):
         x, y, yaw = trial.pose
@@ -107,15 +118,64 @@ def test_robot_keeps_away_from_a_human_that_it_perceives(planner):
     assert nearest_m > 0.55
 
 
+class Acting:
+    """A state policy with its world."""
+
+    def __init__(self, planner):
+        maps, robot = planner.maps, planner.robot
+        self.planner, self.policy = planner, make_state_policy(robot=robot)
+        self.world = state_world_of(maps, RunConfig(robot=robot), self.policy.spec.observation)
+        self.distances = GoalDistances(maps.robot, robot.planning_radius_m)
+        self.actors = []
+
+    def trial_policy(self, perception, start=None):
+        make = acting(self.policy, self.world, self.distances, self.planner)
+
+        def noted(pose, goal):
+            self.actors.append(make(pose, goal))
+            return self.actors[-1]
+
+        return PerceivingPolicy(perception, self.planner, noted, start)
+
+
+def test_state_policy_decides_as_on_the_map_wherever_the_odometry_begins(planner):
+    known = Acting(planner)
+    trial = Trial(known.trial_policy(FakePerception(), START), (4.0, 0.0))
+    direct = StateActor(known.policy, known.world, known.distances, PeopleTracker(None, None), (-1.5, 9.0))
+    commands = []
+    for step in range(30):
+        x, y, yaw = in_scene(trial.pose)
+        moving = trial.command.tolist()
+        trial.step()
+        state = SimpleNamespace(step=step, x_m=x, y_m=y, yaw_rad=yaw, v_mps=moving[0], w_radps=moving[1])
+        assert trial.command == pytest.approx(direct.act(state), abs=1e-6)
+        commands.append(tuple(trial.command.tolist()))
+    assert len(set(commands)) > 1
+    changed = [k for k in range(1, 30) if commands[k] != commands[k - 1]]
+    assert all(k % known.policy.spec.hold_steps == 0 for k in changed)
+
+
+def test_state_policy_is_told_the_people_that_are_perceived(planner):
+    known, perception = Acting(planner), FakePerception()
+    trial = Trial(known.trial_policy(perception), (-1.5, 2.6), pose=(-1.5, 6.2, -math.pi / 2))
+    perception.people = seen((1.5, 0.2, 0.0, 0.0))
+    for _ in range(9):
+        trial.step()
+    (actor,) = known.actors
+    there, ahead, left = actor.told[0, PEOPLE : PEOPLE + 3]
+    assert there == 1.0
+    assert 4.0 * math.hypot(ahead, left) == pytest.approx(1.5, abs=0.4)
+
+
 @pytest.mark.parametrize(("start", "what"), [((-3.0, 5.0, 0.0), "start"), ((-1.0, 4.0, 0.0), "goal")])
 def test_places_that_are_not_free_are_refused(planner, start, what):
-    trial = Trial(PlanningPolicy(FakePerception(), planner, start), (1.5, 0.0))
+    trial = Trial(planned(FakePerception(), planner, start), (1.5, 0.0))
     with pytest.raises(ConfigError, match=f"The {what} .* is not free on the scene's map"):
         trial.step()
 
 
 def test_robot_beyond_the_map_ends_the_trial(planner):
-    trial = Trial(PlanningPolicy(FakePerception(), planner, START), (4.0, 0.0))
+    trial = Trial(planned(FakePerception(), planner, START), (4.0, 0.0))
     trial.step()
     trial.pose = (100.0, 0.0, 0.0)
     with pytest.raises(RunError, match="beyond the scene's map"):
