@@ -97,7 +97,8 @@ def _provenance(run: TrainRun) -> dict[str, Any]:
         "torch": torch.__version__,
         "numpy": np.__version__,
         "python": platform.python_version(),
-        "config": section_to_mapping(run.config),
+        # Where perception lay says nothing elsewhere; `data` has the hash of its weights.
+        "config": section_to_mapping(dataclasses.replace(run.config, perception="")),
     }
 
 

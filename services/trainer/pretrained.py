@@ -53,7 +53,8 @@ class PretrainedEncoder(nn.Module):
             motion: See `readygo.common.policy.motion.own_motion`, shape (B, 8).
         """
         with torch.no_grad():
-            pixels = 0.5 * (frames.view(len(frames), FRAMES, 3, *frames.shape[2:]) + 1.0)
+            # Turning frames takes float32, whatever the convolutions are computed in.
+            pixels = 0.5 * (frames.float().view(len(frames), FRAMES, 3, *frames.shape[2:]) + 1.0)
             shown = self.perception.stack(pixels[:, -1], pixels.mean(dim=2), motion)
             columns = self.perception.features(shown, motion)
             told = self._told(*self.perception.read(columns))

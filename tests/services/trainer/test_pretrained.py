@@ -79,10 +79,15 @@ def test_encoder_reads_what_perception_tells_of_the_same_frames(tmp_path: Path) 
     assert np.abs(columns[:, 20].detach().exp().numpy() / free_m - 1).max() < 0.02
 
 
-def test_training_changes_what_reads_and_not_what_perceives(tmp_path: Path) -> None:
+@pytest.mark.parametrize("precision", ["fp32", "bf16"])
+def test_training_changes_what_reads_and_not_what_perceives(tmp_path: Path, precision: str) -> None:
     net = write_perception(tmp_path / "perception")
     source = dataclasses.replace(make_source(camera=CAMERA), has_expert=True, has_risks=True)
-    train_policy(source, with_perception(tmp_path / "perception"), tmp_path / "policy")  # type: ignore[arg-type]
+    config = with_overrides(with_perception(tmp_path / "perception"), precision=precision)
+    train_policy(source, config, tmp_path / "policy")  # type: ignore[arg-type]
+    training = load_policy(tmp_path / "policy").spec.training
+    assert training["config"]["perception"] == ""
+    assert len(training["data"]["perception_weights"]) == 64
     policy = load_network(tmp_path / "policy")
     assert isinstance(policy.encoder, PretrainedEncoder)
     for name, value in net.state_dict().items():
