@@ -39,9 +39,9 @@ if TYPE_CHECKING:
 
 BANK_FORMAT = 2
 PART = 64
+"""Indices, accepted or not, of one file of a bank."""
 ROUNDS, EPOCHS = 5, 12
 """Rounds of demonstrations, and passes over all of them after each."""
-"""Indices, accepted or not, of one file of a bank."""
 REJECTED_PARTS_MAX = 16
 """Parts in a row without an accepted episode after which the scene is called unusable."""
 _SECTIONS = ("robot", "episode", "human_planner", "animator")
