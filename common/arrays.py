@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 Float64Array = npt.NDArray[np.float64]
+Float16Array = npt.NDArray[np.float16]
 Float32Array = npt.NDArray[np.float32]
 FloatingArray = npt.NDArray[np.floating]
 """Of any floating-point dtype."""

@@ -138,7 +138,8 @@ class TrainConfig:
     memory_mb: Count = 2048
     """Most memory for episodes as they were recorded; beyond it they are thinned out, every round alike [MB]."""
     cache_mb: Annotated[int, Range(low=0)] = 1024
-    """Most memory for decoded frames; the rest is decoded again for each batch [MB]."""
+    """Most memory for decoded frames, or for what a pretrained encoder has of them; the rest is made again for each
+    batch [MB]."""
     perception: str = ""
     """Folder of trained perception, which a network with encoder "perception" begins with."""
     validation_fraction: Annotated[float, Range(low=0.0, high=0.9)] = 0.1
@@ -155,6 +156,8 @@ class TrainConfig:
         check_ranges(self)
         if self.samples is not None and self.samples < 1:
             raise ValueError(f"samples must be at least 1, got {self.samples}.")
+        if self.network.encoder == "perception" and (self.sampling.shift_px or self.sampling.yaw_error_rad):
+            raise ValueError('encoder "perception" looks at each image once: shift_px and yaw_error_rad must be 0.')
 
 
 def fast_recipe() -> TrainConfig:
@@ -194,7 +197,7 @@ def best_recipe() -> TrainConfig:
 
 
 def pretrained_recipe() -> TrainConfig:
-    """`best` with the network of perception as its encoder: only what reads from it learns."""
+    """`best` with the network of perception as its encoder: only what reads from it learns, from images as they are."""
     best = best_recipe()
     network = dataclasses.replace(
         best.network,
@@ -203,8 +206,8 @@ def pretrained_recipe() -> TrainConfig:
         latent_count=128,
         widths=PERCEPTION_WIDTHS,
     )
-    sampling = dataclasses.replace(best.sampling, frame_spacing_s=PERCEPTION_SPACING_S, humans_weight=0.0)
-    return dataclasses.replace(best, network=network, sampling=sampling)
+    sampling = dataclasses.replace(best.sampling, frame_spacing_s=PERCEPTION_SPACING_S, humans_weight=0.0, shift_px=0)
+    return dataclasses.replace(best, network=network, sampling=sampling, cache_mb=3072)
 
 
 RECIPES = {"best": best_recipe, "fast": fast_recipe, "paper": paper_recipe, "pretrained": pretrained_recipe}

@@ -25,6 +25,7 @@ from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.trainer.graph_file import graph_bytes
 from readygo.services.trainer.inputs import Fusion, GoalForm, MotionInput, PolicyInputs
 from readygo.services.trainer.model import Encoder, PolicyNet, ResidualBlock
+from readygo.services.trainer.pretrained import PretrainedEncoder
 
 MEMORY = "memory"
 """Name of the graph's state."""
@@ -61,10 +62,9 @@ class InferenceModule(nn.Module):
         net, given = self.net, dict(zip(self._names, values, strict=True))
         # With early fusion shape (1, F, H, W, C) each, else (N, H, W, C).
         pixels = torch.cat([self._pixels(given[name], name) for name in net.inputs.images], dim=1)
-        if net.inputs.fusion is Fusion.EARLY:
-            latents = new = net.encode_stacked(pixels, given.get(Given.MOTION, torch.zeros(1, 0)))
-        else:
-            new = net.encoder(pixels)
+        pretrained = isinstance(net.encoder, PretrainedEncoder)
+        latents = new = net.encoder(pixels, given[Given.MOTION]) if pretrained else net.encoder(pixels)
+        if net.inputs.fusion is Fusion.LATE:
             rows = [given[name] for name in (Given.WINDOW, Given.GOAL_FRAME) if name in given]
             latents = torch.cat([given["latents"], new])[torch.cat(rows)].reshape(1, -1)
         traits, goal_xy_m = given.get(Given.ROBOT), given.get(Given.GOAL, torch.zeros(1, 2))

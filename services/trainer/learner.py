@@ -36,13 +36,14 @@ class Learner:
         """
         device = device_of(config)
         dtype = dtype_of(config, device, (robot.camera.height_px, robot.camera.width_px))
-        self.objective = Objective(robot, config, timing_of(robot, config), dtype)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(config.seed)
             self.model = PolicyNet(robot, config.network, reads_humans=config.sampling.humans_weight > 0)
+        looks = self.model.encoder if isinstance(self.model.encoder, PretrainedEncoder) else None
         if encoder is not None:
-            assert isinstance(self.model.encoder, PretrainedEncoder)
-            self.model.encoder.perception.load_state_dict(encoder)
+            assert looks is not None
+            looks.perception.load_state_dict(encoder)
+        self.objective = Objective(robot, config, timing_of(robot, config), dtype, looks)
         self.model.to(device=device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         if self.model.bins is not None:
             self.model.bins.to(device)

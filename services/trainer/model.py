@@ -196,8 +196,9 @@ class PolicyNet(nn.Module):
         """`encode_windows`, in the type that autocast sets, then `remember` and `act` in float32.
 
         Args:
-            images: As for `encode_windows`, as is `window`.
-            window: See there.
+            images: As for `encode_windows`; with a pretrained encoder what it has of them, see
+                `PretrainedEncoder.look`.
+            window: As for `encode_windows`.
             motion: Own motion in SI units, shape (B, M).
             goal_xy_m: As for `act`.
             traits: As for `act`.
@@ -206,7 +207,10 @@ class PolicyNet(nn.Module):
         Returns:
             What the head answers, and what `humans` reads, shape (B, 3); empty without it.
         """
-        latents = self.encode_windows(images, window, motion)
+        if isinstance(self.encoder, PretrainedEncoder):
+            latents = self.encoder.read(images)
+        else:
+            latents = self.encode_windows(images, window)
         with torch.autocast(images.device.type, enabled=False):
             latents = latents.float()
             told = self.normalise_motion(motion, traits)
@@ -217,14 +221,13 @@ class PolicyNet(nn.Module):
             answers = self.act(latents, told, goal_xy_m, traits, remembered)
             return answers, latents[:, :0] if self.humans is None else self.humans(latents)
 
-    def encode_windows(self, images: Tensor, window: Tensor, motion: Tensor) -> Tensor:
+    def encode_windows(self, images: Tensor, window: Tensor) -> Tensor:
         """Latents of windows that share frames.
 
         Args:
             images: Distinct frames in [-1, 1], shape (F, C, H, W).
             window: Rows of `images` that each sample sees, oldest first, and at last what shows its goal where the
                 network sees that, shape (B, `frame_count`) or one more.
-            motion: Own motion in SI units, which a pretrained encoder takes, shape (B, M).
 
         Returns:
             Shape (B, `latents_width`).
@@ -233,15 +236,10 @@ class PolicyNet(nn.Module):
             stacked = torch.cat([images[window[:, k]] for k in range(self.inputs.frame_count)], dim=1)
             if len(self.inputs.images) > 1:
                 stacked = stacked[:, self._by_image]
-            return self.encode_stacked(stacked.contiguous(memory_format=torch.channels_last), motion)
+            together: Tensor = self.encoder(stacked.contiguous(memory_format=torch.channels_last))
+            return together
         latents: Tensor = self.encoder(images)[window.reshape(-1)]
         return latents.reshape(len(window), self.inputs.latents_width)
-
-    def encode_stacked(self, stacked: Tensor, motion: Tensor) -> Tensor:
-        """Latents of stacked frames (early fusion), shape (B, L); motion as for `encode_windows`."""
-        pretrained = isinstance(self.encoder, PretrainedEncoder)
-        latents: Tensor = self.encoder(stacked, motion) if pretrained else self.encoder(stacked)
-        return latents
 
     def remember(self, latents: Tensor, motion: Tensor, chains: Tensor) -> Tensor:
         """What is remembered at each sample of a batch, from the samples before it in its chain, shape (B, R).

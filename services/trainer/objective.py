@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from readygo.common.arrays import AnyArray, Float32Array, Float64Array, Int64Array
+from readygo.common.arrays import AnyArray, Float16Array, Float32Array, Float64Array, Int64Array
 from readygo.common.images.names import cameras_of
 from readygo.common.policy.traits import LIMITS_AT
 from readygo.common.robot import RobotConfig
@@ -17,9 +17,11 @@ from readygo.services.trainer.frames import FrameCache
 from readygo.services.trainer.goals import Goals, hindsight_goals, own_goals
 from readygo.services.trainer.inputs import MotionInput
 from readygo.services.trainer.light import light_on, lit
+from readygo.services.trainer.looked import LookCache
 from readygo.services.trainer.model import Bins
 from readygo.services.trainer.motion import correct_for_turn, corrupt_previous, mirrored_motion, turn_motion, turn_world
 from readygo.services.trainer.pooling import pooling_of
+from readygo.services.trainer.pretrained import PretrainedEncoder
 from readygo.services.trainer.samples import Batch, TrainingSamples, WindowTiming, chain_rows, make_batch
 from readygo.services.trainer.views import BatchViews, draw_views, plain_view
 from readygo.services.trainer.warps import RobotWarp, mirror_twins, show_frames
@@ -30,6 +32,9 @@ PREVIOUS_NOISE = 0.1
 """Standard deviation of the noise on the previous action in training, in units of its limits."""
 YAW_GAIN_PER_S = 2.0
 """Turn rate that the policy learns against a yaw error [1/s]."""
+LOOKED_AT_ONCE = 64
+"""Samples that a pretrained encoder looks at together."""
+Frames = FrameCache | LookCache
 WARPS_KEPT = 256
 """Cameras of episodes that are kept."""
 LEFT_RIGHT = np.array([1.0, -1.0], np.float32)
@@ -40,7 +45,7 @@ class Shown:
     """A batch as the network takes it."""
 
     images: Tensor
-    """Distinct frames, shape (F, C, H, W), channels_last."""
+    """Distinct frames, shape (F, C, H, W), channels_last; or what a pretrained encoder has of each sample."""
     window: Tensor
     """Rows of `images` that each sample sees, its frames and then its goal, shape (B, 3) or (B, 4)."""
     motion: Tensor
@@ -66,11 +71,27 @@ class Shown:
 class Objective:
     """Turns samples into what the network is shown, and its answers into a loss."""
 
-    def __init__(self, robot: RobotConfig, config: TrainConfig, timing: WindowTiming, dtype: torch.dtype) -> None:
-        self._timing, self._dtype = timing, dtype
+    def __init__(
+        self,
+        robot: RobotConfig,
+        config: TrainConfig,
+        timing: WindowTiming,
+        dtype: torch.dtype,
+        encoder: PretrainedEncoder | None = None,
+    ) -> None:
+        """Prepare for a network.
+
+        Args:
+            robot: Whose cameras took the images.
+            config: Settings of the training.
+            timing: Which steps belong together.
+            dtype: Type in which the network computes.
+            encoder: Looks at images once, for a network that has it.
+        """
+        self._timing, self._dtype, self._encoder = timing, dtype, encoder
         self._sees, sampling = config.network.images, config.sampling
         # In a mirror other cameras would be on the robot's other side, or have another lens.
-        mirrors = mirror_twins(robot, cameras_of(self._sees)) is not None
+        mirrors = encoder is None and mirror_twins(robot, cameras_of(self._sees)) is not None
         self._config, self._mirrors = sampling, mirrors
         self._mirrored_commands = mirror_indices(robot)
         self._motion = MotionInput(config.network.motion)
@@ -78,9 +99,7 @@ class Objective:
         self._warp_of = lru_cache(WARPS_KEPT)(partial(RobotWarp, images=self._sees, pooling=pooling))
         self._sees_goal = config.network.goal != "point"
 
-    def training(
-        self, table: TrainingSamples, frames: FrameCache, samples: Int64Array, rng: np.random.Generator
-    ) -> Shown:
+    def training(self, table: TrainingSamples, frames: Frames, samples: Int64Array, rng: np.random.Generator) -> Shown:
         """Samples with random changes."""
         batch = make_batch(samples, table.first, self._timing)
         firsts, groups = np.unique(table.first[batch.frames], return_inverse=True)
@@ -98,11 +117,12 @@ class Objective:
         # What a command leads to is told for the robot as it stood.
         risks = np.where(yaws_rad[:, None] != 0, UNKNOWN_RISK, table.risks[samples])
         humans = table.humans[samples] - np.stack([0 * yaws_rad, yaws_rad, 0 * yaws_rad], axis=1)
-        images = self._images(table, frames, batch.frames, groups, view)
+        images = self._shown(table, frames, batch, groups, view)
         if self._sees_goal:
             places, batch = with_goal_frames(batch, chosen)
             # Where the robot was turned to says nothing of what is seen at the goal.
             still = replace(view, yaws_rad=np.zeros_like(view.yaws_rad))
+            assert isinstance(frames, FrameCache)
             there = self._images(table, frames, places, rows[first_of(chosen)], still)
             images = torch.cat([images, there])
         return self._network_inputs(
@@ -117,9 +137,7 @@ class Objective:
             first=table.first[samples],
         )
 
-    def plain(
-        self, table: TrainingSamples, frames: FrameCache, samples: Int64Array, *, withheld: bool = False
-    ) -> Shown:
+    def plain(self, table: TrainingSamples, frames: Frames, samples: Int64Array, *, withheld: bool = False) -> Shown:
         """Samples as they were recorded, the previous action withheld where asked for."""
         batch = make_batch(samples, table.first, self._timing)
         motion = table.motion[samples]
@@ -127,9 +145,10 @@ class Objective:
             motion = corrupt_previous(motion[:, -2:], np.zeros(2, np.float32), np.full(len(samples), withheld))
         groups = np.zeros(len(batch.frames), np.int64)
         goals = own_goals(table, samples)
-        images = self._images(table, frames, batch.frames, groups, plain_view())
+        images = self._shown(table, frames, batch, groups, plain_view())
         if self._sees_goal:
             places, batch = with_goal_frames(batch, goals)
+            assert isinstance(frames, FrameCache)
             there = self._images(table, frames, places, np.zeros(len(places), np.int64), plain_view())
             images = torch.cat([images, there])
         return self._network_inputs(
@@ -177,6 +196,28 @@ class Objective:
             return motion
         noise = (PREVIOUS_NOISE * rng.normal(0.0, limits, (len(motion), 2))).astype(np.float32)
         return corrupt_previous(motion[:, -2:], noise, rng.random(len(motion)) < PREVIOUS_DROPOUT)
+
+    def _shown(
+        self, table: TrainingSamples, frames: Frames, batch: Batch, groups: Int64Array, view: BatchViews
+    ) -> Tensor:
+        """The distinct frames of a batch as `_images` gives them, or what a pretrained encoder has of its samples."""
+        if isinstance(frames, LookCache):
+            return torch.from_numpy(frames.get(table, batch.samples, self._look)).float()
+        return self._images(table, frames, batch.frames, groups, view)
+
+    def _look(self, table: TrainingSamples, frames: FrameCache, samples: Int64Array) -> Float16Array:
+        """What the pretrained encoder has of samples, see `PretrainedEncoder.look`."""
+        assert self._encoder is not None
+        batch, device = make_batch(samples, table.first, self._timing), self._encoder.log_m.device
+        images = torch.from_numpy(frames.get(table, batch.frames)).permute(0, 3, 1, 2)
+        motion, looked = torch.from_numpy(table.motion[samples]), []
+        for rows in range(0, len(samples), LOOKED_AT_ONCE):
+            part = slice(rows, rows + LOOKED_AT_ONCE)
+            stacked = images[torch.from_numpy(batch.window[part])].flatten(1, 2).float() / 127.5 - 1.0
+            with torch.autocast(device.type, torch.bfloat16, enabled=self._dtype is torch.bfloat16):
+                looked.append(self._encoder.look(stacked.to(device), motion[part].to(device)).half().cpu())
+        told: Float16Array = torch.cat(looked).numpy()
+        return told
 
     def _images(
         self, table: TrainingSamples, cache: FrameCache, places: Int64Array, groups: Int64Array, view: BatchViews

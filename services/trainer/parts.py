@@ -10,6 +10,7 @@ from readygo.common.robot.command_grid import command_grid
 from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.episodes import SampleSource, TrainingEpisode, read_episodes
 from readygo.services.trainer.frames import FrameCache
+from readygo.services.trainer.looked import LookCache
 from readygo.services.trainer.pooling import pooling_of
 from readygo.services.trainer.reservoir import Reservoir
 from readygo.services.trainer.samples import TrainingSamples, WindowTiming, episode_table, held_out_names, join_tables
@@ -30,13 +31,17 @@ class EpisodePart:
             share: The part's share of the memory.
         """
         self.reservoir = Reservoir(int(share * config.memory_mb * 1e6), config.seed)
-        self.frames = FrameCache(
+        looks = config.network.encoder == "perception"
+        limit_bytes = int(share * config.cache_mb * 1e6)
+        frames = FrameCache(
             self.reservoir,
             robot,
             pooling=pooling_of(robot.camera, config.network.pooled_height_px),
-            limit_bytes=int(share * config.cache_mb * 1e6),
+            limit_bytes=0 if looks else limit_bytes,
             images=config.network.images,
         )
+        self.frames = LookCache(frames, limit_bytes=limit_bytes) if looks else frames
+        """The images as training takes them."""
         self._robot, self._timing = robot, timing_of(robot, config)
         self._tables: dict[str, TrainingSamples] = {}
         self._joined: tuple[int, TrainingSamples] | None = None

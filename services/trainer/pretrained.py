@@ -46,18 +46,27 @@ class PretrainedEncoder(nn.Module):
         return self
 
     def forward(self, frames: Tensor, motion: Tensor) -> Tensor:
-        """Latents, shape (B, L).
+        """Latents, shape (B, L); arguments as for `look`."""
+        return self.read(self.look(frames, motion))
+
+    @torch.no_grad()
+    def look(self, frames: Tensor, motion: Tensor) -> Tensor:
+        """What perception has of each column: its features, and `TOLD` numbers, shape (B, F + TOLD, C).
 
         Args:
             frames: Three frames in [-1, 1], the oldest first, shape (B, 9, H, W).
             motion: See `readygo.common.policy.motion.own_motion`, shape (B, 8).
         """
-        with torch.no_grad():
-            # Turning frames takes float32, whatever the convolutions are computed in.
-            pixels = 0.5 * (frames.float().view(len(frames), FRAMES, 3, *frames.shape[2:]) + 1.0)
-            shown = self.perception.stack(pixels[:, -1], pixels.mean(dim=2), motion)
-            columns = self.perception.features(shown, motion)
-            told = self._told(*self.perception.read(columns))
+        # Turning frames takes float32, whatever the convolutions are computed in.
+        pixels = 0.5 * (frames.float().view(len(frames), FRAMES, 3, *frames.shape[2:]) + 1.0)
+        shown = self.perception.stack(pixels[:, -1], pixels.mean(dim=2), motion)
+        columns = self.perception.features(shown, motion)
+        told = self._told(*self.perception.read(columns))
+        return torch.cat([columns.float(), told], dim=1)
+
+    def read(self, looked: Tensor) -> Tensor:
+        """Latents of what `look` answered, shape (B, L)."""
+        columns, told = looked[:, :-TOLD], looked[:, -TOLD:]
         read = nn.functional.relu(self.features(columns))
         latents: Tensor = self.latent(torch.cat([read, told.to(read.dtype)], dim=1).flatten(1))
         return latents

@@ -40,7 +40,7 @@ def test_exported_graph_answers_what_torch_answers(tmp_path, size):
     with torch.inference_mode():
         motion = torch.from_numpy(np.column_stack([commands, np.ones(30, np.float32)]))
         frames = torch.from_numpy(images / np.float32(127.5) - 1).permute(0, 3, 1, 2)
-        latents = model.encode_windows(frames, window, motion)
+        latents = model.encode_windows(frames, window)
         answers = model.act(latents, model.normalise_motion(motion), torch.from_numpy(goals))
         expected = model.clip(model.decide(answers)).numpy()
     memory = policy.start()

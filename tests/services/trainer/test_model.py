@@ -37,7 +37,7 @@ def test_best_network_is_within_the_paper_s_size():
 def test_shared_frames_give_the_same_as_separate_ones(model):
     images = torch.rand(3, 3, 144, 256) * 2 - 1
     latents = model.encoder(images)
-    encoded = model.encode_windows(images, torch.tensor([[0, 1, 2], [1, 2, 2]]), torch.zeros(2, 3))
+    encoded = model.encode_windows(images, torch.tensor([[0, 1, 2], [1, 2, 2]]))
     assert torch.equal(encoded[1], latents[[1, 2, 2]].reshape(-1))
 
 
@@ -45,7 +45,7 @@ def test_early_fusion_sees_the_frames_stacked_oldest_first():
     robot = RobotConfig(camera=CameraConfig(height_px=16, width_px=16))
     model = PolicyNet(robot, NetworkConfig(fusion="early", latent_count=5)).eval()
     images = torch.rand(4, 3, 16, 16)
-    encoded = model.encode_windows(images, torch.tensor([[3, 0, 2]]), torch.zeros(1, 3))
+    encoded = model.encode_windows(images, torch.tensor([[3, 0, 2]]))
     assert encoded.shape == (1, 5)
     assert torch.allclose(encoded, model.encoder(torch.cat([images[3], images[0], images[2]])[None]), atol=1e-6)
 

@@ -15,11 +15,14 @@ from readygo.common.robot import CameraConfig, RobotConfig
 from readygo.services.trainer import RECIPES, TrainConfig, train_policy, with_overrides
 from readygo.services.trainer.export import export_policy
 from readygo.services.trainer.finetune import load_network
+from readygo.services.trainer.learner import Learner
 from readygo.services.trainer.model import PolicyNet
+from readygo.services.trainer.parts import build_parts
 from readygo.services.trainer.perception.export import export_perception
 from readygo.services.trainer.perception.network import PerceptionNet
 from readygo.services.trainer.perception.train import perceive, shown_of
 from readygo.services.trainer.pretrained import PretrainedEncoder
+from readygo.services.trainer.ranks import Ranks
 from readygo.services.trainer.run import encoder_of
 from tests.services.trainer.conftest import make_source
 from tests.services.trainer.perception.conftest import CAMERA, ROBOT, make_looks
@@ -112,7 +115,7 @@ def test_exported_graph_answers_what_torch_answers(tmp_path: Path) -> None:
     pose = np.zeros((1, 3))
     motion = torch.from_numpy(own_motion(pose[:, None].repeat(2, axis=1), pose, still))
     with torch.inference_mode():
-        latents = model.encode_windows(frames, torch.tensor([[0, 4, 8]]), motion)
+        latents = model.encoder(frames[[0, 4, 8]].flatten(0, 1)[None], motion)
         answers = model.act(latents, model.normalise_motion(motion), torch.from_numpy(goal))
         assert np.abs(model.clip(model.decide(answers)).numpy() - action).max() < 1e-4
 
@@ -151,3 +154,28 @@ def test_run_goes_on_with_the_same_weights_alone(tmp_path: Path) -> None:
     export_perception(PerceptionNet(CAMERA, WIDTHS).eval(), PerceptionSpec(robot=ROBOT), moved)
     with pytest.raises(PolicyError, match="another perception_weights"):
         train_policy(source, longer, tmp_path / "policy")  # type: ignore[arg-type]
+
+
+def test_training_is_shown_what_the_encoder_has_of_each_sample(tmp_path: Path) -> None:
+    net = write_perception(tmp_path / "perception")
+    config = with_perception(tmp_path / "perception")
+    source = dataclasses.replace(make_source(camera=CAMERA, episodes=2), has_expert=True, has_risks=True)
+    training, _ = build_parts(source, None, config)  # type: ignore[arg-type]
+    learner = Learner(ROBOT, config, Ranks(), net.state_dict())
+    assert isinstance(learner.model.encoder, PretrainedEncoder)
+    table, samples = training.table, np.array([0, 9, 30, 31])
+    shown = learner.objective.training(table, training.frames, samples, np.random.default_rng(0))
+    assert torch.equal(shown.images, learner.objective.plain(table, training.frames, samples).images)
+    images = [torch.from_numpy(source.picture(int(k))).permute(2, 0, 1) for k in range(60)]
+    first = int(table.first[0])
+    stacked = torch.stack(
+        [torch.cat([images[first + max(k - back, 0)] for back in (8, 4, 0)]).float() / 127.5 - 1.0 for k in samples]
+    )
+    looked = learner.model.encoder.look(stacked, torch.from_numpy(table.motion[samples]))
+    assert torch.allclose(shown.images, looked, atol=0.02, rtol=0.01)
+
+
+def test_changed_images_cannot_be_looked_at_once() -> None:
+    for name, value in (("shift_px", 2), ("yaw_error_rad", 0.1)):
+        with pytest.raises(ValueError, match="shift_px and yaw_error_rad must be 0"):
+            with_overrides(CONFIG, **{name: value})
