@@ -57,7 +57,7 @@ class PretrainedEncoder(nn.Module):
             frames: Three frames in [-1, 1], the oldest first, shape (B, 9, H, W).
             motion: See `readygo.common.policy.motion.own_motion`, shape (B, 8).
         """
-        # Turning frames takes float32, whatever the convolutions are computed in.
+        # Turning frames takes float32, also where convolutions are computed in bfloat16.
         pixels = 0.5 * (frames.float().view(len(frames), FRAMES, 3, *frames.shape[2:]) + 1.0)
         shown = self.perception.stack(pixels[:, -1], pixels.mean(dim=2), motion)
         columns = self.perception.features(shown, motion)
