@@ -54,9 +54,9 @@ def _hash(method: str, checkpoints: Path) -> str:
         for folder in other_policies([method], checkpoints).values():
             return policy_sha256(folder)
         for folder in state_policies([method], checkpoints).values():
-            return _file_hash(folder / STATE_POLICY_FILE) + _file_hash(folder / ACTOR_FILE)
+            return _files_hash([folder / STATE_POLICY_FILE, folder / ACTOR_FILE])
         if files := perception_files(method, checkpoints):
-            return "".join(_file_hash(file) for file in files)
+            return _files_hash(files)
         path = checkpoints / NETWORKS[method] if method in NETWORKS else _source(method)
         return _file_hash(path) if path else ""
     except OSError:
@@ -84,6 +84,12 @@ def _source(method: str) -> Path | None:
     except (ImportError, ValueError):
         return None
     return Path(spec.origin) if spec and spec.origin else None
+
+
+def _files_hash(paths: Sequence[Path]) -> str:
+    """SHA-256 of a file, or of those of several files."""
+    hashes = [_file_hash(path) for path in paths]
+    return hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()
 
 
 def _file_hash(path: Path) -> str:

@@ -3,7 +3,10 @@ from pathlib import Path
 
 import pytest
 
+from readygo.apps.fleet.evaluation import make_plan
 from readygo.common.errors import RunError
+from readygo.common.messages import Split
+from readygo.runs.evaluation import make_request
 from readygo.runs.method_files import check_method_files, method_hashes
 from readygo.runs.policy import policy_sha256
 from tests.common.policy.artifacts import write_policy
@@ -49,3 +52,18 @@ def test_state_policies_have_the_hashes_of_their_files(tmp_path: Path) -> None:
     (folder / "actor.npz").write_bytes(b"others")
     with pytest.raises(RunError, match="rl is another one here"):
         check_method_files(hashes, ["rl"], tmp_path)
+
+
+def test_methods_of_several_files_have_one_hash_that_workers_accept(tmp_path: Path) -> None:
+    write_state_policy(tmp_path / "rl")
+    (tmp_path / "perception").mkdir()
+    (tmp_path / "perception" / "perception.onnx").write_bytes(b"graph")
+    methods = ("rl", "perceive-and-act", "perceive-and-plan")
+    hashes = method_hashes(methods, tmp_path)
+    assert set(hashes) == set(methods)
+    request = make_request(1, ("dynamic",), methods, Split.TEST, 0)
+    plan = make_plan(request, camera="policy", lockstep=8, checkpoints=tmp_path, method_hashes=hashes)
+    assert plan.method_hashes == hashes
+    (tmp_path / "perception" / "perception.onnx").write_bytes(b"another")
+    changed = method_hashes(methods, tmp_path)
+    assert [changed[name] == hashes[name] for name in methods] == [True, False, False]
