@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from readygo.common.config import section_differences
 from readygo.common.episode.loop import Driver
 from readygo.common.errors import PolicyError
 from readygo.common.maps.occupancy import GROUND_CLEARANCE_M
@@ -17,6 +16,7 @@ from readygo.common.policy.artifact import SPEC_FILE
 from readygo.common.policy.driver import PolicyDriver
 from readygo.common.scenes.scene import ROBOT_MAP_FILE
 from readygo.common.state_policy.perceiving_driver import PerceivingStateDriver
+from readygo.common.state_policy.robots import robot_difference
 from readygo.common.state_policy.state_policy import StatePolicy, is_state_policy, load_state_policy
 from readygo.runs.state_world import goal_distances, state_driver, state_world
 from readygo.runs.world import World
@@ -203,12 +203,9 @@ def _state_policy(name: str, folder: Path, world: World) -> MakeDriver:
 
 def _load_state_policy(name: str, folder: Path, evaluator: Evaluator) -> StatePolicy:
     policy = load_state_policy(folder)
-    different = section_differences(policy.spec.robot, evaluator.robot)
-    if different:
-        key, trained, asked = different[0]
+    if difference := robot_difference(policy.spec.robot, evaluator.robot):
         raise PolicyError(
-            f"The method {name} was trained for another robot ({key} is {trained}, here {asked}): name its robot "
-            "with --robot."
+            f"The method {name} was trained for another robot ({difference}): name its robot with --robot."
         )
     return policy
 

@@ -3,14 +3,11 @@
 import dataclasses
 from pathlib import Path
 
-import numpy as np
-
-from readygo.common.camera import CameraConfig
-from readygo.common.config import section_differences
 from readygo.common.dataset.provenance import Provenance, TeacherOrigin
 from readygo.common.errors import PolicyError
 from readygo.common.messages import RunSpec, TeacherRef
 from readygo.common.robot import RobotConfig
+from readygo.common.state_policy.robots import robot_difference
 from readygo.common.state_policy.state_policy import (
     ACTOR_FILE,
     STATE_POLICY_FILE,
@@ -18,7 +15,6 @@ from readygo.common.state_policy.state_policy import (
     is_state_policy,
     load_state_policy,
 )
-from readygo.common.state_simulation.world import camera_views
 from readygo.runs.config import RunConfig
 from readygo.runs.identity import numeric_class, run_name
 from readygo.runs.policy import file_ref
@@ -57,23 +53,11 @@ def teacher_ref(folder: Path) -> TeacherRef:
 
 
 def _check_robot(trained: StatePolicySpec, robot: RobotConfig) -> None:
-    """Raise PolicyError unless a state policy drives a robot; of its cameras only what they show matters."""
+    """Raise PolicyError unless a state policy drives a robot."""
     if robot.ranges.varies:
         raise PolicyError("--teacher: a state policy drives one robot; leave [ranges] out of robot.toml.")
-    ours, theirs = camera_views(trained.robot), camera_views(robot)
-    different = section_differences(_without_cameras(trained.robot), _without_cameras(robot))
-    if different:
-        key, known, asked = different[0]
-        difference = f"{key} is {known}, here {asked}"
-    elif ours.shape != theirs.shape or not np.allclose(ours, theirs):
-        difference = "its cameras show something else"
-    else:
-        return
-    raise PolicyError(f"--teacher: it was trained for another robot ({difference}); name its robot with --robot.")
-
-
-def _without_cameras(robot: RobotConfig) -> RobotConfig:
-    return dataclasses.replace(robot, camera=CameraConfig(), camera_name=RobotConfig.camera_name, cameras={})
+    if difference := robot_difference(trained.robot, robot):
+        raise PolicyError(f"--teacher: it was trained for another robot ({difference}); name its robot with --robot.")
 
 
 def _check_scene(trained: StatePolicySpec, spec: RunSpec) -> None:

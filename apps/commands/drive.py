@@ -25,7 +25,6 @@ from readygo.apps.terminal import PlainConsole
 from readygo.common.arrays import UInt8Array
 from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.camera import CameraConfig
-from readygo.common.config import section_differences
 from readygo.common.errors import BusError, ConfigError, PolicyError, RunError
 from readygo.common.files import read_regular
 from readygo.common.images.encoded import decode_pixels
@@ -34,6 +33,7 @@ from readygo.common.perception import Perception, load_perception
 from readygo.common.policy import Policy, load_policy
 from readygo.common.policy.sight import camera_on
 from readygo.common.robot import RobotConfig, load_robot
+from readygo.common.state_policy.robots import robot_difference
 from readygo.common.state_policy.state_policy import load_state_policy
 from readygo.common.state_simulation.goal_distances import GoalDistances
 from readygo.runs.config import RunConfig
@@ -259,9 +259,8 @@ def _acting(folder: Path | None, settings: RunConfig, planner: RobotPlanner) -> 
     if folder is None:
         raise ConfigError("--driver perceive-and-act needs a policy: readygo drive FOLDER, from `readygo rl`.")
     policy = load_state_policy(folder)
-    if different := section_differences(policy.spec.robot, settings.robot):
-        name, ours, theirs = different[0]
-        raise PolicyError(f"{folder} drives another robot: {name} {ours} (that of perception: {theirs}).")
+    if difference := robot_difference(policy.spec.robot, settings.robot):
+        raise PolicyError(f"{folder} was trained for another robot than perception ({difference}).")
     world = state_world_of(planner.maps, settings, policy.spec.observation)
     distances = GoalDistances(planner.maps.robot, settings.robot.planning_radius_m)
     return acting(policy, world, distances, planner)

@@ -168,7 +168,7 @@ def test_state_policy_drives_the_robot_that_perception_knows(tmp_path):
     with pytest.raises(PolicyError, match="holds no usable state policy"):
         command._acting(tmp_path, settings, planner)
     faster = write_state_policy(tmp_path / "faster", robot=RobotConfig(v_max_mps=1.5))
-    with pytest.raises(PolicyError, match=r"drives another robot: v_max_mps 1\.5 \(that of perception: 1\.0\)"):
+    with pytest.raises(PolicyError, match=r"another robot than perception \(v_max_mps is 1\.5, here 1\.0\)"):
         command._acting(faster, settings, planner)
     decider = command._acting(write_state_policy(tmp_path / "fits"), settings, planner)((-1.5, 5.0, 1.57), (-1.5, 9.0))
     assert isinstance(decider, StateActor)
