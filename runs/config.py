@@ -90,9 +90,14 @@ def load_run_config(
     if sensor is not None:
         config = _with_sensor(config, sensor)
     if people is not None:
-        episode, planner = MIXES[people](config.episode, config.human_planner)
-        config = dataclasses.replace(config, episode=episode, human_planner=planner)
+        config = with_mix(config, people)
     return with_keys(config, keys)
+
+
+def with_mix(config: RunConfig, people: MixName) -> RunConfig:
+    """The configuration with a scenario mix: how many humans there are and how they meet the robot."""
+    episode, planner = MIXES[people](config.episode, config.human_planner)
+    return dataclasses.replace(config, episode=episode, human_planner=planner)
 
 
 def _with_sensor(config: RunConfig, name: SensorName) -> RunConfig:

@@ -19,8 +19,10 @@ from readygo.apps.fleet.options import RouterOptions
 from readygo.apps.learn.config import GoalName, LearnConfig
 from readygo.apps.learn.crew import Reach
 from readygo.apps.learn.learn import learn_policy, report_content
+from readygo.apps.learn.paper import first_plan, minutes_after, teacher_of
 from readygo.apps.learn.perceive import (
     BESIDE,
+    Perceived,
     PerceivePlan,
     Step,
     check_plan,
@@ -29,7 +31,7 @@ from readygo.apps.learn.perceive import (
     perceive_settings,
     perception_content,
 )
-from readygo.apps.learn.plan import STATE, Budget, LearnPlan, learn_configs, make_plan
+from readygo.apps.learn.plan import FIRST_FOLDER, STATE, Budget, LearnPlan, learn_configs, make_plan
 from readygo.apps.learn.supervise import Now
 from readygo.apps.monitor.beside import show_page
 from readygo.apps.options import given_options
@@ -44,9 +46,11 @@ from readygo.services.evaluator import EpisodeRecord, EvaluateReply, summary_tab
 
 _NOT_IN_REPORT = ("scenes", "out", "minutes", "samples", "on", "watch", "json", "fleet")
 """Fields and groups that the report's command to resume leaves out, or sets itself."""
-_OF_BOTH_FORMS = ("scenes", "out", "form", "minutes", "episodes", "seed", "robot", "config", "json", "avatars")
+_OF_ALL_FORMS = ("scenes", "out", "form", "minutes", "episodes", "seed", "robot", "config", "json", "avatars")
 """Fields and groups that the form "perceive" takes."""
-PERCEIVE = "perceive"
+_OF_PAPER = (*_OF_ALL_FORMS, "watch", "learn")
+"""Fields, groups and sections that the form "paper" takes."""
+PERCEIVE, PAPER, POLICY_FORM = "perceive", "paper", "policy"
 Show = Callable[[Now], None]
 Tested = Callable[[EpisodeRecord], None]
 
@@ -86,10 +90,12 @@ class LearnOptions:
     """Scene bundles, "embedded" or "embedded:SEED"; one policy learns in all of them."""
     out: Path
     """Folder of the run, new or to resume: data, policy, curve.json, evaluation and report.html."""
-    form: Literal["auto", "perceive", "policy"] = "auto"
+    form: Literal["auto", "perceive", "paper", "policy"] = "auto"
     """What is learned: "perceive", a network that sees people and free space, with which a planner or a policy on
-    states drives on the map; "policy", a policy from images to commands, without a map. "auto" takes the first, which
-    reaches more goals among people, unless an option or key is given that only policies have."""
+    states drives on the map; "policy", a policy from images to commands, without a map; "paper", both: half of the
+    time for "perceive", then a policy whose encoder is that network and whose teacher is the policy on states. "auto"
+    takes "perceive", which reaches more goals among people, unless an option or key is given that only policies
+    have."""
     minutes: float = 60.0
     """Wall time of recording and training, including earlier calls [min]; training ends earlier if the policy
     stops improving. The test is not included."""
@@ -121,9 +127,23 @@ def learn(options: LearnOptions) -> None:
     """Record episodes and train a policy at the same time; run the same command again to resume."""
     if options.episodes < 0:
         raise RunError(f"--episodes must be at least 0, got {options.episodes}.")
-    if _form(options) == PERCEIVE:
+    form = _form(options)
+    if form == PERCEIVE:
         _learn_to_perceive(options)
-        return
+    elif form == PAPER:
+        _learn_as_the_paper(options)
+    else:
+        _learn_policy(options, given_options(options, _NOT_IN_REPORT))
+
+
+def _learn_policy(options: LearnOptions, given: Mapping[str, str], people: Path | None = None) -> None:
+    """Record, train a policy, test it, and write the report.
+
+    Args:
+        options: What the run is told.
+        given: Options of the command in the report that learns on.
+        people: Avatars of the data; those of the measurements by default.
+    """
     if options.on == "hosts" and not options.fleet.listen:
         raise RunError("--on hosts needs --listen with an address that they reach, such as tls/10.0.0.5:7447.")
     if options.fleet.listen or options.fleet.certs:
@@ -145,6 +165,7 @@ def learn(options: LearnOptions) -> None:
         Budget(minutes=options.minutes, samples=options.training.samples),
         avatars=options.training.avatars,
         seed=options.seed,
+        people=people,
         teacher=options.training.teacher,
         perception=options.training.perception,
     )
@@ -155,7 +176,7 @@ def learn(options: LearnOptions) -> None:
     with page, live_line(6 * options.episodes * len(options.scenes), quiet=options.json) as (show, tested):
         learned = learn_policy(plan, episodes=options.episodes, show=show, tested=tested, reach=reach)
     report = options.out / "report.html"
-    write_report(report, report_content(learned, options.scenes, given_options(options, _NOT_IN_REPORT)))
+    write_report(report, report_content(learned, options.scenes, given))
     if options.json:
         sys.stdout.write(json_module.dumps(learned.to_mapping()) + "\n")
         return
@@ -168,21 +189,30 @@ def _form(options: LearnOptions) -> str:
     """The form that is learned.
 
     Raises:
-        RunError: If it is "perceive", and an option is given that only policies have.
+        RunError: If an option is given that this form has not.
     """
-    if options.form == "policy":
-        return "policy"
-    of_runs = [section.name for section in dataclasses.fields(RunConfig)]
-    given = [*given_options(options, (*_OF_BOTH_FORMS, *of_runs))]
+    if options.form == POLICY_FORM:
+        return POLICY_FORM
+    if options.form == PAPER or (options.form == "auto" and (options.out / FIRST_FOLDER).is_dir()):
+        if given := _given_beside(options, _OF_PAPER):
+            raise RunError(f"--form {PAPER} takes no {', '.join(given)}.")
+        return PAPER
+    given = _given_beside(options, _OF_ALL_FORMS)
     if not given and options.config and "learn" in read_sections(options.config):
         given = [f"[learn] in {options.config}"]
     if options.form == "auto" and (given or (options.out / STATE).exists()):
-        return "policy"
+        return POLICY_FORM
     if options.form == "auto" and not_one_camera(perceive_settings(options.config, options.robot, options.keys).robot):
-        return "policy"
+        return POLICY_FORM
     if given:
         raise RunError(f"--form {PERCEIVE} takes no {', '.join(given)}.")
     return PERCEIVE
+
+
+def _given_beside(options: LearnOptions, taken: tuple[str, ...]) -> list[str]:
+    """The options that are given, besides some fields, groups and sections, and the sections of a run."""
+    of_runs = [section.name for section in dataclasses.fields(RunConfig)]
+    return [*given_options(options, (*taken, *of_runs))]
 
 
 def _learn_to_perceive(options: LearnOptions) -> None:
@@ -196,11 +226,45 @@ def _learn_to_perceive(options: LearnOptions) -> None:
         seed=options.seed,
     )
     check_plan(plan)
+    learned = _perceive(plan, options.episodes, quiet=options.json)
+    if options.json:
+        sys.stdout.write(json_module.dumps(learned.to_mapping()) + "\n")
+        return
+    console = PlainConsole(soft_wrap=True)
+    _print_tables(console, learned.replies)
+    report = options.out / "report.html"
+    console.print(
+        f"The network: {plan.perception}. It drives as the method {learned.method}: see {report}", markup=False
+    )
+
+
+def _learn_as_the_paper(options: LearnOptions) -> None:
+    """Learn to perceive and to act on states, then a policy from images which these teach."""
+    first = first_plan(
+        options.scenes,
+        options.out,
+        config=options.config,
+        robot=options.robot,
+        keys=options.keys,
+        minutes=options.minutes,
+        avatars=options.training.avatars,
+        seed=options.seed,
+    )
+    if not (options.out / STATE).exists():
+        _perceive(first, 0, quiet=options.json)
+    given = given_options(options, _NOT_IN_REPORT) | {"--minutes": f"{2 * options.minutes:g}"}
+    training = dataclasses.replace(options.training, perception=first.perception, teacher=teacher_of(first))
+    rest = dataclasses.replace(options, minutes=minutes_after(first, options.minutes), training=training)
+    _learn_policy(rest, given, first.people)
+
+
+def _perceive(plan: PerceivePlan, episodes: int, *, quiet: bool) -> Perceived:
+    """Record, train perception and a policy on states, test them, and write the report, with a line on the terminal."""
     columns = (TextColumn("{task.description}"), BarColumn(20), TaskProgressColumn(), TextColumn("{task.fields[said]}"))
-    with SteadyProgress(*columns, quiet=options.json) as progress:
+    with SteadyProgress(*columns, quiet=quiet) as progress:
         task = progress.add_task("recording", total=1.0, said="")
         testing = progress.add_task(
-            "test", total=(1 + len(BESIDE)) * 2 * options.episodes * len(options.scenes), said="", visible=False
+            "test", total=(1 + len(BESIDE)) * 2 * episodes * len(plan.scenes), said="", visible=False
         )
 
         def show(step: Step) -> None:
@@ -209,17 +273,9 @@ def _learn_to_perceive(options: LearnOptions) -> None:
         def show_test(record: EpisodeRecord) -> None:
             progress.update(testing, advance=1, visible=True, said=f"{record.task.value}, {record.method}")
 
-        learned = learn_to_perceive(plan, episodes=options.episodes, show=show, tested=show_test)
-    report = options.out / "report.html"
-    write_perception_report(report, perception_content(learned, options.scenes))
-    if options.json:
-        sys.stdout.write(json_module.dumps(learned.to_mapping()) + "\n")
-        return
-    console = PlainConsole(soft_wrap=True)
-    _print_tables(console, learned.replies)
-    console.print(
-        f"The network: {plan.perception}. It drives as the method {learned.method}: see {report}", markup=False
-    )
+        learned = learn_to_perceive(plan, episodes=episodes, show=show, tested=show_test)
+    write_perception_report(plan.out / "report.html", perception_content(learned, plan.scenes))
+    return learned
 
 
 def _print_tables(console: PlainConsole, replies: Mapping[str, EvaluateReply]) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from readygo.apps.learn.choice import PolicyMeasurement
 from readygo.apps.learn.curve import CurvePoint
-from readygo.apps.learn.plan import LearnPlan
+from readygo.apps.learn.plan import FIRST_FOLDER, LearnPlan
 from readygo.apps.learn.training import read_losses
 from readygo.apps.pictures.playback import latest_pictured, rows_of
 from readygo.apps.pictures.recorded import RecordedEpisodes
@@ -185,9 +185,11 @@ def _film(
 
 
 def _pages(out: Path, replies: Mapping[str, EvaluateReply]) -> list[PageLink]:
-    """The pages of the test episodes in each scene."""
+    """The pages of the test episodes in each scene, and that of the encoder's perception."""
     pages = {GALLERY_FILE: "failures", REPORT_FILE: "all drivers"}
-    return [
+    first = Path(FIRST_FOLDER) / REPORT_FILE
+    perceives = [PageLink(href=str(first), what="perception, and the teacher")] if (out / first).exists() else []
+    return perceives + [
         PageLink(href=f"{TEST_FOLDER}/{name}/{file}", what=f"{what} in {name}")
         for name in replies
         for file, what in pages.items()

@@ -13,7 +13,7 @@ from readygo.apps.learn.crew import ALONE, Reach
 from readygo.apps.learn.curve import CurvePoint
 from readygo.apps.learn.gather import TEST_FOLDER, gather
 from readygo.apps.learn.measure import Measuring
-from readygo.apps.learn.plan import LearnPlan, lock_folder
+from readygo.apps.learn.plan import Budget, LearnPlan, lock_folder
 from readygo.apps.learn.supervise import Now, Supervisor
 from readygo.apps.report.learn import ReportContent, RunNumbers
 from readygo.apps.report.page import CommandLine
@@ -100,7 +100,8 @@ def report_content(
     Args:
         learned: Result of the run.
         scenes: Scenes as the user named them.
-        options: Further options of the command with their values, as the user gave them.
+        options: Further options of the command with their values, as the user gave them; with `--minutes` if the
+            time of the command is more than this run's.
     """
     plan = learned.plan
     commands = _commands(plan, scenes, options)
@@ -130,13 +131,18 @@ def _numbers(learned: Learned) -> RunNumbers:
     )
 
 
+def _twice(budget: Budget) -> list[str]:
+    """The option that learns on for as long again."""
+    if budget.samples is not None:
+        return ["--samples", f"{2 * budget.samples}"]
+    return ["--minutes", f"{2 * budget.minutes:g}"]
+
+
 def _commands(plan: LearnPlan, scenes: tuple[str, ...], options: Mapping[str, str]) -> tuple[CommandLine, ...]:
     policy, data, budget = plan.policy, plan.places[0].folder.path, plan.budget
     given = [word for option in options.items() for word in option if word]
-    more = (
-        ("--minutes", f"{2 * budget.minutes:g}") if budget.samples is None else ("--samples", f"{2 * budget.samples}")
-    )
-    resume = shlex.join(["readygo", "learn", *scenes, *given, *more, "--out", str(plan.out)])
+    given += [] if "--minutes" in options else _twice(budget)
+    resume = shlex.join(["readygo", "learn", *scenes, *given, "--out", str(plan.out)])
     return (
         CommandLine(what="learn on", line=resume),
         CommandLine(what="measure", line=f"readygo evaluate {scenes[0]} {policy} --episodes 100"),

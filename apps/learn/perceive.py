@@ -1,7 +1,7 @@
 """`readygo learn` in the form "perceive": record, train perception, and test the better of the drivers that use it.
 
     RUN/people/         varied avatars that walk in the data
-    RUN/data/NAME/      a data folder for every scene
+    RUN/data/NAME/      a data folder for every scene, and NAME-crowd/ with more humans at a time
     RUN/perception/     the network, with its checkpoint
     RUN/rl/             a policy on states of `readygo rl`, trained meanwhile on another core (one scene)
     RUN/evaluation/     the test episodes; report.html shows all of it
@@ -41,10 +41,10 @@ from readygo.common.config import section_to_mapping
 from readygo.common.documents import read_json, write_toml
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.files import write_whole
-from readygo.common.messages import Split, StatusReply
+from readygo.common.messages import RunSpec, Split, StatusReply
 from readygo.common.robot import RobotConfig, load_robot
 from readygo.common.state_policy.state_policy import is_state_policy
-from readygo.runs.config import RunConfig, load_run_config
+from readygo.runs.config import RunConfig, load_run_config, with_mix
 from readygo.runs.evaluation import evaluation_settings, evaluation_world, make_evaluator, summarize
 from readygo.runs.method_files import method_hashes
 from readygo.runs.methods import PERCEIVE_AND_ACT, PERCEIVE_AND_PLAN, PERCEPTION, RL, named_methods
@@ -65,12 +65,14 @@ from readygo.services.evaluator import (
     is_of,
     open_results,
 )
+from readygo.services.planner import MixName
 from readygo.services.renderer import RendererConfig
 from readygo.services.trainer import PerceptionConfig
 
 FORMAT = "readygo-perceive/1"
+ROBOT = RobotConfig()
 STATE_FILE, SETTINGS_FILE = "perceive.json", "settings.toml"
-VARIANTS = 24
+VARIANTS = 56
 """Varied avatars that walk in the data."""
 RECORD_SHARE = 0.35
 """Share of the time in which data are recorded."""
@@ -79,7 +81,9 @@ CAMERA_HZ = 5.0
 DISTURBED = 0.7
 """Share of the expert's episodes with noise injection: perception must know views off the expert's way."""
 FIRST_EPISODES = 24
-"""Episodes of each scene that tell how long one takes."""
+"""First episodes of a data folder, which tell how long one takes."""
+CROWD: MixName = "crowd"
+"""Scenario mix of half of the data: more humans in an image."""
 VAL_EPISODES = 30
 """Episodes of the split val among pedestrians that choose between the drivers."""
 RL_SHARE = 0.6
@@ -108,6 +112,11 @@ class PerceivePlan:
     def perception(self) -> Path:
         """Folder of the network."""
         return self.out / PERCEPTION
+
+    @property
+    def people(self) -> Path:
+        """Folder of the varied avatars that walk in the data."""
+        return self.out / "people"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -152,17 +161,27 @@ class Step:
 Show = Callable[[Step], None]
 
 
-def perceive_settings(config: Path | None, robot: Path | None, keys: Keys = NO_KEYS) -> RunConfig:
-    """The settings of the recording runs: levels of detail, no labels, noise injection, the usual robot.
+def perceive_settings(
+    config: Path | None, robot: Path | None, keys: Keys = NO_KEYS, *, usual: RobotConfig = ROBOT
+) -> RunConfig:
+    """The settings of the recording runs: levels of detail, no labels, noise injection.
+
+    Args:
+        config: TOML file with sections of settings.
+        robot: The robot's file.
+        keys: Keys of the command line, by section.
+        usual: The robot if no file has one; also the camera of a robot's file that has none.
 
     Raises:
         ConfigError: If a file cannot be read or holds an unknown key or a wrong value.
     """
+    own = load_robot(robot, cameras_of=usual) if robot else None
     base = RunConfig(
+        robot=usual,
         driver=DriverConfig(disturbed=DISTURBED, camera_hz=CAMERA_HZ),
         renderer=RendererConfig(detail="lod", labels=False),
     )
-    return load_run_config(config, load_robot(robot) if robot else None, base=base, keys=keys)
+    return load_run_config(config, own, base=base, keys=keys)
 
 
 def check_plan(plan: PerceivePlan) -> None:
@@ -250,16 +269,22 @@ def _learn(
     settings = section_to_mapping(tested_settings(plan.config))
     told = {name: section for name, section in settings.items() if name not in ("recorder", "coordinator")}
     write_toml(plan.out / SETTINGS_FILE, told, raises=RunError)
-    people = plan.out / "people"
-    write_variants(plan.avatars, people, VARIANTS, plan.seed)
+    write_variants(plan.avatars, plan.people, VARIANTS, plan.seed)
     names: list[str] = []
     for scene in plan.scenes:
         names.append(free_name(open_scene(scene).name or "scene", names))
-    folders = [plan.out / "data" / name for name in names]
+    mixes = {"": plan.config, f"-{CROWD}": with_mix(plan.config, CROWD)}
+    recorded = [
+        (scene, name + end, config)
+        for name, scene in zip(names, plan.scenes, strict=True)
+        for end, config in mixes.items()
+    ]
     with _reinforcement(plan, lock) as finish:
-        for name, scene in zip(names, plan.scenes, strict=True):
-            _record(plan, scene, name, people, state, show)
-        metrics = _train(plan, folders, state, show)
+        for scene, folder, config in recorded:
+            budget_s = 60.0 * plan.minutes * RECORD_SHARE / len(recorded)
+            spec = make_spec(open_scene(scene), plan.people, config, seed=plan.seed, split=Split.TRAIN, static=False)
+            _record(plan, with_expert(spec), folder, budget_s, state, show)
+        metrics = _train(plan, [plan.out / "data" / folder for _, folder, _ in recorded], state, show)
         show(Step(name="reinforcement", fraction=1.0, words="waiting for the policy on states"))
         finish()
     val = _choose(plan, state, show) if episodes else {}
@@ -346,13 +371,9 @@ def _choose(plan: PerceivePlan, state: dict[str, Any], show: Show) -> dict[str, 
     return dict(state["val"]["rates"])
 
 
-def _record(plan: PerceivePlan, scene: str, name: str, people: Path, state: dict[str, Any], show: Show) -> None:
-    """Record a scene's share of the time: a few episodes, then as many as there is time for."""
-    spec = with_expert(
-        make_spec(open_scene(scene), people, plan.config, seed=plan.seed, split=Split.TRAIN, static=False)
-    )
-    folder, budget_s = plan.out / "data" / name, 60.0 * plan.minutes * RECORD_SHARE / len(plan.scenes)
-    done = state["episodes"].get(name)
+def _record(plan: PerceivePlan, spec: RunSpec, name: str, budget_s: float, state: dict[str, Any], show: Show) -> None:
+    """Record one data folder: a few episodes, then as many as there is time for."""
+    folder, done = plan.out / "data" / name, state["episodes"].get(name)
     wanted = FIRST_EPISODES if done is None else int(done)
 
     def tell(status: StatusReply) -> None:
@@ -442,7 +463,7 @@ def perception_content(learned: Perceived, scenes: Sequence[str]) -> PerceptionC
             CommandLine(what="test it again, with videos", line=f"{test} --out {plan.out / 'again'} --video worst"),
             CommandLine(
                 what="train longer on the same data",
-                line=f"readygo train {plan.out / 'data' / (places or ['*'])[0]} --recipe perception --minutes "
+                line=f"readygo train {plan.out / 'data'}/* --recipe perception --minutes "
                 f"{2 * plan.minutes:g} --out {plan.perception}",
             ),
             CommandLine(

@@ -35,6 +35,8 @@ from readygo.services.trainer import SamplingConfig, chosen_images
 
 FORMAT = "readygo-learn/1"
 LOCK_FILE = ".lock"
+FIRST_FOLDER = "perceive"
+"""Folder of the run that comes first in the form "paper"."""
 STATE = "learn.json"
 """File with the settings that must not change when the run resumes, and the time spent."""
 SMALL_CAMERA = CameraConfig(height_px=72, width_px=128)
@@ -82,6 +84,7 @@ class LearnPlan:
     learn: LearnConfig
     budget: Budget
     avatars: Path | None
+    """Avatars of the measurements; those of the data as well, except in the form "paper"."""
     seed: int
     perception: Path | None = None
     """Folder of trained perception whose network is the policy's encoder; None for an encoder that learns with it."""
@@ -232,6 +235,7 @@ def make_plan(
     *,
     avatars: Path | None,
     seed: int,
+    people: Path | None = None,
     teacher: Path | None = None,
     perception: Path | None = None,
 ) -> LearnPlan:
@@ -245,6 +249,7 @@ def make_plan(
         budget: When it ends.
         avatars: Avatar file or folder; None for the embedded ones.
         seed: Seed of the recording runs.
+        people: Avatars that walk in the data; those of `avatars` by default.
         teacher: Folder of a state policy that takes the expert's place; None for the expert.
         perception: Folder of trained perception whose network is the encoder; None for one that learns with the policy.
 
@@ -261,7 +266,7 @@ def make_plan(
         raise RunError(f"--teacher knows one scene, got {len(scenes)}: name its scene alone.")
     places: list[LearnPlace] = []
     for scene in scenes:
-        spec = make_spec(open_scene(scene), avatars, config, seed=seed, split=Split.TRAIN, static=False)
+        spec = make_spec(open_scene(scene), people or avatars, config, seed=seed, split=Split.TRAIN, static=False)
         if spec.scene_hash in [place.spec.scene_hash for place in places]:
             raise RunError(f"Scene {scene} is named twice; name each scene once.")
         name = free_name(spec.metadata["scene"]["name"] or "scene", [place.name for place in places])
@@ -347,8 +352,14 @@ def _check_folder(plan: LearnPlan) -> None:
         theirs, ours = state["runs"], _runs(plan)
         if set(theirs) != set(ours):
             raise RunError(f"{plan.out} learns in {', '.join(theirs)}; choose another --out for other scenes.")
-    elif plan.out.exists() and any(entry.name != LOCK_FILE for entry in plan.out.iterdir()):
-        raise RunError(f"{plan.out} holds files of something else; choose an empty or new folder with --out.")
+    else:
+        check_new_folder(plan.out)
+
+
+def check_new_folder(out: Path) -> None:
+    """Raise RunError if a folder for a new run of a policy holds something else."""
+    if out.exists() and any(entry.name not in (LOCK_FILE, FIRST_FOLDER) for entry in out.iterdir()):
+        raise RunError(f"{out} holds files of something else; choose an empty or new folder with --out.")
 
 
 def _check_room(place: LearnPlace) -> None:

@@ -67,7 +67,7 @@ def reason(content: PerceptionContent) -> str:
             "rl.log beside this page has what its training printed."
         )
     rates = ", ".join(f"{percent(rate)} by {name}" for name, rate in content.val.items())
-    return f"Success among pedestrians on the split val: {rates}. A policy without a map: --form policy."
+    return f"Success among pedestrians on the split val: {rates}. A policy without a map: --form paper."
 
 
 def perception_facts(metrics: Mapping[str, Any]) -> list[tuple[str, str]]:

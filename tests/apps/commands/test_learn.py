@@ -12,7 +12,10 @@ from readygo.apps.commands import learn as command
 from readygo.apps.commands.learn import LearnOptions, LearnTrainingOptions, learn, line_of
 from readygo.apps.fleet.options import RouterOptions
 from readygo.apps.learn.choice import PolicyMeasurement
+from readygo.apps.learn.perceive import FORMAT, STATE_FILE
 from readygo.apps.learn.supervise import Now
+from readygo.runs.scene_argument import open_scene
+from tests.common.state_policy.state_policies import write_state_policy
 
 
 def test_line_says_what_is_known() -> None:
@@ -38,6 +41,11 @@ def test_line_says_what_is_known() -> None:
         (["embedded", "--form", "perceive", "--inputs", "rgb"], "perceive takes no --inputs."),
         (["embedded", "--form", "perceive", "--learn.mix", "0.5"], "perceive takes no --learn.mix."),
         (["embedded", "--form", "perceive", "--teacher", "rl"], "perceive takes no --teacher."),
+        (["embedded", "--form", "paper", "--teacher", "rl"], "--form paper takes no --teacher."),
+        (["embedded", "--form", "paper", "--on", "hosts"], "--form paper takes no --on."),
+        (["embedded", "--form", "paper", "--minutes", "0"], "--minutes must be above 0, got 0."),
+        (["embedded", "--form", "paper", "--learn.goal", "image"], "--form paper goes with the rgb of one camera"),
+        (["nowhere", "--form", "paper"], "nowhere does not exist; make one with"),
         (["embedded", "--teacher", "nowhere"], "--teacher: nowhere holds no state policy; train one"),
         (["embedded", "embedded:1", "--teacher", "nowhere"], "--teacher knows one scene, got 2"),
     ],
@@ -106,7 +114,7 @@ def test_command_passes_on_what_it_is_told(wired, tmp_path: Path, capsys: pytest
     assert words[:4] == (("one", "two"), out, "robot", "settings")
     assert (words[4].minutes, words[4].samples) == (7.0, 900)
     folders = {"teacher": tmp_path / "rl", "perception": tmp_path / "perception"}
-    assert more == {"avatars": tmp_path, "seed": 3, **folders}
+    assert more == {"avatars": tmp_path, "seed": 3, "people": None, **folders}
     (where, begun, by), _ = asked["show_page"]
     assert (where, by) == (out, certs)
     assert not begun()
@@ -168,6 +176,62 @@ def test_without_options_of_policies_perception_is_learned(
     learn(LearnOptions(scenes=("one",), out=out, form=form, json=True, keys=keys))
     assert asked["plan"].config.renderer.detail == "exact"
     assert json.loads(capsys.readouterr().out) == {"done": 2}
+
+
+@pytest.fixture
+def first(monkeypatch: pytest.MonkeyPatch):
+    """Runs of the form perceive that were asked for; each leaves a policy on states, and spends two minutes."""
+    plans = []
+
+    def run(plan, **more):
+        plans.append((plan, more["episodes"]))
+        write_state_policy(plan.out / "rl")
+        (plan.out / STATE_FILE).write_text(json.dumps({"format": FORMAT, "scenes": [], "minutes": 2.0}))
+
+    monkeypatch.setattr(command, "learn_to_perceive", run)
+    monkeypatch.setattr(command, "perception_content", lambda *_: "perceived")
+    monkeypatch.setattr(command, "write_perception_report", lambda path, content: path.write_text(content))
+    return plans
+
+
+def test_form_of_the_paper_learns_to_perceive_first_and_then_from_that(wired, first, tmp_path: Path) -> None:
+    asked, out = wired[0], tmp_path / "run"
+    training = LearnTrainingOptions(avatars=Path("embedded:train"))
+    options = LearnOptions(
+        scenes=("embedded",), out=out, form="paper", minutes=6.0, seed=2, training=training,
+        keys={"learn": {"mix": 0.5}, "renderer": {"detail": "exact"}},
+    )  # fmt: skip
+    learn(options)
+    ((plan, episodes),) = first
+    assert (plan.out, plan.minutes, plan.seed, episodes) == (out / "perceive", 3.0, 2, 0)
+    assert (plan.avatars, plan.config.renderer.detail) == (Path("embedded:train"), "exact")
+    assert (plan.config.robot.camera.height_px, plan.config.robot.camera.width_px) == (72, 128)
+    assert (out / "perceive" / "report.html").read_text() == "perceived"
+    words, more = asked["make_plan"]
+    # What is left of the six minutes.
+    assert words[4].minutes == 4.0
+    assert (more["perception"], more["teacher"]) == (plan.out / "perception", plan.out / "rl")
+    assert (more["people"], more["avatars"]) == (plan.out / "people", Path("embedded:train"))
+    assert asked["learn_configs"][1]["keys"] == options.keys
+    assert asked["report_content"][0][2] == {
+        "--form": "paper", "--seed": "2", "--avatars": "embedded:train", "--minutes": "12",
+        "--learn.mix": "0.5", "--renderer.detail": "exact",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("form", ["auto", "paper"])
+def test_second_part_of_the_form_of_the_paper_goes_on_without_the_first(
+    form: str, wired, first, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "run"
+    write_state_policy(out / "perceive" / "rl")
+    state = {"format": FORMAT, "scenes": [open_scene("embedded").content_hash], "minutes": 3.5}
+    (out / "perceive" / STATE_FILE).write_text(json.dumps(state))
+    (out / "learn.json").write_text("{}")
+    learn(LearnOptions(scenes=("embedded",), out=out, form=form, minutes=6.0))
+    assert first == []
+    assert wired[0]["make_plan"][0][4].minutes == 2.5
+    assert wired[0]["make_plan"][1]["people"] == out / "perceive" / "people"
 
 
 def test_run_of_a_policy_goes_on_as_one(wired, tmp_path: Path) -> None:

@@ -48,6 +48,19 @@ def test_report_shows_how_it_learned_and_what_it_fails_in(tiny: LearnPlan) -> No
     assert f"readygo learn embedded --config run.toml --learn.mix 0.5 --minutes 2 --out {tiny.out}" in html
 
 
+def test_report_of_the_second_part_links_to_the_first(tiny: LearnPlan) -> None:
+    learned = Learned(plan=tiny, points=POINTS, chosen=CHOSEN, replies={}, minutes=1.0)
+    page = tiny.out / "perceive" / "report.html"
+    page.parent.mkdir()
+    page.touch()
+    content = report_content(learned, ("embedded",), {"--form": "paper", "--minutes": "4"})
+    page.unlink()
+    page.parent.rmdir()
+    assert [link.href for link in content.pages] == ["perceive/report.html"]
+    assert content.commands[0].line == f"readygo learn embedded --form paper --minutes 4 --out {tiny.out}"
+    assert report_content(learned, ("embedded",)).pages == ()
+
+
 def test_run_without_a_measurement_says_so(tiny: LearnPlan) -> None:
     point = dataclasses.replace(POINTS[1], measurement=None)
     learned = Learned(plan=tiny, points=[point], chosen=None, replies={}, minutes=1.0)

@@ -20,9 +20,10 @@ from readygo.apps.learn.perceive import (
 )
 from readygo.apps.learn.plan import lock_folder
 from readygo.apps.report.perception import reason
+from readygo.common.camera import CameraConfig
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.robot import RobotConfig, RobotRanges
-from readygo.runs.config import load_run_config
+from readygo.runs.config import config_of, load_run_config, with_mix
 from readygo.services.driver import DriverConfig
 from readygo.services.evaluator import Task
 from tests.common.state_policy.state_policies import write_state_policy
@@ -69,6 +70,16 @@ def test_plan_that_makes_no_sense_is_refused_and_leaves_nothing(
     with pytest.raises(RunError, match=words):
         check_plan(plan)
     assert not plan.out.exists()
+
+
+def test_usual_robot_is_that_of_the_caller_unless_a_file_has_another_camera(tmp_path: Path) -> None:
+    usual = RobotConfig(camera=CameraConfig(height_px=72, width_px=128))
+    assert perceive_settings(None, None, usual=usual).robot == usual
+    robot = tmp_path / "robot.toml"
+    robot.write_text("radius_m = 0.2\n")
+    own = perceive_settings(None, robot, usual=usual).robot
+    assert (own.radius_m, own.camera) == (0.2, usual.camera)
+    assert perceive_settings(None, robot).robot.camera == RobotConfig().camera
 
 
 def test_robot_that_perception_is_not_for_is_refused(tmp_path: Path) -> None:
@@ -139,16 +150,34 @@ def rl(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
     return commands
 
 
+def test_half_of_the_data_are_crowds_of_varied_people(
+    tmp_path: Path, steps: list[tuple[str, object]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    specs = []
+    monkeypatch.setattr(module, "record", lambda spec, folder, **_: specs.append(spec))
+    plan = plan_of(tmp_path / "run")
+    learn_to_perceive(plan, episodes=0)
+    configs = [config_of(spec) for spec in specs[::2]]
+    assert [config.human_planner for config in configs] == [
+        plan.config.human_planner,
+        with_mix(plan.config, "crowd").human_planner,
+    ]
+    assert [config.episode.human_count_min for config in configs] == [plan.config.episode.human_count_min, 2]
+    assert {spec.avatars_path for spec in specs} == {str(plan.people)}
+
+
 def test_time_is_shared_between_recording_and_training(tmp_path: Path, steps: list[tuple[str, object]]) -> None:
     plan = plan_of(tmp_path / "run")
     learned = learn_to_perceive(plan, episodes=2)
-    # The first episodes took ten seconds.
-    wanted = round(FIRST_EPISODES * 600 * RECORD_SHARE / 10)
+    # The first episodes took ten seconds; half of the data are crowds.
+    wanted = round(FIRST_EPISODES * 300 * RECORD_SHARE / 10)
     name = steps[0][1][0]  # type: ignore[index]
     assert steps == [
         ("record", (name, FIRST_EPISODES)),
         ("record", (name, wanted)),
-        ("train", ([name], pytest.approx(0.9 * (1 - RECORD_SHARE) * 10))),
+        ("record", (f"{name}-crowd", FIRST_EPISODES)),
+        ("record", (f"{name}-crowd", wanted)),
+        ("train", ([name, f"{name}-crowd"], pytest.approx(0.9 * (1 - RECORD_SHARE) * 10))),
         ("test", ("embedded", name, "perceive-and-plan", 2)),
     ]
     assert learned.metrics == METRICS
@@ -167,12 +196,12 @@ def test_folder_in_which_another_process_learns_is_left_alone(tmp_path: Path, st
 def test_run_again_records_as_many_episodes_as_before(tmp_path: Path, steps: list[tuple[str, object]]) -> None:
     plan = plan_of(tmp_path / "run")
     learn_to_perceive(plan, episodes=0)
-    wanted, minutes = steps[1], read_state(plan)["minutes"]
+    wanted, minutes = [steps[1], steps[3]], read_state(plan)["minutes"]
     steps.clear()
     check_plan(plan)
     learned = learn_to_perceive(plan, episodes=0)
-    assert [name for name, _ in steps] == ["record", "train"]
-    assert steps[0] == wanted
+    assert [name for name, _ in steps] == ["record", "record", "train"]
+    assert steps[:2] == wanted
     assert learned.minutes > minutes
     assert not learned.replies
 
@@ -233,7 +262,7 @@ def test_report_names_the_commands_that_come_next(tmp_path: Path, steps: list[tu
     assert content.metrics == METRICS
     lines = [command.line for command in content.commands]
     assert lines[0].startswith(f"readygo evaluate embedded --methods perceive-and-plan expert --checkpoints {tmp_path}")
-    assert "--recipe perception" in lines[1]
+    assert lines[1].startswith(f"readygo train {tmp_path / 'run' / 'data'}/* --recipe perception")
     assert "--form policy" in lines[2]
 
 
@@ -245,4 +274,4 @@ def test_progress_is_told(tmp_path: Path, steps: list[tuple[str, object]], monke
 
     monkeypatch.setattr(module, "record", record)
     learn_to_perceive(plan_of(tmp_path / "run"), episodes=0, show=told.append)
-    assert [(step.name, step.fraction) for step in told] == [("recording", 0.5)] * 2 + [("reinforcement", 1.0)]
+    assert [(step.name, step.fraction) for step in told] == [("recording", 0.5)] * 4 + [("reinforcement", 1.0)]

@@ -16,6 +16,7 @@ from readygo.apps.learn.plan import (
     read_state,
     write_state,
 )
+from readygo.common.avatars.variants import write_variants
 from readygo.common.errors import ConfigError, ReadygoError, RunError, SceneError
 from readygo.common.messages.stages import DRIVE_LINE
 from readygo.common.perception.artifact import (
@@ -149,6 +150,18 @@ def test_teacher_is_part_of_the_run(tmp_path: Path) -> None:
     for teacher in (other, None):
         with pytest.raises(RunError, match="holds data of another run: teacher differ"):
             plan_of(tmp_path / "run", teacher=teacher)
+
+
+def test_people_of_the_data_may_be_others_than_those_of_the_measurements(tmp_path: Path) -> None:
+    people = tmp_path / "people"
+    write_variants(Path("embedded:train"), people, 1, 0)
+    settings, budget = learn_settings(None, None), Budget(minutes=1.0)
+    plan = make_plan(
+        ("embedded",), tmp_path / "run", settings, LearnConfig(), budget,
+        avatars=Path("embedded:test"), seed=0, people=people,
+    )  # fmt: skip
+    assert plan.avatars == Path("embedded:test")
+    assert plan.places[0].spec.avatars_path == str(people)
 
 
 def test_teacher_of_several_scenes_is_refused(tmp_path: Path) -> None:

@@ -1,0 +1,78 @@
+"""`readygo learn` in the form "paper": a policy from three images to commands, without a map, in two parts.
+
+RUN/perceive/   a run of the form "perceive" without a test: varied avatars, perception, and a policy on states
+RUN/            a run of the form "policy" among these avatars: that perception is the encoder, that policy the teacher
+"""
+
+from pathlib import Path
+
+from readygo.apps.learn.perceive import PerceivePlan, check_plan, perceive_settings, read_state
+from readygo.apps.learn.plan import FIRST_FOLDER, SMALL_CAMERA, STATE, check_new_folder, learn_configs
+from readygo.common.errors import ConfigError
+from readygo.common.images.names import RGB
+from readygo.common.robot import RobotConfig
+from readygo.common.state_policy.state_policy import is_state_policy
+from readygo.runs.methods import RL
+from readygo.runs.sections import Keys
+
+FIRST_SHARE = 0.5
+"""Share of the time for the first part."""
+LEAST_MINUTES = 0.1
+"""Least time of the second part [min], however long the first one took."""
+
+
+def first_plan(
+    scenes: tuple[str, ...],
+    out: Path,
+    *,
+    config: Path | None,
+    robot: Path | None,
+    keys: Keys,
+    minutes: float,
+    avatars: Path | None,
+    seed: int,
+) -> PerceivePlan:
+    """The checked plan of the first part; writes nothing.
+
+    Args:
+        scenes: Scenes, each once.
+        out: Folder of the whole run.
+        config: TOML file with sections of settings.
+        robot: The robot's file; a camera of 72x128 pixels by default.
+        keys: Keys of the command line, by section.
+        minutes: Wall time of the whole run [min].
+        avatars: Avatars that are varied for the data; None for the embedded ones.
+        seed: Seed of the episodes and of the training.
+
+    Raises:
+        ConfigError: If settings are wrong, or the policy would see more than the rgb of one camera.
+        RunError: If a folder holds something else, or the budget is none.
+        SceneError: If there is no such scene.
+    """
+    _, learn = learn_configs(config, robot, "", "", keys=keys)
+    if (learn.images, learn.goal) != ((RGB,), "point"):
+        raise ConfigError('--form paper goes with the rgb of one camera and goal "point": use --form policy.')
+    of_runs = {name: section for name, section in keys.items() if name != "learn"}
+    plan = PerceivePlan(
+        out=out / FIRST_FOLDER,
+        scenes=scenes,
+        config=perceive_settings(config, robot, of_runs, usual=RobotConfig(camera=SMALL_CAMERA)),
+        minutes=FIRST_SHARE * minutes,
+        avatars=avatars,
+        seed=seed,
+    )
+    if not (out / STATE).exists():
+        check_new_folder(out)
+    check_plan(plan)
+    return plan
+
+
+def teacher_of(first: PerceivePlan) -> Path | None:
+    """Folder of the policy on states that the first part left; None if it left none, and the expert teaches."""
+    folder = first.out / RL
+    return folder if is_state_policy(folder) else None
+
+
+def minutes_after(first: PerceivePlan, minutes: float) -> float:
+    """Wall time of the second part [min]: what the first one left of the whole."""
+    return max(minutes - float(read_state(first)["minutes"]), LEAST_MINUTES)
