@@ -4,6 +4,7 @@ import dataclasses
 import shutil
 import sys
 import time
+from collections.abc import Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -14,7 +15,9 @@ from rich.text import Text
 from readygo.apps.commands.learn import live_line
 from readygo.apps.commands.reconstruct import Lines
 from readygo.apps.demo.reconstruction import demo_reconstruction
+from readygo.apps.evaluation.watch import AVOIDED, avoided, film_path
 from readygo.apps.learn.config import LearnConfig
+from readygo.apps.learn.gather import TEST_FOLDER
 from readygo.apps.learn.learn import Learned, learn_policy, report_content
 from readygo.apps.learn.plan import Budget, learn_settings, make_plan
 from readygo.apps.pictures.episode_film import film_frames
@@ -30,7 +33,7 @@ from readygo.runs.config import RunConfig
 from readygo.runs.scene_argument import open_scene
 from readygo.runs.warm import warm_all
 from readygo.runs.world import World
-from readygo.services.evaluator import summary_table
+from readygo.services.evaluator import POLICY, EpisodeRecord, summary_table
 from readygo.services.reconstructor import STAGES
 
 MARKER = ".readygo-demo"
@@ -93,7 +96,9 @@ def demo(options: DemoOptions) -> None:
         def check_data() -> None:
             checks.append(beside.submit(validate, data))
 
-        learned = learn_policy(plan, episodes=options.episodes, show=show, recorded=check_data, tested=tested)
+        learned = learn_policy(
+            plan, episodes=options.episodes, show=show, recorded=check_data, tested=tested, videos=(AVOIDED,)
+        )
         _write_pictures(options.out, learned)
         report = checks[0].result()
     if not report.ok:
@@ -129,9 +134,14 @@ def _clear(out: Path) -> None:
 def _write_pictures(out: Path, learned: Learned) -> None:
     place = learned.plan.places[0]
     world, dataset = World(place.spec), Dataset(place.folder.path)
-    recorded = RecordedEpisodes(dataset, world)
-    shown = recorded.best_encounter(list(dataset.episodes[-SEARCHED:]))
-    write_film(out / "episode.webm", film_frames(recorded.film(shown), top_view(world.scene)))
+    passed = closest_pass(learned.replies[place.name].records)
+    if passed is not None:
+        test = learned.plan.out / TEST_FOLDER / place.name
+        shutil.copyfile(film_path(test, passed), out / "episode.webm")
+    else:
+        recorded = RecordedEpisodes(dataset, world)
+        shown = recorded.best_encounter(list(dataset.episodes[-SEARCHED:]))
+        write_film(out / "episode.webm", film_frames(recorded.film(shown), top_view(world.scene)))
     content = report_content(learned, (SCENE,))
     content = dataclasses.replace(
         content,
@@ -141,6 +151,15 @@ def _write_pictures(out: Path, learned: Learned) -> None:
         next_steps=_next_steps(),
     )
     write_report(out / "report.html", content)
+
+
+def closest_pass(records: Sequence[EpisodeRecord]) -> EpisodeRecord | None:
+    """The test episode that the video shows: the policy reaches its goal where the straight line meets a human.
+
+    None if there is no such episode: then the video shows a recorded one.
+    """
+    passed = avoided([record for record in records if record.method == POLICY], records)
+    return passed[0] if passed else None
 
 
 def _next_steps() -> tuple[CommandLine, ...]:

@@ -19,10 +19,11 @@ from readygo.apps.report.page import Block
 from readygo.apps.report.tables import comparison_tables, failure_tables, latex, measure_tables
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
-from readygo.common.messages import RobotTrajectory
+from readygo.common.messages import Outcome, RobotTrajectory
 from readygo.runs.evaluation import references
 from readygo.services.evaluator import (
     POLICY,
+    STRAIGHT_LINE,
     EpisodeRecord,
     EvaluateReply,
     EvaluateRequest,
@@ -36,9 +37,10 @@ LATEX_FILE = "table.tex"
 FILMS_FOLDER, FILM_ENDING = "films", ".webm"
 SHOWN_MAX = 24
 """Largest number of failures on a page."""
-FAILED, WORST = "failures", "worst"
+FAILED, WORST, AVOIDED = "failures", "worst", "avoided"
 """Values of `--video` besides indices."""
 WORST_COUNT = 4
+AVOIDED_COUNT = 2
 
 
 def watched_method(methods: Sequence[str]) -> str:
@@ -46,19 +48,25 @@ def watched_method(methods: Sequence[str]) -> str:
     return POLICY if POLICY in methods else methods[0]
 
 
-def check_wanted(wanted: Sequence[str]) -> None:
-    """Raise RunError unless each value of `--video` is "worst", "failures" or an index."""
+def check_wanted(wanted: Sequence[str], methods: Sequence[str]) -> None:
+    """Raise RunError unless each value of `--video` is a name or an index, and its methods drive."""
     for name in wanted:
-        if name not in (FAILED, WORST) and not name.isdecimal():
-            raise RunError(f'--video takes "{FAILED}", "{WORST}" or indices of episodes, got {name!r}.')
+        if name not in (FAILED, WORST, AVOIDED) and not name.isdecimal():
+            raise RunError(f'--video takes "{FAILED}", "{WORST}", "{AVOIDED}" or indices of episodes, got {name!r}.')
+    if AVOIDED in wanted and STRAIGHT_LINE not in methods:
+        raise RunError(f"--video {AVOIDED} compares with {STRAIGHT_LINE}: name it among --methods as well.")
 
 
-def episodes_to_film(records: Sequence[EpisodeRecord], wanted: Sequence[str]) -> list[EpisodeRecord]:
+def episodes_to_film(
+    records: Sequence[EpisodeRecord], wanted: Sequence[str], others: Sequence[EpisodeRecord] = ()
+) -> list[EpisodeRecord]:
     """The requested episodes, the worst first.
 
     Args:
         records: Episodes of one method.
-        wanted: "failures" for all failures, "worst" for the few worst episodes, and indices, of every task.
+        wanted: "failures" for all failures, "worst" for the few worst episodes, "avoided" for the few closest
+            passes (`avoided`), and indices, of every task.
+        others: Episodes of other methods.
 
     Raises:
         RunError: If no episode has a requested index.
@@ -70,7 +78,28 @@ def episodes_to_film(records: Sequence[EpisodeRecord], wanted: Sequence[str]) ->
     if missing:
         raise RunError(f"No episode was driven with index {missing[0]}: indices without a scenario leave gaps.")
     chosen = failed if FAILED in wanted else ranked[:WORST_COUNT] if WORST in wanted else []
+    chosen += avoided(records, others)[:AVOIDED_COUNT] if AVOIDED in wanted else []
     return [record for record in ranked if record in chosen or record.episode.index in indices]
+
+
+def avoided(records: Sequence[EpisodeRecord], others: Sequence[EpisodeRecord]) -> list[EpisodeRecord]:
+    """Successes where the straight line meets a human in the same episode, the closest pass first.
+
+    Args:
+        records: Episodes of one method.
+        others: Episodes of all methods.
+    """
+    met = {
+        (record.task, record.episode)
+        for record in others
+        if record.method == STRAIGHT_LINE and record.result.outcome is Outcome.HUMAN_COLLISION
+    }
+    passed = [
+        record
+        for record in records
+        if record.result.outcome is Outcome.SUCCESS and (record.task, record.episode) in met
+    ]
+    return sorted(passed, key=lambda record: (record.human_distance_min_m, record.episode.index))
 
 
 def badness(record: EpisodeRecord) -> tuple[int, float, int]:
@@ -87,13 +116,13 @@ def write_films(replays: Replays, request: EvaluateRequest, reply: EvaluateReply
         replays: Replays of the evaluation.
         request: Request of the evaluation.
         reply: Result of the evaluation.
-        wanted: Episodes to film: "failures", "worst" or indices.
+        wanted: Episodes to film: "failures", "worst", "avoided" or indices.
 
     Raises:
         RunError: If a requested episode was not driven.
         ReadygoError: If a video cannot be written.
     """
-    for record in replays.load(episodes_to_film(_watched_records(request, reply), wanted)):
+    for record in replays.load(episodes_to_film(_watched_records(request, reply), wanted, reply.records)):
         path = film_path(replays.folder, record)
         if not path.exists():
             replays.film(path, record)

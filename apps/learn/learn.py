@@ -2,7 +2,7 @@
 
 import shlex
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -69,6 +69,7 @@ def learn_policy(
     recorded: Callable[[], None] = lambda: None,
     tested: Callable[[EpisodeRecord], None] = lambda record: None,
     reach: Reach = ALONE,
+    videos: Sequence[str] = (),
 ) -> Learned:
     """Train a policy, or resume its training; then drive the test episodes.
 
@@ -79,6 +80,7 @@ def learn_policy(
         recorded: Called when all data are recorded, before the test.
         tested: Called with the record of every test episode.
         reach: Access of workers on other machines.
+        videos: Test episodes of which videos are written, as for `readygo evaluate --video`.
 
     Raises:
         ReadygoError: If the run cannot continue; recorded data and trained policies stay.
@@ -88,7 +90,8 @@ def learn_policy(
         supervisor = Supervisor(plan, measuring, show, reach)
         chosen = supervisor.learn()
         recorded()
-        replies = measuring.test(plan.policy, episodes, plan.out / TEST_FOLDER, tested) if episodes else {}
+        test = plan.out / TEST_FOLDER
+        replies = measuring.test(plan.policy, episodes, test, tested, videos) if episodes else {}
     return Learned(plan=plan, points=supervisor.points, chosen=chosen, replies=replies, minutes=supervisor.minutes)
 
 

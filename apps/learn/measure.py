@@ -9,7 +9,7 @@ from functools import cached_property, partial
 from pathlib import Path
 
 from readygo.apps.evaluation.replay import Replays
-from readygo.apps.evaluation.watch import write_pages
+from readygo.apps.evaluation.watch import write_films, write_pages
 from readygo.apps.learn.choice import PolicyMeasurement
 from readygo.apps.learn.plan import LearnPlan
 from readygo.common.messages import Outcome, Split
@@ -96,7 +96,12 @@ class Measuring:
         return Measured(measurement=measurement, folder=folder, episode_s=episode_s)
 
     def test(
-        self, folder: Path, episodes: int, out: Path, report: Callable[[EpisodeRecord], None]
+        self,
+        folder: Path,
+        episodes: int,
+        out: Path,
+        report: Callable[[EpisodeRecord], None],
+        videos: Sequence[str] = (),
     ) -> dict[str, EvaluateReply]:
         """Records of policy, expert and straight line on the split test, by scene; also written into `out`.
 
@@ -108,6 +113,7 @@ class Measuring:
             episodes: Episodes per task and scene.
             out: Folder for the results, with a folder per scene.
             report: Called with the record of every episode.
+            videos: Episodes of which videos are written, as for `readygo evaluate --video`.
 
         Raises:
             PolicyError: If the policy cannot be used.
@@ -132,12 +138,8 @@ class Measuring:
                     driven.simulation,
                     sees=policy.spec.images,
                 )
-                write_pages(
-                    replays,
-                    request,
-                    replies[place.name],
-                    title=f"{folder} in {place.name}",
-                )
+                write_films(replays, request, replies[place.name], videos)
+                write_pages(replays, request, replies[place.name], title=f"{folder} in {place.name}")
         return replies
 
     @cached_property

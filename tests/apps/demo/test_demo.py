@@ -8,6 +8,9 @@ import pytest
 from readygo.apps.demo import demo
 from readygo.apps.demo.demo import _clear
 from readygo.common.errors import DatasetError, RunError
+from readygo.common.messages import Outcome
+from readygo.services.evaluator import EXPERT, STRAIGHT_LINE
+from tests.apps.evaluation.records import record
 from tests.common.dataset.episodes import write_shard
 
 
@@ -24,6 +27,14 @@ def test_demo_replaces_an_earlier_demo(tmp_path: Path) -> None:
     (tmp_path / "demo" / "run").mkdir()
     _clear(tmp_path / "demo")
     assert not (tmp_path / "demo" / "run").exists()
+
+
+def test_film_shows_the_policy_pass_where_the_straight_line_meets_a_human() -> None:
+    met = [record(k, Outcome.HUMAN_COLLISION, method=STRAIGHT_LINE) for k in (1, 2)]
+    policy = [record(1, Outcome.SUCCESS, 0.7), record(2, Outcome.SUCCESS, 0.5)]
+    expert = [record(2, Outcome.SUCCESS, 0.2, method=EXPERT)]
+    assert demo.closest_pass([*policy, *expert, *met]) is policy[1]
+    assert demo.closest_pass([*expert, *met]) is None
 
 
 @pytest.fixture

@@ -5,10 +5,10 @@ from readygo.common.messages import EpisodeKey, Outcome, Split
 from readygo.services.evaluator import POLICY, EpisodeRecord, Task
 
 
-def record(index, outcome, near_m=math.inf, task=Task.DYNAMIC):
+def record(index, outcome, near_m=math.inf, task=Task.DYNAMIC, method=POLICY):
     result = EpisodeResult(outcome=outcome, duration_s=3.0, path_length_m=1.0, shortest_m=1.0)
     key = EpisodeKey(seed=0, split=Split.TEST, index=index)
-    return EpisodeRecord(episode=key, task=task, method=POLICY, result=result, human_distance_min_m=near_m)
+    return EpisodeRecord(episode=key, task=task, method=method, result=result, human_distance_min_m=near_m)
 
 
 RECORDS = [

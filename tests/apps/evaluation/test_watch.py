@@ -2,6 +2,7 @@ import pytest
 
 from readygo.apps.evaluation.watch import (
     SHOWN_MAX,
+    avoided,
     check_wanted,
     episodes_to_film,
     failures_to_show,
@@ -63,8 +64,26 @@ def test_what_is_no_episode_is_refused():
     with pytest.raises(RunError, match="index 2: indices without a scenario leave gaps"):
         episodes_to_film(RECORDS, ["2"])
     with pytest.raises(RunError, match="'best'"):
-        check_wanted(["worst", "17", "best"])
-    check_wanted(["worst", "failures", "17"])
+        check_wanted(["worst", "17", "best"], [POLICY])
+    check_wanted(["worst", "failures", "17"], [POLICY])
+    with pytest.raises(RunError, match="--video avoided compares with straight-line: name it among --methods as well"):
+        check_wanted(["avoided"], [POLICY, EXPERT])
+    check_wanted(["avoided"], [POLICY, STRAIGHT_LINE])
+
+
+def test_avoided_are_goals_reached_where_the_straight_line_meets_a_human_the_closest_pass_first():
+    met = [record(k, Outcome.HUMAN_COLLISION, method=STRAIGHT_LINE) for k in (1, 2, 3, 4)]
+    others = [*met, record(5, Outcome.STATIC_COLLISION, method=STRAIGHT_LINE)]
+    ours = [
+        record(1, Outcome.SUCCESS, near_m=0.9),
+        record(2, Outcome.HUMAN_COLLISION, near_m=0.0),
+        record(3, Outcome.SUCCESS, near_m=0.4),
+        record(4, Outcome.SUCCESS, near_m=0.6),
+        record(5, Outcome.SUCCESS, near_m=0.1),
+    ]
+    assert [each.episode.index for each in avoided(ours, [*ours, *others])] == [3, 4, 1]
+    assert [each.episode.index for each in episodes_to_film(ours, ["avoided"], others)] == [3, 4]
+    assert episodes_to_film(ours, ["avoided"], ours) == []
 
 
 def test_policy_is_watched_where_one_drives():

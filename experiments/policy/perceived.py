@@ -1,0 +1,82 @@
+"""How well trained perception sees the people of recorded data that it did not learn from.
+
+    python -m experiments.policy.perceived DATA PERCEPTION [PERCEPTION ...] [--scene SCENE] [--images 4000]
+
+DATA is a data folder of the robot that perception was trained for, recorded with people or in a scene that it does not
+know; PERCEPTION is a folder of `readygo train --recipe perception`. Prints one line of JSON for each, on the same
+images: the measures of `PerceptionMetrics`.
+"""
+
+import argparse
+import dataclasses
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import safetensors.torch
+
+from readygo.common.dataset import Dataset
+from readygo.common.errors import PolicyError
+from readygo.common.perception.artifact import WEIGHTS_FILE, PerceptionSpec, load_perception_spec
+from readygo.runs.perception import scene_of
+from readygo.services.trainer.config import PERCEPTION_WIDTHS
+from readygo.services.trainer.perception.looks import Looks, looks_of
+from readygo.services.trainer.perception.network import PerceptionNet
+from readygo.services.trainer.perception.train import measure
+
+
+def looked_at(data: Path, perceptions: Sequence[Path], scenes: Sequence[str]) -> Looks:
+    """The images of the data, with labels.
+
+    Raises:
+        PolicyError: If a network was trained for another camera than the data's, or for other frames.
+    """
+    dataset, specs = Dataset(data), [load_perception_spec(folder) for folder in perceptions]
+    for folder, spec in zip(perceptions, specs, strict=True):
+        if dataset.robot is None or spec.robot.camera != dataset.robot.camera:
+            raise PolicyError(f"{folder} is of another camera than {data}.")
+        if spec.spacing_s != specs[0].spacing_s:
+            raise PolicyError(f"{folder} sees frames that are {spec.spacing_s:g} s apart, unlike {perceptions[0]}.")
+    maps = scene_of(data, dataset, scenes).maps
+    return looks_of(dataset, specs[0].robot.camera, maps.robot, maps.sight, specs[0].spacing_s)
+
+
+def network_of(folder: Path, spec: PerceptionSpec) -> PerceptionNet:
+    """The trained network.
+
+    Raises:
+        PolicyError: If its weights are missing or broken.
+    """
+    net = PerceptionNet(spec.robot.camera, tuple(spec.training.get("settings", {}).get("widths", PERCEPTION_WIDTHS)))
+    try:
+        net.load_state_dict(safetensors.torch.load_file(folder / WEIGHTS_FILE))
+    except Exception as error:  # a missing file, safetensors' errors for a broken one, or other shapes
+        raise PolicyError(f"{folder / WEIGHTS_FILE} cannot be read: {error}") from error
+    return net.eval()
+
+
+def measures(folder: Path, looks: Looks, images: int) -> dict[str, Any]:
+    """Measures of one network on at most `images` images, spread evenly."""
+    spec = load_perception_spec(folder)
+    net = network_of(folder, spec)
+    rows = np.unique(np.linspace(0, len(looks) - 1, images).round().astype(np.int64))
+    return dataclasses.asdict(measure(net, looks, rows, spec))
+
+
+def main() -> None:
+    """Print the measures of every network."""
+    parser = argparse.ArgumentParser(description="Perception of data that it did not learn from")
+    parser.add_argument("data", type=Path)
+    parser.add_argument("perceptions", type=Path, nargs="+")
+    parser.add_argument("--scene", action="append", default=[])
+    parser.add_argument("--images", type=int, default=4000)
+    given = parser.parse_args()
+    looks = looked_at(given.data, given.perceptions, given.scene)
+    for folder in given.perceptions:
+        print(json.dumps({"perception": str(folder), **measures(folder, looks, given.images)}), flush=True)
+
+
+if __name__ == "__main__":
+    main()
