@@ -9,12 +9,13 @@ from readygo.common.episode.loop import Driver
 from readygo.common.errors import PolicyError
 from readygo.common.maps.occupancy import GROUND_CLEARANCE_M
 from readygo.common.maps.ros_map import load_unknown_cells
-from readygo.common.perception import PeopleTracker, Perception, load_perception
+from readygo.common.perception import Perception, load_perception
 from readygo.common.perception.noise import PERCEIVED, PerceptionNoise
 from readygo.common.policy import check_policy_camera, check_policy_limits, load_policy
 from readygo.common.policy.artifact import SPEC_FILE
 from readygo.common.policy.driver import PolicyDriver
 from readygo.common.scenes.scene import ROBOT_MAP_FILE
+from readygo.common.state_policy.actor import tracker_for
 from readygo.common.state_policy.perceiving_driver import PerceivingStateDriver
 from readygo.common.state_policy.robots import robot_difference
 from readygo.common.state_policy.state_policy import StatePolicy, is_state_policy, load_state_policy
@@ -165,7 +166,7 @@ def _acting(world: World, checkpoints: Path, evaluator: Evaluator) -> Driver[Any
         evaluator.eyes(),
         state_world(world, policy.spec.observation),
         goal_distances(world),
-        lambda: PeopleTracker(ground.human_clearance, ground.human_frame),
+        lambda: tracker_for(policy, ground.human_clearance, ground.human_frame),
     )
 
 

@@ -14,11 +14,11 @@ from readygo.common.episode.loop import Command
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.frames import wrap_angle
 from readygo.common.messages import EpisodeKey, Scenario, Split
-from readygo.common.perception import People, PeopleTracker, Perception
+from readygo.common.perception import People, Perception
 from readygo.common.perception.episode import LOOK_S
 from readygo.common.policy import Policy, PolicyMemory, PolicySpec
 from readygo.common.robot import RobotConfig
-from readygo.common.state_policy.actor import RobotState, StateActor
+from readygo.common.state_policy.actor import RobotState, StateActor, tracker_for
 from readygo.common.state_policy.state_policy import StatePolicy
 from readygo.common.state_simulation.goal_distances import GoalDistances
 from readygo.common.state_simulation.world import StateWorld
@@ -81,7 +81,7 @@ def acting(policy: StatePolicy, world: StateWorld, distances: GoalDistances, pla
     ground = planner.ground
 
     def make(start: Pose, goal: tuple[float, float]) -> Decider:
-        tracker = PeopleTracker(ground.human_clearance, ground.human_frame)
+        tracker = tracker_for(policy, ground.human_clearance, ground.human_frame)
         return StateActor(policy, world, distances, tracker, goal)
 
     return make

@@ -17,8 +17,8 @@ from readygo.runs.sections import Keys
 
 FIRST_SHARE = 0.5
 """Share of the time for the first part."""
-LEAST_MINUTES = 0.1
-"""Least time of the second part [min], however long the first one took."""
+LEAST_SHARE = 0.25
+"""Least share of the time for the second part: on a busy machine the first one takes longer."""
 
 
 def first_plan(
@@ -74,5 +74,5 @@ def teacher_of(first: PerceivePlan) -> Path | None:
 
 
 def minutes_after(first: PerceivePlan, minutes: float) -> float:
-    """Wall time of the second part [min]: what the first one left of the whole."""
-    return max(minutes - float(read_state(first)["minutes"]), LEAST_MINUTES)
+    """Wall time of the second part [min]: what the first one left of the whole, but at least `LEAST_SHARE` of it."""
+    return max(minutes - float(read_state(first)["minutes"]), LEAST_SHARE * minutes)

@@ -81,6 +81,7 @@ class PeopleTracker:
         *,
         memory_s: float = MEMORY_S,
         noise: float = kalman.ACCELERATION_NOISE,
+        velocities: bool = True,
     ) -> None:
         """Begin.
 
@@ -89,9 +90,10 @@ class PeopleTracker:
             frame: Where its cells lie.
             memory_s: Tracks end when they were not detected for longer [s]; unconfirmed ones sooner.
             noise: Spectral density of humans' acceleration [m2/s3].
+            velocities: True to fuse the velocities that looks tell; else velocities follow from places alone.
         """
         self._clearance, self._frame = clearance_m, frame
-        self._memory_s, self._noise = memory_s, noise
+        self._memory_s, self._noise, self._velocities = memory_s, noise, velocities
         self._next = 0
         self.tracks: list[Track] = []
         """All tracks, also those that are not told yet."""
@@ -131,7 +133,7 @@ class PeopleTracker:
         for a, b in pairs:
             k, track = believed[b], self.tracks[a]
             kalman.update(track.mean, track.cov, xy[k], place[k])
-            kalman.update_velocity(track.mean, track.cov, v[k], speed[k])
+            self._fuse_velocity(track, v[k], speed[k])
             self._believe(track, float(people.presence[k]))
             track.age_s, track.hits = 0.0, track.hits + 1
         for a, track in enumerate(self.tracks):
@@ -161,10 +163,14 @@ class PeopleTracker:
         cov = np.zeros((4, 4))
         cov[:2, :2], cov[2:, 2:] = place, _WALKING_SD_MPS**2 * np.eye(2)
         track = Track(number=self._next, mean=np.array([*xy, 0.0, 0.0]), cov=cov, log_odds=_BEGIN)
-        kalman.update_velocity(track.mean, track.cov, np.ascontiguousarray(v), np.ascontiguousarray(speed))
+        self._fuse_velocity(track, v, speed)
         self._believe(track, presence)
         self._next += 1
         self.tracks.append(track)
+
+    def _fuse_velocity(self, track: Track, v: Float64Array, speed: Float64Array) -> None:
+        if self._velocities:
+            kalman.update_velocity(track.mean, track.cov, np.ascontiguousarray(v), np.ascontiguousarray(speed))
 
     def _believe(self, track: Track, presence: float) -> None:
         p = min(max(presence, 0.02), 0.98)

@@ -5,7 +5,9 @@ from typing import Protocol
 
 import numpy as np
 
+from readygo.common.arrays import Float64Array
 from readygo.common.episode.loop import Command
+from readygo.common.maps import GridFrame
 from readygo.common.perception import People, PeopleTracker
 from readygo.common.perception.episode import SteppedTracker
 from readygo.common.perception.tracker import Pose
@@ -17,6 +19,20 @@ from readygo.common.state_simulation.world import StateWorld
 
 SLOTS = 6
 """Most people that are told to the policy, of whom it takes the nearest ones."""
+
+
+def tracker_for(policy: StatePolicy, clearance_m: Float64Array | None, frame: GridFrame | None) -> PeopleTracker:
+    """A tracker for a policy's episode: it fuses told velocities only if the policy learned from such.
+
+    Else the policy would be told smaller deviations than it learned with, of velocities that are less true: a network's
+    errors of velocity hang together over time. `docs/results/among_people.md` has what this is worth.
+
+    Args:
+        policy: Decides.
+        clearance_m: As for `PeopleTracker`.
+        frame: As for `PeopleTracker`.
+    """
+    return PeopleTracker(clearance_m, frame, velocities=policy.spec.noise.measures_velocity)
 
 
 class RobotState(Protocol):

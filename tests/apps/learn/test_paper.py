@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from readygo.apps.learn.paper import LEAST_MINUTES, first_plan, minutes_after, teacher_of
+from readygo.apps.learn.paper import LEAST_SHARE, first_plan, minutes_after, teacher_of
 from readygo.apps.learn.perceive import FORMAT, STATE_FILE, PerceivePlan
 from readygo.common.errors import ConfigError, RunError
 from readygo.runs.scene_argument import open_scene
@@ -60,7 +60,7 @@ def test_second_part_has_the_time_that_is_left(tmp_path: Path) -> None:
     write_first(tmp_path, 5.5)
     plan = plan_in(tmp_path)
     assert minutes_after(plan, 8.0) == 2.5
-    assert minutes_after(plan, 5.0) == LEAST_MINUTES
+    assert minutes_after(plan, 6.0) == 6.0 * LEAST_SHARE
 
 
 def test_expert_teaches_where_no_policy_on_states_was_left(tmp_path: Path) -> None:

@@ -53,6 +53,23 @@ def test_human_who_walks_is_one_track_with_its_velocity() -> None:
     assert track.hits == 12
 
 
+def test_velocity_follows_from_places_alone_where_told_ones_are_left_out() -> None:
+    """People who walk at 1 m/s, of whom every look tells that they stand."""
+    velocities = []
+    for told in (True, False):
+        tracker = PeopleTracker(None, None, velocities=told)
+        for step in range(12):
+            if step:
+                tracker.predict(DT_S)
+            tracker.fuse((0.0, 0.0, 0.0), seen((-1.0 + 0.1 * step, 2.0, 0.0, 0.0), sd=0.03), everywhere)
+        velocities.append(tracker.known[0].mean[2])
+    assert velocities[0] < 0.7
+    assert velocities[1] == pytest.approx(1.0, abs=0.05)
+    first = PeopleTracker(None, None, velocities=False)
+    first.fuse((0.0, 0.0, 0.0), seen((2.0, 0.0, 1.0, 0.0)), everywhere)
+    assert first.tracks[0].mean[2:].tolist() == [0.0, 0.0]
+
+
 def test_detections_are_turned_from_the_robots_frame() -> None:
     tracker = PeopleTracker(None, None)
     tracker.fuse((1.0, 1.0, math.pi / 2), seen((2.0, 0.0, 1.0, 0.0)), everywhere)

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from readygo.common.perception import PeopleTracker
+from readygo.common.perception.noise import EXACT, PERCEIVED, PerceptionNoise
 from readygo.common.perception.people import NOBODY
-from readygo.common.state_policy.actor import RobotState, StateActor
+from readygo.common.state_policy.actor import RobotState, StateActor, tracker_for
 from readygo.common.state_simulation.observe import PEOPLE, PERSON_COUNT
 from tests.common.perception.test_tracker import seen
 from tests.common.state_policy.state_policies import make_state_policy
@@ -41,6 +42,16 @@ def test_command_is_held_until_the_next_multiple_of_its_time(drawn: Drawn, actor
     ]
     assert decided == [fresh[0], fresh[0], fresh[1], fresh[2]]
     assert len(set(fresh)) == 3
+
+
+@pytest.mark.parametrize(("noise", "told_mps"), [(EXACT, 0.5), (PERCEIVED, 0.0)])
+def test_velocities_that_images_tell_are_fused_only_if_the_policy_learned_from_such(
+    noise: PerceptionNoise, told_mps: float
+) -> None:
+    tracker = tracker_for(make_state_policy(noise), None, None)
+    tracker.fuse((0.0, 0.0, 0.0), seen((2.0, 0.0, 1.0, 0.0)), lambda x, y: True)
+    velocity = tracker.tracks[0].mean[2]
+    assert velocity >= told_mps if told_mps else velocity == 0.0
 
 
 def test_nearest_people_are_told_with_the_age_of_their_last_detection(drawn: Drawn, actor: StateActor) -> None:
