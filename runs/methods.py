@@ -145,8 +145,8 @@ def _paper_planner(world: World) -> RobotPlanner:
 
 
 def _tracked(world: World, noise: PerceptionNoise) -> Driver[Any]:
-    planner = world.robot_planner
-    return TrackedDriver(noise, lambda episode: planner.tracked_expert(episode.scenario))
+    planner, velocities = world.robot_planner, noise.measures_velocity
+    return TrackedDriver(noise, lambda episode: planner.tracked_expert(episode.scenario, velocities=velocities))
 
 
 def _perceiving(world: World, folder: Path, evaluator: Evaluator) -> Driver[Any]:

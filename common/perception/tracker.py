@@ -81,7 +81,7 @@ class PeopleTracker:
         *,
         memory_s: float = MEMORY_S,
         noise: float = kalman.ACCELERATION_NOISE,
-        velocities: bool = True,
+        velocities: bool = False,
     ) -> None:
         """Begin.
 
@@ -90,7 +90,9 @@ class PeopleTracker:
             frame: Where its cells lie.
             memory_s: Tracks end when they were not detected for longer [s]; unconfirmed ones sooner.
             noise: Spectral density of humans' acceleration [m2/s3].
-            velocities: True to fuse the velocities that looks tell; else velocities follow from places alone.
+            velocities: True to fuse the velocities that looks tell; else velocities follow from places alone, which is
+                better where the errors of what is told hang together over time, as a network's do
+                (`docs/results/among_people.md`).
         """
         self._clearance, self._frame = clearance_m, frame
         self._memory_s, self._noise, self._velocities = memory_s, noise, velocities

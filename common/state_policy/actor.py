@@ -24,9 +24,6 @@ SLOTS = 6
 def tracker_for(policy: StatePolicy, clearance_m: Float64Array | None, frame: GridFrame | None) -> PeopleTracker:
     """A tracker for a policy's episode: it fuses told velocities only if the policy learned from such.
 
-    Else the policy would be told smaller deviations than it learned with, of velocities that are less true: a network's
-    errors of velocity hang together over time. `docs/results/among_people.md` has what this is worth.
-
     Args:
         policy: Decides.
         clearance_m: As for `PeopleTracker`.

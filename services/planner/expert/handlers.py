@@ -86,21 +86,25 @@ class RobotPlanner:
         """
         return self.of(scenario.episode)._expert(scenario, motions)
 
-    def tracked_expert(self, scenario: Scenario) -> tuple[SpaceTimeExpert, TrackedHumans]:
+    def tracked_expert(self, scenario: Scenario, *, velocities: bool = False) -> tuple[SpaceTimeExpert, TrackedHumans]:
         """An expert for one episode that knows of people what it is told by tracks, and these tracks.
+
+        Args:
+            scenario: Of the episode.
+            velocities: As for `PeopleTracker`.
 
         Raises:
             ConfigError: If the expert's mode is "paper": its search takes bodies.
         """
-        return self.of(scenario.episode)._tracked_expert(scenario)
+        return self.of(scenario.episode)._tracked_expert(scenario, velocities)
 
-    def _tracked_expert(self, scenario: Scenario) -> tuple[SpaceTimeExpert, TrackedHumans]:
+    def _tracked_expert(self, scenario: Scenario, velocities: bool) -> tuple[SpaceTimeExpert, TrackedHumans]:
         if isinstance(self._search, HybridAStar):
             raise ConfigError('People are tracked for experts of mode "spacetime"; set mode under [expert].')
         made: list[TrackedHumans] = []
 
         def find_people(local: EpisodeGround, count: int) -> TrackedHumans:
-            made.append(TrackedHumans(self.ground, local, count))
+            made.append(TrackedHumans(self.ground, local, count, velocities=velocities))
             return made[0]
 
         nobody = EpisodeMotions(humans=())

@@ -26,20 +26,23 @@ _STANDING_SHARE = 1.0
 class TrackedHumans:
     """Humans as a tracker has them: call `look` with what an image told, before the expert acts."""
 
-    def __init__(self, ground: SceneGround, local: EpisodeGround, count: int) -> None:
+    def __init__(self, ground: SceneGround, local: EpisodeGround, count: int, *, velocities: bool = False) -> None:
         """Begin an episode.
 
         Args:
             ground: Robot, maps and settings.
             local: The episode's part of the map.
             count: Steps to look ahead.
+            velocities: As for `PeopleTracker`.
         """
         self.local = local
         self.eyes = RobotEyes(ground)
         """What the robot's cameras show, as far as the map says."""
         self._ground, self._count, self._dt_s = ground, count, ground.robot.clock.dt_s
         self._views = 1 + 2 * window_steps(self._dt_s)
-        self.tracker = PeopleTracker(ground.human_clearance, ground.human_frame, memory_s=MEMORY_S)
+        self.tracker = PeopleTracker(
+            ground.human_clearance, ground.human_frame, memory_s=MEMORY_S, velocities=velocities
+        )
         """The tracks."""
         self._stepped = SteppedTracker(self.tracker, self._dt_s, self.eyes.show)
         self._perceived: tuple[int, list[PerceivedHuman]] | None = None

@@ -23,7 +23,7 @@ def perception() -> LivePerception:
     """A human 3 m ahead of a robot that looks along y, who walks to the robot's left."""
     people = seen((3.0, 0.0, 0.0, 1.0))
     people.place_cov[0] = np.diag([0.04, 0.01])
-    tracker = PeopleTracker(None, None)
+    tracker = PeopleTracker(None, None, velocities=True)
     tracker.fuse((1.0, 2.0, math.pi / 2), people, everywhere)
     tracker.predict(0.1)
     perceived = Perceived(

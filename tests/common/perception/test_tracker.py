@@ -71,7 +71,7 @@ def test_velocity_follows_from_places_alone_where_told_ones_are_left_out() -> No
 
 
 def test_detections_are_turned_from_the_robots_frame() -> None:
-    tracker = PeopleTracker(None, None)
+    tracker = PeopleTracker(None, None, velocities=True)
     tracker.fuse((1.0, 1.0, math.pi / 2), seen((2.0, 0.0, 1.0, 0.0)), everywhere)
     np.testing.assert_allclose(tracker.tracks[0].mean[:2], [1.0, 3.0], atol=1e-9)
     assert tracker.tracks[0].mean[3] > 0.8
@@ -99,7 +99,7 @@ def test_one_doubtful_detection_is_not_told_and_a_second_one_is() -> None:
 
 
 def test_who_should_be_seen_and_is_not_is_forgotten_before_who_is_hidden() -> None:
-    shown, hidden = PeopleTracker(None, None), PeopleTracker(None, None)
+    shown, hidden = (PeopleTracker(None, None, velocities=True) for _ in range(2))
     for tracker, sight in ((shown, everywhere), (hidden, nowhere)):
         walk(tracker, 5)
         for _ in range(12):

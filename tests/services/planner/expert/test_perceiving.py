@@ -101,7 +101,15 @@ def test_expert_with_a_students_eyes_does_so_too_and_errs_the_same_way_again(pla
     ends = []
     for noise in (EXACT, PerceptionNoise(), PerceptionNoise()):
         one = simulation(planner)
-        run_episode(one, TrackedDriver(noise, lambda episode: planner.tracked_expert(episode.scenario)))
+        run_episode(
+            one,
+            TrackedDriver(
+                noise,
+                lambda episode, noise=noise: planner.tracked_expert(  # type: ignore[misc]
+                    episode.scenario, velocities=noise.measures_velocity
+                ),
+            ),
+        )
         ends.append((one.outcome, one.step, one.x_m))
     assert ends[0][0] is Outcome.SUCCESS
     assert ends[1] == ends[2]
