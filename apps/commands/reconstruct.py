@@ -184,7 +184,8 @@ def _print_scene(source: Path, job: Job, report: dict[str, Any]) -> None:
     training = report["training"]
     quality = "no images held out"
     if training["psnr_db"] is not None:
-        quality = f"PSNR {training['psnr_db']:.2f} dB, SSIM {training['ssim']:.3f} ({len(training['held_out'])} images)"
+        psnr = f"PSNR {training['psnr_db']:.2f} dB ({training['psnr_fitted_db']:.2f} dB with fitted colours)"
+        quality = f"{psnr}, SSIM {training['ssim']:.3f} ({len(training['held_out'])} images)"
     table = Table(title=f"{job.out.name}, made of {source.name}", show_header=False)
     for label, text in _rows(report):
         table.add_row(label, text)
@@ -192,6 +193,8 @@ def _print_scene(source: Path, job: Job, report: dict[str, Any]) -> None:
     left = f"unseen: {training['unseen']:,}, {report['removed']}"
     table.add_row("Gaussians", f"{made}; left out: {left}; kept as sky: {report['sky']:,}")
     table.add_row("held-out images", quality)
+    for note in training["notes"]:
+        table.add_row("note", note)
     for stage, seconds in report["seconds"].items():
         table.add_row(f"time of {stage}", f"{seconds:.0f} s")
     table.add_row("time in all", f"{sum(report['seconds'].values()) / 60.0:.1f} min")

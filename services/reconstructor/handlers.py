@@ -247,6 +247,7 @@ def make_posed(
         names = ", ".join(frames["unused"])
         numbers["notes"].append(f"not used, as they cannot be read or are no photos like the others: {names}")
     report |= numbers
+    numbers["notes"] += frames.get("notes", [])
     (folder / REPORT_FILE).write_text(json.dumps(report, indent=2) + "\n")
     return report
 

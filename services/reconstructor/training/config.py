@@ -63,8 +63,9 @@ class GeometryConfig:
     """Pixels that come back farther away do not count: something hides them."""
     patches_max: Annotated[int, Range(low=1)] = 4096
     """Most patches per view that are compared with a neighbour's: a random sample."""
-    distance_max_m: Annotated[float, Range(above=0.0)] = 1.5
-    """Neighbours are at most this far from a view [m]."""
+    distance_max_m: Annotated[float, Range(low=0.0)] = 0.0
+    """Neighbours are at most this far from a view, in units of the poses (metres of `scene poses`); 0: 1.5, and for
+    views that have none there as far as the cameras' spacing and the depth of the points suggest."""
 
     def __post_init__(self) -> None:
         check_ranges(self)

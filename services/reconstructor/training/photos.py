@@ -45,6 +45,14 @@ class Posed:
         places = self.views.T_world_camera[:, :3, 3]
         return _EXTENT * float(np.linalg.norm(places - places.mean(axis=0), axis=1).max())
 
+    @property
+    def depth_m(self) -> float:
+        """Median depth of the points in the views that see them [m]; 0 without any sighting."""
+        if not len(self.seen):
+            return 0.0
+        T = self.views.T_world_camera[self.seen[:, 0]]
+        return float(np.median(((self.points_m[self.seen[:, 1]] - T[:, :3, 3]) * T[:, :3, 2]).sum(axis=1)))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Photo:

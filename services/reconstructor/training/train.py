@@ -4,7 +4,7 @@ import hashlib
 import json
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,7 +37,7 @@ from readygo.services.reconstructor.training.engine import Engine, ViewTask
 from readygo.services.reconstructor.training.exposures import Exposures
 from readygo.services.reconstructor.training.interruption import interruption
 from readygo.services.reconstructor.training.memory import check_memory, gpu_memory
-from readygo.services.reconstructor.training.neighbours import choose_neighbours
+from readygo.services.reconstructor.training.neighbours import choose_neighbours, neighbour_distances
 from readygo.services.reconstructor.training.parameters import Gaussians, initial_gaussians
 from readygo.services.reconstructor.training.photos import PhotoStore, Posed, open_posed, split_views
 from readygo.services.reconstructor.training.schedule import TrainingSchedule
@@ -52,6 +52,8 @@ _SURFACES_BEGIN = 0.23
 """Share of the training after which normals and neighbours are compared; Gaussians are flattened from the start."""
 _NEIGHBOURS, _NEIGHBOUR_ANGLE_MAX_DEG, _NEIGHBOUR_DISTANCE_MIN_M = 8, 30.0, 0.01
 """Views that a view is compared with (as PGSR): most of them, largest angle [deg], least distance [m]."""
+_ALONE_MAX = 0.1
+"""A larger share of images without a neighbour is worth a note."""
 _TRIM_VIEWS = 2
 """Gaussians of surfaces must be seen by this many views."""
 _SAVE_EVERY_S = 120.0
@@ -89,9 +91,11 @@ def train_gaussians(posed_folder: Path, out_folder: Path, settings: GaussiansCon
         progress: Is told about every second how far it is.
 
     Returns:
-        The report: `psnr_db` and `ssim` (means of the held-out images, None without any), `held_out` (by image),
-        `gaussians`, `unseen` (how many were left out in the end as no training image shows them), `images`, `seconds`
-        (by stage), `gpu_bytes` (most memory of a GPU that tensors held since the last start), `settings`.
+        The report: `psnr_db`, `psnr_fitted_db` (after an affine fit of each image's colours) and `ssim` (means of the
+        held-out images, None without any), `held_out` (by image),
+        `gaussians`, `unseen` (how many were left out in the end as no training image shows them), `images`,
+        `without_neighbour` (training images whose surfaces are compared with no other image), `notes` (in words),
+        `seconds` (by stage), `gpu_bytes` (most memory of a GPU that tensors held since the last start), `settings`.
 
     Raises:
         ReadygoError: If the model or its images cannot be used, numbers stop being finite, memory or the disk do not
@@ -335,14 +339,16 @@ class _Training:
         return report
 
     def _report(self, scores: list[HeldOut]) -> dict[str, Any]:
-        rows = [{"image": score.image, "psnr_db": score.psnr_db, "ssim": score.ssim} for score in scores]
+        names = ("psnr_db", "psnr_fitted_db", "ssim")
+        rows = [{"image": score.image, **{name: getattr(score, name) for name in names}} for score in scores]
         return {
-            "psnr_db": float(np.mean([score.psnr_db for score in scores])) if scores else None,
-            "ssim": float(np.mean([score.ssim for score in scores])) if scores else None,
+            **{name: float(np.mean([row[name] for row in rows])) if rows else None for name in names},
             "held_out": rows,
             "gaussians": len(self._engine),
             "unseen": self._unseen,
             "images": len(self._train),
+            "without_neighbour": sum(not others for others in self._neighbours.values()),
+            "notes": _neighbour_notes(self._neighbours),
             "seconds": {name: round(spent_s, 2) for name, spent_s in self._seconds.items()},
             "gpu_bytes": self._engine.gpu_bytes,
             "settings": section_to_mapping(self._settings),
@@ -374,10 +380,29 @@ def _neighbours_of(posed: Posed, train: tuple[int, ...], settings: GaussiansConf
     config = settings.geometry
     if not config.enabled:
         return {}
+    T_world_camera, farthest_m = posed.views.T_world_camera[list(train)], np.full(len(train), config.distance_max_m)
+    if not config.distance_max_m:
+        farthest_m = neighbour_distances(
+            T_world_camera,
+            posed.depth_m,
+            angle_max_deg=_NEIGHBOUR_ANGLE_MAX_DEG,
+            distance_min_m=_NEIGHBOUR_DISTANCE_MIN_M,
+        )
     found = choose_neighbours(
-        posed.views.T_world_camera[list(train)],
+        T_world_camera,
         angle_max_deg=_NEIGHBOUR_ANGLE_MAX_DEG,
-        distance_m=(_NEIGHBOUR_DISTANCE_MIN_M, config.distance_max_m),
+        distance_m=(_NEIGHBOUR_DISTANCE_MIN_M, farthest_m),
         count=_NEIGHBOURS,
     )
     return {number: tuple(train[k] for k in others) for number, others in zip(train, found, strict=True)}
+
+
+def _neighbour_notes(neighbours: Mapping[int, tuple[int, ...]]) -> list[str]:
+    """What there is to say where surfaces of many images are compared with nothing."""
+    alone = sum(not others for others in neighbours.values())
+    if alone <= _ALONE_MAX * len(neighbours):
+        return []
+    return [
+        f"{alone} of {len(neighbours)} training images have no neighbour that looks the same way near by: their "
+        "surfaces are compared with no other image; film with smaller steps, or raise geometry.distance_max_m"
+    ]

@@ -1,5 +1,6 @@
 """Photos of a posed model."""
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,6 +21,7 @@ def test_model_is_read_with_its_cameras_and_points(write_posed: Write, tmp_path:
     assert posed.views.images == tuple(f"{number}.png" for number in range(VIEWS))
     assert posed.points_m.shape == (150, 3)
     assert posed.extent_m == pytest.approx(1.1 * 0.3)
+    assert posed.depth_m == 0.0, "the model has points without sightings"
     np.testing.assert_allclose(posed.views.T_world_camera[1, :3, 3], [-0.18, 0, 0], atol=1e-9)
     assert not (tmp_path / "undistorted").exists()
 
@@ -67,3 +69,12 @@ def test_lens_distortion_is_taken_out_first(write_posed: Write, tmp_path: Path) 
 def test_every_nth_view_is_held_out() -> None:
     assert split_views(5, 2) == ((1, 3), (0, 2, 4))
     assert split_views(3, 0) == ((0, 1, 2), ())
+
+
+def test_depth_is_the_median_along_the_axes_of_the_views_that_see_the_points(
+    write_posed: Write, tmp_path: Path
+) -> None:
+    posed = open_posed(write_posed(tmp_path / "posed"), tmp_path / "undistorted")
+    seen = np.array([(view, point) for view in range(VIEWS) for point in range(150)])
+    sighted = dataclasses.replace(posed, seen=seen)
+    assert sighted.depth_m == pytest.approx(float(np.median(posed.points_m[:, 2])))

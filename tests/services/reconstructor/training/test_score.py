@@ -21,6 +21,7 @@ def test_the_truth_scores_best_and_is_pictured_beside_its_photo(
     assert [score.image for score in right] == ["1.png", "4.png"]
     # Eight bits round away what is left.
     assert all(score.psnr_db > 50 and score.ssim > 0.999 for score in right)
+    assert all(score.psnr_fitted_db >= score.psnr_db - 1e-6 for score in right)
     gaussians.values["means_m"] += 0.1
     assert measure(gaussians, photos, 0)[0].psnr_db < 30
     write_picture(tmp_path / "picture.png", right[0])

@@ -155,3 +155,15 @@ def test_missing_images_are_refused(write_posed: Write, tmp_path: Path) -> None:
     (posed / "images" / "3.png").unlink()
     with pytest.raises(SceneError, match=r"lacks 1 images of the model, 3.png"):
         train_gaussians(posed, tmp_path / "out", SETTINGS, silent)
+
+
+def test_surfaces_without_a_neighbour_are_told(write_posed: Write, tmp_path: Path) -> None:
+    posed = write_posed(tmp_path / "posed")
+    few = replace(SURFACES, steps=1)
+    report = train_gaussians(posed, tmp_path / "out", few, silent)
+    assert (report["without_neighbour"], report["notes"]) == (0, [])
+    near = replace(few, geometry=replace(few.geometry, distance_max_m=0.1))
+    report = train_gaussians(posed, tmp_path / "near", near, silent)
+    assert report["without_neighbour"] == 4
+    (note,) = report["notes"]
+    assert note.startswith("4 of 4 training images have no neighbour")
