@@ -1,11 +1,12 @@
 """From a map in arbitrary units to metres, z up, with z = 0 on the floor."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
+from readygo.common.arrays import Float64Array
 from readygo.common.errors import ConfigError, SceneError
 from readygo.services.reconstructor.metric.config import MetricConfig
 from readygo.services.reconstructor.metric.lengths import KnownLength, measured_length
@@ -20,6 +21,8 @@ from readygo.services.reconstructor.metric.scale import (
 )
 from readygo.services.reconstructor.metric.up import (
     FLOOR_MARKER_MAX_DEG,
+    HELD_ERROR_DEG,
+    LEAN_MIN_DEG,
     Floor,
     floor_of_points,
     held_up,
@@ -172,8 +175,13 @@ def _floor(
         plane = floor_of_points(images, normal)
         if plane is None:
             return floor, best, []
-        lean = f"{lean_deg(plane.up, normal):.2f} deg"
-        return floor, best, [f"check: the floor's points ({plane.point_count}) lean {lean} against the marker"]
+        lean = lean_deg(plane.up, normal)
+        told = f"the floor's points ({plane.point_count}) lean {lean:.2f} deg against the marker"
+        if config.marker_on == "auto" and _marker_leans(plane, normal, up):
+            source = f"{plane.source}; marker {best.marker} leans {lean:.1f} deg against it"
+            note = f"{told}, by more than their own uncertainty of {plane.error_deg:.2f} deg: up and z = 0 are the floor's"
+            return replace(plane, source=source), best, [note]
+        return floor, best, [f"check: {told}"]
     plane = floor_of_points(images, up)
     if plane is not None:
         return plane, None, []
@@ -181,6 +189,16 @@ def _floor(
     lowest = images.points[np.argsort(heights)[len(heights) // 100]] if len(heights) else np.zeros(3)
     floor = Floor(up=up, point=lowest, source="gravity, as cameras were held; floor at the lowest points")
     return floor, None, ["no floor plane was found: up and z = 0 are rough; put a marker on the floor"]
+
+
+def _marker_leans(plane: Floor, marker_up: Float64Array, held: Float64Array) -> bool:
+    """Whether a marker does not lie flat on the floor, as on a slope or on folded paper.
+
+    Its plane is then not the floor's, beyond the floor's own uncertainty. How cameras were held must not speak for the
+    marker, as where the plane of the points is none to stand on.
+    """
+    differs = lean_deg(plane.up, marker_up) > max(LEAN_MIN_DEG, plane.error_deg)
+    return differs and lean_deg(plane.up, held) < lean_deg(marker_up, held) + HELD_ERROR_DEG
 
 
 def _doubtful_height(images: PosedImages, doubted: str) -> list[str]:

@@ -20,6 +20,34 @@ def test_floor_marker_makes_the_map_metric_with_z_up_from_the_floor() -> None:
     assert placed.floor.source == "marker 0 on the floor"
 
 
+def leaning(deg: float) -> np.ndarray:
+    """Corners of a marker that lies on a slope in the middle of the floor."""
+    return marker_at() @ leaning_rotation(deg).T
+
+
+def leaning_rotation(deg: float) -> np.ndarray:
+    c, s = np.cos(np.radians(deg)), np.sin(np.radians(deg))
+    return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
+
+
+def test_marker_on_a_slope_gives_way_to_the_floor_and_a_note_says_so() -> None:
+    seen = sighted(POSES, leaning(2.0), 0, 0.05)
+    placed = place_map(IMAGES, seen, [], MetricConfig(marker_size_m=0.2))
+    world = IMAGES.transform(placed.world_from_map)
+    np.testing.assert_allclose(world.T_world_camera[:, 2, 3], 1.4, atol=0.01)
+    assert placed.floor.source.startswith("floor plane of the points; marker 0 leans 2.")
+    assert any("more than their own uncertainty" in note for note in placed.warnings)
+    on_purpose = place_map(IMAGES, seen, [], MetricConfig(marker_size_m=0.2, marker_on="floor"))
+    assert on_purpose.floor.source == "marker 0 on the floor"
+
+
+def test_marker_stays_up_where_the_cameras_were_held_as_it_says() -> None:
+    ramp = floor_points() @ leaning_rotation(12.0).T
+    placed = place_map(mapped(POSES, ramp, some_similarity()), SEEN, [], MetricConfig(marker_size_m=0.2))
+    assert placed.floor.source == "marker 0 on the floor"
+    assert any(note.startswith("check: the floor's points") for note in placed.warnings)
+
+
 def test_scale_alone_takes_up_from_the_floors_points() -> None:
     placed = place_map(IMAGES, [], [], MetricConfig(scale=1.0 / some_similarity().scale))
     world = IMAGES.transform(placed.world_from_map)
