@@ -50,7 +50,8 @@ class ScenePosesOptions:
     """
 
     source: Positional[Path]
-    """A video, a folder of photos, or a folder with a COLMAP model and images/."""
+    """A video, a folder of photos, a folder with a COLMAP model and images/, a transforms.json of nerfstudio, or an
+    export of Polycam or Record3D."""
     out: Path
     """State folder, new or to resume."""
     marker_size_m: float = 0.0
@@ -60,6 +61,11 @@ class ScenePosesOptions:
     in each image [px, m]; with a marker, it checks the marker."""
     scale: float = 0.0
     """Metres per unit of the map, without marker or length."""
+    intrinsics: str = ""
+    """The camera's lens, if it is known: a calibration of OpenCV or ROS, a .json of cameras, or "fx fy cx cy [k1 k2 p1
+    p2]" in pixels of the upright images; it stays as given, see --poses.intrinsics-are."""
+    masks: Path | None = None
+    """Folder with a mask of each image, named after it as a.jpg.png, in which 0 is ignored: people who walk through."""
     json: bool = False
     """Print the report as JSON."""
     config: Path | None = None
@@ -90,7 +96,8 @@ class ReconstructOptions:
     """
 
     source: Positional[Path]
-    """A video, a folder of photos, or a folder with a COLMAP model and images/."""
+    """A video, a folder of photos, a folder with a COLMAP model and images/, a transforms.json of nerfstudio, or an
+    export of Polycam or Record3D."""
     out: Path
     """Scene bundle to make; must not exist."""
     marker_size_m: float = 0.0
@@ -100,6 +107,11 @@ class ReconstructOptions:
     in each image [px, m]; with a marker, it checks the marker."""
     scale: float = 0.0
     """Metres per unit of the map, without marker or length."""
+    intrinsics: str = ""
+    """The camera's lens, if it is known: a calibration of OpenCV or ROS, a .json of cameras, or "fx fy cx cy [k1 k2 p1
+    p2]" in pixels of the upright images; it stays as given, see --poses.intrinsics-are."""
+    masks: Path | None = None
+    """Folder with a mask of each image, named after it as a.jpg.png, in which 0 is ignored: people who walk through."""
     preset: Preset = "draft"
     """draft takes minutes on two cores; standard and high take longer."""
     license: str = ""
@@ -153,8 +165,12 @@ def _config(options: ScenePosesOptions | ReconstructOptions, base: Reconstructor
         ConfigError: If the file cannot be read, or a value is wrong.
     """
     given = {"marker_size_m": options.marker_size_m, "lengths": list(options.length), "scale": options.scale}
-    metric = {"metric": {name: value for name, value in given.items() if value}}
-    return with_keys(with_keys(with_file(base, options.config), metric), options.keys)
+    told: dict[str, Any] = {"metric": {name: value for name, value in given.items() if value}}
+    if options.intrinsics:
+        told["poses"] = {"intrinsics": options.intrinsics}
+    if options.masks is not None:
+        told["frames"] = {"masks": str(options.masks)}
+    return with_keys(with_keys(with_file(base, options.config), told), options.keys)
 
 
 class Lines:

@@ -122,7 +122,12 @@ def view_gradients(
     rendered = draw(leaves, photo, sh_degree, gradients=True, absolute=absolute)
     planes = planes_of(rendered)
     gains, offsets = np.exp(exposure[0])[:, None, None], exposure[1][:, None, None]
-    loss, _, slope = _LOSSES.of(planes.shape[1:])(planes * gains + offsets, photo.rgb, SSIM_WEIGHT)
+    shown = planes * gains + offsets
+    wanted = photo.rgb if photo.mask is None else np.where(photo.mask, photo.rgb, shown)
+    loss, _, slope = _LOSSES.of(planes.shape[1:])(shown, wanted, SSIM_WEIGHT)
+    if photo.mask is not None:
+        # What is ignored shows what is drawn there: it has no error, nor part in how others should change.
+        slope *= photo.mask
     # What is not finite is found by the loss, and named there.
     with np.errstate(over="ignore", invalid="ignore"):
         by_exposure = np.stack([(slope * planes * gains).sum(axis=(1, 2)), slope.sum(axis=(1, 2))])

@@ -92,6 +92,8 @@ class Side:
     """Pose of the camera, shape (4, 4), of the same type as the planes."""
     rays_W: Tensor
     """Rays at depth 1 in the world's axes, shape (H, W, 3)."""
+    mask: Tensor | None = None
+    """True where the photo counts, shape (H, W); None where all of it does."""
 
     @property
     def R_WC(self) -> Tensor:
@@ -102,6 +104,11 @@ class Side:
     def p_WC(self) -> Tensor:
         """Position of the camera in the world [m], shape (3,)."""
         return self.T_world_camera[:3, 3]
+
+    def depth(self) -> tuple[Tensor, Tensor]:
+        """Depths [m], shape (H, W), and where there is one and the photo counts."""
+        depth_m, known = plane_depth(self.planes, self.rays_W)
+        return depth_m, known if self.mask is None else known & self.mask
 
     def pixels(self, points_W: Tensor) -> tuple[Tensor, Tensor]:
         """Pixels of points, shape (..., 2), and their depths; those behind the camera are anywhere."""
@@ -124,8 +131,8 @@ def there_and_back(one: Side, other: Side, noise_px: float) -> tuple[Tensor, Ten
         Distances [px], shape (H, W); where they count: the point is in the other image and comes back within
         `noise_px`.
     """
-    depth_m, known = plane_depth(one.planes, one.rays_W)
-    other_depth_m, other_known = plane_depth(other.planes, other.rays_W)
+    depth_m, known = one.depth()
+    other_depth_m, other_known = other.depth()
     height, width = other_depth_m.shape
     p_px, z = other.pixels(one.p_WC + one.rays_W * depth_m[..., None])
     inside = (p_px >= 0).all(dim=-1) & (p_px[..., 0] <= width) & (p_px[..., 1] <= height) & (z > NEAR_M)

@@ -30,18 +30,25 @@ class HeldOut:
 
 
 def measure(gaussians: Gaussians, photos: PhotoStore | None, sh_degree: int) -> list[HeldOut]:
-    """Draw the held-out photos' views without exposure, which is unknown for them."""
+    """Draw the held-out photos' views without exposure, which is unknown for them; masked pixels do not count."""
     leaves = leaves_of(gaussians)
     scores = []
     for name, photo in photos.items() if photos else ():
         rendered = np.clip(planes_of(draw(leaves, photo, sh_degree)), 0.0, 1.0)
-        _, ssim, _ = Photometric(*rendered.shape[1:])(rendered, photo.rgb, 1.0)
+        counts = np.ones(rendered.shape[1:], np.bool_) if photo.mask is None else photo.mask
+        share = float(counts.mean())
+        if not share:
+            continue
+        # What is ignored agrees with what is drawn, and is taken out of the mean.
+        wanted = np.where(counts, photo.rgb, rendered)
+        _, ssim, _ = Photometric(*rendered.shape[1:])(rendered, wanted, 1.0)
+        shown, true = rendered[:, counts], photo.rgb[:, counts]
         scores.append(
             HeldOut(
                 image=name,
-                psnr_db=psnr_db(rendered, photo.rgb),
-                psnr_fitted_db=psnr_db(fit_colours(rendered, photo.rgb), photo.rgb),
-                ssim=ssim,
+                psnr_db=psnr_db(shown, true),
+                psnr_fitted_db=psnr_db(fit_colours(shown, true), true),
+                ssim=1.0 - (1.0 - ssim) / share,
                 photo=photo.rgb,
                 rendered=rendered,
             )

@@ -126,6 +126,8 @@ def _identity(posed: Posed, settings: GaussiansConfig) -> str:
     for number, name in enumerate(posed.views.images):
         digest.update(f"{name} {(posed.folder / name).stat().st_size}".encode())
         digest.update(posed.views.T_world_camera[number].tobytes() + posed.views.K_px[number].tobytes())
+        if posed.masks is not None:
+            digest.update((posed.masks / f"{name}.png").read_bytes())
     digest.update(posed.points_m.tobytes())
     return digest.hexdigest()
 

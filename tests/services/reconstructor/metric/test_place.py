@@ -4,7 +4,8 @@ import pytest
 from readygo.common.errors import ConfigError, SceneError
 from readygo.services.reconstructor.metric.config import MetricConfig
 from readygo.services.reconstructor.metric.lengths import parse_length
-from readygo.services.reconstructor.metric.place import place_map, ruler_of
+from readygo.services.reconstructor.metric.place import Device, place_map, ruler_of
+from readygo.services.reconstructor.similarity import Similarity
 from tests.services.reconstructor.metric.test_lengths import ENDS, picked
 from tests.services.reconstructor.synthetic import floor_points, mapped, marker_at, ring, sighted, some_similarity
 
@@ -109,3 +110,26 @@ def test_ruler_is_the_best_marker_else_the_first_length_and_none_where_the_scale
     assert length.images == {IMAGES.names[number] for number in (0, 4, 8)}
     np.testing.assert_allclose(length.measure(IMAGES), known.length_m * some_similarity().scale, rtol=1e-4)
     assert ruler_of(place_map(IMAGES, [], [], MetricConfig(scale=2.0)), [], []) is None
+
+
+def test_device_gives_the_scale_where_nothing_else_does_and_is_checked_by_a_marker() -> None:
+    metres = mapped(POSES, floor_points(), Similarity(scale=1.0, R=some_similarity().R, t=np.zeros(3)))
+    device = Device(name="Polycam", metric=True, up=some_similarity().R[:, 2])
+    placed = place_map(metres, [], [], MetricConfig(), device)
+    assert placed.scale.source == "the device (Polycam)"
+    assert np.isnan(placed.scale.sigma)
+    np.testing.assert_allclose(metres.transform(placed.world_from_map).T_world_camera[:, 2, 3], 1.4, atol=0.02)
+    marked = place_map(metres, SEEN, [], MetricConfig(marker_size_m=0.2), device)
+    assert marked.scale.source.startswith("marker 0")
+    assert any("than by the device (Polycam)" in note for note in marked.warnings)
+
+
+def test_up_of_a_device_holds_where_cameras_were_not_held_level() -> None:
+    T = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    rolled = POSES.copy()
+    rolled[:, :3, :3] = rolled[:, :3, :3] @ T
+    bare = mapped(rolled, floor_points(6), some_similarity())
+    config = MetricConfig(scale=1.0 / some_similarity().scale)
+    up = place_map(bare, [], [], config, Device(up=some_similarity().R[:, 2])).floor.up
+    np.testing.assert_allclose(up, some_similarity().R[:, 2], atol=1e-9)
+    assert place_map(bare, [], [], config).floor.up @ some_similarity().R[:, 2] < 0.9

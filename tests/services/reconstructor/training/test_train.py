@@ -8,8 +8,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
+import torch
 
 from readygo.common.errors import RunError, SceneError
 from readygo.common.gaussians.files import read_gaussians
@@ -19,7 +21,9 @@ from readygo.services.reconstructor.training.config import (
     GaussiansConfig,
     GeometryConfig,
 )
+from readygo.services.reconstructor.training.drawing import draw, planes_of
 from readygo.services.reconstructor.training.train import TrainingProgress, train_gaussians
+from tests.services.reconstructor.training.conftest import camera
 
 SETTINGS = GaussiansConfig(
     steps=40,
@@ -167,3 +171,34 @@ def test_surfaces_without_a_neighbour_are_told(write_posed: Write, tmp_path: Pat
     assert report["without_neighbour"] == 4
     (note,) = report["notes"]
     assert note.startswith("4 of 4 training images have no neighbour")
+
+
+def test_masked_intruders_leave_no_trace(write_posed: Write, tmp_path: Path) -> None:
+    settings = replace(SETTINGS, hold_out=0)
+    clean = write_posed(tmp_path / "clean")
+    train_gaussians(clean, tmp_path / "out_clean", settings, silent)
+    for name in ("plain", "masked"):
+        posed = write_posed(tmp_path / name)
+        for number in range(6):
+            mask = np.full((36, 48), 255, np.uint8)
+            mask[8:30, 5 + 6 * number : 15 + 6 * number] = 0
+            path = posed / "images" / f"{number}.png"
+            photo = cv2.imread(str(path))
+            photo[mask == 0] = (0, 0, 255)
+            cv2.imwrite(str(path), photo)
+            if name == "masked":
+                (posed / "masks").mkdir(exist_ok=True)
+                cv2.imwrite(str(posed / "masks" / f"{number}.png.png"), mask)
+        train_gaussians(posed, tmp_path / f"out_{name}", settings, silent)
+    rgb = {name: _shown(tmp_path / f"out_{name}") for name in ("clean", "plain", "masked")}
+    assert np.abs(rgb["masked"] - rgb["clean"]).mean() < 0.5 * np.abs(rgb["plain"] - rgb["clean"]).mean()
+
+
+def _shown(folder: Path) -> np.ndarray:
+    """What the middle view shows of a training's Gaussians."""
+    cloud = read_gaussians(folder / "gaussians.ply")
+    leaves = {
+        name: torch.from_numpy(np.ascontiguousarray(getattr(cloud, name), dtype=np.float32))
+        for name in ("means_m", "quats_wxyz", "scales_m", "opacities", "sh")
+    }
+    return planes_of(draw(leaves, camera(3), 1))
