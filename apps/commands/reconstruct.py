@@ -42,6 +42,17 @@ ReconstructorKeys = Annotated[Keys, Sections(ReconstructorConfig), Fixed]
 
 
 @dataclass(frozen=True, kw_only=True)
+class FootageOptions:
+    """What is known of the images."""
+
+    intrinsics: str = ""
+    """The camera's lens, if it is known: a calibration of OpenCV or ROS, a .json of cameras, or "fx fy cx cy [k1 k2 p1
+    p2]" in pixels of the upright images; it stays as given, see --poses.intrinsics-are."""
+    masks: Path | None = None
+    """Folder with a mask of each image, named after it as a.jpg.png, in which 0 is ignored: people who walk through."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class ScenePosesOptions:
     """Find camera poses of a video or photos in metres, z up and z = 0 on the floor, without training Gaussians.
 
@@ -61,15 +72,11 @@ class ScenePosesOptions:
     in each image [px, m]; with a marker, it checks the marker."""
     scale: float = 0.0
     """Metres per unit of the map, without marker or length."""
-    intrinsics: str = ""
-    """The camera's lens, if it is known: a calibration of OpenCV or ROS, a .json of cameras, or "fx fy cx cy [k1 k2 p1
-    p2]" in pixels of the upright images; it stays as given, see --poses.intrinsics-are."""
-    masks: Path | None = None
-    """Folder with a mask of each image, named after it as a.jpg.png, in which 0 is ignored: people who walk through."""
     json: bool = False
     """Print the report as JSON."""
     config: Path | None = None
     """TOML file with sections of settings; `--SECTION.KEY VALUE` overrides it."""
+    footage: FootageOptions = field(default_factory=FootageOptions)
     keys: PoseKeys = field(default_factory=dict)
 
 
@@ -107,11 +114,6 @@ class ReconstructOptions:
     in each image [px, m]; with a marker, it checks the marker."""
     scale: float = 0.0
     """Metres per unit of the map, without marker or length."""
-    intrinsics: str = ""
-    """The camera's lens, if it is known: a calibration of OpenCV or ROS, a .json of cameras, or "fx fy cx cy [k1 k2 p1
-    p2]" in pixels of the upright images; it stays as given, see --poses.intrinsics-are."""
-    masks: Path | None = None
-    """Folder with a mask of each image, named after it as a.jpg.png, in which 0 is ignored: people who walk through."""
     preset: Preset = "draft"
     """draft takes minutes on two cores; standard and high take longer."""
     license: str = ""
@@ -125,6 +127,7 @@ class ReconstructOptions:
     """Print the report as JSON."""
     config: Path | None = None
     """TOML file with sections of settings; `--SECTION.KEY VALUE` overrides it."""
+    footage: FootageOptions = field(default_factory=FootageOptions)
     keys: ReconstructorKeys = field(default_factory=dict)
 
 
@@ -166,10 +169,10 @@ def _config(options: ScenePosesOptions | ReconstructOptions, base: Reconstructor
     """
     given = {"marker_size_m": options.marker_size_m, "lengths": list(options.length), "scale": options.scale}
     told: dict[str, Any] = {"metric": {name: value for name, value in given.items() if value}}
-    if options.intrinsics:
-        told["poses"] = {"intrinsics": options.intrinsics}
-    if options.masks is not None:
-        told["frames"] = {"masks": str(options.masks)}
+    if options.footage.intrinsics:
+        told["poses"] = {"intrinsics": options.footage.intrinsics}
+    if options.footage.masks is not None:
+        told["frames"] = {"masks": str(options.footage.masks)}
     return with_keys(with_keys(with_file(base, options.config), told), options.keys)
 
 
@@ -209,6 +212,8 @@ def _print_scene(source: Path, job: Job, report: dict[str, Any]) -> None:
     left = f"unseen: {training['unseen']:,}, {report['removed']}"
     table.add_row("Gaussians", f"{made}; left out: {left}; kept as sky: {report['sky']:,}")
     table.add_row("held-out images", quality)
+    if training["rejected"] is not None:
+        table.add_row("left out of photos", f"{100 * training['rejected']:.1f} %, black in previews/rejected")
     for note in training["notes"]:
         table.add_row("note", note)
     for stage, seconds in report["seconds"].items():

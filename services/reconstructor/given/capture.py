@@ -1,4 +1,4 @@
-"""Images with poses and lenses that another program found, in our conventions, whatever wrote them."""
+"""Images with poses and lenses that another program found, in our conventions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -23,6 +23,7 @@ from readygo.services.reconstructor.training.parameters import PARAMETERS, SHAPE
 from readygo.services.reconstructor.training.photometric import SSIM_WEIGHT, photometric_loss
 from readygo.services.reconstructor.training.photos import BRIGHTNESS, PhotoStore
 from readygo.services.reconstructor.training.planes import plane_features
+from readygo.services.reconstructor.training.robust import trusted_pixels
 from readygo.services.reconstructor.training.surfaces import between, normals_within, side_of
 
 Tensor = torch.Tensor
@@ -195,14 +196,19 @@ class CudaEngine:
         drawn = self._draw(values, view, torch.cat(columns, dim=1), absolute=self._settings.density.needs_absolute)
         shown = drawn.values[..., :3].permute(2, 0, 1)
         image = shown * exposure[0, :, None, None].exp() + exposure[1, :, None, None]
-        if view.mask is not None:
+        mask = view.mask
+        if task.trim:
+            known = None if mask is None else mask.cpu().numpy()
+            trusted = trusted_pixels(_array(image), _array(rgb), task.trim, known)
+            mask = torch.from_numpy(trusted).to(self._device)
+        if mask is not None:
             # What is ignored shows what is drawn there, without a derivative.
-            rgb, image = (torch.where(view.mask, each, image.detach()) for each in (rgb, image))
+            rgb, image = (torch.where(mask, each, image.detach()) for each in (rgb, image))
         loss = photometric_loss(image, rgb, SSIM_WEIGHT)
         nothing, other = drawn.nothing, None
         if task.rng is not None:
             rgb = view.pixels * float(BRIGHTNESS)
-            side = side_of(drawn.values[..., 3:], rgb, view.K_px, view.T_world_camera, view.mask)
+            side = side_of(drawn.values[..., 3:], rgb, view.K_px, view.T_world_camera, mask)
             loss = loss + normals_within(side, drawn.alpha, rgb, self._settings.geometry)
             if task.neighbour is not None:
                 there = self._view(photos, task.neighbour)

@@ -106,9 +106,11 @@ class Side:
         return self.T_world_camera[:3, 3]
 
     def depth(self) -> tuple[Tensor, Tensor]:
-        """Depths [m], shape (H, W), and where there is one and the photo counts."""
+        """Depths [m], 1 where there is none or the photo does not count, shape (H, W); where there is one."""
         depth_m, known = plane_depth(self.planes, self.rays_W)
-        return depth_m, known if self.mask is None else known & self.mask
+        if self.mask is None:
+            return depth_m, known
+        return torch.where(self.mask, depth_m, 1.0), known & self.mask
 
     def pixels(self, points_W: Tensor) -> tuple[Tensor, Tensor]:
         """Pixels of points, shape (..., 2), and their depths; those behind the camera are anywhere."""

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -81,8 +82,9 @@ def test_depth_is_the_median_along_the_axes_of_the_views_that_see_the_points(
 
 
 def write_masks(folder: Path, mask: np.ndarray) -> None:
+    (folder / "masks").mkdir(exist_ok=True)
     for number in range(VIEWS):
-        write_png(folder / "masks" / f"{number}.png.png", mask)
+        cv2.imwrite(str(folder / "masks" / f"{number}.png.png"), mask)
 
 
 def test_masks_beside_the_images_are_read_at_the_photos_size(write_posed: Write, tmp_path: Path) -> None:
