@@ -39,6 +39,9 @@ COMMANDS = {
     "scene report": CliCommand(
         "readygo.apps.commands.scene_report:scene_report", "write the quality report of a scene, as a web page"
     ),
+    "scene export": CliCommand(
+        "readygo.apps.commands.scene_export:scene_export", "write a scene for other programs: 3DGS, COLMAP, nerfstudio"
+    ),
     "scene crop": CliCommand("readygo.apps.commands.scene_edit:scene_crop", "keep a part of a scene"),
     "scene align": CliCommand("readygo.apps.commands.scene_edit:scene_align", "level a scene's floor at height 0"),
     "scene scale": CliCommand("readygo.apps.commands.scene_edit:scene_scale", "make a scene larger or smaller"),

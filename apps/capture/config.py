@@ -11,6 +11,7 @@ FOV_DEG = 68.0
 """Field of view of a phone's main camera, along the longer side of its image [deg]."""
 EXPOSURE_S, READOUT_S = 0.010, 0.015
 SECONDS_MIN, FRAMES_MAX = 2.0, 3000
+PEOPLE_MAX, FPS_MAX_WITH_PEOPLE = 8, 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +32,8 @@ class CaptureConfig:
     """Images averaged into a frame, for motion blur and rolling shutter; 0: neither."""
     photos: bool = False
     """True takes sharp photos instead of a video."""
+    people: int = 0
+    """People who walk through it."""
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -44,6 +47,10 @@ class CaptureConfig:
             raise ConfigError(f"The marker's size must be positive, got {self.marker_size_m:g} m; 0 lays down none.")
         if self.sub_frames and not 2 <= self.sub_frames <= 64:
             raise ConfigError(f"A frame is made of 2 to 64 sub-frames, or 0 for none, got {self.sub_frames}.")
+        if not 0 <= self.people <= PEOPLE_MAX:
+            raise ConfigError(f"0 to {PEOPLE_MAX} people walk through a capture, got {self.people}.")
+        if self.people and self.fps > FPS_MAX_WITH_PEOPLE:
+            raise ConfigError(f"People move at {FPS_MAX_WITH_PEOPLE} Hz: take a lower --fps, got {self.fps}.")
         if self.width_px % 2 or self.height_px % 2:
             raise ConfigError(f"Images of videos have even sides, got {self.width_px}x{self.height_px}.")
 

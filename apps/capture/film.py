@@ -1,24 +1,29 @@
 """Simulated capture: the images that a hand-held phone records of a scene with a marker, and the ground truth."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from readygo.apps.capture.config import CaptureConfig, phone_camera
 from readygo.apps.capture.ground import WalkableGround, walking_ground
 from readygo.apps.capture.marker import FloorMarker, MarkedRasterizer, lay_down
-from readygo.apps.capture.truth import truth_path, write_truth
+from readygo.apps.capture.people import people_mask, plan_people
+from readygo.apps.capture.truth import image_name, truth_path, write_truth
 from readygo.apps.capture.walk import CameraWalk, Sway, plan_walk
 from readygo.apps.pictures.film import CODECS, write_film
 from readygo.common.arrays import Float64Array, UInt8Array
+from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.camera import CameraConfig
 from readygo.common.errors import ConfigError, SceneError
-from readygo.common.files import unfinished_folder
+from readygo.common.files import unfinished_folder, write_whole
+from readygo.common.images.images import Images
+from readygo.common.messages import HumanMotion
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes import Scene
 from readygo.services.reconstructor import PrintedSheet, draw_marker_sheet, write_jpeg
@@ -40,6 +45,10 @@ class Filming:
     marker: FloorMarker | None
     exposures_ev: Float64Array
     """Exposure of each frame [stops], shape (N,)."""
+    people: tuple[HumanMotion, ...] = ()
+    """People who walk through it, at 20 Hz from the beginning on."""
+    avatars: Mapping[str, Avatar] = field(default_factory=dict)
+    """What they look like, by name."""
 
     @property
     def times_s(self) -> Float64Array:
@@ -63,7 +72,7 @@ def plan_filming(scene: Scene, ground: WalkableGround, config: CaptureConfig) ->
 
     Raises:
         ConfigError: If the marker fits no sheet, or the lens cannot be drawn.
-        SceneError: If the ground is too narrow.
+        SceneError: If the ground is too narrow, or has no room for the people.
     """
     sheet = _sheet(config) if config.marker_size_m else None
     rng = np.random.Generator(np.random.Philox(config.seed))
@@ -74,6 +83,9 @@ def plan_filming(scene: Scene, ground: WalkableGround, config: CaptureConfig) ->
         marker = lay_down(sheet, scene.cloud, scene.maps.floor, ground.centres_m, walk.marker_xy_m, yaw_rad)
     times_s = (np.arange(config.frames) + 0.5) / config.fps
     drift_ev = Sway(rng).slow(times_s, DRIFT_EV, 13.0)
+    avatars = load_avatars() if config.people else {}
+    camera_xy_m = walk.knots[:, :2]
+    people = plan_people(ground, scene.maps.floor, camera_xy_m, avatars, config.people, rng)
     return Filming(
         scene=scene,
         config=config,
@@ -81,6 +93,8 @@ def plan_filming(scene: Scene, ground: WalkableGround, config: CaptureConfig) ->
         walk=walk,
         marker=marker,
         exposures_ev=np.zeros_like(drift_ev) if config.photos else drift_ev,
+        people=people,
+        avatars=avatars,
     )
 
 
@@ -94,28 +108,40 @@ def _sheet(config: CaptureConfig) -> PrintedSheet:
 
 def pictures(filming: Filming) -> Iterator[UInt8Array]:
     """Frames of the capture, sRGB, shape (H, W, 3) each; deterministic for a plan."""
+    return (images.rgb for images in frames(filming))
+
+
+def frames(filming: Filming) -> Iterator[Images]:
+    """Frames of the capture, with the mask of the people if there are any."""
     robot, config = RobotConfig(camera=filming.camera), filming.config
-    settings = RendererConfig(human_light=False, outputs=("rgb", "median_depth"), sub_frames=config.sub_frames or 2)
-    renderer = Renderer(filming.scene, {}, robot, settings)
+    outputs = ("rgb", "median_depth", "mask") if filming.people else ("rgb", "median_depth")
+    settings = RendererConfig(human_light=False, outputs=outputs, labels=False, sub_frames=config.sub_frames or 2)
+    renderer = Renderer(filming.scene, filming.avatars, robot, settings)
     if filming.marker is not None:
         renderer.rasterizers[""] = MarkedRasterizer(renderer.rasterizers[""], renderer.pinholes[""], filming.marker)
     shots = [
         Shot(
-            step=number,
+            step=_step(filming, number, robot.clock.dt_s),
             pose_at=_poses(filming, number, robot.clock.dt_s),
+            humans=filming.people,
             episode=f"capture {config.seed}",
             exposure_ev=exposure_ev,
         )
         for number, exposure_ev in enumerate(filming.exposures_ev.tolist())
     ]
-    for views in renderer.render(shots):
-        yield views[""].rgb
+    for views in renderer.render(shots, ("rgb", "mask") if filming.people else ("rgb",)):
+        yield views[""]
+
+
+def _step(filming: Filming, number: int, dt_s: float) -> int:
+    """Step of a frame: its number, or with people the nearest step of their motion."""
+    return round(float(filming.times_s[number]) / dt_s) if filming.people else number
 
 
 def _poses(filming: Filming, number: int, dt_s: float) -> Callable[[object, float], Float64Array]:
     """Poses of the camera around a frame; the shutter counts in steps of the simulation, which last `dt_s` [s]."""
-    time_s = float(filming.times_s[number])
-    return lambda _, step: filming.walk.pose_at(time_s + (step - number) * dt_s)
+    time_s, at = float(filming.times_s[number]), _step(filming, number, dt_s)
+    return lambda _, step: filming.walk.pose_at(time_s + (step - at) * dt_s)
 
 
 def film(filming: Filming, out: Path, heard: Callable[[int], None]) -> Path:
@@ -132,17 +158,45 @@ def film(filming: Filming, out: Path, heard: Callable[[int], None]) -> Path:
     Raises:
         ReadygoError: If something cannot be written.
     """
-    names = [f"{number:04d}.jpg" for number in range(filming.config.frames)]
+    images: list[int] | list[str] = list(range(filming.config.frames))
     if filming.config.photos:
-        with unfinished_folder(out, raises=SceneError) as folder:
-            for number, (name, rgb) in enumerate(zip(names, pictures(filming), strict=True), start=1):
-                write_jpeg(folder / name, np.ascontiguousarray(rgb[:, :, ::-1]))
-                heard(number)
+        images = [f"{number:04d}.jpg" for number in range(filming.config.frames)]
+    if filming.people:
+        with unfinished_folder(masks_path(out), raises=SceneError) as folder:
+            names = [f"{image_name(image)}.png" for image in images]
+            _write(filming, out, images, _keep_masks(frames(filming), folder, names), heard)
     else:
-        write_film(out, _count_frames(pictures(filming), heard), fps=filming.config.fps)
+        _write(filming, out, images, pictures(filming), heard)
     path = truth_path(out)
-    write_truth(path, _truth(filming, names if filming.config.photos else list(range(filming.config.frames))))
+    write_truth(path, _truth(filming, images))
     return path
+
+
+def _write(
+    filming: Filming, out: Path, images: Sequence[int | str], rgbs: Iterator[UInt8Array], heard: Callable[[int], None]
+) -> None:
+    """Write the frames, as photos or as a video."""
+    if not filming.config.photos:
+        write_film(out, _count_frames(rgbs, heard), fps=filming.config.fps)
+        return
+    with unfinished_folder(out, raises=SceneError) as folder:
+        for number, (name, rgb) in enumerate(zip(images, rgbs, strict=True), start=1):
+            write_jpeg(folder / str(name), np.ascontiguousarray(rgb[:, :, ::-1]))
+            heard(number)
+
+
+def masks_path(out: Path) -> Path:
+    """Folder of the masks of people, beside the video or the folder of photos."""
+    return out.with_name(f"{out.stem}.masks")
+
+
+def _keep_masks(taken: Iterator[Images], folder: Path, names: Sequence[str]) -> Iterator[UInt8Array]:
+    """The colours of frames, whose masks are written on the way."""
+    for name, images in zip(names, taken, strict=True):
+        assert images.mask is not None
+        data = cv2.imencode(".png", people_mask(images.mask))[1].tobytes()
+        write_whole(folder / name, data, raises=SceneError)
+        yield images.rgb
 
 
 def check_out(out: Path, config: CaptureConfig) -> None:
@@ -151,6 +205,8 @@ def check_out(out: Path, config: CaptureConfig) -> None:
     Raises:
         ReadygoError: If no output can be written under this name.
     """
+    if config.people and masks_path(out).exists():
+        raise SceneError(f"{masks_path(out)} exists already; remove it, or choose another name.")
     if config.photos and (out.exists() or out.suffix):
         raise SceneError(f"{out} must be the name of a new folder for --photos.")
     if not config.photos and out.suffix.lower() not in CODECS:
@@ -163,7 +219,7 @@ def _count_frames(frames: Iterator[UInt8Array], heard: Callable[[int], None]) ->
         heard(number)
 
 
-def _truth(filming: Filming, images: list[Any]) -> dict[str, Any]:
+def _truth(filming: Filming, images: Sequence[int | str]) -> dict[str, Any]:
     camera, config, marker = filming.camera, filming.config, filming.marker
     middle_s = 0.5 * (camera.exposure_s + camera.readout_s)
     return {
@@ -179,6 +235,7 @@ def _truth(filming: Filming, images: list[Any]) -> dict[str, Any]:
             **{name: getattr(camera, name) for name in ("k1", "k2", "p1", "p2")},
         },
         "metres_per_unit": 1.0,
+        "people": [human.avatar for human in filming.people],
         "frames": [
             {
                 "image": image,

@@ -8,6 +8,7 @@ camera             model "OPENCV", fx, fy, cx, cy [px], pixel centres at +0.5, a
 metres_per_unit    1: all lengths are metres of the scene's own frame, z up
 frames             image (its number in the video, from 0, or the name of the photo), time_s, exposure_ev and
                    T_world_camera (4x4, OpenCV axes; with a shutter, of the middle row's middle)
+people             avatars of the people who walk through it; NAME.masks has a mask of each image, 0 where they are
 marker             null, or id, dictionary, size_m and corners_m (4x3): upper left, upper right, lower right,
                    lower left as printed, in the world
 """
@@ -37,10 +38,11 @@ class Truth:
     @property
     def poses(self) -> dict[str, Float64Array]:
         """`T_world_camera`, shape (4, 4), by the names that `readygo scene poses` gives to images."""
-        return {_image_name(row["image"]): np.array(row["T_world_camera"]) for row in self.content["frames"]}
+        return {image_name(row["image"]): np.array(row["T_world_camera"]) for row in self.content["frames"]}
 
 
-def _image_name(image: int | str) -> str:
+def image_name(image: int | str) -> str:
+    """The name that `readygo scene poses` gives to a frame of a video, by its number, or to a photo."""
     return f"{image:06d}.jpg" if isinstance(image, int) else f"{Path(image).stem}.jpg"
 
 

@@ -7,7 +7,7 @@ from rich.progress import Progress
 from tyro.conf import Positional
 
 from readygo.apps.capture.config import CaptureConfig
-from readygo.apps.capture.film import check_out, film, ground_of, plan_filming
+from readygo.apps.capture.film import check_out, film, ground_of, masks_path, plan_filming
 from readygo.apps.terminal import PlainConsole
 from readygo.common.errors import ConfigError
 from readygo.runs.scene_argument import open_scene
@@ -56,6 +56,8 @@ class SceneCaptureOptions:
     """Frames per second."""
     size: tuple[int, int] = (640, 480)
     """Width and height of the images [px]; taller than wide: portrait format."""
+    people: int = 0
+    """People who walk through it, whose masks are written to NAME.masks, for `readygo reconstruct --masks`."""
     seed: int = 0
     """Seed of the walk."""
     details: CaptureDetailOptions = field(default_factory=CaptureDetailOptions)
@@ -75,6 +77,7 @@ def scene_capture(options: SceneCaptureOptions) -> None:
         marker_id=options.details.marker_id,
         sub_frames=options.details.sub_frames,
         photos=options.photos,
+        people=options.people,
         seed=options.seed,
     )
     check_out(options.out, config)
@@ -96,3 +99,5 @@ def scene_capture(options: SceneCaptureOptions) -> None:
         markup=False,
     )
     console.print(f"Truth: {truth}", markup=False)
+    if options.people:
+        console.print(f"Masks: {masks_path(options.out)}", markup=False)

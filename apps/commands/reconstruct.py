@@ -42,6 +42,17 @@ ReconstructorKeys = Annotated[Keys, Sections(ReconstructorConfig), Fixed]
 
 
 @dataclass(frozen=True, kw_only=True)
+class FootageOptions:
+    """What is known of the images."""
+
+    intrinsics: str = ""
+    """The camera's lens, if it is known: a calibration of OpenCV or ROS, a .json of cameras, or "fx fy cx cy [k1 k2 p1
+    p2]" in pixels of the upright images; it stays as given, see --poses.intrinsics-are."""
+    masks: Path | None = None
+    """Folder with a mask of each image, named after it as a.jpg.png, in which 0 is ignored: people who walk through."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class ScenePosesOptions:
     """Find camera poses of a video or photos in metres, z up and z = 0 on the floor, without training Gaussians.
 
@@ -50,7 +61,8 @@ class ScenePosesOptions:
     """
 
     source: Positional[Path]
-    """A video, a folder of photos, or a folder with a COLMAP model and images/."""
+    """A video, a folder of photos, a folder with a COLMAP model and images/, a transforms.json of nerfstudio, or an
+    export of Polycam or Record3D."""
     out: Path
     """State folder, new or to resume."""
     marker_size_m: float = 0.0
@@ -64,6 +76,7 @@ class ScenePosesOptions:
     """Print the report as JSON."""
     config: Path | None = None
     """TOML file with sections of settings; `--SECTION.KEY VALUE` overrides it."""
+    footage: FootageOptions = field(default_factory=FootageOptions)
     keys: PoseKeys = field(default_factory=dict)
 
 
@@ -90,7 +103,8 @@ class ReconstructOptions:
     """
 
     source: Positional[Path]
-    """A video, a folder of photos, or a folder with a COLMAP model and images/."""
+    """A video, a folder of photos, a folder with a COLMAP model and images/, a transforms.json of nerfstudio, or an
+    export of Polycam or Record3D."""
     out: Path
     """Scene bundle to make; must not exist."""
     marker_size_m: float = 0.0
@@ -113,6 +127,7 @@ class ReconstructOptions:
     """Print the report as JSON."""
     config: Path | None = None
     """TOML file with sections of settings; `--SECTION.KEY VALUE` overrides it."""
+    footage: FootageOptions = field(default_factory=FootageOptions)
     keys: ReconstructorKeys = field(default_factory=dict)
 
 
@@ -153,8 +168,12 @@ def _config(options: ScenePosesOptions | ReconstructOptions, base: Reconstructor
         ConfigError: If the file cannot be read, or a value is wrong.
     """
     given = {"marker_size_m": options.marker_size_m, "lengths": list(options.length), "scale": options.scale}
-    metric = {"metric": {name: value for name, value in given.items() if value}}
-    return with_keys(with_keys(with_file(base, options.config), metric), options.keys)
+    told: dict[str, Any] = {"metric": {name: value for name, value in given.items() if value}}
+    if options.footage.intrinsics:
+        told["poses"] = {"intrinsics": options.footage.intrinsics}
+    if options.footage.masks is not None:
+        told["frames"] = {"masks": str(options.footage.masks)}
+    return with_keys(with_keys(with_file(base, options.config), told), options.keys)
 
 
 class Lines:
@@ -184,7 +203,8 @@ def _print_scene(source: Path, job: Job, report: dict[str, Any]) -> None:
     training = report["training"]
     quality = "no images held out"
     if training["psnr_db"] is not None:
-        quality = f"PSNR {training['psnr_db']:.2f} dB, SSIM {training['ssim']:.3f} ({len(training['held_out'])} images)"
+        psnr = f"PSNR {training['psnr_db']:.2f} dB ({training['psnr_fitted_db']:.2f} dB with fitted colours)"
+        quality = f"{psnr}, SSIM {training['ssim']:.3f} ({len(training['held_out'])} images)"
     table = Table(title=f"{job.out.name}, made of {source.name}", show_header=False)
     for label, text in _rows(report):
         table.add_row(label, text)
@@ -192,6 +212,10 @@ def _print_scene(source: Path, job: Job, report: dict[str, Any]) -> None:
     left = f"unseen: {training['unseen']:,}, {report['removed']}"
     table.add_row("Gaussians", f"{made}; left out: {left}; kept as sky: {report['sky']:,}")
     table.add_row("held-out images", quality)
+    if training["rejected"] is not None:
+        table.add_row("left out of photos", f"{100 * training['rejected']:.1f} %, black in previews/rejected")
+    for note in training["notes"]:
+        table.add_row("note", note)
     for stage, seconds in report["seconds"].items():
         table.add_row(f"time of {stage}", f"{seconds:.0f} s")
     table.add_row("time in all", f"{sum(report['seconds'].values()) / 60.0:.1f} min")

@@ -77,10 +77,18 @@ def _rows(report: dict[str, Any]) -> list[tuple[str, str]]:
     total_s = sum(report["seconds"].values())
     rows = [("Gaussians", f"{report['gaussians']:,} of {report['images']} images")]
     if report["psnr_db"] is not None:
-        rows.append(("held out", f"{report['psnr_db']:.2f} dB, SSIM {report['ssim']:.3f}"))
-        rows += [(row["image"], f"{row['psnr_db']:.2f} dB, SSIM {row['ssim']:.3f}") for row in report["held_out"]]
+        rows.append(("held out", _quality(report)))
+        rows += [(row["image"], _quality(row)) for row in report["held_out"]]
+    if report["rejected"] is not None:
+        rows.append(("left out of photos", f"{100 * report['rejected']:.1f} % (black in previews/rejected)"))
+    rows += [("note", note) for note in report["notes"]]
     rows += [(name, f"{spent_s:.1f} s") for name, spent_s in report["seconds"].items()]
     rows.append(("in all", f"{total_s:.1f} s"))
     if report["gpu_bytes"]:
         rows.append(("memory of the GPU", f"{report['gpu_bytes'] / 1e9:.1f} GB"))
     return rows
+
+
+def _quality(row: dict[str, Any]) -> str:
+    fitted = f"{row['psnr_fitted_db']:.2f} dB with fitted colours"
+    return f"{row['psnr_db']:.2f} dB ({fitted}), SSIM {row['ssim']:.3f}"

@@ -182,11 +182,25 @@ def _held_out(held_out: Mapping[str, Any] | None, pictures: Mapping[str, UInt8Ar
     if not held_out:
         return []
     rows = [
-        [str(number), row["image"], f"{row['psnr_db']:.2f} dB", f"{row['ssim']:.3f}"]
+        [
+            str(number),
+            row["image"],
+            f"{row['psnr_db']:.2f} dB",
+            _decibels(row.get("psnr_fitted_db")),
+            f"{row['ssim']:.3f}",
+        ]
         for number, row in enumerate(held_out["images"], start=1)
     ]
     where = {HELD_OUT: "Where they were taken, in the colours of their PSNR; training has not seen them."}
-    return [*_figures(pictures, where), PageTable(("Number", "Image", "PSNR", "SSIM"), rows, text_columns=2)]
+    return [
+        *_figures(pictures, where),
+        PageTable(("Number", "Image", "PSNR", "Colours fitted", "SSIM"), rows, text_columns=2),
+    ]
+
+
+def _decibels(psnr_db: float | None) -> str:
+    """A PSNR in words; scenes of older versions do not tell that of fitted colours."""
+    return "not known" if psnr_db is None else f"{psnr_db:.2f} dB"
 
 
 def _coverage_section(filmed: Mapping[str, Any] | None, pictures: Mapping[str, UInt8Array]) -> list[Block]:

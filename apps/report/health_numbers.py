@@ -140,7 +140,7 @@ def _held_out(made: dict[str, Any], views: CapturedViews | None) -> dict[str, An
         return None
     poses = {} if views is None else dict(zip(views.images, views.T_world_camera, strict=True))
     images = [{**row, "xyyaw": _xyyaw(poses.get(row["image"]))} for row in rows]
-    return {"psnr_db": training.get("psnr_db"), "ssim": training.get("ssim"), "images": images}
+    return {**{name: training.get(name) for name in ("psnr_db", "psnr_fitted_db", "ssim")}, "images": images}
 
 
 def _xyyaw(T_world_camera: Float64Array | None) -> list[float] | None:

@@ -17,8 +17,11 @@ from readygo.common.drawing.files import write_png
 from readygo.common.errors import ConfigError, SceneError
 from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.drawing import draw_map
+from readygo.services.reconstructor.frames.masks import FOLDER as MASKS
+from readygo.services.reconstructor.frames.masks import mask_files, prepare_masks
 from readygo.services.reconstructor.frames.photos import prepare_photos
 from readygo.services.reconstructor.frames.video import extract_frames
+from readygo.services.reconstructor.given.find import prepare_capture, read_capture
 from readygo.services.reconstructor.job import (
     DATABASE_FILE,
     FEATURES,
@@ -30,6 +33,7 @@ from readygo.services.reconstructor.job import (
     POSED,
     REPORT_FILE,
     Source,
+    identity_of,
     images_of,
     images_of_model,
     in_order,
@@ -45,12 +49,13 @@ from readygo.services.reconstructor.metric.markers import (
     other_dictionaries,
     sightings_in,
 )
-from readygo.services.reconstructor.metric.place import Placement, place_map, ruler_of
+from readygo.services.reconstructor.metric.place import NO_SCALE, Device, Placement, place_map, ruler_of, scale_is_told
 from readygo.services.reconstructor.metric.scale import TWO_SIDED_95, square_corners_m
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.poses import colmap
 from readygo.services.reconstructor.poses.apart import apart
 from readygo.services.reconstructor.poses.covariance import pose_errors
+from readygo.services.reconstructor.poses.intrinsics import Intrinsics, fit_to_images, read_intrinsics
 from readygo.services.reconstructor.poses.pairs import image_pairs
 from readygo.services.reconstructor.poses.tags import focal_of_tags, tag_features
 from readygo.services.reconstructor.poses.verdict import PoseVerdict
@@ -87,9 +92,13 @@ def open_job(source: Path, folder: Path, config: ReconstructorConfig, say: Say) 
     Raises:
         ReadygoError: If the source cannot be used, the scale is not told, or another command works in the folder.
     """
-    _check_scale_is_told(config)
+    _check_settings(config)
     colmap.pycolmap()
     given = open_source(source)
+    if not scale_is_told(config.metric) and not _measures_scale(given):
+        raise ConfigError(NO_SCALE)
+    if config.poses.intrinsics and given.kind in ("colmap", "capture"):
+        raise ConfigError(f"{source} comes with its lenses; leave --intrinsics out.")
     stages = Stages(folder, say)
     with stages.alone():
         yield stages, given
@@ -101,6 +110,8 @@ def find_poses_in(stages: Stages, given: Source, config: ReconstructorConfig) ->
     poses, metric = section_to_mapping(config.poses), section_to_mapping(config.metric)
     settings = {"source": [str(given.path.resolve()), given.kind, given.identity], **section_to_mapping(config.frames)}
     code = code_digest(".", "frames", "metric", "poses")
+    if config.frames.masks:
+        settings["mask_files"] = identity_of(mask_files(Path(config.frames.masks)))
     frames = stages.run(FRAMES, settings, partial(make_frames, given, config), code=code)
     lengths = known_lengths(frames, config.metric)
     folder = out / FRAMES
@@ -110,7 +121,9 @@ def find_poses_in(stages: Stages, given: Source, config: ReconstructorConfig) ->
         seen = stages.run(MARKERS, wanted, partial(make_markers, folder, frames, config))["sightings"]
     sightings = [MarkerSighting(**{**each, "corners_px": np.array(each["corners_px"])}) for each in seen]
     if given.kind != "colmap":
-        stages.run(FEATURES, {}, partial(make_features, folder, frames, sightings, given.kind, config))
+        known = known_lens(frames, config)
+        told = {} if known is None else {"lens": [known.model, *known.params], "as": config.poses.intrinsics_are}
+        stages.run(FEATURES, told, partial(make_features, folder, frames, sightings, given.kind, config))
         stages.run(
             MATCHES, {"seed": config.poses.seed}, partial(make_matches, out, frames, sightings, given.kind, config)
         )
@@ -122,25 +135,44 @@ def find_poses_in(stages: Stages, given: Source, config: ReconstructorConfig) ->
     return {"source": str(given.path), "kind": given.kind, "frames": frames, **report, "seconds": stages.seconds}
 
 
-def _check_scale_is_told(config: ReconstructorConfig) -> None:
+def _check_settings(config: ReconstructorConfig) -> None:
     """Before hours of work, not after them."""
     metric = config.metric
-    if not (metric.marker_size_m or metric.lengths or metric.scale):
-        raise ConfigError(
-            "Nothing tells the scale: give --marker-size-m for a printed marker (`readygo marker` makes one), "
-            "--length between two points, or --scale."
-        )
     open_dictionary(metric.marker_dictionary)
+    if config.frames.masks:
+        mask_files(Path(config.frames.masks))
+    if config.poses.intrinsics:
+        read_intrinsics(config.poses.intrinsics)
     for text in metric.lengths:
         parse_length(text)
 
 
+def _measures_scale(given: Source) -> bool:
+    """Whether images come with poses in metres."""
+    capture = read_capture(given.path) if given.kind == "capture" else None
+    return capture is not None and capture.metric
+
+
 def make_frames(source: Source, config: ReconstructorConfig, folder: Path) -> Mapping[str, Any]:
+    """The images that are used, their masks, and what they are."""
+    found = _make_images(source, config, folder)
+    if not config.frames.masks:
+        return found
+    place, names = images_of(found, folder)
+    masked = prepare_masks(Path(config.frames.masks), place, names, found.get("photos", {}), folder / MASKS)
+    return {**found, **masked, "notes": [*found.get("notes", []), *masked["notes"]]}
+
+
+def _make_images(source: Source, config: ReconstructorConfig, folder: Path) -> dict[str, Any]:
     """The images that are used, and what they are."""
     if source.kind == "video":
         found = extract_frames(source.path, folder, config.frames)
     elif source.kind == "photos":
         found = prepare_photos(source.path, folder, config.frames)
+    elif source.kind == "capture":
+        given = read_capture(source.path)
+        assert given is not None
+        found = prepare_capture(given, folder, config.frames)
     else:
         return {"kept": 0, "names": [], "images": str(images_of_model(source.path))}
     return {**found, "names": sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*.jpg"))}
@@ -191,6 +223,8 @@ def make_features(
     focal_px = float(frames.get("focal_px") or 0.0) or _focal_of_tags(frames, sightings)
     database, names, size_px = folder / DATABASE_FILE, list(frames["names"]), frames["size_px"]
     wanted = {"focal_px": focal_px, "size_px": size_px, "features_min": _FEATURES_MIN if kind == "video" else 0}
+    wanted["masks"] = images / MASKS if (images / MASKS).is_dir() else None
+    wanted["lens"] = _given_lenses(frames) or known_lens(frames, config)
     apart(colmap.extract_features, database, images, names, config.poses, **wanted)
     return {"focal_px": focal_px}
 
@@ -214,6 +248,30 @@ def make_matches(
     return {"pairs": len(pairs)}
 
 
+def _given_lenses(frames: Mapping[str, Any]) -> Intrinsics | dict[str, Intrinsics] | None:
+    """The lenses that came with the images: one, or one by image; None if they came without."""
+    lenses = {
+        name: Intrinsics(model=model, params=tuple(params)) for name, (model, *params) in frames.get("lens", {}).items()
+    }
+    one = len(set(lenses.values())) == 1 and not isinstance(frames["size_px"][0], list)
+    return next(iter(lenses.values())) if one else lenses or None
+
+
+def known_lens(frames: Mapping[str, Any], config: ReconstructorConfig) -> Intrinsics | None:
+    """The lens that the user gave, for the images that are used; None if none was given.
+
+    Raises:
+        ConfigError: If it cannot be read, or is for other images.
+    """
+    if not config.poses.intrinsics:
+        return None
+    given = read_intrinsics(config.poses.intrinsics)
+    if not frames.get("source_px"):
+        raise ConfigError("--intrinsics need images of one size; sort photos of other cameras out.")
+    (width, height), (used_width, used_height) = frames["source_px"], frames["size_px"]
+    return fit_to_images(given, (width, height), (used_width, used_height))
+
+
 def _focal_of_tags(frames: Mapping[str, Any], sightings: list[MarkerSighting]) -> float:
     size_px = frames["size_px"]
     if not sightings or isinstance(size_px[0], list):
@@ -234,8 +292,11 @@ def make_posed(
     frames = read_json(out / FRAMES / "stage.json")["found"]
     place, _ = images_of(frames, out / FRAMES)
     images = colmap.read_map(model)
-    placed = _with_drift(place_map(images, sightings, lengths, config.metric), model, images, sightings, lengths)
+    placed = place_map(images, sightings, lengths, config.metric, device_of(frames))
+    placed = _with_drift(placed, model, images, sightings, lengths)
     apart(colmap.write_undistorted, model, place, folder, placed.world_from_map, config.poses)
+    if (out / FRAMES / MASKS).is_dir():
+        colmap.write_undistorted_masks(model, out / FRAMES / MASKS, folder)
     metric = images.transform(placed.world_from_map)
     corners_m = [placed.world_from_map.apply(marker.corners) for marker in placed.markers]
     write_png(
@@ -247,8 +308,18 @@ def make_posed(
         names = ", ".join(frames["unused"])
         numbers["notes"].append(f"not used, as they cannot be read or are no photos like the others: {names}")
     report |= numbers
+    numbers["notes"] += frames.get("notes", [])
     (folder / REPORT_FILE).write_text(json.dumps(report, indent=2) + "\n")
     return report
+
+
+def device_of(frames: Mapping[str, Any]) -> Device:
+    """What the device that filmed measured itself."""
+    return Device(
+        name=str(frames.get("what", "")),
+        metric=bool(frames.get("metric")),
+        up=None if frames.get("up") is None else np.array(frames["up"], dtype=np.float64),
+    )
 
 
 def _with_drift(

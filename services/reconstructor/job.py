@@ -8,6 +8,7 @@ from typing import Any
 from readygo.common.errors import SceneError
 from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.frames.photos import photo_files
+from readygo.services.reconstructor.given.find import read_capture
 from readygo.services.reconstructor.poses import colmap
 
 FRAMES, MARKERS, FEATURES, MATCHES, MAP, POSED = "frames", "markers", "features", "matches", "map", "posed"
@@ -24,7 +25,7 @@ class Source:
 
     path: Path
     kind: str
-    """video, photos or colmap."""
+    """video, photos, colmap, or capture: images with poses of another program."""
     identity: tuple[tuple[str, int, int], ...]
     """Name, size and time of change of each file."""
 
@@ -36,19 +37,26 @@ def open_source(path: Path) -> Source:
         SceneError: If it is nothing to begin with.
     """
     if not path.exists():
-        raise SceneError(f"{path} does not exist; give a video, a folder of photos or a folder with a COLMAP model.")
-    if path.is_file():
-        return Source(path=path, kind="video", identity=_identity([path]))
-    model = colmap.find_model(path)
+        raise SceneError(
+            f"{path} does not exist; give a video, a folder of photos, a folder with a COLMAP model, a "
+            "transforms.json, or an export of Polycam or Record3D."
+        )
+    model = None if path.is_file() else colmap.find_model(path)
     if model is not None:
-        return Source(path=path, kind="colmap", identity=_identity(sorted(model.iterdir())))
+        return Source(path=path, kind="colmap", identity=identity_of(sorted(model.iterdir())))
+    given = read_capture(path)
+    if given is not None:
+        return Source(path=path, kind="capture", identity=identity_of([*given.files, *given.images]))
+    if path.is_file():
+        return Source(path=path, kind="video", identity=identity_of([path]))
     photos = photo_files(path)
     if not photos:
-        raise SceneError(f"{path} holds no photos (.jpg, .png, .tif, ...) and no COLMAP model.")
-    return Source(path=path, kind="photos", identity=_identity(photos))
+        raise SceneError(f"{path} holds no photos (.jpg, .png, .tif, ...), no COLMAP model and no other poses.")
+    return Source(path=path, kind="photos", identity=identity_of(photos))
 
 
-def _identity(files: list[Path]) -> tuple[tuple[str, int, int], ...]:
+def identity_of(files: list[Path]) -> tuple[tuple[str, int, int], ...]:
+    """Name, size and time of change of each file that is there."""
     return tuple((path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in files if path.is_file())
 
 
@@ -74,4 +82,4 @@ def images_of(frames: Mapping[str, Any], folder: Path) -> tuple[Path, list[str]]
 
 def in_order(kind: str, count: int, config: ReconstructorConfig) -> bool:
     """True if images are taken for such as follow each other: those of a video, or many photos."""
-    return kind == "video" or (kind == "photos" and count > EXHAUSTIVE_MAX)
+    return kind == "video" or (kind in ("photos", "capture") and count > EXHAUSTIVE_MAX)

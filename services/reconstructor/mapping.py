@@ -58,10 +58,15 @@ def make_map(
     """
     database = out / MATCHES / DATABASE_FILE
     few_matches = False
-    if source.kind == "colmap":
-        model = colmap.find_model(source.path)
-        assert model is not None
-        sizes = colmap.piece_sizes([model])
+    sizes: tuple[int, ...]
+    if source.kind == "capture":
+        asked = len(frames["names"])
+        model = _given_map(database, out / FRAMES, folder, frames, config.poses)
+        sizes, name = colmap.piece_sizes([model]), str(model.relative_to(folder))
+    elif source.kind == "colmap":
+        found = colmap.find_model(source.path)
+        assert found is not None
+        model, sizes = found, colmap.piece_sizes([found])
         asked = sizes[0]
         name = str(model.resolve())
     else:
@@ -76,11 +81,25 @@ def make_map(
     verdict = judge(images, asked=asked, components=sizes, sequential=in_order(source.kind, asked, config))
     reason = refusal(verdict)
     doubtful = few_matches or verdict.points_per_image < DOUBTFUL_POINTS
-    if not reason and source.kind != "colmap" and not sightings and doubtful:
+    if not reason and source.kind in ("video", "photos") and not sightings and doubtful:
         reason = _contradiction(images, database, out / FRAMES, folder, config.poses, few_matches=few_matches)
     if reason:
         raise SceneError(reason)
     return {"model": name, "verdict": {**asdict(verdict), "components": list(sizes)}}
+
+
+def _given_map(database: Path, photos: Path, folder: Path, frames: Mapping[str, Any], config: PosesConfig) -> Path:
+    """The map of images that came with poses.
+
+    Raises:
+        SceneError: If they share nothing.
+    """
+    poses = {name: np.array(pose) for name, pose in frames["pose"].items()}
+    adjust = config.given == "adjust" or (config.given == "auto" and bool(frames["rough"]))
+    model = apart(colmap.given_model, database, photos, folder / "given", poses, config, adjust=adjust)
+    if model is None:
+        raise SceneError(str(refusal(replace(_NOTHING, images=len(poses)))))
+    return model
 
 
 def _maps(
@@ -132,7 +151,8 @@ def _join_models(
     whole = colmap.read_map(models[0])
     if not _hangs_by_markers(whole, sightings):
         return models
-    squared, focal = adjusted_by_squares(whole, dict(zip(whole.names, whole.T_world_camera, strict=True)), sightings)
+    poses = dict(zip(whole.names, whole.T_world_camera, strict=True))
+    squared, focal = adjusted_by_squares(whole, poses, sightings, fixed_lens=config.poses.fixes_lens)
     folder = models[0].parent / "squared"
     made = apart(colmap.posed_model, database, images, folder, models[0], squared, config.poses, focal=focal)
     return [made, *models]

@@ -14,6 +14,8 @@ class FramesConfig:
     """At most this many images are taken of a video."""
     side_max_px: Annotated[int, Range(low=320)] = 1600
     """Larger images are made smaller: longer side [px]."""
+    masks: str = ""
+    """Folder with a mask of each image, named after it as a.jpg.png, in which 0 is ignored; empty: there are none."""
 
     def __post_init__(self) -> None:
         check_ranges(self)

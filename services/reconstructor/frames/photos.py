@@ -26,10 +26,15 @@ class _Photo:
     path: Path
     size_px: tuple[int, int]
     """Rows and columns [px]."""
-    share: float
-    """Width as a share of the file's width."""
+    source_px: tuple[int, int]
+    """Rows and columns of the upright file [px]."""
     focal_px: float
     """Focal length by EXIF [px]; 0 if EXIF does not tell it."""
+
+    @property
+    def share(self) -> float:
+        """Width as a share of the file's width."""
+        return self.size_px[1] / self.source_px[1]
 
     @property
     def camera(self) -> str:
@@ -49,8 +54,8 @@ def prepare_photos(source: Path, folder: Path, config: FramesConfig) -> dict[str
     photos of the place, as far as the others tell, are left out; see `_strays`.
 
     Returns:
-        What was found: photos, kept, size, unused files, the focal length [px] if EXIF tells one of all, and of each
-        photo the image that is used, with its width as share of the photo's.
+        What was found: photos, kept, size, size of the files if all have one, unused files, the focal length [px] if
+        EXIF tells one of all, and of each photo the image that is used, with its width as share of the photo's.
 
     Raises:
         SceneError: If there are too few.
@@ -73,7 +78,9 @@ def prepare_photos(source: Path, folder: Path, config: FramesConfig) -> dict[str
     used = {
         photo.path.name: photo.path.stem if len(sizes) == 1 else f"{photo.camera}/{photo.path.stem}" for photo in kept
     }
+    sources = {photo.source_px for photo in kept}
     return {"frames": len(files), "kept": len(kept), "size_px": size_px[0] if len(sizes) == 1 else size_px,
+            "source_px": list(sources.pop()[::-1]) if len(sources) == 1 else None,
             "unused": [path.name for path in files if path.name not in used],
             "focal_px": focals_px.pop() if len(focals_px) == 1 else 0.0,
             "photos": {photo.path.name: (f"{used[photo.path.name]}.jpg", photo.share) for photo in kept}}  # fmt: skip
@@ -89,7 +96,8 @@ def _write_photo(path: Path, folder: Path, side_max_px: int) -> _Photo | None:
     height, width = small.shape[:2]
     focal_35mm = read_exif(path).get("focal_35mm")
     focal_px = round(focal_of_35mm(focal_35mm, width, height), 2) if focal_35mm else 0.0
-    photo = _Photo(path=path, size_px=(height, width), share=width / bgr.shape[1], focal_px=focal_px)
+    source_px = (bgr.shape[0], bgr.shape[1])
+    photo = _Photo(path=path, size_px=(height, width), source_px=source_px, focal_px=focal_px)
     write_jpeg(folder / photo.camera / f"{path.stem}.jpg", small)
     return photo
 

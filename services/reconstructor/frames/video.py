@@ -1,6 +1,7 @@
 """Frames of videos."""
 
 import os
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 
 from readygo.common.arrays import UInt8Array
 from readygo.common.errors import SceneError
+from readygo.common.files import open_regular
 from readygo.services.reconstructor.frames.config import FramesConfig
 from readygo.services.reconstructor.frames.select import FrameScores, choose_frames, motion, sharpness, small_grey
 
@@ -19,6 +21,9 @@ _STEP = 0.05
 _WAY_MIN = 0.3
 """A picture that moved less in all, as share of its width, was not filmed walking."""
 JPEG_QUALITY = 97
+_BOX_HEADER, _BOXES_MAX = 8, 100_000
+_FIRST_BOXES = (b"ftyp", b"moov", b"mdat", b"free", b"skip", b"wide")
+"""Kinds of the first box of .mp4 and .mov."""
 
 # FFmpeg writes what it thinks of a broken file to stderr itself, beside our line.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
@@ -28,15 +33,17 @@ def extract_frames(video: Path, folder: Path, config: FramesConfig) -> dict[str,
     """Write the frames of a video that are used as `folder`/000123.jpg, by their number.
 
     Returns:
-        What was found: frames, seconds, kept, size.
+        What was found: frames, seconds, kept, size of the images and of the video's own frames, notes.
 
     Raises:
         SceneError: If the video cannot be read, is too short, or does not move.
     """
     scores, seconds = _scores(video)
-    count = len(scores.sharpness)
+    count, cut = len(scores.sharpness), cut_off(video)
     way = float(scores.motion.sum())
     chosen = choose_frames(scores, count_max=config.count_max, step=_STEP) if count else np.array([], np.int64)
+    if cut and (count < FRAMES_MIN or seconds < 2.0):
+        raise SceneError(f"{cut}; {count} frames of it can be read.")
     if count < FRAMES_MIN or seconds < 2.0:
         raise SceneError(f"{video.name} has {count} frames, {seconds:.1f} s: film the place for half a minute or more.")
     if way < _WAY_MIN:
@@ -50,15 +57,18 @@ def extract_frames(video: Path, folder: Path, config: FramesConfig) -> dict[str,
             "film longer, walk slowly, with more light."
         )
     wanted = set(chosen.tolist())
-    size = (0, 0)
+    size = source = (0, 0)
     for number, bgr in enumerate(_frames(video)):
         if number in wanted:
+            source = (bgr.shape[1], bgr.shape[0])
             bgr = shrunk(bgr, config.side_max_px)
             size = (bgr.shape[1], bgr.shape[0])
             write_jpeg(folder / f"{number:06d}.jpg", bgr)
         if number >= chosen[-1]:
             break
-    return {"frames": count, "seconds": round(seconds, 2), "kept": len(chosen), "size_px": list(size)}
+    notes = [f"{cut}; its first {seconds:.1f} s are used"] if cut else []
+    return {"frames": count, "seconds": round(seconds, 2), "kept": len(chosen), "size_px": list(size),
+            "source_px": list(source), "notes": notes}  # fmt: skip
 
 
 def shrunk(bgr: UInt8Array, side_max_px: int) -> UInt8Array:
@@ -110,6 +120,41 @@ def _frames(video: Path) -> Iterator[UInt8Array]:
 def _open_video(video: Path) -> Any:
     capture = cv2.VideoCapture(str(video))
     if not capture.isOpened():
+        cut = cut_off(video)
+        if cut:
+            raise SceneError(f"{cut}. Copy it again from where it was filmed; if it is no longer there, film again.")
         raise SceneError(f"{video} cannot be read as a video; convert it, for example to H.264 in .mp4.")
     capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
     return capture
+
+
+def cut_off(video: Path) -> str | None:
+    """How an .mp4 or .mov shows that its end is missing, in words; None if it does not, or is of another kind.
+
+    Such a file is a sequence of boxes, each with its length in front; `moov` is the index, often at the end.
+
+    Source: ISO/IEC 14496-12, section 4.2.
+    """
+    there = video.stat().st_size
+    kinds: list[bytes] = []
+    with open_regular(video) as stream:
+        at = 0
+        while at + _BOX_HEADER <= there and len(kinds) < _BOXES_MAX:
+            stream.seek(at)
+            length, kind = struct.unpack(">I4s", stream.read(_BOX_HEADER))
+            if not kinds and kind not in _FIRST_BOXES:
+                return None
+            kinds.append(kind)
+            if length == 1:  # the length follows, with 64 bits
+                length = int.from_bytes(stream.read(8), "big")
+            if length == 0:  # to the end of the file
+                break
+            if length < _BOX_HEADER:
+                return f"{video} is damaged: a part of it has no valid length"
+            at += length
+    if kinds and at > there:
+        missing = "" if b"moov" in kinds else " and its index (the moov atom) is missing"
+        return f"{video} is cut off: it has {there:,} bytes of {at:,} or more{missing}"
+    if kinds and b"moov" not in kinds:
+        return f"{video} is cut off: its index (the moov atom) is missing, which cameras write at the end"
+    return None

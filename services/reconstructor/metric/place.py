@@ -1,11 +1,12 @@
 """From a map in arbitrary units to metres, z up, with z = 0 on the floor."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
+from readygo.common.arrays import Float64Array
 from readygo.common.errors import ConfigError, SceneError
 from readygo.services.reconstructor.metric.config import MetricConfig
 from readygo.services.reconstructor.metric.lengths import KnownLength, measured_length
@@ -20,6 +21,8 @@ from readygo.services.reconstructor.metric.scale import (
 )
 from readygo.services.reconstructor.metric.up import (
     FLOOR_MARKER_MAX_DEG,
+    HELD_ERROR_DEG,
+    LEAN_MIN_DEG,
     Floor,
     floor_of_points,
     held_up,
@@ -37,6 +40,31 @@ _HANDHELD_M = (0.15, 3.5)
 """Heights at which people hold cameras [m]; others make a marker's size doubtful."""
 
 
+NO_SCALE = (
+    "Nothing tells the scale: give --marker-size-m for a printed marker (`readygo marker` makes one), --length between "
+    "two points, or --scale."
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Device:
+    """What a device that filmed measured itself."""
+
+    name: str = ""
+    metric: bool = False
+    """Whether the unit of its poses is the metre."""
+    up: Float64Array | None = None
+    """Where up is in the frame of its poses, a unit vector, shape (3,); None if it does not tell."""
+
+
+_NO_DEVICE = Device()
+
+
+def scale_is_told(config: MetricConfig) -> bool:
+    """Whether the settings tell the scale."""
+    return bool(config.marker_size_m or config.lengths or config.scale)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Placement:
     """Scale, pose and floor of a map in the world."""
@@ -49,7 +77,11 @@ class Placement:
 
 
 def place_map(
-    images: PosedImages, sightings: Sequence[MarkerSighting], lengths: Sequence[KnownLength], config: MetricConfig
+    images: PosedImages,
+    sightings: Sequence[MarkerSighting],
+    lengths: Sequence[KnownLength],
+    config: MetricConfig,
+    device: Device = _NO_DEVICE,
 ) -> Placement:
     """Find scale, up and floor of a map.
 
@@ -58,18 +90,21 @@ def place_map(
         sightings: Of markers.
         lengths: What `config.lengths` says, in pixels of these images.
         config: What makes the map metric.
+        device: What the device measured; its scale is taken where nothing else tells one, and checked by what does.
 
     Raises:
         ConfigError: If nothing tells the scale.
         SceneError: If what tells it cannot be measured, or contradicts itself.
     """
     measures, warnings = _measured_markers(images, sightings, config)
-    scale, more = _scale(images, measures, lengths, config)
-    floor, marker, others = _floor(images, measures, config)
+    scale, more = _scale(images, measures, lengths, config, device)
+    up = held_up(images.T_world_camera) if device.up is None else device.up
+    floor, marker, others = _floor(images, measures, config, up)
     origin = images.T_world_camera[0, :3, 3] if marker is None else marker.corners.mean(axis=0)
     forward = images.T_world_camera[0, :3, 2] if marker is None else marker.map_from_marker.R[:, 0]
     moved = world_from_map(floor, forward, origin, scale.metres_per_unit)
     doubted = "marker's size, and that it lies flat" if measures else "lengths" if lengths else "scale that was given"
+    doubted = "scale of the device" if device.metric and not scale_is_told(config) else doubted
     warnings += [*more, *others, *_doubtful_height(images.transform(moved), doubted)]
     return Placement(world_from_map=moved, scale=scale, floor=floor, markers=tuple(measures), warnings=tuple(warnings))
 
@@ -119,9 +154,25 @@ def _measured_markers(
 
 
 def _scale(
-    images: PosedImages, measures: list[MarkerMeasure], lengths: Sequence[KnownLength], config: MetricConfig
+    images: PosedImages,
+    measures: list[MarkerMeasure],
+    lengths: Sequence[KnownLength],
+    config: MetricConfig,
+    device: Device,
 ) -> tuple[Scale, list[str]]:
     """The scale, and what else there is to say of it."""
+    if device.metric and not scale_is_told(config):
+        return Scale(metres_per_unit=1.0, sigma=float("nan"), source=f"the device ({device.name})"), []
+    scale, said = _told_scale(images, measures, lengths, config)
+    if device.metric:
+        off = 100.0 * (scale.metres_per_unit - 1.0)
+        said = [*said, f"check: lengths are {off:+.1f} % longer by {scale.source} than by the device ({device.name})"]
+    return scale, said
+
+
+def _told_scale(
+    images: PosedImages, measures: list[MarkerMeasure], lengths: Sequence[KnownLength], config: MetricConfig
+) -> tuple[Scale, list[str]]:
     if measures:
         scale = scale_of_markers(measures, config.marker_size_m, _MARKER_SIGMA_M)
         return scale, [*scale.left_out, *_length_checks(images, lengths, scale)]
@@ -132,10 +183,7 @@ def _scale(
         return scale, _length_checks(images, lengths[1:], scale)
     if config.scale:
         return Scale(metres_per_unit=config.scale, sigma=float("nan"), source="given, not measured"), []
-    raise ConfigError(
-        "Nothing tells the scale: give --marker-size-m for a printed marker (`readygo marker` makes one), --length "
-        "between two points, or --scale."
-    )
+    raise ConfigError(NO_SCALE)
 
 
 def _length_checks(images: PosedImages, lengths: Sequence[KnownLength], scale: Scale) -> list[str]:
@@ -157,10 +205,9 @@ def _length_checks(images: PosedImages, lengths: Sequence[KnownLength], scale: S
 
 
 def _floor(
-    images: PosedImages, measures: list[MarkerMeasure], config: MetricConfig
+    images: PosedImages, measures: list[MarkerMeasure], config: MetricConfig, up: Float64Array
 ) -> tuple[Floor, MarkerMeasure | None, list[str]]:
-    """The floor, the marker that lies on it, and what speaks against it."""
-    up = held_up(images.T_world_camera)
+    """The floor, the marker that lies on it, and what speaks against it; `up` is as cameras were held, or measured."""
     best = min(measures, key=lambda measure: measure.sigma, default=None)
     if best is not None and config.marker_on == "auto":
         flat = [m for m in measures if lean_deg(m.map_from_marker.R[:, 2], up) <= FLOOR_MARKER_MAX_DEG]
@@ -172,8 +219,15 @@ def _floor(
         plane = floor_of_points(images, normal)
         if plane is None:
             return floor, best, []
-        lean = f"{lean_deg(plane.up, normal):.2f} deg"
-        return floor, best, [f"check: the floor's points ({plane.point_count}) lean {lean} against the marker"]
+        lean = lean_deg(plane.up, normal)
+        told = f"the floor's points ({plane.point_count}) lean {lean:.2f} deg against the marker"
+        if config.marker_on == "auto" and _marker_leans(plane, normal, up):
+            source = f"{plane.source}; marker {best.marker} leans {lean:.1f} deg against it"
+            note = (
+                f"{told}, by more than their own uncertainty of {plane.error_deg:.2f} deg: up and z = 0 are the floor's"
+            )
+            return replace(plane, source=source), best, [note]
+        return floor, best, [f"check: {told}"]
     plane = floor_of_points(images, up)
     if plane is not None:
         return plane, None, []
@@ -181,6 +235,16 @@ def _floor(
     lowest = images.points[np.argsort(heights)[len(heights) // 100]] if len(heights) else np.zeros(3)
     floor = Floor(up=up, point=lowest, source="gravity, as cameras were held; floor at the lowest points")
     return floor, None, ["no floor plane was found: up and z = 0 are rough; put a marker on the floor"]
+
+
+def _marker_leans(plane: Floor, marker_up: Float64Array, held: Float64Array) -> bool:
+    """Whether a marker does not lie flat on the floor, as on a slope or on folded paper.
+
+    Its plane is then not the floor's, beyond the floor's own uncertainty. How cameras were held must not speak for the
+    marker, as where the plane of the points is none to stand on.
+    """
+    differs = lean_deg(plane.up, marker_up) > max(LEAN_MIN_DEG, plane.error_deg)
+    return differs and lean_deg(plane.up, held) < lean_deg(marker_up, held) + HELD_ERROR_DEG
 
 
 def _doubtful_height(images: PosedImages, doubted: str) -> list[str]:

@@ -5,19 +5,25 @@ import signal
 import tempfile
 import threading
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from readygo.common.arrays import Float64Array, Int64Array
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.errors import ConfigError, RunError, SceneError
 from readygo.common.extras import install_command
+from readygo.common.files import write_whole
+from readygo.services.reconstructor.frames.masks import FOLDER as MASKS
+from readygo.services.reconstructor.frames.masks import read_mask
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.poses.config import PosesConfig
+from readygo.services.reconstructor.poses.intrinsics import Intrinsics
 from readygo.services.reconstructor.poses.tags import tag_matches
-from readygo.services.reconstructor.similarity import Similarity
+from readygo.services.reconstructor.similarity import Similarity, umeyama
 
 Poses = Mapping[str, Float64Array]
 TagFeatures = Mapping[str, tuple[Int64Array, Float64Array]]
@@ -26,9 +32,9 @@ MODEL_FILES = ("cameras", "images", "points3D")
 _ADJUSTMENTS = 3
 """Times that points are made of matches, and all is adjusted, where poses are known roughly."""
 _MANY_IMAGES = 30
+"""So many images of one camera determine a lens of four parameters."""
 _FEATURES_MAX = 4096
 """Features of an image."""
-"""So many images of one camera determine a lens of four parameters."""
 _PEAK, _FAINT_PEAK = 0.02 / 3, 0.0015
 """Thresholds of SIFT's differences of Gaussians: COLMAP's own, and that for places with little texture."""
 
@@ -67,6 +73,8 @@ def extract_features(
     *,
     focal_px: float,
     size_px: Any,
+    lens: Intrinsics | Mapping[str, Intrinsics] | None = None,
+    masks: Path | None = None,
     features_min: int = 0,
 ) -> None:
     """Write the images' features to a new database; where they are few, again with fainter ones.
@@ -78,6 +86,8 @@ def extract_features(
         config: How.
         focal_px: Of all images, if it is known [px]; 0: a guess is refined.
         size_px: Width and height, or several of them, if images differ.
+        lens: Of all images, or by image, if it is known.
+        masks: Folder with a mask NAME.png of each image; where it is 0, there are no features.
         features_min: Where the median image has fewer, fainter ones are taken too, of all images.
     """
     colmap = pycolmap()
@@ -85,25 +95,54 @@ def extract_features(
     reader = colmap.ImageReaderOptions()
     one_camera = not isinstance(size_px[0], list)
     reader.camera_model = "OPENCV" if one_camera and len(names) >= _MANY_IMAGES else "SIMPLE_RADIAL"
-    if one_camera and focal_px > 0:
+    if isinstance(lens, Intrinsics):
+        reader.camera_model, reader.camera_params = lens.model, ",".join(map(repr, lens.params))
+    elif one_camera and focal_px > 0:
         middle = f"{size_px[0] / 2},{size_px[1] / 2}"
         focal = f"{focal_px},{focal_px}" if reader.camera_model == "OPENCV" else f"{focal_px}"
         reader.camera_params = f"{focal},{middle}," + ",".join("0" * (4 if reader.camera_model == "OPENCV" else 1))
+    if masks is not None:
+        reader.mask_path = masks
     options = colmap.FeatureExtractionOptions()
     options.num_threads, options.use_gpu = config.threads or -1, False
     options.sift.max_num_features = _FEATURES_MAX
     mode = colmap.CameraMode.SINGLE if one_camera else colmap.CameraMode.PER_FOLDER
+    if isinstance(lens, Mapping):
+        mode = colmap.CameraMode.PER_IMAGE
     for peak in (_PEAK, _FAINT_PEAK):
         options.sift.peak_threshold = peak
         database.unlink(missing_ok=True)
         colmap.extract_features(database, images, list(names), mode, reader, options)
         if _median_features(colmap, database) >= features_min:
             break
+    if isinstance(lens, Mapping):
+        _set_lenses(colmap, database, lens)
+
+
+def _set_lenses(colmap: Any, database: Path, lenses: Mapping[str, Intrinsics]) -> None:
+    """Give each image's camera its lens."""
+    with colmap.Database.open(database) as db:
+        cameras = {camera.camera_id: camera for camera in db.read_all_cameras()}
+        for image in db.read_all_images():
+            camera, lens = cameras[image.camera_id], lenses[image.name]
+            camera.model, camera.params = getattr(colmap.CameraModelId, lens.model), list(lens.params)
+            camera.has_prior_focal_length = True
+            db.update_camera(camera)
 
 
 def _median_features(colmap: Any, database: Path) -> float:
     with colmap.Database.open(database) as db:
         return float(np.median([db.num_keypoints_for_image(image.image_id) for image in db.read_all_images()]))
+
+
+def _lens_to_refine(config: PosesConfig) -> dict[str, bool]:
+    """What bundle adjustments change of a lens, by COLMAP's names."""
+    free = not config.fixes_lens
+    return {
+        "refine_focal_length": free,
+        "refine_extra_params": free,
+        "refine_principal_point": free and config.refine_principal_point,
+    }
 
 
 def match_features(database: Path, pairs: Sequence[tuple[str, str]], config: PosesConfig) -> None:
@@ -190,11 +229,15 @@ def build_maps(
     if config.mapper_of(count) == "global":
         options = colmap.GlobalPipelineOptions()
         options.random_seed, options.num_threads = config.seed, config.threads or -1
+        for name, value in _lens_to_refine(config).items():
+            setattr(options.mapper.bundle_adjustment, name, value)
         found = colmap.global_mapping(database, images, folder, options)
     else:
         options = colmap.IncrementalPipelineOptions()
         options.random_seed, options.num_threads = config.seed, config.threads or -1
         options.triangulation.random_seed = options.mapper.random_seed = config.seed
+        for name, value in _lens_to_refine(config).items():
+            setattr(options, f"ba_{name}", value)
         # Small pieces are made too, so that the verdict can count them.
         options.min_model_size = 2
         if few_matches:
@@ -209,7 +252,7 @@ def posed_model(
     database: Path,
     images: Path,
     folder: Path,
-    like: Path,
+    like: Path | None,
     poses: Poses,
     config: PosesConfig,
     *,
@@ -221,7 +264,7 @@ def posed_model(
         database: With features and matches.
         images: Folder of the images.
         folder: Where the model is written.
-        like: A model whose cameras are taken.
+        like: A model whose cameras are taken; None takes those of the database.
         poses: T_world_camera by image.
         config: How.
         focal: Factor of the focal length, with poses that stay as they are; None: both are rough and are adjusted.
@@ -231,7 +274,7 @@ def posed_model(
     """
     colmap = pycolmap()
     rec = _images_without_pose(database)
-    for number, camera in colmap.Reconstruction(like).cameras.items():
+    for number, camera in colmap.Reconstruction(like).cameras.items() if like is not None else ():
         _take_lens(rec.camera(number), camera, focal or 1.0)
     for image in list(rec.images.values()):
         if image.name in poses:
@@ -245,14 +288,48 @@ def posed_model(
     options.triangulation.ignore_two_view_tracks = False
     adjusting = colmap.BundleAdjustmentOptions()
     adjusting.print_summary = False
+    for name, value in _lens_to_refine(config).items():
+        setattr(adjusting, name, value)
     adjusting.ceres.loss_function_type = colmap.LossFunctionType.SOFT_L1
     adjusting.ceres.solver_options.num_threads = config.threads or -1
     folder.mkdir()
     for _ in range(_ADJUSTMENTS if focal is None else 1):
         rec = colmap.triangulate_points(rec, database, images, folder, True, options)
-        if focal is None:
+        if focal is None and rec.num_points3D():
             colmap.bundle_adjustment(rec, adjusting)
     rec.update_point_3d_errors()
+    rec.write(folder)
+    return folder
+
+
+def given_model(
+    database: Path, images: Path, folder: Path, poses: Poses, config: PosesConfig, *, adjust: bool
+) -> Path | None:
+    """Make a model of images that came with poses and lenses: points from all matches, in the frame of the poses.
+
+    Args:
+        database: With features and matches, and the lenses.
+        images: Folder of the images.
+        folder: Where the model is written.
+        poses: T_world_camera by image.
+        config: How.
+        adjust: Poses are adjusted to the matches, and then moved as one to where they were; lenses stay.
+
+    Returns:
+        `folder`; None if no two images share anything.
+    """
+    if sum(image.name in poses for image in _images_without_pose(database).images.values()) < 2:
+        return None
+    fixed = replace(config, intrinsics="given", intrinsics_are="fixed")
+    posed_model(database, images, folder, None, poses, fixed, focal=None if adjust else 1.0)
+    if not adjust:
+        return folder
+    colmap = pycolmap()
+    rec = colmap.Reconstruction(folder)
+    found = {rec.images[number].name: rec.images[number].projection_center() for number in rec.reg_image_ids()}
+    names = sorted(found)
+    back = umeyama(np.array([found[name] for name in names]), np.array([poses[name][:3, 3] for name in names]))
+    rec.transform(colmap.Sim3d(back.scale, colmap.Rotation3d(back.R), back.t))
     rec.write(folder)
     return folder
 
@@ -380,3 +457,42 @@ def write_undistorted(model: Path, images: Path, folder: Path, b_from_a: Similar
     shutil.rmtree(folder / "stereo", ignore_errors=True)
     for script in folder.glob("run-colmap-*.sh"):
         script.unlink()
+
+
+def write_undistorted_masks(model: Path, masks: Path, posed: Path) -> None:
+    """Write the masks of images as `write_undistorted` made these: `masks/NAME.png`; pixels that no image has are 0.
+
+    Args:
+        model: The model before.
+        masks: Folder of its images' masks, NAME.png.
+        posed: Folder with the undistorted model.
+
+    Raises:
+        SceneError: If a mask is missing or has another size than its camera.
+    """
+    before, after = _open_model(model), _open_model(posed / "sparse" / "0")
+    places: dict[tuple[int, int], tuple[Float64Array, Float64Array]] = {}
+    for image in (after.images[number] for number in after.reg_image_ids()):
+        lens = before.find_image_with_name(image.name).camera
+        key = (lens.camera_id, image.camera_id)
+        if key not in places:
+            places[key] = _places_before(lens, image.camera)
+        mask = read_mask(masks / f"{image.name}.png")
+        if mask is None or mask.shape != (lens.height, lens.width):
+            there = "missing" if mask is None else f"{mask.shape[1]}x{mask.shape[0]} px"
+            raise SceneError(f"{masks / image.name}.png is {there}, its image {lens.width}x{lens.height} px.")
+        u, v = (place.astype(np.float32) for place in places[key])
+        flat = cv2.remap(mask, u, v, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
+        data = cv2.imencode(".png", flat)[1].tobytes()
+        write_whole(posed / MASKS / f"{image.name}.png", data, raises=SceneError)
+
+
+def _places_before(lens: Any, pinhole: Any) -> tuple[Float64Array, Float64Array]:
+    """Column and row, counted from the first pixel's centre, that each pixel of a pinhole camera shows of another."""
+    v, u = np.mgrid[: pinhole.height, : pinhole.width] + 0.5
+    K = pinhole.calibration_matrix()
+    rays = np.column_stack([((u - K[0, 2]) / K[0, 0]).ravel(), ((v - K[1, 2]) / K[1, 1]).ravel(), np.ones(u.size)])
+    pixels = np.asarray(lens.img_from_cam(rays)).reshape(*u.shape, 2) - 0.5
+    # A lens that cannot show a ray shows nothing there.
+    pixels = np.where(np.isfinite(pixels), pixels, -2.0)
+    return pixels[..., 0], pixels[..., 1]

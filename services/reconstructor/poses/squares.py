@@ -18,7 +18,11 @@ _ERROR_PX = 1.0
 
 
 def adjusted_by_squares(
-    lens: PosedImages, poses: Mapping[str, Float64Array], sightings: Sequence[MarkerSighting]
+    lens: PosedImages,
+    poses: Mapping[str, Float64Array],
+    sightings: Sequence[MarkerSighting],
+    *,
+    fixed_lens: bool = False,
 ) -> tuple[dict[str, Float64Array], float]:
     """Poses of the images that show markers, and a factor of the focal length, with the least error of corners.
 
@@ -28,6 +32,7 @@ def adjusted_by_squares(
         lens: A piece whose first camera is that of all images.
         poses: Rough, by image, shape (4, 4).
         sightings: Markers of one size.
+        fixed_lens: True keeps the focal length: its factor is 1.
 
     Returns:
         Poses by image; those that show no marker are left out.
@@ -51,6 +56,7 @@ def adjusted_by_squares(
     image = np.array([names.index(each.image) for each in seen])
     marker = np.array([markers.index(each.marker) for each in seen])
     rays = np.stack([lens.rays(0, each.corners_px) for each in seen])
+    changes = 0.0 if fixed_lens else 1.0
 
     def errors_px(values: Float64Array) -> Float64Array:
         all_poses = np.concatenate([start[1:7], values[1:]]).reshape(-1, 6)
@@ -58,7 +64,7 @@ def adjusted_by_squares(
         R_marker, t_marker = _unpack_poses(all_poses[len(names) :])
         world = np.einsum("sij,cj->sci", R_marker[marker], square) + t_marker[marker][:, None]
         local = np.einsum("sij,scj->sci", R[image], world) + t[image][:, None]
-        error_px = lens.focal_px[0] * (np.exp(values[0]) * local[..., :2] / local[..., 2:] - rays)
+        error_px = lens.focal_px[0] * (np.exp(changes * values[0]) * local[..., :2] / local[..., 2:] - rays)
         return np.asarray(error_px, dtype=np.float64).ravel()
 
     # The first image stays where it is.
@@ -67,7 +73,7 @@ def adjusted_by_squares(
     R, t = _unpack_poses(np.concatenate([start[1:7], found[1:]]).reshape(-1, 6)[: len(names)])
     result = np.tile(np.eye(4), (len(names), 1, 1))
     result[:, :3, :3], result[:, :3, 3] = np.swapaxes(R, 1, 2), -np.einsum("vji,vj->vi", R, t)
-    return dict(zip(names, result, strict=True)), float(np.exp(found[0]))
+    return dict(zip(names, result, strict=True)), float(np.exp(changes * found[0]))
 
 
 def _pack_pose(R: Float64Array, t: Float64Array) -> Float64Array:

@@ -73,6 +73,8 @@ def _of_photo(photo: Photo, points_m: Float64Array) -> Float64Array:
     depths_m = depths_m[mesh.simplices]
     flat = depths_m.max(axis=1) < _DEPTHS_MAX * depths_m.min(axis=1)
     chosen = (triangle >= 0) & flat[triangle]
+    if photo.mask is not None:
+        chosen &= photo.mask.ravel()
     u, v, pixels, triangle = u[chosen], v[chosen], pixels[chosen], triangle[chosen]
     affine = mesh.transform[triangle]
     weights = np.einsum("nij,nj->ni", affine[:, :2], pixels - affine[:, 2])

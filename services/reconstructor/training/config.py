@@ -63,8 +63,9 @@ class GeometryConfig:
     """Pixels that come back farther away do not count: something hides them."""
     patches_max: Annotated[int, Range(low=1)] = 4096
     """Most patches per view that are compared with a neighbour's: a random sample."""
-    distance_max_m: Annotated[float, Range(above=0.0)] = 1.5
-    """Neighbours are at most this far from a view [m]."""
+    distance_max_m: Annotated[float, Range(low=0.0)] = 0.0
+    """Neighbours are at most this far from a view, in units of the poses (metres of `scene poses`); 0: 1.5, and for
+    views that have none there as far as the cameras' spacing and the depth of the points suggest."""
 
     def __post_init__(self) -> None:
         check_ranges(self)
@@ -88,6 +89,9 @@ class GaussiansConfig:
     """Degree of the spherical harmonics of the colours."""
     seed: int = 0
     """Seed of the training."""
+    trim: Annotated[float, Range(low=0.0, high=0.5)] = 0.0
+    """At most this share of each photo is left out of the losses, where it differs most from what is drawn: people who
+    walk through and have no mask; 0: nothing is left out."""
     density: DensityConfig = field(default_factory=DensityConfig)
     geometry: GeometryConfig = field(default_factory=GeometryConfig)
 

@@ -60,7 +60,8 @@ class CpuEngine:
             if task.rng is not None:
                 neighbour = None if task.neighbour is None else photos[task.neighbour]
                 geometry = Geometry(neighbour=neighbour, rng=task.rng)
-            return view_gradients(leaves, photos[task.number], task.exposure, sh_degree, self._settings, geometry)
+            photo = photos[task.number]
+            return view_gradients(leaves, photo, task.exposure, sh_degree, self._settings, geometry, trim=task.trim)
 
         self._views = list(self._pool.map(one, tasks))
         return [ViewLoss(loss=view.loss, exposure=view.exposure) for view in self._views]

@@ -23,6 +23,7 @@ from readygo.services.reconstructor.training.parameters import PARAMETERS, SHAPE
 from readygo.services.reconstructor.training.photometric import SSIM_WEIGHT, photometric_loss
 from readygo.services.reconstructor.training.photos import BRIGHTNESS, PhotoStore
 from readygo.services.reconstructor.training.planes import plane_features
+from readygo.services.reconstructor.training.robust import trusted_pixels
 from readygo.services.reconstructor.training.surfaces import between, normals_within, side_of
 
 Tensor = torch.Tensor
@@ -45,6 +46,8 @@ class _View:
 
     pixels: Tensor
     """Colours, uint8, shape (3, H, W)."""
+    mask: Tensor | None
+    """True where the photo counts, shape (H, W); None where all of it does."""
     K_px: Float64Array
     T_world_camera: Float64Array
 
@@ -193,16 +196,25 @@ class CudaEngine:
         drawn = self._draw(values, view, torch.cat(columns, dim=1), absolute=self._settings.density.needs_absolute)
         shown = drawn.values[..., :3].permute(2, 0, 1)
         image = shown * exposure[0, :, None, None].exp() + exposure[1, :, None, None]
+        mask = view.mask
+        if task.trim:
+            known = None if mask is None else mask.cpu().numpy()
+            trusted = trusted_pixels(_array(image), _array(rgb), task.trim, known)
+            mask = torch.from_numpy(trusted).to(self._device)
+        if mask is not None:
+            # What is ignored shows what is drawn there, without a derivative.
+            rgb, image = (torch.where(mask, each, image.detach()) for each in (rgb, image))
         loss = photometric_loss(image, rgb, SSIM_WEIGHT)
         nothing, other = drawn.nothing, None
         if task.rng is not None:
-            side = side_of(drawn.values[..., 3:], rgb, view.K_px, view.T_world_camera)
+            rgb = view.pixels * float(BRIGHTNESS)
+            side = side_of(drawn.values[..., 3:], rgb, view.K_px, view.T_world_camera, mask)
             loss = loss + normals_within(side, drawn.alpha, rgb, self._settings.geometry)
             if task.neighbour is not None:
                 there = self._view(photos, task.neighbour)
                 other = self._draw(values, there, self._planes(there))
                 there_rgb = there.pixels * float(BRIGHTNESS)
-                other_side = side_of(other.values, there_rgb, there.K_px, there.T_world_camera)
+                other_side = side_of(other.values, there_rgb, there.K_px, there.T_world_camera, there.mask)
                 loss = loss + between(side, other_side, self._settings.geometry, task.rng)
                 nothing = nothing + other.nothing
         (loss + nothing).backward()  # type: ignore[no-untyped-call]
@@ -266,7 +278,9 @@ class CudaEngine:
             return self._kept[number]
         pixels = torch.from_numpy(photos.pixels(number)).to(self._device).permute(2, 0, 1).contiguous()
         K, T = photos.camera(number, (pixels.shape[1], pixels.shape[2]))
-        view = _View(pixels=pixels, K_px=K, T_world_camera=T)
+        mask = photos.mask(number)
+        on_device = None if mask is None else torch.from_numpy(mask).to(self._device)
+        view = _View(pixels=pixels, mask=on_device, K_px=K, T_world_camera=T)
         if photos.keeps:
             self._kept[number] = view
         return view

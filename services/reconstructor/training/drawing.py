@@ -1,7 +1,7 @@
 """One view of the Gaussians in training: the loss and its gradients, or the picture alone."""
 
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -14,6 +14,7 @@ from readygo.services.reconstructor.training.parameters import Gaussians
 from readygo.services.reconstructor.training.photometric import SSIM_WEIGHT, Photometric
 from readygo.services.reconstructor.training.photos import Photo
 from readygo.services.reconstructor.training.plane_kernels import add_feature_slopes, write_features
+from readygo.services.reconstructor.training.robust import trusted_pixels
 from readygo.services.reconstructor.training.surface_slopes import PlaneView, surface_slopes
 
 Leaves = dict[str, torch.Tensor]
@@ -104,6 +105,8 @@ def view_gradients(
     sh_degree: int,
     settings: GaussiansConfig,
     geometry: Geometry | None = None,
+    *,
+    trim: float = 0.0,
 ) -> ViewGradients:
     """Loss and gradients of one view, and of the neighbour that it is compared with.
 
@@ -114,6 +117,7 @@ def view_gradients(
         sh_degree: Higher degrees are left out.
         settings: Weights of the losses.
         geometry: What normals and depths are compared with, if they are.
+        trim: At most this share of the photo is left out, see `robust`.
     """
     leaves = {name: leaf.detach().requires_grad_() for name, leaf in leaves.items()}
     if geometry is not None:
@@ -122,7 +126,14 @@ def view_gradients(
     rendered = draw(leaves, photo, sh_degree, gradients=True, absolute=absolute)
     planes = planes_of(rendered)
     gains, offsets = np.exp(exposure[0])[:, None, None], exposure[1][:, None, None]
-    loss, _, slope = _LOSSES.of(planes.shape[1:])(planes * gains + offsets, photo.rgb, SSIM_WEIGHT)
+    shown = planes * gains + offsets
+    if trim:
+        photo = replace(photo, mask=trusted_pixels(shown, photo.rgb, trim, photo.mask))
+    wanted = photo.rgb if photo.mask is None else np.where(photo.mask, photo.rgb, shown)
+    loss, _, slope = _LOSSES.of(planes.shape[1:])(shown, wanted, SSIM_WEIGHT)
+    if photo.mask is not None:
+        # What is ignored shows what is drawn there: it has no error, nor part in how others should change.
+        slope *= photo.mask
     # What is not finite is found by the loss, and named there.
     with np.errstate(over="ignore", invalid="ignore"):
         by_exposure = np.stack([(slope * planes * gains).sum(axis=(1, 2)), slope.sum(axis=(1, 2))])

@@ -8,7 +8,7 @@ import torch
 
 from readygo.common.errors import RunError
 from readygo.services.reconstructor.training.config import GaussiansConfig
-from readygo.services.reconstructor.training.photos import KEPT_BYTES, Posed, size_px
+from readygo.services.reconstructor.training.photos import KEPT_BYTES, Posed, bytes_of, size_px
 
 PROCESS_BYTES = 450_000_000
 """Memory of Python with its libraries and kernels [bytes]."""
@@ -60,7 +60,7 @@ def needed_bytes(posed: Posed, settings: GaussiansConfig) -> int:
     of_view = SURFACE_GAUSSIAN_VIEW_BYTES if surfaces else GAUSSIAN_VIEW_BYTES
     of_pixel = SURFACE_PIXEL_VIEW_BYTES if surfaces else PIXEL_VIEW_BYTES
     width, height = largest_px(posed, settings)
-    photos = min(3 * width * height * len(posed.views), KEPT_BYTES)
+    photos = min(bytes_of(posed) * width * height * len(posed.views), KEPT_BYTES)
     if settings.device == "cuda":
         return PROCESS_BYTES + photos + settings.density.count_max * GAUSSIAN_BYTES
     gaussians = settings.density.count_max * (GAUSSIAN_BYTES + batch * of_view)

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch.nn.functional import grid_sample
 
-from readygo.common.arrays import Float64Array
+from readygo.common.arrays import BoolArray, Float64Array
 from readygo.services.reconstructor.training.planes import plane_depth
 
 Tensor = torch.Tensor
@@ -18,28 +18,65 @@ NEAR_M = 0.1
 PATCH_PX = 7
 NCC_MAX = 0.9
 """Patches that differ more show something else."""
+DISTANCE_M = 1.5
+"""Neighbours are not farther from a view that has any within this distance [m] (PGSR)."""
+_SPACINGS, _SPACING_QUANTILE, _DEPTHS = 2.0, 0.9, 0.5
+"""A view without such neighbours looks for them within this many times the quantile of the cameras' spacing, and within
+this many median depths, beyond which two images show too different sides of a surface."""
 
 
 def choose_neighbours(
-    T_world_camera: Float64Array, *, angle_max_deg: float, distance_m: tuple[float, float], count: int
+    T_world_camera: Float64Array, *, angle_max_deg: float, distance_m: tuple[float, float | Float64Array], count: int
 ) -> list[tuple[int, ...]]:
     """For each view the nearest others that look the same way.
 
     Args:
         T_world_camera: Shape (V, 4, 4).
         angle_max_deg: Between the optical axes.
-        distance_m: Least and most distance between the cameras.
+        distance_m: Least and most distance between the cameras; the most for all views, or of each, shape (V,).
         count: At most so many.
     """
-    axes, places = T_world_camera[:, :3, 2], T_world_camera[:, :3, 3]
-    distances = np.linalg.norm(places[:, None] - places[None], axis=2)
-    cosines = axes @ axes.T
-    near = (cosines > np.cos(np.deg2rad(angle_max_deg))) & (distances > distance_m[0]) & (distances < distance_m[1])
-    np.fill_diagonal(near, False)
+    distances, alike = _distances_m(T_world_camera, angle_max_deg)
+    most_m = np.broadcast_to(np.asarray(distance_m[1]), len(distances))
+    near = alike & (distances > distance_m[0]) & (distances < most_m[:, None])
     return [
         tuple(int(other) for other in sorted(np.flatnonzero(near[view]), key=lambda k: distances[view, k])[:count])
-        for view in range(len(places))
+        for view in range(len(distances))
     ]
+
+
+def neighbour_distances(
+    T_world_camera: Float64Array, depth_m: float, *, angle_max_deg: float, distance_min_m: float
+) -> Float64Array:
+    """How far each view looks for neighbours, by how far the cameras are apart.
+
+    Views with a neighbour within `DISTANCE_M` look that far. The others look as far as the cameras' spacing asks for:
+    the distance from a camera to the nearest other one that looks the same way.
+
+    Args:
+        T_world_camera: Shape (V, 4, 4).
+        depth_m: Median depth of what the views show [m].
+        angle_max_deg: Between optical axes of views that look the same way.
+        distance_min_m: Nearer cameras do not count.
+
+    Returns:
+        Shape (V,) [m].
+    """
+    distances, alike = _distances_m(T_world_camera, angle_max_deg)
+    nearest_m = np.where(alike & (distances > distance_min_m), distances, np.inf).min(axis=1)
+    known = nearest_m[np.isfinite(nearest_m)]
+    spacing_m = float(np.quantile(known, _SPACING_QUANTILE)) if len(known) else 0.0
+    reach_m = max(DISTANCE_M, min(_SPACINGS * spacing_m, _DEPTHS * depth_m))
+    return np.where(nearest_m < DISTANCE_M, DISTANCE_M, reach_m)
+
+
+def _distances_m(T_world_camera: Float64Array, angle_max_deg: float) -> tuple[Float64Array, BoolArray]:
+    """Distances between cameras [m], and which look the same way and are not one and the same, shape (V, V)."""
+    axes, places = T_world_camera[:, :3, 2], T_world_camera[:, :3, 3]
+    distances = np.linalg.norm(places[:, None] - places[None], axis=2)
+    alike = axes @ axes.T > np.cos(np.deg2rad(angle_max_deg))
+    np.fill_diagonal(alike, False)
+    return distances, alike
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,6 +92,8 @@ class Side:
     """Pose of the camera, shape (4, 4), of the same type as the planes."""
     rays_W: Tensor
     """Rays at depth 1 in the world's axes, shape (H, W, 3)."""
+    mask: Tensor | None = None
+    """True where the photo counts, shape (H, W); None where all of it does."""
 
     @property
     def R_WC(self) -> Tensor:
@@ -65,6 +104,13 @@ class Side:
     def p_WC(self) -> Tensor:
         """Position of the camera in the world [m], shape (3,)."""
         return self.T_world_camera[:3, 3]
+
+    def depth(self) -> tuple[Tensor, Tensor]:
+        """Depths [m], 1 where there is none or the photo does not count, shape (H, W); where there is one."""
+        depth_m, known = plane_depth(self.planes, self.rays_W)
+        if self.mask is None:
+            return depth_m, known
+        return torch.where(self.mask, depth_m, 1.0), known & self.mask
 
     def pixels(self, points_W: Tensor) -> tuple[Tensor, Tensor]:
         """Pixels of points, shape (..., 2), and their depths; those behind the camera are anywhere."""
@@ -87,8 +133,8 @@ def there_and_back(one: Side, other: Side, noise_px: float) -> tuple[Tensor, Ten
         Distances [px], shape (H, W); where they count: the point is in the other image and comes back within
         `noise_px`.
     """
-    depth_m, known = plane_depth(one.planes, one.rays_W)
-    other_depth_m, other_known = plane_depth(other.planes, other.rays_W)
+    depth_m, known = one.depth()
+    other_depth_m, other_known = other.depth()
     height, width = other_depth_m.shape
     p_px, z = other.pixels(one.p_WC + one.rays_W * depth_m[..., None])
     inside = (p_px >= 0).all(dim=-1) & (p_px[..., 0] <= width) & (p_px[..., 1] <= height) & (z > NEAR_M)

@@ -93,6 +93,25 @@ def psnr_db(image: Float32Array, photo: Float32Array) -> float:
     return -10.0 * math.log10(max(error, 1e-12))
 
 
+def fit_colours(image: Float32Array, photo: Float32Array) -> Float32Array:
+    """The image after the affine map of its colours that fits the photo best, by least squares.
+
+    Exposure and white balance of a held-out photo are unknown; such a map takes out what they change.
+
+    Args:
+        image: In 0..1, shape (3, ...).
+        photo: The same of the photo.
+
+    Returns:
+        Shape (3, ...), in 0..1.
+    """
+    colours = np.concatenate([image.reshape(3, -1), np.ones((1, image[0].size))]).astype(np.float64)
+    # Colours of a grey image are one and the same: then the smallest of all solutions is taken.
+    matrix, *_ = np.linalg.lstsq(colours @ colours.T, colours @ photo.reshape(3, -1).T.astype(np.float64), rcond=1e-9)
+    fitted = (matrix.T @ colours).reshape(image.shape)
+    return np.clip(fitted, 0.0, 1.0).astype(np.float32)
+
+
 @kernel_with_cache(error_model="numpy", nogil=True)
 def _filter_row(padded: Float32Array, w: Float32Array, out: Float32Array) -> None:
     """Filter a row that has five zeros on either side."""

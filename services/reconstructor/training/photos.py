@@ -1,16 +1,18 @@
 """The photos of a posed COLMAP model: which there are, where they were taken from, and their pixels at some size."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from readygo.common.arrays import Float32Array, Float64Array, Int64Array, UInt8Array
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt8Array
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.errors import SceneError
 from readygo.common.images.encoded import read_pixels
+from readygo.services.reconstructor.frames.masks import FOLDER as MASKS
+from readygo.services.reconstructor.frames.masks import read_mask, shrink_mask
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.poses import colmap
 from readygo.services.reconstructor.poses.config import PosesConfig
@@ -38,12 +40,22 @@ class Posed:
     """Colours of the points, shape (P, 3)."""
     seen: Int64Array
     """Sightings of points: rows of the numbers of view and point, shape (M, 2)."""
+    masks: Path | None = None
+    """Folder of the images' masks, NAME.png, in which 0 is ignored; None without any."""
 
     @property
     def extent_m(self) -> float:
         """How far the cameras are spread [m]."""
         places = self.views.T_world_camera[:, :3, 3]
         return _EXTENT * float(np.linalg.norm(places - places.mean(axis=0), axis=1).max())
+
+    @property
+    def depth_m(self) -> float:
+        """Median depth of the points in the views that see them [m]; 0 without any sighting."""
+        if not len(self.seen):
+            return 0.0
+        T = self.views.T_world_camera[self.seen[:, 0]]
+        return float(np.median(((self.points_m[self.seen[:, 1]] - T[:, :3, 3]) * T[:, :3, 2]).sum(axis=1)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,6 +68,8 @@ class Photo:
     """Colours in 0..1, shape (3, H, W)."""
     K_px: Float64Array
     T_world_camera: Float64Array
+    mask: BoolArray | None = None
+    """True where the photo counts, shape (H, W); None where all of it does."""
 
 
 def open_posed(folder: Path, undistorted: Path) -> Posed:
@@ -68,17 +82,28 @@ def open_posed(folder: Path, undistorted: Path) -> Posed:
     Raises:
         SceneError: If it cannot be used.
     """
-    model, images = colmap.find_model(folder), folder / "images"
+    model, images, masks = colmap.find_model(folder), folder / "images", folder / MASKS
     if model is None or not images.is_dir():
         raise SceneError(f"{folder} needs images/ and a COLMAP model in sparse/0/; run `readygo scene poses` first.")
     if not colmap.is_pinhole(model):
         if colmap.find_model(undistorted) is None:
             same = Similarity(scale=1.0, R=np.eye(3), t=np.zeros(3))
             colmap.write_undistorted(model, images, undistorted, same, PosesConfig())
-        model, images = undistorted / "sparse" / "0", undistorted / "images"
+            if masks.is_dir():
+                colmap.write_undistorted_masks(model, masks, undistorted)
+        model, images, masks = undistorted / "sparse" / "0", undistorted / "images", undistorted / MASKS
     views, found = colmap.pinhole_views(model), colmap.read_map(model)
     _check(folder, images, views, found)
-    posed = Posed(views=views, folder=images, points_m=found.points, points_rgb=found.points_rgb, seen=found.seen)
+    if masks.is_dir():
+        _check_there(masks, [f"{name}.png" for name in views.images], "masks")
+    posed = Posed(
+        views=views,
+        folder=images,
+        points_m=found.points,
+        points_rgb=found.points_rgb,
+        seen=found.seen,
+        masks=masks if masks.is_dir() else None,
+    )
     if posed.extent_m <= 0:
         raise SceneError(f"All cameras of {folder} stand in one place; Gaussians need views from several.")
     return posed
@@ -90,9 +115,13 @@ def _check(folder: Path, images: Path, views: CapturedViews, found: PosedImages)
             f"{folder} has {len(views)} images with poses and {len(found.points)} points; "
             f"Gaussians need at least {_VIEWS_MIN} and {_POINTS_MIN}."
         )
-    missing = [name for name in views.images if not (images / name).is_file()]
+    _check_there(images, views.images, "images")
+
+
+def _check_there(folder: Path, names: Sequence[str], what: str) -> None:
+    missing = [name for name in names if not (folder / name).is_file()]
     if missing:
-        raise SceneError(f"{images} lacks {len(missing)} images of the model, {missing[0]} among them.")
+        raise SceneError(f"{folder} lacks {len(missing)} {what} of the model, {missing[0]} among them.")
 
 
 def size_px(posed: Posed, number: int, side_max_px: int, fraction: int) -> tuple[int, int]:
@@ -120,8 +149,9 @@ class PhotoStore:
         self._posed, self._side_max_px, self._fraction = posed, side_max_px, fraction
         self._numbers = numbers
         sizes = [size_px(posed, number, side_max_px, fraction) for number in numbers]
-        keeps = 3 * sum(width * height for width, height in sizes) <= KEPT_BYTES
+        keeps = bytes_of(posed) * sum(width * height for width, height in sizes) <= KEPT_BYTES
         self._kept = {number: self._read(number) for number in numbers} if keeps else {}
+        self._kept_masks = {number: self._read_mask(number) for number in numbers} if keeps else {}
 
     @property
     def keeps(self) -> bool:
@@ -132,6 +162,10 @@ class PhotoStore:
         """The photo of a view as it is read, shape (H, W, 3)."""
         pixels = self._kept.get(number)
         return self._read(number) if pixels is None else pixels
+
+    def mask(self, number: int) -> BoolArray | None:
+        """True where the photo of a view counts, shape (H, W); None where all of it does."""
+        return self._kept_masks[number] if number in self._kept_masks else self._read_mask(number)
 
     def camera(self, number: int, size_px: tuple[int, int]) -> tuple[Float64Array, Float64Array]:
         """`K_px` of a view whose photo has so many rows and columns, and `T_world_camera`."""
@@ -147,7 +181,7 @@ class PhotoStore:
         planes = np.empty((3, *pixels.shape[:2]), dtype=np.float32)
         for channel in range(3):
             np.multiply(pixels[:, :, channel], BRIGHTNESS, out=planes[channel])
-        return Photo(number=number, rgb=planes, K_px=K, T_world_camera=T)
+        return Photo(number=number, rgb=planes, K_px=K, T_world_camera=T, mask=self.mask(number))
 
     def items(self) -> Iterator[tuple[str, Photo]]:
         """Names of the images, and their photos."""
@@ -165,6 +199,23 @@ class PhotoStore:
         size = size_px(self._posed, number, self._side_max_px, self._fraction)
         small = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA) if size != pixels.shape[1::-1] else pixels
         return np.ascontiguousarray(small[:, :, ::-1])
+
+    def _read_mask(self, number: int) -> BoolArray | None:
+        """Read a view's mask, shape (H, W)."""
+        if self._posed.masks is None:
+            return None
+        path = self._posed.masks / f"{self._posed.views.images[number]}.png"
+        mask = read_mask(path)
+        width, height = self._posed.views.sizes_px[number]
+        if mask is None or abs(mask.shape[1] * height - mask.shape[0] * width) > 2 * max(width, height):
+            there = "no mask" if mask is None else f"{mask.shape[1]}x{mask.shape[0]} px"
+            raise SceneError(f"{path} is {there}, its camera {width}x{height} px.")
+        return shrink_mask(mask, size_px(self._posed, number, self._side_max_px, self._fraction)) > 0
+
+
+def bytes_of(posed: Posed) -> int:
+    """Memory of a pixel that is kept: its colours, and its mask."""
+    return 3 if posed.masks is None else 4
 
 
 def split_views(count: int, hold_out: int) -> tuple[tuple[int, ...], tuple[int, ...]]:

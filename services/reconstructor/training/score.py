@@ -9,7 +9,7 @@ from readygo.common.arrays import Float32Array
 from readygo.common.drawing.files import write_png
 from readygo.services.reconstructor.training.drawing import draw, leaves_of, planes_of, quantise
 from readygo.services.reconstructor.training.parameters import Gaussians
-from readygo.services.reconstructor.training.photometric import Photometric, psnr_db
+from readygo.services.reconstructor.training.photometric import Photometric, fit_colours, psnr_db
 from readygo.services.reconstructor.training.photos import PhotoStore
 
 
@@ -19,6 +19,9 @@ class HeldOut:
 
     image: str
     psnr_db: float
+    """PSNR of the colours as they are [dB]."""
+    psnr_fitted_db: float
+    """PSNR after the affine map of the colours that fits the photo best: exposure and white balance taken out [dB]."""
     ssim: float
     photo: Float32Array
     """The photo, shape (3, H, W)."""
@@ -27,14 +30,29 @@ class HeldOut:
 
 
 def measure(gaussians: Gaussians, photos: PhotoStore | None, sh_degree: int) -> list[HeldOut]:
-    """Draw the held-out photos' views without exposure, which is unknown for them."""
+    """Draw the held-out photos' views without exposure, which is unknown for them; masked pixels do not count."""
     leaves = leaves_of(gaussians)
     scores = []
     for name, photo in photos.items() if photos else ():
         rendered = np.clip(planes_of(draw(leaves, photo, sh_degree)), 0.0, 1.0)
-        _, ssim, _ = Photometric(*rendered.shape[1:])(rendered, photo.rgb, 1.0)
-        psnr = psnr_db(rendered, photo.rgb)
-        scores.append(HeldOut(image=name, psnr_db=psnr, ssim=ssim, photo=photo.rgb, rendered=rendered))
+        counts = np.ones(rendered.shape[1:], np.bool_) if photo.mask is None else photo.mask
+        share = float(counts.mean())
+        if not share:
+            continue
+        # What is ignored agrees with what is drawn, and is taken out of the mean.
+        wanted = np.where(counts, photo.rgb, rendered)
+        _, ssim, _ = Photometric(*rendered.shape[1:])(rendered, wanted, 1.0)
+        shown, true = rendered[:, counts], photo.rgb[:, counts]
+        scores.append(
+            HeldOut(
+                image=name,
+                psnr_db=psnr_db(shown, true),
+                psnr_fitted_db=psnr_db(fit_colours(shown, true), true),
+                ssim=1.0 - (1.0 - ssim) / share,
+                photo=photo.rgb,
+                rendered=rendered,
+            )
+        )
     return scores
 
 

@@ -70,6 +70,8 @@ def surface_slopes(
         rng: Chooses patches.
     """
     weights = edge_weights(torch.from_numpy(one.photo.rgb)).numpy()
+    if one.photo.mask is not None:
+        weights = weights * one.photo.mask
     here = _Slopes(one)
     scale = config.normal / here.depth_m.size
     loss = normal_slopes(here.planes, alpha, weights, here.camera, here.depth_m, scale, here.by_depth, here.by_planes)
@@ -86,8 +88,8 @@ def _between(
     """What the neighbour says; derivatives are added to both."""
     away_px, by_depth = np.empty_like(here.depth_m), np.zeros_like(here.depth_m)
     count, total = return_slopes(
-        here.depth_m, there.depth_m, here.camera, there.camera, NEAR_M, config.noise_px, away_px, by_depth,
-        there.by_depth,
+        _counted(here, one), _counted(there, other), here.camera, there.camera, NEAR_M, config.noise_px, away_px,
+        by_depth, there.by_depth,
     )  # fmt: skip
     if not count:
         return 0.0
@@ -106,6 +108,12 @@ def _between(
         return float(config.consistent * total / count)
     here.by_planes.reshape(4, -1)[:, rows] += (config.ncc / patches * slopes.T).astype(np.float32)
     return float(config.consistent * total / count + config.ncc * differences / patches)
+
+
+def _counted(slopes: _Slopes, view: PlaneView) -> Float32Array:
+    """Depths of a view, 0 where its photo is ignored."""
+    mask = view.photo.mask
+    return slopes.depth_m if mask is None else slopes.depth_m * mask
 
 
 def _grey(photo: Photo) -> Float32Array:

@@ -12,7 +12,9 @@ Tensor = torch.Tensor
 GREY = (0.299, 0.587, 0.114)
 
 
-def side_of(planes: Tensor, rgb: Tensor, K_px: Float64Array, T_world_camera: Float64Array) -> Side:
+def side_of(
+    planes: Tensor, rgb: Tensor, K_px: Float64Array, T_world_camera: Float64Array, mask: Tensor | None = None
+) -> Side:
     """A view as it is compared with others.
 
     Args:
@@ -20,18 +22,22 @@ def side_of(planes: Tensor, rgb: Tensor, K_px: Float64Array, T_world_camera: Flo
         rgb: The photo, on the same device, shape (3, H, W).
         K_px: Shape (3, 3).
         T_world_camera: Shape (4, 4).
+        mask: True where the photo counts, shape (H, W); None where all of it does.
     """
     T, K, grey = (
         torch.tensor(np.asarray(array, dtype=np.float32), device=planes.device)
         for array in (T_world_camera, K_px, GREY)
     )
     rays_W = rays_of(K_px, (rgb.shape[1], rgb.shape[2]), device=planes.device) @ T[:3, :3].T
-    return Side(planes=planes, grey=torch.tensordot(grey, rgb, 1), K_px=K, T_world_camera=T, rays_W=rays_W)
+    return Side(planes=planes, grey=torch.tensordot(grey, rgb, 1), K_px=K, T_world_camera=T, rays_W=rays_W, mask=mask)
 
 
 def normals_within(side: Side, alpha: Tensor, rgb: Tensor, config: GeometryConfig) -> Tensor:
     """Weighted loss of the normals of a view, whose photo is `rgb` (3, H, W)."""
-    return config.normal * normal_loss(side.planes, alpha, side.rays_W, edge_weights(rgb))
+    weights = edge_weights(rgb)
+    if side.mask is not None:
+        weights = weights * side.mask
+    return config.normal * normal_loss(side.planes, alpha, side.rays_W, weights)
 
 
 def between(side: Side, other: Side, config: GeometryConfig, rng: np.random.Generator) -> Tensor:

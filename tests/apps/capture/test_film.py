@@ -147,3 +147,31 @@ def test_loop_that_is_walked_once_is_closed() -> None:
     words, none = (dataclasses.replace(plan, walk=walk).notes for walk in walks)
     assert words[0].startswith("the walk of 5.2 m does not close its loop of 7.0 m; --seconds 16 does")
     assert none == []
+
+
+def test_people_walk_through_the_film_and_their_masks_lie_beside_it(tmp_path: Path) -> None:
+    plan = filming(people=1, photos=True, marker_size_m=0.0, seconds=4.0, fps=1)
+    truth = read_truth(film(plan, tmp_path / "photos", lambda done: None))
+    assert truth.content["people"] == [plan.people[0].avatar]
+    names = [path.name for path in sorted((tmp_path / "photos").iterdir())]
+    assert sorted(path.name for path in (tmp_path / "photos.masks").iterdir()) == [f"{name}.png" for name in names]
+    bare = [np.asarray(rgb, dtype=np.int64) for rgb in pictures(dataclasses.replace(plan, people=(), avatars={}))]
+    hidden = 0
+    for name, without in zip(names, bare, strict=True):
+        mask = cv2.imread(str(tmp_path / "photos.masks" / f"{name}.png"), cv2.IMREAD_UNCHANGED)
+        shown = cv2.imread(str(tmp_path / "photos" / name))[:, :, ::-1].astype(np.int64)
+        changed = np.abs(shown - without).max(axis=2) > 60
+        assert set(np.unique(mask)) <= {0, 255}
+        assert not (changed & (mask > 0)).any(), "people are masked with their edges"
+        hidden += int((mask == 0).sum())
+    assert hidden > 200
+    with pytest.raises(SceneError, match=r"photos\.masks exists already"):
+        check_out(tmp_path / "photos", plan.config)
+
+
+def test_film_without_people_is_what_it_was() -> None:
+    assert filming().people == ()
+    with pytest.raises(ConfigError, match="0 to 8 people"):
+        CaptureConfig(people=9)
+    with pytest.raises(ConfigError, match="People move at 20 Hz"):
+        CaptureConfig(people=1, fps=30)

@@ -14,6 +14,7 @@ from readygo.commands import COMMANDS
         (["--walk", "--out", "walk.avi"], "must end in"),
         (["--walk", "--out", "walk.mp4", "--marker-dictionary", "9X9"], "no marker dictionary"),
         (["--walk", "--out", "walk.mp4", "--seconds", "0"], "2 s at least"),
+        (["--walk", "--out", "walk.mp4", "--people", "9"], "0 to 8 people"),
     ],
 )
 def test_mistakes_end_in_one_line(

@@ -28,7 +28,7 @@ def test_marker_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     [
         (["marker", "--size-m", "2", "--out", "m.pdf"], "A3"),
         (["scene", "poses", "no.mp4", "--scale", "-1", "--out", "out"], "scale must be at least 0"),
-        (["scene", "poses", "no.mp4", "--out", "out"], "Nothing tells the scale"),
+        (["scene", "poses", "no.mp4", "--out", "out"], "no.mp4 does not exist; give a video"),
     ],
 )
 def test_mistakes_end_in_one_line(
@@ -69,7 +69,8 @@ REPORT = {
     "up": "+y", "markers": [{"marker": 3, "side_m": 0.19996, "views": 17, "residual_px": 0.346}],
     "notes": ["it <leans>"], "removed": "floaters: 12", "sky": 3456,
     "training": {
-        "psnr_db": 25.678, "ssim": 0.8126, "held_out": [1, 2, 3], "gaussians": 98765, "images": 35, "unseen": 4321
+        "psnr_db": 25.678, "psnr_fitted_db": 27.1, "notes": ["9 of 35 are <alone>"], "rejected": None, "ssim": 0.8126,
+        "held_out": [1, 2, 3], "gaussians": 98765, "images": 35, "unseen": 4321
     },
     "seconds": {"poses": 61.4, "gaussians": 300.6},
 }  # fmt: skip
@@ -109,7 +110,8 @@ def test_poses_and_scenes_are_made_as_they_are_asked_for(
     more: dict[str, Any] = {"marker_size_m": 0.3, "length": ("a=1",), "json": True}
     reconstruct.scene_poses(reconstruct.ScenePosesOptions(source=source, out=out, **more, keys=keys))
     assert json.loads(capsys.readouterr().out) == REPORT
-    reconstruct.scene_poses(reconstruct.ScenePosesOptions(source=source, out=out, scale=2.5))
+    footage = reconstruct.FootageOptions(intrinsics="9 9 4 3", masks=tmp_path / "masks")
+    reconstruct.scene_poses(reconstruct.ScenePosesOptions(source=source, out=out, scale=2.5, footage=footage))
     gaussians = {"steps": 123, "side_max_px": 456, "device": "cuda", "geometry": {"enabled": False}}
     reconstruct.reconstruct_command(
         reconstruct.ReconstructOptions(
@@ -130,6 +132,8 @@ def test_poses_and_scenes_are_made_as_they_are_asked_for(
     )
     assert (poses[2].frames.count_max, poses[2].poses.mapper, poses[2].poses.threads) == (77, "global", 3)
     assert scaled[2].metric.scale == 2.5
+    assert (scaled[2].poses.intrinsics, scaled[2].poses.fixes_lens) == ("9 9 4 3", True)
+    assert scaled[2].frames.masks == str(tmp_path / "masks")
     job, config = made
     assert (job.source, job.out, job.work, job.license) == (source, out, tmp_path / "lobby.work", "CC0")
     own = config.gaussians

@@ -34,8 +34,10 @@ def test_mistakes_end_in_one_line(
 
 
 REPORT = {
-    "seconds": {"images": 1.26, "steps": 30.5}, "gaussians": 98765, "images": 40, "psnr_db": 25.678, "ssim": 0.8126,
-    "held_out": [{"image": "9.jpg", "psnr_db": 19.996, "ssim": 0.7}], "gpu_bytes": 2_340_000_000,
+    "seconds": {"images": 1.26, "steps": 30.5}, "gaussians": 98765, "images": 40,
+    "psnr_db": 25.678, "psnr_fitted_db": 26.5, "ssim": 0.8126, "notes": ["9 alone"],
+    "rejected": 0.0123, "gpu_bytes": 2_340_000_000,
+    "held_out": [{"image": "9.jpg", "psnr_db": 19.996, "psnr_fitted_db": 20.25, "ssim": 0.7}],
 }  # fmt: skip
 
 
@@ -61,10 +63,13 @@ def test_settings_are_those_of_the_preset_but_for_what_is_named(tmp_path: Path, 
 def test_report_is_told_in_rows() -> None:
     seconds = [("images", "1.3 s"), ("steps", "30.5 s"), ("in all", "31.8 s")]
     assert command._rows(REPORT) == [
-        ("Gaussians", "98,765 of 40 images"), ("held out", "25.68 dB, SSIM 0.813"), ("9.jpg", "20.00 dB, SSIM 0.700"),
-        *seconds, ("memory of the GPU", "2.3 GB"),
+        ("Gaussians", "98,765 of 40 images"),
+        ("held out", "25.68 dB (26.50 dB with fitted colours), SSIM 0.813"),
+        ("9.jpg", "20.00 dB (20.25 dB with fitted colours), SSIM 0.700"),
+        ("left out of photos", "1.2 % (black in previews/rejected)"),
+        ("note", "9 alone"), *seconds, ("memory of the GPU", "2.3 GB"),
     ]  # fmt: skip
-    assert command._rows({**REPORT, "psnr_db": None, "gpu_bytes": 0}) == [
+    assert command._rows({**REPORT, "psnr_db": None, "gpu_bytes": 0, "notes": [], "rejected": None}) == [
         ("Gaussians", "98,765 of 40 images"),
         *seconds,
     ]

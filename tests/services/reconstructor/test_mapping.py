@@ -1,6 +1,7 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from readygo.common.errors import SceneError
@@ -43,3 +44,43 @@ def test_maps_of_few_matches_must_come_out_the_same_again(tmp_path: Path, monkey
     monkeypatch.setattr(colmap, "build_maps", nothing_again)
     with pytest.raises(SceneError, match=r"made twice, the map has 5 images, then 0"):
         map_of_few_matches(tmp_path, monkeypatch)
+
+
+def given_map(folder: Path, *, off_m: float, given: str) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
+    """True poses, those of the map, and what is said of it, of five images that came with poses."""
+    pytest.importorskip("pycolmap", reason="pycolmap is not installed")
+    (folder / "matches").mkdir(parents=True)
+    synthetic_database(folder / "matches")
+    (folder / "matches" / "images").rename(folder / "frames")
+    (folder / "map").mkdir()
+    truth = colmap.read_map(folder / "matches" / "sparse")
+    rough = truth.T_world_camera.copy()
+    rough[:, :3, 3] += np.random.default_rng(1).normal(0.0, off_m, (5, 3))
+    pose = dict(zip(truth.names, rough.tolist(), strict=True))
+    frames = {"names": list(truth.names), "pose": pose, "rough": True}
+    source = Source(path=folder, kind="capture", identity=())
+    config = ReconstructorConfig(poses=PosesConfig(threads=1, given=given))  # type: ignore[arg-type]
+    made = dict(make_map(folder, source, frames, [], config, folder / "map"))
+    found = colmap.read_map(folder / "map" / made["model"])
+    return truth.T_world_camera, found.T_world_camera, made
+
+
+def test_poses_that_came_with_the_images_stay_and_matches_give_points(tmp_path: Path) -> None:
+    truth, found, made = given_map(tmp_path, off_m=0.0, given="keep")
+    np.testing.assert_allclose(found, truth, atol=1e-9)
+    assert made["verdict"]["registered"] == made["verdict"]["images"] == 5
+    assert made["verdict"]["points"] > 60
+    assert made["verdict"]["reprojection_px"] < 0.1
+
+
+def test_rough_poses_are_adjusted_in_the_frame_and_scale_that_they_came_in(tmp_path: Path) -> None:
+    truth, found, _ = given_map(tmp_path, off_m=0.02, given="auto")
+    kept_off = np.random.default_rng(1).normal(0.0, 0.02, (5, 3))
+    size = np.linalg.norm(truth[:, :3, 3] - truth[:, :3, 3].mean(axis=0), axis=1).mean()
+    assert (
+        np.linalg.norm(found[:, :3, 3] - truth[:, :3, 3], axis=1).mean() < 1.5 * np.linalg.norm(kept_off, axis=1).mean()
+    )
+    shape = [np.linalg.norm(T[:, None, :3, 3] - T[None, :, :3, 3], axis=2) for T in (truth, found)]
+    ratio = (shape[1] / np.where(shape[0] > 0, shape[0], 1.0))[shape[0] > 0]
+    assert np.ptp(ratio) < 1e-3, "the shape is that of the matches"
+    assert abs(ratio.mean() - 1.0) < 0.05 / size

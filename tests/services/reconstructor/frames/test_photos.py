@@ -24,6 +24,7 @@ def test_photos_are_turned_and_made_smaller_and_their_focal_length_is_known(tmp_
     found = prepare_photos(source, tmp_path / "out", FramesConfig(side_max_px=320))
     assert cv2.imread(str(tmp_path / "out" / "0.jpg")).shape == (320, 240, 3)
     assert (found["kept"], found["size_px"], found["unused"]) == (3, [240, 320], ["broken.png"])
+    assert found["source_px"] == [480, 640]
     assert abs(found["focal_px"] - 26 / 43.2666 * 400) < 0.1
     assert found["photos"] == {f"{number}.jpg": (f"{number}.jpg", 0.5) for number in range(3)}
 
@@ -35,6 +36,7 @@ def test_each_size_is_a_camera_of_its_own(tmp_path: Path) -> None:
     assert found["size_px"] == [[480, 640], [640, 480]] or found["size_px"] == [[640, 480], [480, 640]]
     assert (tmp_path / "out" / "480x640" / "2.jpg").is_file()
     assert found["photos"]["2.jpg"] == ("480x640/2.jpg", 1.0)
+    assert found["source_px"] is None
 
 
 def test_picture_of_another_size_without_a_focal_length_is_left_out(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from readygo.common.errors import SceneError
 from readygo.services.reconstructor.frames.config import FramesConfig
-from readygo.services.reconstructor.frames.video import extract_frames
+from readygo.services.reconstructor.frames.video import cut_off, extract_frames
 
 
 def film(path: Path, *, frames: int, step_px: int) -> None:
@@ -53,3 +53,51 @@ def test_file_that_is_no_video_is_refused(tmp_path: Path) -> None:
     (tmp_path / "v.mp4").write_bytes(b"not a video")
     with pytest.raises(SceneError, match="cannot be read as a video"):
         extract_frames(tmp_path / "v.mp4", tmp_path, FramesConfig())
+
+
+def test_film_whose_end_is_missing_is_called_cut_off(tmp_path: Path) -> None:
+    film(tmp_path / "whole.mp4", frames=40, step_px=8)
+    assert cut_off(tmp_path / "whole.mp4") is None
+    data = (tmp_path / "whole.mp4").read_bytes()
+    (tmp_path / "v.mp4").write_bytes(data[: len(data) // 2])
+    with pytest.raises(SceneError, match=r"v.mp4 is cut off: it has .* bytes of .*moov atom.* Copy it again") as error:
+        extract_frames(tmp_path / "v.mp4", tmp_path, FramesConfig())
+    assert "\n" not in str(error.value)
+    assert "H.264" not in str(error.value)
+
+
+def box(kind: bytes, length: int, *, wide: bool = False) -> bytes:
+    """A box of zeros: its length, with 64 bits if it is wide, and its kind."""
+    head = struct.pack(">I4sQ", 1, kind, length) if wide else struct.pack(">I4s", length, kind)
+    return head + bytes(length - len(head))
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (box(b"ftyp", 24) + box(b"moov", 40) + box(b"mdat", 90), None),
+        (box(b"ftyp", 24) + box(b"moov", 40) + box(b"mdat", 90)[:50], "has 114 bytes of 154 or more"),
+        (box(b"ftyp", 24) + box(b"mdat", 90, wide=True), "the moov atom) is missing, which cameras write at the end"),
+        (box(b"ftyp", 24) + box(b"mdat", 90, wide=True) + box(b"moov", 30), None),
+        (box(b"ftyp", 24) + struct.pack(">I4s", 3, b"mdat"), "damaged"),
+        (b"RIFF" + bytes(60), None),
+        (b"", None),
+    ],
+    ids=["whole", "moov first", "no moov", "wide box", "damaged", "avi", "empty"],
+)
+def test_boxes_tell_whether_the_end_is_missing(tmp_path: Path, data: bytes, words: str | None) -> None:
+    path = tmp_path / "v.mp4"
+    path.write_bytes(data)
+    said = cut_off(path)
+    assert said is None if words is None else said is not None and words in said
+
+
+def test_film_with_its_index_in_front_is_used_as_far_as_it_goes(tmp_path: Path) -> None:
+    film(tmp_path / "v.mp4", frames=40, step_px=8)
+    found = extract_frames(tmp_path / "v.mp4", tmp_path, FramesConfig())
+    assert (found["source_px"], found["size_px"], found["notes"]) == ([160, 120], [160, 120], [])
+    with (tmp_path / "v.mp4").open("ab") as file:
+        file.write(struct.pack(">I4s", 900, b"free"))
+    found = extract_frames(tmp_path / "v.mp4", tmp_path, FramesConfig())
+    assert "is cut off" in found["notes"][0]
+    assert "its first 4.0 s are used" in found["notes"][0]

@@ -4,7 +4,8 @@ import pytest
 from readygo.common.errors import ConfigError, SceneError
 from readygo.services.reconstructor.metric.config import MetricConfig
 from readygo.services.reconstructor.metric.lengths import parse_length
-from readygo.services.reconstructor.metric.place import place_map, ruler_of
+from readygo.services.reconstructor.metric.place import Device, place_map, ruler_of
+from readygo.services.reconstructor.similarity import Similarity
 from tests.services.reconstructor.metric.test_lengths import ENDS, picked
 from tests.services.reconstructor.synthetic import floor_points, mapped, marker_at, ring, sighted, some_similarity
 
@@ -18,6 +19,34 @@ def test_floor_marker_makes_the_map_metric_with_z_up_from_the_floor() -> None:
     world = IMAGES.transform(placed.world_from_map)
     np.testing.assert_allclose(world.T_world_camera[:, :3, 3], POSES[:, :3, 3], atol=0.01)
     assert placed.floor.source == "marker 0 on the floor"
+
+
+def leaning(deg: float) -> np.ndarray:
+    """Corners of a marker that lies on a slope in the middle of the floor."""
+    return marker_at() @ leaning_rotation(deg).T
+
+
+def leaning_rotation(deg: float) -> np.ndarray:
+    c, s = np.cos(np.radians(deg)), np.sin(np.radians(deg))
+    return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
+
+
+def test_marker_on_a_slope_gives_way_to_the_floor_and_a_note_says_so() -> None:
+    seen = sighted(POSES, leaning(2.0), 0, 0.05)
+    placed = place_map(IMAGES, seen, [], MetricConfig(marker_size_m=0.2))
+    world = IMAGES.transform(placed.world_from_map)
+    np.testing.assert_allclose(world.T_world_camera[:, 2, 3], 1.4, atol=0.01)
+    assert placed.floor.source.startswith("floor plane of the points; marker 0 leans 2.")
+    assert any("more than their own uncertainty" in note for note in placed.warnings)
+    on_purpose = place_map(IMAGES, seen, [], MetricConfig(marker_size_m=0.2, marker_on="floor"))
+    assert on_purpose.floor.source == "marker 0 on the floor"
+
+
+def test_marker_stays_up_where_the_cameras_were_held_as_it_says() -> None:
+    ramp = floor_points() @ leaning_rotation(12.0).T
+    placed = place_map(mapped(POSES, ramp, some_similarity()), SEEN, [], MetricConfig(marker_size_m=0.2))
+    assert placed.floor.source == "marker 0 on the floor"
+    assert any(note.startswith("check: the floor's points") for note in placed.warnings)
 
 
 def test_scale_alone_takes_up_from_the_floors_points() -> None:
@@ -81,3 +110,26 @@ def test_ruler_is_the_best_marker_else_the_first_length_and_none_where_the_scale
     assert length.images == {IMAGES.names[number] for number in (0, 4, 8)}
     np.testing.assert_allclose(length.measure(IMAGES), known.length_m * some_similarity().scale, rtol=1e-4)
     assert ruler_of(place_map(IMAGES, [], [], MetricConfig(scale=2.0)), [], []) is None
+
+
+def test_device_gives_the_scale_where_nothing_else_does_and_is_checked_by_a_marker() -> None:
+    metres = mapped(POSES, floor_points(), Similarity(scale=1.0, R=some_similarity().R, t=np.zeros(3)))
+    device = Device(name="Polycam", metric=True, up=some_similarity().R[:, 2])
+    placed = place_map(metres, [], [], MetricConfig(), device)
+    assert placed.scale.source == "the device (Polycam)"
+    assert np.isnan(placed.scale.sigma)
+    np.testing.assert_allclose(metres.transform(placed.world_from_map).T_world_camera[:, 2, 3], 1.4, atol=0.02)
+    marked = place_map(metres, SEEN, [], MetricConfig(marker_size_m=0.2), device)
+    assert marked.scale.source.startswith("marker 0")
+    assert any("than by the device (Polycam)" in note for note in marked.warnings)
+
+
+def test_up_of_a_device_holds_where_cameras_were_not_held_level() -> None:
+    T = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    rolled = POSES.copy()
+    rolled[:, :3, :3] = rolled[:, :3, :3] @ T
+    bare = mapped(rolled, floor_points(6), some_similarity())
+    config = MetricConfig(scale=1.0 / some_similarity().scale)
+    up = place_map(bare, [], [], config, Device(up=some_similarity().R[:, 2])).floor.up
+    np.testing.assert_allclose(up, some_similarity().R[:, 2], atol=1e-9)
+    assert place_map(bare, [], [], config).floor.up @ some_similarity().R[:, 2] < 0.9

@@ -102,3 +102,22 @@ def test_lean_is_the_angle_between_two_directions() -> None:
     assert lean_deg(a, b) == pytest.approx(90.0)
     assert lean_deg(a, -a) == pytest.approx(180.0)
     assert lean_deg(a, a) == 0.0
+
+
+def rough_floor(count: int, noise_m: float, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return np.column_stack([rng.uniform(-2, 2, (count, 2)), rng.normal(0.0, noise_m, count)])
+
+
+def test_floor_tells_how_well_its_direction_is_known() -> None:
+    inside, errors_deg = 0, []
+    for seed in range(30):
+        found = floor_of_points(mapped(ring(), rough_floor(200, 0.004, seed), some_similarity()), UP_IN_MAP)
+        assert found is not None
+        errors_deg.append(found.error_deg)
+        inside += lean_deg(found.up, UP_IN_MAP) < found.error_deg
+    assert inside >= 27
+    assert 0.02 < np.median(errors_deg) < 0.1
+    few = floor_of_points(mapped(ring(), rough_floor(80, 0.01, 0), some_similarity()), UP_IN_MAP)
+    assert few is not None
+    assert few.error_deg > 2.0 * np.median(errors_deg)

@@ -4,14 +4,17 @@ import cv2
 import numpy as np
 import pytest
 
+from readygo.common.errors import SceneError
 from readygo.services.reconstructor.poses.colmap import (
     build_maps,
     extract_features,
     find_model,
     read_map,
     write_undistorted,
+    write_undistorted_masks,
 )
 from readygo.services.reconstructor.poses.config import PosesConfig
+from readygo.services.reconstructor.poses.intrinsics import lens
 from tests.services.reconstructor.synthetic import some_similarity, synthetic_database
 
 pycolmap = pytest.importorskip("pycolmap", reason="pycolmap is not installed")
@@ -42,6 +45,40 @@ def test_map_is_found_from_matches(tmp_path: Path) -> None:
     assert len(read_map(models[0]).names) == 5
 
 
+def test_given_lens_stays_as_it_is_and_a_prior_is_refined(tmp_path: Path) -> None:
+    synthetic_database(tmp_path)
+    given = lens(160.0, 160.0, 83.0, 58.0, [0.01])
+    with pycolmap.Database.open(tmp_path / "database.db") as db:
+        for camera in db.read_all_cameras():
+            camera.model, camera.params = getattr(pycolmap.CameraModelId, given.model), list(given.params)
+            camera.has_prior_focal_length = True
+            db.update_camera(camera)
+    params = {}
+    for name, words in {
+        "fixed": {}, "prior": {"intrinsics_are": "prior"}, "free": {"intrinsics": "", "refine_principal_point": True},
+    }.items():  # fmt: skip
+        config = PosesConfig(**{"threads": 1, "intrinsics": "given", **words})  # type: ignore[arg-type]
+        (tmp_path / name).mkdir()
+        model = build_maps(tmp_path / "database.db", tmp_path / "images", tmp_path / name, config, count=5)[0]
+        params[name] = next(iter(pycolmap.Reconstruction(model).cameras.values())).params
+    np.testing.assert_array_equal(params["fixed"], given.params)
+    assert abs(params["prior"][0] - 150.0) < 8.0
+    np.testing.assert_array_equal(params["prior"][2:4], [83.0, 58.0])
+    assert not (params["free"][2:4] == [83.0, 58.0]).any()
+
+
+def test_features_are_of_a_camera_with_the_given_lens(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "a.png"), np.random.default_rng(0).integers(0, 255, (60, 80, 3), dtype=np.uint8))
+    given = lens(70.0, 71.0, 39.0, 31.0, [0.1, 0.01, 0.001, 0.002, 0.003])
+    extract_features(
+        tmp_path / "d.db", tmp_path, ["a.png"], PosesConfig(threads=1), focal_px=9.0, size_px=[80, 60], lens=given
+    )
+    with pycolmap.Database.open(tmp_path / "d.db") as db:
+        (camera,) = db.read_all_cameras()
+    assert (camera.model.name, camera.has_prior_focal_length) == ("FULL_OPENCV", True)
+    np.testing.assert_array_equal(camera.params, given.params)
+
+
 @pytest.mark.parametrize(
     ("contrast", "features_min", "fainter"), [(4.0, 100, True), (4.0, 0, False), (60.0, 100, False)]
 )
@@ -64,3 +101,46 @@ def _feature_count(folder: Path, features_min: int) -> int:
     )
     with pycolmap.Database.open(database) as db:
         return int(db.num_keypoints_for_image(db.read_all_images()[0].image_id))
+
+
+def test_ignored_pixels_have_no_features(tmp_path: Path) -> None:
+    noise = cv2.GaussianBlur(np.random.default_rng(0).normal(size=(240, 320)), (0, 0), 2.5)
+    cv2.imwrite(str(tmp_path / "a.png"), (128 + 60 * noise / noise.std()).clip(0, 255).astype(np.uint8))
+    mask = np.full((240, 320), 255, np.uint8)
+    mask[:, :160] = 0
+    (tmp_path / "masks").mkdir()
+    cv2.imwrite(str(tmp_path / "masks" / "a.png.png"), mask)
+    database = tmp_path / "features.db"
+    wanted = {"focal_px": 0.0, "size_px": [320, 240], "masks": tmp_path / "masks"}
+    extract_features(database, tmp_path, ["a.png"], PosesConfig(threads=1), **wanted)
+    with pycolmap.Database.open(database) as db:
+        points = db.read_keypoints(db.read_all_images()[0].image_id)
+    assert len(points) > 50
+    assert points[:, 0].min() > 158
+
+
+def test_masks_are_undistorted_as_their_images_are(tmp_path: Path) -> None:
+    synthetic_database(tmp_path)
+    names = read_map(tmp_path / "sparse").names
+    mask = np.full((120, 160), 255, np.uint8)
+    cv2.circle(mask, (130, 30), 14, 0, -1)
+    for name in names:
+        path = tmp_path / "masks" / f"{name}.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(path), mask)
+        cv2.imwrite(str(tmp_path / "images" / f"{name}.png"), cv2.merge([mask] * 3))
+        (tmp_path / "images" / f"{name}.png").rename(tmp_path / "images" / name)
+    (tmp_path / "out").mkdir()
+    write_undistorted(
+        tmp_path / "sparse", tmp_path / "images", tmp_path / "out", some_similarity(), PosesConfig(threads=1)
+    )
+    write_undistorted_masks(tmp_path / "sparse", tmp_path / "masks", tmp_path / "out")
+    for name in names:
+        flat = cv2.imread(str(tmp_path / "out" / "masks" / f"{name}.png"), cv2.IMREAD_UNCHANGED)
+        shown = cv2.imread(str(tmp_path / "out" / "images" / name), cv2.IMREAD_GRAYSCALE)
+        assert flat.shape == shown.shape
+        assert set(np.unique(flat)) <= {0, 255}
+        assert ((flat > 0) == (shown > 127)).mean() > 0.99
+    cv2.imwrite(str(tmp_path / "masks" / f"{names[0]}.png"), mask[:60])
+    with pytest.raises(SceneError, match="is 160x60 px, its image 160x120 px"):
+        write_undistorted_masks(tmp_path / "sparse", tmp_path / "masks", tmp_path / "out")

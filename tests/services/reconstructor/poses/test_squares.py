@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 
 from readygo.services.reconstructor.posed import PosedImages
@@ -26,3 +28,10 @@ def test_images_without_markers_are_left_out() -> None:
     seen = [each for each in SIGHTINGS if each.image != MAP.names[2]]
     poses, _ = adjusted_by_squares(MAP, dict(zip(MAP.names, MAP.T_world_camera, strict=True)), seen)
     assert set(poses) == set(MAP.names) - {MAP.names[2]}
+
+
+def test_lens_that_is_known_keeps_its_focal_length() -> None:
+    poses = dict(zip(MAP.names, MAP.T_world_camera, strict=True))
+    wrong = replace(MAP, rays=lambda view, pixels: 1.1 * MAP.rays(view, pixels))
+    assert abs(adjusted_by_squares(wrong, poses, SIGHTINGS)[1] - 1.0) > 0.05
+    assert adjusted_by_squares(wrong, poses, SIGHTINGS, fixed_lens=True)[1] == 1.0

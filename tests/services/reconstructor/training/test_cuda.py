@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -20,7 +21,7 @@ from readygo.services.reconstructor.training.photos import PhotoStore, open_pose
 from readygo.services.reconstructor.training.schedule import TrainingSchedule
 from readygo.services.reconstructor.training.train import TrainingProgress, train_gaussians
 from tests.common.rasterizer.gpu.differentiable_rasterization import DifferentiableRasterization
-from tests.services.reconstructor.training.conftest import VIEWS, true_gaussians
+from tests.services.reconstructor.training.conftest import SIZE_PX, VIEWS, true_gaussians
 
 Write = Callable[[Path], Path]
 PLAIN = GaussiansConfig(steps=40, sh_degree=0)
@@ -86,6 +87,28 @@ def test_steps_are_those_of_the_cpu(photos: PhotoStore, settings: GaussiansConfi
         assert moved > 0.0, name
         np.testing.assert_allclose(found.first[name], wanted.first[name], atol=2e-3 * np.abs(wanted.first[name]).max())
         assert np.mean(np.abs(found.values[name] - value) > 0.02 * moved) < 0.01, name
+
+
+@pytest.mark.parametrize("trim", [0.0, 0.2])
+def test_masks_and_trimming_are_those_of_the_cpu(write_posed: Write, tmp_path: Path, trim: float) -> None:
+    folder, mask = write_posed(tmp_path / "posed"), np.full(SIZE_PX, 255, np.uint8)
+    mask[5:25, 10:30] = 0
+    (folder / "masks").mkdir()
+    for number in range(VIEWS):
+        cv2.imwrite(str(folder / "masks" / f"{number}.png.png"), mask)
+    photos = PhotoStore(open_posed(folder, tmp_path / "undistorted"), tuple(range(VIEWS)), 1000, 1)
+    some = [replace(task, trim=trim) for task in tasks(SURFACES)]
+    engines = [loaded(CpuEngine(SURFACES)), loaded(in_cuda(SURFACES))]
+    one = engines[0].views(photos, some, 0)
+    other = engines[1].views(photos, [replace(task, trim=trim) for task in tasks(SURFACES)], 0)
+    for a, b in zip(one, other, strict=True):
+        assert b.loss == pytest.approx(a.loss, rel=1e-4)
+        np.testing.assert_allclose(b.exposure, a.exposure, atol=2e-4 * float(np.abs(a.exposure).max()))
+    for engine in engines:
+        engine.change(TrainingSchedule(SURFACES, 1.0).rates(0))
+    (wanted, _), (found, _) = (engine.arrays() for engine in engines)
+    for name, first in wanted.first.items():
+        np.testing.assert_allclose(found.first[name], first, atol=2e-3 * np.abs(first).max())
 
 
 def test_views_that_show_a_gaussian_are_those_of_the_cpu(photos: PhotoStore) -> None:

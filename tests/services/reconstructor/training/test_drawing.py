@@ -122,3 +122,24 @@ def test_pictures_are_rounded_and_clipped() -> None:
     planes = np.array([-0.5, 0.5, 2.0], dtype=np.float32).reshape(3, 1, 1)
     np.testing.assert_array_equal(quantise(planes)[0, 0], [0, 128, 255])
     assert planes_of(draw(leaves_of(true_gaussians()), camera(0), 0)).shape == (3, *SIZE_PX)
+
+
+def test_what_is_masked_has_neither_loss_nor_gradients() -> None:
+    gaussians, exposure = true_gaussians(), np.array([[0.1, 0.0, 0.0], [0.0, 0.02, 0.0]], np.float32)
+    mask = np.ones(SIZE_PX, np.bool_)
+    mask[:, :20] = False
+    one, noise = photo_of(2), photo_of(5).rgb
+    other = replace(one, rgb=np.where(mask, one.rgb, noise))
+    found = [
+        view_gradients(leaves_of(gaussians), replace(photo, mask=mask), exposure, 0, PLAIN) for photo in (one, other)
+    ]
+    assert found[0].loss == found[1].loss
+    np.testing.assert_array_equal(found[0].exposure, found[1].exposure)
+    for name, values in found[0].gradients.items():
+        np.testing.assert_array_equal(values, found[1].gradients[name])
+    assert found[0].loss < view_gradients(leaves_of(gaussians), one, exposure, 0, PLAIN).loss
+    nothing = replace(one, mask=np.zeros(SIZE_PX, np.bool_))
+    empty = view_gradients(leaves_of(gaussians), nothing, exposure, 0, PLAIN)
+    assert empty.loss == pytest.approx(0.0, abs=1e-6)
+    assert not any(values.any() for values in empty.gradients.values())
+    assert not empty.exposure.any()

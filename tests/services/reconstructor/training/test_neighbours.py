@@ -7,6 +7,7 @@ import torch
 from readygo.services.reconstructor.training.neighbours import (
     Side,
     choose_neighbours,
+    neighbour_distances,
     neighbour_losses,
     patch_differences,
     there_and_back,
@@ -126,3 +127,40 @@ def test_neighbours_are_near_and_look_the_same_way() -> None:
     assert found[0] == (4, 1)
     assert found[3] == ()
     assert choose_neighbours(poses, angle_max_deg=30, distance_m=(0.01, 1.5), count=1)[0] == (4,)
+
+
+def chosen(poses: np.ndarray, farthest_m: float | np.ndarray) -> list[tuple[int, ...]]:
+    return choose_neighbours(poses, angle_max_deg=30, distance_m=(0.01, farthest_m), count=8)
+
+
+def distances_m(poses: np.ndarray, depth_m: float) -> np.ndarray:
+    return neighbour_distances(poses, depth_m, angle_max_deg=30, distance_min_m=0.01)
+
+
+def test_views_with_neighbours_near_by_keep_them_whatever_the_others_do() -> None:
+    rng = np.random.default_rng(4)
+    close = [pose(x, yaw) for x, yaw in zip(rng.uniform(0, 6, 40), rng.uniform(-1, 1, 40), strict=True)]
+    poses = np.stack([*close, pose(30.0, 0.0), pose(33.0, 0.0)])
+    before, after = chosen(poses, 1.5), chosen(poses, distances_m(poses, 8.0))
+    assert after[:40] == before[:40]
+    assert sum(map(bool, before[:40])) == 40
+    assert before[40:] == [(), ()]
+
+
+def test_cameras_far_apart_find_neighbours_as_far_as_the_depth_of_the_scene_allows() -> None:
+    poses = np.stack([pose(2.5 * number, 0.0) for number in range(6)])
+    assert chosen(poses, 1.5) == [()] * 6
+    assert chosen(poses, distances_m(poses, 12.0))[2] == (1, 3)
+    np.testing.assert_array_equal(distances_m(poses, 12.0), np.full(6, 5.0))
+    np.testing.assert_array_equal(distances_m(poses, 4.0), np.full(6, 2.0))
+    assert chosen(poses, distances_m(poses, 4.0)) == [()] * 6
+
+
+def test_distances_follow_the_unit_of_the_poses() -> None:
+    poses = np.stack([pose(100.0 * number, 0.0) for number in range(6)])
+    assert chosen(poses, distances_m(poses, 800.0))[0] == (1,)
+
+
+def test_views_that_look_alone_leave_the_distance_as_it_was() -> None:
+    poses = np.stack([pose(0.0, 0.0), pose(0.1, 3.0)])
+    np.testing.assert_array_equal(distances_m(poses, 9.0), [1.5, 1.5])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from readygo.services.reconstructor.training.photometric import Photometric, photometric_loss, psnr_db
+from readygo.services.reconstructor.training.photometric import Photometric, fit_colours, photometric_loss, psnr_db
 
 
 def reference_loss(image: torch.Tensor, photo: torch.Tensor, weight: float) -> tuple[torch.Tensor, torch.Tensor]:
@@ -68,3 +68,15 @@ def test_nothing_of_one_image_is_left_for_the_next() -> None:
 def test_psnr_of_a_known_error() -> None:
     photo = np.full((3, 4, 4), 0.5, dtype=np.float32)
     assert psnr_db(photo + np.float32(0.1), photo) == pytest.approx(20.0, abs=1e-4)
+
+
+def test_fitted_colours_take_out_exposure_and_white_balance_and_nothing_else() -> None:
+    rng = np.random.default_rng(5)
+    photo = rng.uniform(0.2, 0.8, (3, 12, 16)).astype(np.float32)
+    tinted = np.array([0.8, 1.1, 0.9], np.float32)[:, None, None] * photo + np.float32(0.03)
+    assert psnr_db(tinted, photo) < 25
+    assert psnr_db(fit_colours(tinted, photo), photo) > 80
+    noisy = photo + rng.normal(0.0, 0.1, photo.shape).astype(np.float32)
+    assert psnr_db(fit_colours(noisy, photo), photo) == pytest.approx(psnr_db(noisy, photo), abs=1.5)
+    grey = np.full((3, 4, 4), 0.5, np.float32)
+    np.testing.assert_allclose(fit_colours(grey, 0.6 * grey), 0.3, atol=1e-6)

@@ -1,8 +1,10 @@
 """Photos of a posed model."""
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -20,6 +22,7 @@ def test_model_is_read_with_its_cameras_and_points(write_posed: Write, tmp_path:
     assert posed.views.images == tuple(f"{number}.png" for number in range(VIEWS))
     assert posed.points_m.shape == (150, 3)
     assert posed.extent_m == pytest.approx(1.1 * 0.3)
+    assert posed.depth_m == 0.0, "the model has points without sightings"
     np.testing.assert_allclose(posed.views.T_world_camera[1, :3, 3], [-0.18, 0, 0], atol=1e-9)
     assert not (tmp_path / "undistorted").exists()
 
@@ -67,3 +70,43 @@ def test_lens_distortion_is_taken_out_first(write_posed: Write, tmp_path: Path) 
 def test_every_nth_view_is_held_out() -> None:
     assert split_views(5, 2) == ((1, 3), (0, 2, 4))
     assert split_views(3, 0) == ((0, 1, 2), ())
+
+
+def test_depth_is_the_median_along_the_axes_of_the_views_that_see_the_points(
+    write_posed: Write, tmp_path: Path
+) -> None:
+    posed = open_posed(write_posed(tmp_path / "posed"), tmp_path / "undistorted")
+    seen = np.array([(view, point) for view in range(VIEWS) for point in range(150)])
+    sighted = dataclasses.replace(posed, seen=seen)
+    assert sighted.depth_m == pytest.approx(float(np.median(posed.points_m[:, 2])))
+
+
+def write_masks(folder: Path, mask: np.ndarray) -> None:
+    (folder / "masks").mkdir(exist_ok=True)
+    for number in range(VIEWS):
+        cv2.imwrite(str(folder / "masks" / f"{number}.png.png"), mask)
+
+
+def test_masks_beside_the_images_are_read_at_the_photos_size(write_posed: Write, tmp_path: Path) -> None:
+    folder = write_posed(tmp_path / "posed")
+    mask = np.full(SIZE_PX, 255, np.uint8)
+    mask[:, :7] = 0
+    write_masks(folder, mask)
+    posed = open_posed(folder, tmp_path / "undistorted")
+    whole, small = (PhotoStore(posed, (2,), 1000, fraction)[2].mask for fraction in (1, 2))
+    assert whole is not None
+    assert small is not None
+    np.testing.assert_array_equal(whole, mask > 0)
+    assert small.shape == (SIZE_PX[0] // 2, SIZE_PX[1] // 2)
+    np.testing.assert_array_equal(small[0, :5], [False, False, False, False, True])
+
+
+def test_missing_and_wrong_masks_are_named(write_posed: Write, tmp_path: Path) -> None:
+    folder = write_posed(tmp_path / "posed")
+    write_masks(folder, np.full((36, 36), 255, np.uint8))
+    posed = open_posed(folder, tmp_path / "undistorted")
+    with pytest.raises(SceneError, match=r"2\.png\.png is 36x36 px, its camera 48x36 px"):
+        PhotoStore(posed, (2,), 1000, 1)
+    (folder / "masks" / "3.png.png").unlink()
+    with pytest.raises(SceneError, match=r"lacks 1 masks of the model, 3\.png\.png"):
+        open_posed(folder, tmp_path / "undistorted")

@@ -59,12 +59,23 @@ def side_in_float64(view: PlaneView) -> Side:
         K_px=torch.tensor(K),
         T_world_camera=T,
         rays_W=rays_of(K, SIZE_PX, dtype=torch.float64) @ T[:3, :3].T,
+        mask=None if view.photo.mask is None else torch.tensor(view.photo.mask),
     )
 
 
+def masked(view: PlaneView, rows: slice, columns: slice) -> PlaneView:
+    """The view with a part of its photo that is ignored."""
+    mask = np.ones(SIZE_PX, np.bool_)
+    mask[rows, columns] = False
+    return replace(view, photo=replace(view.photo, mask=mask))
+
+
+@pytest.mark.parametrize("masks", [False, True])
 @pytest.mark.parametrize("config", [NORMALS, RETURNS, PATCHES, ALL], ids=["normals", "returns", "patches", "all"])
-def test_loss_and_slopes_are_those_that_torch_derives(config: GeometryConfig) -> None:
+def test_loss_and_slopes_are_those_that_torch_derives(config: GeometryConfig, masks: bool) -> None:
     one, other = views()
+    if masks:
+        one, other = masked(one, slice(4, 17), slice(9, 22)), masked(other, slice(10, 25), slice(15, 30))
     here, there = side_in_float64(one), side_in_float64(other)
     rgb = torch.tensor(one.photo.rgb).double()
     wanted = normals_within(here, torch.tensor(alpha()).double(), rgb, config)
@@ -103,5 +114,18 @@ def test_views_that_see_nothing_of_each_other_say_nothing() -> None:
     )
     assert found == alone
     np.testing.assert_array_equal(by_one, slopes)
+    assert by_other is not None
+    assert not by_other.any()
+
+
+def test_ignored_pixels_have_no_part_in_the_losses() -> None:
+    one, other = views()
+    one = masked(one, slice(0, 30), slice(0, 25))
+    _, by_one, _ = surface_slopes(one, None, alpha(), NORMALS, np.random.default_rng(3))
+    assert not by_one[:, :, :23].any()
+    assert by_one[:, 5:25, 27:35].any()
+    nothing = masked(other, slice(0, 30), slice(0, 40))
+    loss, _, by_other = surface_slopes(views()[0], nothing, alpha(), RETURNS, np.random.default_rng(3))
+    assert loss == 0.0
     assert by_other is not None
     assert not by_other.any()

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -155,3 +156,46 @@ def test_missing_images_are_refused(write_posed: Write, tmp_path: Path) -> None:
     (posed / "images" / "3.png").unlink()
     with pytest.raises(SceneError, match=r"lacks 1 images of the model, 3.png"):
         train_gaussians(posed, tmp_path / "out", SETTINGS, silent)
+
+
+def test_surfaces_without_a_neighbour_are_told(write_posed: Write, tmp_path: Path) -> None:
+    posed = write_posed(tmp_path / "posed")
+    few = replace(SURFACES, steps=1)
+    report = train_gaussians(posed, tmp_path / "out", few, silent)
+    assert (report["without_neighbour"], report["notes"]) == (0, [])
+    near = replace(few, geometry=replace(few.geometry, distance_max_m=0.1))
+    report = train_gaussians(posed, tmp_path / "near", near, silent)
+    assert report["without_neighbour"] == 4
+    (note,) = report["notes"]
+    assert note.startswith("4 of 4 training images have no neighbour")
+
+
+def show_intruder(posed: Path, value: int) -> Path:
+    """Put a thing of one grey into all photos, elsewhere in each, with masks of it in `masked_away`."""
+    (posed / "masked_away").mkdir()
+    for number in range(6):
+        mask = np.full((36, 48), 255, np.uint8)
+        mask[8:30, 5 + 6 * number : 15 + 6 * number] = 0
+        path = posed / "images" / f"{number}.png"
+        photo = cv2.imread(str(path))
+        photo[mask == 0] = value
+        cv2.imwrite(str(path), photo)
+        cv2.imwrite(str(posed / "masked_away" / f"{number}.png.png"), mask)
+    return posed
+
+
+def test_what_is_masked_has_no_influence_at_all(write_posed: Write, tmp_path: Path) -> None:
+    settings, files = replace(SETTINGS, steps=6, hold_out=0), []
+    for value in (0, 255):
+        posed = show_intruder(write_posed(tmp_path / f"posed{value}"), value)
+        (posed / "masked_away").rename(posed / "masks")
+        train_gaussians(posed, tmp_path / f"out{value}", settings, silent)
+        files.append((tmp_path / f"out{value}" / "gaussians.ply").read_bytes())
+    assert files[0] == files[1]
+
+
+def test_trimmed_loss_tells_what_it_left_out(write_posed: Write, tmp_path: Path) -> None:
+    posed = show_intruder(write_posed(tmp_path / "posed"), 255)
+    report = train_gaussians(posed, tmp_path / "out", replace(SETTINGS, steps=6, hold_out=0, trim=0.3), silent)
+    assert 0.02 < report["rejected"] < 0.4
+    assert len(list((tmp_path / "out" / "previews" / "rejected").iterdir())) == 6

@@ -1,0 +1,1 @@
+"""Captures that come with poses: one adapter for each convention."""

@@ -1,0 +1,97 @@
+"""Which capture with poses a path holds, and the images of it that are used."""
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from readygo.common.errors import SceneError
+from readygo.common.images.encoded import read_pixels
+from readygo.services.reconstructor.frames.config import FramesConfig
+from readygo.services.reconstructor.frames.video import shrunk, write_jpeg
+from readygo.services.reconstructor.given.capture import IMAGES_MIN, GivenCapture
+from readygo.services.reconstructor.given.polycam import check_polycam, find_polycam, read_polycam
+from readygo.services.reconstructor.given.record3d import find_record3d, read_record3d
+from readygo.services.reconstructor.given.transforms import FILE, read_transforms
+
+
+def read_capture(path: Path) -> GivenCapture | None:
+    """The capture with poses at a path: a `transforms.json` or a folder with one, or of Polycam or Record3D.
+
+    Returns:
+        None if there is none.
+
+    Raises:
+        SceneError: If there is one that cannot be read.
+    """
+    if path.is_file():
+        return read_transforms(path) if path.suffix.lower() == ".json" else None
+    if (path / FILE).is_file():
+        return read_transforms(path / FILE)
+    polycam, record3d = find_polycam(path), find_record3d(path)
+    if polycam is not None:
+        return read_polycam(*polycam)
+    if record3d is not None:
+        return read_record3d(*record3d)
+    check_polycam(path)
+    return None
+
+
+def prepare_capture(given: GivenCapture, folder: Path, config: FramesConfig) -> dict[str, Any]:
+    """Write the images of a capture that are used, not larger than wanted and not turned, as `folder`/NAME.jpg.
+
+    Returns:
+        What was found: frames, kept, size or sizes, `what` wrote it, its unit and up, of each image `lens` (model,
+        parameters) and `pose`, files that cannot be used, and of each file the image that is used with its width as
+        share of the file's.
+
+    Raises:
+        SceneError: If too few images are there, or one does not have its lens's shape.
+    """
+    there = [row for row, path in enumerate(given.images) if path.is_file()]
+    chosen = np.unique(np.linspace(0, len(there) - 1, min(len(there), config.count_max)).round().astype(int))
+    names = _names([given.images[there[k]] for k in chosen]) if len(there) else []
+    lenses, poses, sizes, photos, unused = {}, {}, {}, {}, []
+    for name, row in zip(names, (there[k] for k in chosen), strict=True):
+        path = given.images[row]
+        bgr = read_pixels(path, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+        if bgr is None:
+            unused.append(path.name)
+            continue
+        source_px = (bgr.shape[1], bgr.shape[0])
+        size = given.lenses[row].size_px or source_px
+        if abs(size[0] * source_px[1] - size[1] * source_px[0]) > max(*size, *source_px):
+            raise SceneError(
+                f"{path} is {source_px[0]}x{source_px[1]} px, its lens is for {size[0]}x{size[1]} px: give the images "
+                "that the poses were found for."
+            )
+        small = shrunk(np.asarray(bgr, dtype=np.uint8), config.side_max_px)
+        size_px = (small.shape[1], small.shape[0])
+        fitted = given.lenses[row].resize(size, size_px)
+        write_jpeg(folder / name, small)
+        lenses[name], sizes[name] = [fitted.model, *fitted.params], list(size_px)
+        poses[name] = given.T_world_camera[row].tolist()
+        photos[path.name] = (name, size_px[0] / source_px[0])
+    if len(lenses) < IMAGES_MIN:
+        missing = f"; {given.images[0]} is missing" if not there and given.images else ""
+        raise SceneError(f"{len(lenses)} images of this {given.kind} are there; {IMAGES_MIN} are needed{missing}.")
+    lost = len(given.images) - len(there)
+    notes = [f"{lost} of {len(given.images)} images of the {given.kind} are missing"] if lost else []
+    all_sizes = sorted({tuple(size) for size in sizes.values()})
+    return {"frames": len(given.images), "kept": len(lenses), "notes": notes, "unused": unused,
+            "size_px": list(all_sizes[0]) if len(all_sizes) == 1 else [list(size) for size in all_sizes],
+            "what": given.kind, "metric": given.metric, "rough": given.rough,
+            "up": None if given.up is None else list(given.up),
+            "lens": lenses, "pose": poses, "photos": photos}  # fmt: skip
+
+
+def _names(paths: list[Path]) -> list[str]:
+    """Names of the images that are used: the files' own, or with their folder where these are not unique."""
+    stems = [path.stem for path in paths]
+    if len(set(stems)) == len(stems):
+        return [f"{stem}.jpg" for stem in stems]
+    nested = [f"{path.parent.name}/{path.stem}" for path in paths]
+    if len(set(nested)) < len(nested):
+        raise SceneError(f"{paths[0].parent} holds images whose names differ in their endings only; rename them.")
+    return [f"{name}.jpg" for name in nested]

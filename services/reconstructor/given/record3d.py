@@ -1,0 +1,77 @@
+"""Exports of Record3D: `metadata` (JSON) with `rgb/N.jpg`.
+
+`K` is the matrix of the intrinsics column by column, `w` and `h` the size; `perFrameIntrinsicCoeffs`, where it is
+there, has fx, fy, cx, cy of each frame. `poses` has qx, qy, qz, qw, x, y, z of each frame in ARKit's world: metres, y
+up, and camera axes of OpenGL.
+
+Source: Record3D's documentation of its .r3d format.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from readygo.common.arrays import Float64Array
+from readygo.common.documents import read_json
+from readygo.services.reconstructor.given.capture import GivenCapture, image_file, named_error, opencv_of_opengl
+from readygo.services.reconstructor.poses.intrinsics import Intrinsics, lens
+
+_KIND = "metadata of Record3D"
+_FILES, _IMAGES = ("metadata", "metadata.json"), ("rgb", "rgbd", "EXR_RGBD/rgb")
+_BYTES_MAX = 1 << 26
+
+
+def find_record3d(folder: Path) -> tuple[Path, Path] | None:
+    """The metadata and the folder of the images; None if there are none."""
+    metadata = next((folder / name for name in _FILES if (folder / name).is_file()), None)
+    images = next((folder / name for name in _IMAGES if (folder / name).is_dir()), None)
+    return None if metadata is None or images is None else (metadata, images)
+
+
+def read_record3d(metadata: Path, images: Path) -> GivenCapture:
+    """Read the frames of an export.
+
+    Args:
+        metadata: The JSON file.
+        images: Folder of the images, named by their numbers from 0.
+
+    Raises:
+        SceneError: If it cannot be read, or a pose is impossible.
+    """
+    try:
+        row = read_json(metadata, bytes_max=_BYTES_MAX)
+        poses = np.asarray(row["poses"], dtype=np.float64).reshape(-1, 7)
+        return GivenCapture(
+            kind="Record3D",
+            files=(metadata,),
+            images=tuple(image_file(images, str(number)) for number in range(len(poses))),
+            lenses=_lenses(row, len(poses)),
+            T_world_camera=opencv_of_opengl(_matrices(poses)),
+            metric=True,
+            rough=True,
+            up=(0.0, 1.0, 0.0),
+        )
+    except (OSError, KeyError, TypeError, ValueError, OverflowError) as error:
+        raise named_error(metadata, _KIND, error) from error
+
+
+def _matrices(poses: Float64Array) -> Float64Array:
+    """Poses (N, 4, 4) of quaternions and positions (N, 7)."""
+    lengths = np.linalg.norm(poses[:, :4], axis=1)
+    if not (np.isfinite(poses).all() and (np.abs(lengths - 1.0) < 1e-2).all()):
+        raise ValueError("a quaternion has not the length 1")
+    T = np.tile(np.eye(4), (len(poses), 1, 1))
+    T[:, :3, :3], T[:, :3, 3] = Rotation.from_quat(poses[:, :4]).as_matrix(), poses[:, 4:]
+    return T
+
+
+def _lenses(row: dict[str, Any], count: int) -> tuple[Intrinsics, ...]:
+    size = (int(row["w"]), int(row["h"]))
+    each = row.get("perFrameIntrinsicCoeffs")
+    if each is None:
+        K = np.asarray(row["K"], dtype=np.float64).reshape(3, 3).T
+        return (lens(K[0, 0], K[1, 1], K[0, 2], K[1, 2], size_px=size),) * count
+    numbers = np.asarray(each, dtype=np.float64).reshape(count, -1)[:, :4]
+    return tuple(lens(*values, size_px=size) for values in numbers.tolist())

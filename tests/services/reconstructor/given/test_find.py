@@ -1,0 +1,93 @@
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from readygo.common.errors import SceneError
+from readygo.services.reconstructor.frames.config import FramesConfig
+from readygo.services.reconstructor.given.find import prepare_capture, read_capture
+from tests.services.reconstructor.given import test_polycam, test_record3d
+from tests.services.reconstructor.given.known import write_images
+from tests.services.reconstructor.given.test_transforms import FRAMES, LENS, written
+
+
+def transforms(folder: Path, count: int = 4) -> Path:
+    folder.mkdir(exist_ok=True)
+    write_images(folder / "images", [f"{row}.png" for row in range(count)])
+    written(folder, {**LENS, "frames": FRAMES})
+    return folder
+
+
+def test_kinds_are_told_apart(tmp_path: Path) -> None:
+    test_record3d.export(tmp_path / "r")
+    folders = [transforms(tmp_path / "t"), test_polycam.export(tmp_path / "p"), tmp_path / "r"]
+    kinds = [capture.kind for folder in folders if (capture := read_capture(folder)) is not None]
+    assert kinds == ["transforms.json", "Polycam", "Record3D"]
+    given = read_capture(tmp_path / "t" / "transforms.json")
+    assert given is not None
+    assert given.files == (tmp_path / "t" / "transforms.json",)
+    assert read_capture(tmp_path) is None
+    (tmp_path / "v.mp4").touch()
+    assert read_capture(tmp_path / "v.mp4") is None
+
+
+def test_images_are_written_with_their_poses_and_lenses(tmp_path: Path) -> None:
+    given = read_capture(transforms(tmp_path / "t"))
+    assert given is not None
+    found = prepare_capture(given, tmp_path / "out", FramesConfig())
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(found["lens"]) == sorted(found["pose"])
+    assert (found["kept"], found["size_px"], found["metric"], found["what"]) == (4, [80, 60], False, "transforms.json")
+    assert found["lens"]["2.jpg"][:3] == ["OPENCV", 60.0, 62.0]
+    np.testing.assert_allclose(found["pose"]["2.jpg"], given.T_world_camera[2])
+    assert json.loads(json.dumps(found))["pose"] == found["pose"], "the report is JSON"
+
+
+def test_smaller_images_have_smaller_lenses_and_are_not_turned(tmp_path: Path) -> None:
+    folder = transforms(tmp_path / "t")
+    write_images(folder / "images", [f"{row}.png" for row in range(4)], (800, 600))
+    given = read_capture(folder)
+    assert given is not None
+    found = prepare_capture(given, tmp_path / "out", FramesConfig(side_max_px=400))
+    assert cv2.imread(str(tmp_path / "out" / "0.jpg")).shape == (300, 400, 3)
+    assert found["lens"]["0.jpg"][1:5] == [300.0, 310.0, 205.0, 145.0]
+    assert found["photos"]["0.png"] == ("0.jpg", 0.5)
+
+
+def test_missing_images_are_left_out_and_told(tmp_path: Path) -> None:
+    given = read_capture(transforms(tmp_path / "t", 3))
+    assert given is not None
+    found = prepare_capture(given, tmp_path / "out", FramesConfig())
+    assert (found["kept"], found["notes"]) == (3, ["1 of 4 images of the transforms.json are missing"])
+    (tmp_path / "t" / "images" / "1.png").write_bytes(b"no image")
+    with pytest.raises(SceneError, match=r"2 images of this transforms\.json are there; 3 are needed"):
+        prepare_capture(given, tmp_path / "again", FramesConfig())
+
+
+def test_images_of_another_shape_than_their_lens_are_refused(tmp_path: Path) -> None:
+    folder = transforms(tmp_path / "t")
+    write_images(folder / "images", ["1.png"], (60, 80))
+    given = read_capture(folder)
+    assert given is not None
+    with pytest.raises(SceneError, match=r"1\.png is 60x80 px, its lens is for 80x60 px"):
+        prepare_capture(given, tmp_path / "out", FramesConfig())
+
+
+def test_more_images_than_wanted_are_taken_evenly(tmp_path: Path) -> None:
+    given = read_capture(transforms(tmp_path / "t"))
+    assert given is not None
+    found = prepare_capture(given, tmp_path / "out", FramesConfig(count_max=3))
+    assert sorted(found["lens"]) == ["0.jpg", "2.jpg", "3.jpg"]
+
+
+def test_names_that_repeat_take_their_folder_along(tmp_path: Path) -> None:
+    frames = [{**frame, "file_path": f"cam{row % 2}/{row // 2}.png"} for row, frame in enumerate(FRAMES)]
+    for camera in range(2):
+        write_images(tmp_path / f"cam{camera}", ["0.png", "1.png"])
+    written(tmp_path, {**LENS, "frames": frames})
+    given = read_capture(tmp_path)
+    assert given is not None
+    found = prepare_capture(given, tmp_path / "out", FramesConfig())
+    assert sorted(found["lens"]) == ["cam0/0.jpg", "cam0/1.jpg", "cam1/0.jpg", "cam1/1.jpg"]
+    assert (tmp_path / "out" / "cam1" / "0.jpg").is_file()
