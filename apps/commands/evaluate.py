@@ -121,8 +121,8 @@ class EvaluateOptions:
     """Folder for episodes.jsonl, trajectories.jsonl, summary.json, videos, and pages with the failures."""
     video: tuple[str, ...] = ()
     """Episodes of the policy to write as videos into `out`: "worst", "failures", "avoided" (goals that it reaches
-    where the straight line meets a human) or indices, such as worst 17; a later call writes them without driving the
-    episodes again."""
+    where it meets a human when it drives as without humans) or indices, such as worst 17; a later call writes them
+    without driving the episodes again."""
     robot: Path | None = None
     """robot.toml; by default the robot in `config`, else the policy's."""
     config: Path | None = None
@@ -151,7 +151,7 @@ def evaluate(options: EvaluateOptions) -> None:
         return
     if not options.scene:
         raise RunError("Say where: readygo evaluate SCENE POLICY, or --from-logs FOLDER for trials of a real robot.")
-    check_wanted(options.video, options.methods)
+    check_wanted(options.video, options.tasks)
     _check_folder(out, options.workers, options.fleet.listen, options.video)
     request = _request(options)
     settings = make_evaluator_config(trials.lockstep)

@@ -15,7 +15,7 @@ from rich.text import Text
 from readygo.apps.commands.learn import live_line
 from readygo.apps.commands.reconstruct import Lines
 from readygo.apps.demo.reconstruction import demo_reconstruction
-from readygo.apps.evaluation.watch import AVOIDED, avoided, film_path
+from readygo.apps.evaluation.watch import AVOIDED, film_path
 from readygo.apps.learn.config import LearnConfig
 from readygo.apps.learn.gather import TEST_FOLDER
 from readygo.apps.learn.learn import Learned, learn_policy, report_content
@@ -134,10 +134,9 @@ def _clear(out: Path) -> None:
 def _write_pictures(out: Path, learned: Learned) -> None:
     place = learned.plan.places[0]
     world, dataset = World(place.spec), Dataset(place.folder.path)
-    passed = closest_pass(learned.replies[place.name].records)
+    passed = closest_pass(learned.replies[place.name].records, learned.plan.out / TEST_FOLDER / place.name)
     if passed is not None:
-        test = learned.plan.out / TEST_FOLDER / place.name
-        shutil.copyfile(film_path(test, passed), out / "episode.webm")
+        shutil.copyfile(passed, out / "episode.webm")
     else:
         recorded = RecordedEpisodes(dataset, world)
         shown = recorded.best_encounter(list(dataset.episodes[-SEARCHED:]))
@@ -153,13 +152,16 @@ def _write_pictures(out: Path, learned: Learned) -> None:
     write_report(out / "report.html", content)
 
 
-def closest_pass(records: Sequence[EpisodeRecord]) -> EpisodeRecord | None:
-    """The test episode that the video shows: the policy reaches its goal where the straight line meets a human.
+def closest_pass(records: Sequence[EpisodeRecord], test: Path) -> Path | None:
+    """The film of the test episode in which the policy avoids a human most closely; None if it avoids none.
 
-    None if there is no such episode: then the video shows a recorded one.
+    Args:
+        records: Test episodes.
+        test: Their folder, with films of those alone.
     """
-    passed = avoided([record for record in records if record.method == POLICY], records)
-    return passed[0] if passed else None
+    near = sorted(records, key=lambda record: (record.human_distance_min_m, record.episode.index))
+    films = [film_path(test, record) for record in near if record.method == POLICY]
+    return next((film for film in films if film.exists()), None)
 
 
 def _next_steps() -> tuple[CommandLine, ...]:

@@ -123,6 +123,17 @@ class Replays:
             self._walked[record.key] = walked
         return self._check_replay(record, simulation.trajectory())
 
+    def meets_human(self, record: EpisodeRecord, other: EpisodeRecord) -> bool:
+        """True if the robot meets a human in an episode when it drives by the commands of another one.
+
+        Args:
+            record: The episode.
+            other: That of the commands, between the same start and goal; loaded before.
+        """
+        simulation = self._simulate(self._episodes[record.task, record.episode])
+        run_episode(simulation, self._driver(other))
+        return simulation.outcome is Outcome.HUMAN_COLLISION
+
     def draw(self, record: EpisodeRecord, trajectory: RobotTrajectory) -> UInt8Array:
         """The map with the trajectories of robot and humans."""
         episode = self.episode(record)

@@ -23,10 +23,10 @@ from readygo.common.messages import Outcome, RobotTrajectory
 from readygo.runs.evaluation import references
 from readygo.services.evaluator import (
     POLICY,
-    STRAIGHT_LINE,
     EpisodeRecord,
     EvaluateReply,
     EvaluateRequest,
+    Task,
     compare_all,
     failure_counts,
     scores_of,
@@ -48,17 +48,18 @@ def watched_method(methods: Sequence[str]) -> str:
     return POLICY if POLICY in methods else methods[0]
 
 
-def check_wanted(wanted: Sequence[str], methods: Sequence[str]) -> None:
-    """Raise RunError unless each value of `--video` is a name or an index, and its methods drive."""
+def check_wanted(wanted: Sequence[str], tasks: Sequence[str]) -> None:
+    """Raise RunError unless each value of `--video` is a name or an index, and the tasks that it takes are driven."""
     for name in wanted:
         if name not in (FAILED, WORST, AVOIDED) and not name.isdecimal():
             raise RunError(f'--video takes "{FAILED}", "{WORST}", "{AVOIDED}" or indices of episodes, got {name!r}.')
-    if AVOIDED in wanted and STRAIGHT_LINE not in methods:
-        raise RunError(f"--video {AVOIDED} compares with {STRAIGHT_LINE}: name it among --methods as well.")
+    static = Task.STATIC.value
+    if AVOIDED in wanted and (static not in tasks or set(tasks) == {static}):
+        raise RunError(f"--video {AVOIDED} compares a task with humans with the one without: --tasks static dynamic.")
 
 
 def episodes_to_film(
-    records: Sequence[EpisodeRecord], wanted: Sequence[str], others: Sequence[EpisodeRecord] = ()
+    records: Sequence[EpisodeRecord], wanted: Sequence[str], replays: Replays | None = None
 ) -> list[EpisodeRecord]:
     """The requested episodes, the worst first.
 
@@ -66,7 +67,7 @@ def episodes_to_film(
         records: Episodes of one method.
         wanted: "failures" for all failures, "worst" for the few worst episodes, "avoided" for the few closest
             passes (`avoided`), and indices, of every task.
-        others: Episodes of other methods.
+        replays: Replay "avoided" ones.
 
     Raises:
         RunError: If no episode has a requested index.
@@ -78,26 +79,26 @@ def episodes_to_film(
     if missing:
         raise RunError(f"No episode was driven with index {missing[0]}: indices without a scenario leave gaps.")
     chosen = failed if FAILED in wanted else ranked[:WORST_COUNT] if WORST in wanted else []
-    chosen += avoided(records, others)[:AVOIDED_COUNT] if AVOIDED in wanted else []
+    if AVOIDED in wanted and replays is not None:
+        chosen = chosen + avoided(records, replays)[:AVOIDED_COUNT]
     return [record for record in ranked if record in chosen or record.episode.index in indices]
 
 
-def avoided(records: Sequence[EpisodeRecord], others: Sequence[EpisodeRecord]) -> list[EpisodeRecord]:
-    """Successes where the straight line meets a human in the same episode, the closest pass first.
+def avoided(records: Sequence[EpisodeRecord], replays: Replays) -> list[EpisodeRecord]:
+    """Goals reached among humans of whom the same method meets one where it drives as without them; closest pass first.
 
     Args:
-        records: Episodes of one method.
-        others: Episodes of all methods.
+        records: Episodes of one method, with and without humans.
+        replays: Replay the commands that it gave without humans.
     """
-    met = {
-        (record.task, record.episode)
-        for record in others
-        if record.method == STRAIGHT_LINE and record.result.outcome is Outcome.HUMAN_COLLISION
-    }
+    alone = {record.episode: record for record in replays.load([r for r in records if r.task is Task.STATIC])}
     passed = [
         record
         for record in records
-        if record.result.outcome is Outcome.SUCCESS and (record.task, record.episode) in met
+        if record.task is not Task.STATIC
+        and record.result.outcome is Outcome.SUCCESS
+        and record.episode in alone
+        and replays.meets_human(record, alone[record.episode])
     ]
     return sorted(passed, key=lambda record: (record.human_distance_min_m, record.episode.index))
 
@@ -122,7 +123,7 @@ def write_films(replays: Replays, request: EvaluateRequest, reply: EvaluateReply
         RunError: If a requested episode was not driven.
         ReadygoError: If a video cannot be written.
     """
-    for record in replays.load(episodes_to_film(_watched_records(request, reply), wanted, reply.records)):
+    for record in replays.load(episodes_to_film(_watched_records(request, reply), wanted, replays)):
         path = film_path(replays.folder, record)
         if not path.exists():
             replays.film(path, record)

@@ -7,9 +7,10 @@ import pytest
 
 from readygo.apps.demo import demo
 from readygo.apps.demo.demo import _clear
+from readygo.apps.evaluation.watch import film_path
 from readygo.common.errors import DatasetError, RunError
 from readygo.common.messages import Outcome
-from readygo.services.evaluator import EXPERT, STRAIGHT_LINE
+from readygo.services.evaluator import EXPERT
 from tests.apps.evaluation.records import record
 from tests.common.dataset.episodes import write_shard
 
@@ -29,12 +30,14 @@ def test_demo_replaces_an_earlier_demo(tmp_path: Path) -> None:
     assert not (tmp_path / "demo" / "run").exists()
 
 
-def test_film_shows_the_policy_pass_where_the_straight_line_meets_a_human() -> None:
-    met = [record(k, Outcome.HUMAN_COLLISION, method=STRAIGHT_LINE) for k in (1, 2)]
-    policy = [record(1, Outcome.SUCCESS, 0.7), record(2, Outcome.SUCCESS, 0.5)]
-    expert = [record(2, Outcome.SUCCESS, 0.2, method=EXPERT)]
-    assert demo.closest_pass([*policy, *expert, *met]) is policy[1]
-    assert demo.closest_pass([*expert, *met]) is None
+def test_film_shows_the_closest_pass_of_the_policy_that_was_filmed(tmp_path: Path) -> None:
+    records = [record(k, Outcome.SUCCESS, near_m) for k, near_m in ((1, 0.7), (2, 0.5), (3, 0.4))]
+    expert = record(4, Outcome.SUCCESS, 0.2, method=EXPERT)
+    assert demo.closest_pass([*records, expert], tmp_path) is None
+    for filmed in (*records[:2], expert):
+        film_path(tmp_path, filmed).parent.mkdir(exist_ok=True)
+        film_path(tmp_path, filmed).touch()
+    assert demo.closest_pass([*records, expert], tmp_path) == film_path(tmp_path, records[1])
 
 
 @pytest.fixture

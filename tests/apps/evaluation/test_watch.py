@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import pytest
 
 from readygo.apps.evaluation.watch import (
@@ -13,8 +15,10 @@ from readygo.apps.evaluation.watch import (
 )
 from readygo.common.errors import RunError
 from readygo.common.messages import Outcome
-from readygo.services.evaluator import EXPERT, POLICY, STRAIGHT_LINE
+from readygo.services.evaluator import EXPERT, POLICY, STRAIGHT_LINE, Task
 from tests.apps.evaluation.records import RECORDS, record
+
+PAIR = (Task.DYNAMIC, Task.STATIC)
 
 
 def test_pages_and_films_are_made_of_what_was_kept(evaluated):
@@ -64,26 +68,46 @@ def test_what_is_no_episode_is_refused():
     with pytest.raises(RunError, match="index 2: indices without a scenario leave gaps"):
         episodes_to_film(RECORDS, ["2"])
     with pytest.raises(RunError, match="'best'"):
-        check_wanted(["worst", "17", "best"], [POLICY])
-    check_wanted(["worst", "failures", "17"], [POLICY])
-    with pytest.raises(RunError, match="--video avoided compares with straight-line: name it among --methods as well"):
-        check_wanted(["avoided"], [POLICY, EXPERT])
-    check_wanted(["avoided"], [POLICY, STRAIGHT_LINE])
+        check_wanted(["worst", "17", "best"], ["dynamic"])
+    check_wanted(["worst", "failures", "17"], ["dynamic"])
+    for tasks in (["dynamic"], ["static"]):
+        with pytest.raises(RunError, match="compares a task with humans with the one without: --tasks static dynamic"):
+            check_wanted(["avoided"], tasks)
+    check_wanted(["avoided"], ["static", "dynamic"])
 
 
-def test_avoided_are_goals_reached_where_the_straight_line_meets_a_human_the_closest_pass_first():
-    met = [record(k, Outcome.HUMAN_COLLISION, method=STRAIGHT_LINE) for k in (1, 2, 3, 4)]
-    others = [*met, record(5, Outcome.STATIC_COLLISION, method=STRAIGHT_LINE)]
-    ours = [
-        record(1, Outcome.SUCCESS, near_m=0.9),
-        record(2, Outcome.HUMAN_COLLISION, near_m=0.0),
-        record(3, Outcome.SUCCESS, near_m=0.4),
-        record(4, Outcome.SUCCESS, near_m=0.6),
-        record(5, Outcome.SUCCESS, near_m=0.1),
+def test_avoided_are_goals_reached_where_the_way_without_humans_meets_one_the_closest_pass_first():
+    near_m = {1: 0.9, 2: 0.0, 3: 0.4, 4: 0.6, 5: 0.1, 6: 0.2}
+    ours = [record(k, Outcome.HUMAN_COLLISION if k == 2 else Outcome.SUCCESS, near_m[k]) for k in near_m]
+    alone = [record(k, Outcome.SUCCESS, task=Task.STATIC) for k in range(1, 6)]
+    asked = []
+
+    def meets_human(one, other):
+        asked.append((one.episode, other.episode))
+        assert (one.task, other.task) == (Task.DYNAMIC, Task.STATIC)
+        return one.episode.index != 5
+
+    replays = SimpleNamespace(load=list, meets_human=meets_human)
+    assert [each.episode.index for each in avoided([*ours, *alone], replays)] == [3, 4, 1]
+    assert all(one == other for one, other in asked)
+    assert [each.episode.index for each in episodes_to_film([*ours, *alone], ["avoided"], replays)] == [3, 4]
+
+
+def test_commands_of_the_episode_without_humans_are_replayed_among_them(evaluated):
+    replays, records = evaluated.replays, evaluated.reply.records
+    pairs = [
+        (one, other)
+        for one in records
+        for other in records
+        if (one.method, one.episode) == (other.method, other.episode) and (one.task, other.task) == PAIR
     ]
-    assert [each.episode.index for each in avoided(ours, [*ours, *others])] == [3, 4, 1]
-    assert [each.episode.index for each in episodes_to_film(ours, ["avoided"], others)] == [3, 4]
-    assert episodes_to_film(ours, ["avoided"], ours) == []
+    replays.load(records)
+    assert pairs
+    for one, other in pairs:
+        # Who met a human without looking, by the same commands, meets it again.
+        assert replays.meets_human(one, one) == (one.result.outcome is Outcome.HUMAN_COLLISION)
+        if other.result.outcome is Outcome.SUCCESS:
+            assert replays.meets_human(other, other) is False
 
 
 def test_policy_is_watched_where_one_drives():
