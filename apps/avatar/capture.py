@@ -191,7 +191,7 @@ def _cameras(avatar: Avatar, motion: Motion, rng: np.random.Generator) -> Float6
 def disturb_poses(
     motion: Motion, config: AvatarCaptureConfig, rng: np.random.Generator
 ) -> tuple[Float64Array, Float64Array]:
-    """Poses and pelvises as an estimator might give them: each joint and each frame with errors of its own."""
+    """Poses and pelvises as an estimator might give them: separate errors for each joint and frame."""
     R = matrix_from_axis_angle(motion.pose_axis_angle)
     sigma_rad = math.radians(config.pose_noise_deg)
     noise = matrix_from_axis_angle(sigma_rad * rng.standard_normal(motion.pose_axis_angle.shape))

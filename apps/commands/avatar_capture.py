@@ -1,4 +1,4 @@
-"""`readygo avatar capture`: a simulated film of an avatar, with its truth, to measure `avatar extract` with."""
+"""`readygo avatar capture`: simulated footage of an avatar, with ground truth, to measure `avatar extract` with."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -31,9 +31,9 @@ from readygo.services.reconstructor import (
 class AvatarExtractOptions:
     """Extract an avatar from the images of one person, with masks, cameras and body poses.
 
-    FOOTAGE has the layout of NeuMan's data, or the plain one (masks/, cameras.json, poses.npz). Writes the avatar, beside
-    it NAME.html (held-out frames, new poses, unseen parts) and NAME.poses.npz (poses as they were found). After an
-    interruption the same command resumes from NAME.work.
+    FOOTAGE has the layout of NeuMan's data, or the plain one (masks/, cameras.json, poses.npz). Writes the avatar, and
+    beside it NAME.html (held-out frames, new poses, unseen parts) and NAME.poses.npz (poses as they were found). After
+    an interruption the same command resumes from NAME.work.
     """
 
     footage: Positional[Path]

@@ -16,9 +16,9 @@ class PosePriorConfig:
     """Standard deviation of the given rotations of joints [deg]."""
     root_m: Annotated[float, Range(above=0.0)] = 0.02
     """Standard deviation of the given positions of the pelvis [m]."""
-    jerk_deg: Annotated[float, Range(above=0.0)] = 1.2
+    jerk_deg: Annotated[float, Range(above=0.0)] = 2.5
     """Standard deviation of how far a joint is from the middle of the frames before and after [deg]."""
-    jerk_m: Annotated[float, Range(above=0.0)] = 0.004
+    jerk_m: Annotated[float, Range(above=0.0)] = 0.008
     """The same of the pelvis [m]."""
     weight: Annotated[float, Range(low=0.0)] = 0.004
     """Weight of the mean squared deviation in the loss."""
@@ -45,6 +45,8 @@ class AvatarFitConfig:
     """Weight of the difference of opacity and mask."""
     anchor: Annotated[float, Range(low=0.0)] = 1e-3
     """Weight of the Gaussians' squared distance from where they began on the body [1/m2]."""
+    offsets: bool = False
+    """True also finds joints that do not lie in the direction of the first body's bones."""
     seed: int = 0
     """Seed of the fit."""
     prior: PosePriorConfig = field(default_factory=PosePriorConfig)

@@ -44,6 +44,8 @@ _RIG_RATES = {
     "pose": (8e-3, 5e-4),
     "root": (4e-3, 2e-4),
 }
+_KEPT_BYTES = 1 << 30
+"""Colours of frames that are kept at the present size; others are cut out each time."""
 _OPACITY_BEGIN, _SCALE_BEGIN = 0.8, 0.75
 """Gaussians begin fainter and smaller than on the body: with soft edges all around, a body seems too large."""
 
@@ -157,7 +159,7 @@ class PersonFit:
         rows, slopes = self._gaussian_slopes(drawn)
         held = frame in self.held
         names = ("pose", "root") if held or share > LENGTHS_UNTIL else tuple(_RIG_RATES)
-        rates = {name: _between(_RIG_RATES[name], share) for name in names}
+        rates = {name: _between(_RIG_RATES[name], share) for name in names if self.config.offsets or name != "offsets"}
         self.rig.step(frame, drawn.posed, slopes.pop("A"), slopes.pop("B"), rates)
         if not held:
             self._change_gaussians(drawn, view, rows, slopes, share)
@@ -205,9 +207,10 @@ class PersonFit:
     def _view(self, frame: int, fraction: int) -> PersonView:
         if fraction != self._fraction:
             self._views, self._fraction = {}, fraction
-        if frame not in self._views:
-            self._views[frame] = view_at(self.person, frame, fraction)
-        return self._views[frame]
+        view = self._views.get(frame) or view_at(self.person, frame, fraction)
+        if len(self._views) * view.rgb.nbytes < _KEPT_BYTES:
+            self._views[frame] = view
+        return view
 
     def _derive(self, drawn: Drawn, view: PersonView, rng: np.random.Generator) -> None:
         """The loss of a frame before a background of a random colour, and its gradients."""

@@ -42,7 +42,7 @@ from readygo.common.frames import (
 IMAGES, SPARSE, CAMERAS_FILE, POSES_FILE = "images", "sparse", "cameras.json", "poses.npz"
 MASKS = ("segmentations", "masks")
 SMPL_FILE = Path("4d_humans", "smpl_optimized_aligned_scale.npz")
-FRAMES_MIN, FRAMES_MAX = 8, 3000
+FRAMES_MIN, FRAMES_MAX = 8, 600
 SMPL_PELVIS_M = np.array([0.0, -0.22, 0.03])
 """The pelvis of a body of mean shape in SMPL's own frame, whose origin is in the chest [m]; rounded."""
 _BYTES_MAX = 2**26

@@ -62,29 +62,30 @@ def read_person(footage: Footage, side_max_px: int) -> FilmedPerson:
     Raises:
         AvatarError: If an image or mask cannot be read, does not fit the other, or shows no one or two people.
     """
-    count = len(footage)
-    images = [_read(path, "image") for path in footage.images]
     masks = [_read(path, "mask").max(axis=2) > 127 for path in footage.masks]
     if np.mean([_border(mask) for mask in masks]) > 0.5:
         # In some data sets the person is black.
         masks = [~mask for mask in masks]
-    for number, (image, mask) in enumerate(zip(images, masks, strict=True)):
+    for number, mask in enumerate(masks):
         width, height = footage.sizes_px[number].tolist()
-        if image.shape[:2] != (height, width):
-            raise AvatarError(
-                f"{footage.images[number]} has {image.shape[1]}x{image.shape[0]} px, its camera {width}x{height} px."
-            )
-        if mask.shape != image.shape[:2]:
+        if mask.shape != (height, width):
             raise AvatarError(
                 f"{footage.masks[number]} has {mask.shape[1]}x{mask.shape[0]} px, its image {width}x{height} px."
             )
     notes = _check_masks(footage, masks)
     rgb, cut, K = [], [], footage.K_px.copy()
-    for number in range(count):
-        top, left, bottom, right = _box(masks[number])
+    for number, mask in enumerate(masks):
+        # One at a time: a hundred photos of a telephone do not fit into memory.
+        image = _read(footage.images[number], "image")
+        if image.shape[:2] != mask.shape:
+            width, height = footage.sizes_px[number].tolist()
+            raise AvatarError(
+                f"{footage.images[number]} has {image.shape[1]}x{image.shape[0]} px, its camera {width}x{height} px."
+            )
+        top, left, bottom, right = _box(mask)
         K[number, :2, 2] -= (left, top)
-        rgb.append(images[number][top:bottom, left:right])
-        cut.append(masks[number][top:bottom, left:right])
+        rgb.append(image[top:bottom, left:right].copy())
+        cut.append(mask[top:bottom, left:right])
     shrink = min(1.0, side_max_px / int(footage.sizes_px.max()))
     whole = FilmedPerson(
         rgb=tuple(rgb), mask=tuple(cut), K_px=K, T_world_camera=footage.T_world_camera, notes=tuple(notes)

@@ -15,8 +15,8 @@ from readygo.common.avatars import load_avatar, load_avatars
 @pytest.fixture(scope="module")
 def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("film") / "film"
-    config = AvatarCaptureConfig(motion="turn", frames=8, width_px=64, height_px=64, pose_noise_deg=1.0)
-    capture_avatar(load_avatars()["gil"], folder, config, lambda _: None)
+    config = AvatarCaptureConfig(motion="turn", frames=8, width_px=96, height_px=96, pose_noise_deg=1.0)
+    capture_avatar(load_avatars()["hana"], folder, config, lambda _: None)
     return folder
 
 
@@ -24,7 +24,7 @@ def test_avatar_report_and_poses_are_written(
     film: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "readygo.services.reconstructor.avatars.extract.load_avatars", lambda: {"gil": load_avatars()["gil"]}
+        "readygo.services.reconstructor.avatars.extract.load_avatars", lambda: {"hana": load_avatars()["hana"]}
     )
     monkeypatch.setattr("readygo.apps.avatar.extracted.contact_sheet", lambda _: np.zeros((4, 4, 3), np.uint8))
     monkeypatch.setattr("readygo.apps.avatar.extracted.turntable", lambda *_: np.zeros((4, 4, 3), np.uint8))

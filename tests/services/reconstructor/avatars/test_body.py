@@ -20,7 +20,7 @@ def test_true_body_is_chosen_and_scaled_back(plain_film: Path, coarse_body: Avat
     )
     bodies = {"small": scale_body(coarse_body, 0.85), "wide": wide}
     body, overlap = choose_body(bodies, person, footage.pose_axis_angle, footage.root_m)
-    assert body.height_m == pytest.approx(coarse_body.height_m, rel=0.06)
+    assert body.height_m == pytest.approx(coarse_body.height_m, rel=0.1)
     assert body.cloud.scales_m.max() < 2.0 * coarse_body.cloud.scales_m.max()
     assert overlap > 0.7
 

@@ -1,5 +1,6 @@
 """A fit makes the drawn person more like the filmed one, and repeats itself from a checkpoint."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +57,16 @@ def test_held_out_frames_change_poses_alone(plain_film: Path, coarse_body: Avata
         assert same == (frame in fit.held)
         assert np.array_equal(fit.rig.values["bones"], lengths) == (frame in fit.held)
     assert changed
+
+
+def test_joints_leave_their_bones_if_asked(plain_film: Path, coarse_body: Avatar) -> None:
+    for offsets in (False, True):
+        footage = read_footage(plain_film)
+        config = replace(CONFIG, offsets=offsets)
+        fit = PersonFit(coarse_body, read_person(footage, 96), footage.pose_axis_angle, footage.root_m, config)
+        for _ in range(3):
+            fit.one_step()
+        assert bool(fit.rig.values["offsets"].any()) == offsets
 
 
 def test_images_grow() -> None:
