@@ -87,10 +87,10 @@ def new_motions(avatar: Avatar) -> dict[str, Motion]:
 
 
 def _around(motion: Motion, avatar: Avatar) -> Float64Array:
-    """Cameras on a circle around the person, one for each row."""
+    """Cameras on a circle around the person, one for each row; they go the other way than people who turn."""
     poses = []
     for row, root in enumerate(motion.root_m):
-        angle = 2 * np.pi * row / len(motion.root_m)
+        angle = -2 * np.pi * row / len(motion.root_m)
         x, y = (root[:2] + _DISTANCE_M * np.array([np.cos(angle), np.sin(angle)])).tolist()
         poses.append(look_at((x, y, _HEIGHT_M), (root[0], root[1], 0.5 * avatar.height_m)))
     return np.stack(poses)
