@@ -66,6 +66,13 @@ COMMANDS = {
     "avatar import": CliCommand(
         "readygo.apps.commands.avatar_import:avatar_import", "make an avatar of a HUGS, SMPL, glTF or Gaussian file"
     ),
+    "avatar capture": CliCommand(
+        "readygo.apps.commands.avatar_capture:avatar_capture",
+        "simulate a video of an avatar, with masks and body poses",
+    ),
+    "avatar extract": CliCommand(
+        "readygo.apps.commands.avatar_extract:avatar_extract", "make an avatar of a person in a video"
+    ),
     "avatar preview": CliCommand(
         "readygo.apps.commands.avatar:avatar_preview", "draw an avatar from all sides, or walking in a video"
     ),

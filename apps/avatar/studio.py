@@ -60,7 +60,7 @@ class Studio:
         images = self._rasterizer.render([View(T_world_camera=T_world_camera, humans=(human,))], ("alpha",))[0]
         assert images.alpha is not None
         feet = np.stack([0.5 * (joints_m[:, ankle] + joints_m[:, ball]) for ankle, ball in _FEET], axis=1)
-        ground = _ground(T_world_camera, self.framing, feet[row] - [0.0, 0.0, feet[:, :, 2].min()])
+        ground = studio_ground(T_world_camera, self.framing, feet[row] - [0.0, 0.0, feet[:, :, 2].min()])
         mixed = images.rgb + (1.0 - images.alpha[:, :, None]) * ground
         return np.clip(np.rint(mixed), 0, 255).astype(np.uint8)
 
@@ -141,8 +141,17 @@ def _grounded_root(avatar: Avatar, pose: Float32Array) -> Float32Array:
     return np.array([0.0, 0.0, avatar.joints_tpose_m[7, 1] - ankles_m.min()], dtype=np.float32)
 
 
-def _ground(T_world_camera: Float64Array, framing: Framing, feet_m: Float64Array) -> Float64Array:
-    """The backdrop: a floor at z = 0 with lines and the shadows of the feet, and a wall, values 0..255."""
+def studio_ground(T_world_camera: Float64Array, framing: Framing, feet_m: Float64Array) -> Float64Array:
+    """The backdrop: a floor at z = 0 with lines and the shadows of the feet, and a wall.
+
+    Args:
+        T_world_camera: Camera pose, OpenCV axes, shape (4, 4).
+        framing: The camera.
+        feet_m: Middles of the feet [m], shape (2, 3).
+
+    Returns:
+        Colours 0..255, shape (H, W, 3).
+    """
     u, v = np.meshgrid(np.arange(framing.width_px) + 0.5, np.arange(framing.height_px) + 0.5)
     K_px = framing.K_px
     rays = np.stack([(u - K_px[0, 2]) / K_px[0, 0], (v - K_px[1, 2]) / K_px[1, 1], np.ones_like(u)], axis=-1)

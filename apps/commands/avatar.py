@@ -70,7 +70,7 @@ def avatar_preview(options: AvatarPreviewOptions) -> None:
             raise AvatarError(f"{option} {path} must end in {' or '.join(endings)}.")
     from readygo.common.drawing.files import write_png
 
-    human = load_avatar(_file_of(options.avatar))
+    human = load_avatar(file_of_avatar(options.avatar))
     if options.out is not None:
         from readygo.apps.avatar.studio import standing_pose, stride_pose, turntable
 
@@ -119,7 +119,8 @@ def _describe_avatar(path: Path) -> dict[str, Any]:
     }
 
 
-def _file_of(avatar: Path) -> Path:
+def file_of_avatar(avatar: Path) -> Path:
+    """The file of an avatar that is given as a path or by the name of an embedded one."""
     embedded = EMBEDDED_FOLDER / f"{avatar}.npz"
     if avatar.exists() or avatar.name != str(avatar) or not embedded.exists():
         return avatar

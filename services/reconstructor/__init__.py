@@ -5,6 +5,17 @@ from typing import TYPE_CHECKING
 from readygo.common.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from readygo.services.reconstructor.avatars.config import AvatarFitConfig as AvatarFitConfig
+    from readygo.services.reconstructor.avatars.config import AvatarPreset as AvatarPreset
+    from readygo.services.reconstructor.avatars.config import avatar_preset as avatar_preset
+    from readygo.services.reconstructor.avatars.extract import Extraction as Extraction
+    from readygo.services.reconstructor.avatars.extract import ExtractionProgress as ExtractionProgress
+    from readygo.services.reconstructor.avatars.extract import HeldOutPerson as HeldOutPerson
+    from readygo.services.reconstructor.avatars.extract import extract_avatar as extract_avatar
+    from readygo.services.reconstructor.avatars.extract import forget_extraction as forget_extraction
+    from readygo.services.reconstructor.avatars.footage import Footage as Footage
+    from readygo.services.reconstructor.avatars.footage import write_neuman as write_neuman
+    from readygo.services.reconstructor.avatars.footage import write_plain as write_plain
     from readygo.services.reconstructor.config import ReconstructorConfig as ReconstructorConfig
     from readygo.services.reconstructor.desk import Desk as Desk
     from readygo.services.reconstructor.frames.config import FramesConfig as FramesConfig
@@ -39,6 +50,23 @@ if TYPE_CHECKING:
     from readygo.services.reconstructor.training.train import train_gaussians as train_gaussians
 else:
     _NAMES = {
+        ".avatars.config": (
+            "AvatarFitConfig",
+            "AvatarPreset",
+            "avatar_preset",
+        ),
+        ".avatars.extract": (
+            "Extraction",
+            "ExtractionProgress",
+            "HeldOutPerson",
+            "extract_avatar",
+            "forget_extraction",
+        ),
+        ".avatars.footage": (
+            "Footage",
+            "write_neuman",
+            "write_plain",
+        ),
         ".config": ("ReconstructorConfig",),
         ".desk": ("Desk",),
         ".frames.config": ("FramesConfig",),

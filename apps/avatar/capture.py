@@ -1,0 +1,226 @@
+"""A simulated film of an avatar: images, masks, cameras and disturbed body poses, with the truth beside them.
+
+The person walks a circle, or turns on the spot with arms held away from the body, before a plain room. A camera that is
+held by hand stands still, but for its sway, and follows the person.
+
+truth.npz        T_world_camera (F, 4, 4), root_m (F, 3), pose_axis_angle (F, 24, 3), joints_m (F, 24, 3): in metres,
+                 z up, the poses that were drawn
+truth.json       format, avatar and its hash, motion, seed and noise
+"""
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from readygo.apps.avatar.studio import Framing, look_at, studio_ground
+from readygo.apps.avatar.walking import FPS, level_walk
+from readygo.common.arrays import BoolArray, Float64Array, UInt8Array
+from readygo.common.avatars import Avatar, avatar_hash, joint_positions
+from readygo.common.drawing.files import write_png
+from readygo.common.errors import AvatarError, ConfigError
+from readygo.common.files import unfinished_folder, write_whole
+from readygo.common.frames import axis_angle_from_matrix, matrix_from_axis_angle
+from readygo.common.messages import Motion
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
+from readygo.common.rasterizer.interface import PosedHuman, View
+from readygo.services.reconstructor import Footage, write_neuman, write_plain
+
+TRUTH_FORMAT = "readygo avatar truth 1"
+TRUTH_ARRAYS, TRUTH_FILE = "truth.npz", "truth.json"
+MOTIONS = ("walk", "turn")
+MASK_ALPHA = 0.5
+"""A pixel of which the person covers more is in the mask."""
+_FRAMES, _SIDE_PX = (8, 1000), (64, 2048)
+_SPEED_MPS, _RADIUS_M = 1.2, 0.95
+_FOCAL_PER_SIDE = 1.5
+_DISTANCE_M, _HEIGHT_M, _SWAY_M = 4.0, 1.35, 0.12
+_ARMS_RAD = 0.7
+"""How far the arms hang below the T-pose while the person turns [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AvatarCaptureConfig:
+    """How an avatar is filmed."""
+
+    motion: Literal["walk", "turn"] = "walk"
+    layout: Literal["neuman", "plain"] = "neuman"
+    frames: int = 100
+    """Number of images, 20 a second."""
+    width_px: int = 512
+    height_px: int = 512
+    pose_noise_deg: float = 3.0
+    """Standard deviation of each joint's rotation about each axis, frame by frame."""
+    pose_noise_m: float = 0.02
+    """Standard deviation of the pelvis along each axis, frame by frame."""
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not _FRAMES[0] <= self.frames <= _FRAMES[1]:
+            raise ConfigError(f"--frames must lie in {_FRAMES[0]}..{_FRAMES[1]}, got {self.frames}.")
+        for side in (self.width_px, self.height_px):
+            if not _SIDE_PX[0] <= side <= _SIDE_PX[1]:
+                raise ConfigError(f"--size must lie in {_SIDE_PX[0]}..{_SIDE_PX[1]} px, got {side}.")
+        if not (0.0 <= self.pose_noise_deg <= 45.0 and 0.0 <= self.pose_noise_m <= 1.0):
+            raise ConfigError("--pose-noise-deg must lie in 0..45 and --pose-noise-m in 0..1.")
+
+
+def capture_avatar(avatar: Avatar, out: Path, config: AvatarCaptureConfig, heard: Callable[[int], None]) -> None:
+    """Film an avatar.
+
+    Args:
+        avatar: Whom.
+        out: New folder.
+        config: How.
+        heard: Called with the number of finished frames.
+
+    Raises:
+        AvatarError: If the folder is there already, or cannot be written.
+    """
+    if out.exists():
+        raise AvatarError(f"{out} is there already; give the name of a new folder.")
+    rng = np.random.Generator(np.random.Philox(config.seed))
+    motion = film_motion(avatar, config)
+    cameras = _cameras(avatar, motion, rng)
+    framing = framing_of(config)
+    names = tuple(f"{number:05d}.png" for number in range(config.frames))
+    drawer = PersonDrawer(avatar, framing)
+    with unfinished_folder(out, raises=AvatarError) as folder:
+        masks = "segmentations" if config.layout == "neuman" else "masks"
+        for row, name in enumerate(names):
+            rgb, mask = drawer.draw(cameras[row], motion, row)
+            write_png(folder / "images" / name, rgb)
+            write_png(folder / masks / name, np.repeat(np.where(mask, 255, 0).astype(np.uint8)[..., None], 3, axis=2))
+            heard(row + 1)
+        pose, root = disturb_poses(motion, config, rng)
+        footage = Footage(
+            names=names,
+            images=tuple(folder / "images" / name for name in names),
+            masks=tuple(folder / masks / name for name in names),
+            sizes_px=np.tile(np.array([framing.width_px, framing.height_px]), (config.frames, 1)),
+            K_px=np.tile(framing.K_px, (config.frames, 1, 1)),
+            T_world_camera=cameras,
+            root_m=root,
+            pose_axis_angle=pose,
+        )
+        (write_neuman if config.layout == "neuman" else write_plain)(folder, footage)
+        _write_truth(folder, avatar, motion, cameras, config)
+
+
+class PersonDrawer:
+    """Draws an avatar before the studio's room."""
+
+    def __init__(self, avatar: Avatar, framing: Framing) -> None:
+        self._avatar, self._framing = avatar, framing
+        self._rasterizer = CpuRasterizer([], {avatar.name: avatar}, framing.K_px, framing.height_px, framing.width_px)
+
+    def alone(self, T_world_camera: Float64Array, motion: Motion, row: int) -> tuple[Float64Array, Float64Array]:
+        """The person alone: colours times alpha in 0..255, shape (H, W, 3), and alpha, shape (H, W)."""
+        human = PosedHuman(
+            avatar=self._avatar.name, root_m=motion.root_m[row], pose_axis_angle=motion.pose_axis_angle[row]
+        )
+        images = self._rasterizer.render([View(T_world_camera=T_world_camera, humans=(human,))], ("alpha",))[0]
+        assert images.alpha is not None
+        return images.rgb.astype(np.float64), images.alpha.astype(np.float64)
+
+    def draw(self, T_world_camera: Float64Array, motion: Motion, row: int) -> tuple[UInt8Array, BoolArray]:
+        """The picture, shape (H, W, 3), and where the person is, shape (H, W)."""
+        colours, alpha = self.alone(T_world_camera, motion, row)
+        joints = joint_positions(self._avatar, motion)[row]
+        feet = np.stack([0.5 * (joints[ankle] + joints[ball]) for ankle, ball in ((7, 10), (8, 11))])
+        ground = studio_ground(T_world_camera, self._framing, feet)
+        mixed = colours + (1.0 - alpha[..., None]) * ground
+        return np.clip(np.rint(mixed), 0, 255).astype(np.uint8), alpha > MASK_ALPHA
+
+
+def framing_of(config: AvatarCaptureConfig) -> Framing:
+    """The camera of a film."""
+    return Framing(
+        height_px=config.height_px,
+        width_px=config.width_px,
+        focal_px=_FOCAL_PER_SIDE * min(config.height_px, config.width_px),
+    )
+
+
+def film_motion(avatar: Avatar, config: AvatarCaptureConfig) -> Motion:
+    """What the person does: exactly `config.frames` rows over the floor z = 0."""
+    if config.motion == "turn":
+        return _turning(avatar, config)
+    angle = np.linspace(0.0, 2 * math.pi * max(1.0, config.frames / 100), 400)
+    # A circle whose middle is at x = 3: `level_walk` has floor from 0 to 11 m.
+    way = np.stack([3.0 + _RADIUS_M * np.sin(angle), _RADIUS_M * (1.0 - np.cos(angle))], axis=1)
+    whole = level_walk(avatar, way, _SPEED_MPS, seed=config.seed)
+    rows = np.minimum(np.arange(config.frames), len(whole.root_m) - 1)
+    return Motion(root_m=whole.root_m[rows], pose_axis_angle=whole.pose_axis_angle[rows])
+
+
+def _turning(avatar: Avatar, config: AvatarCaptureConfig) -> Motion:
+    """Once around on the spot, arms away from the body, which sway a little."""
+    phase = 2 * math.pi * np.arange(config.frames) / config.frames
+    pose = np.zeros((config.frames, 24, 3))
+    swing = 0.12 * np.sin(3.0 * phase)
+    pose[:, 16, 2], pose[:, 17, 2] = -_ARMS_RAD + swing, _ARMS_RAD + swing
+    pose[:, 18, 1], pose[:, 19, 1] = -0.25, 0.25
+    pose[:, 1, 2], pose[:, 2, 2] = 0.08, -0.08
+    pose[:, 0, 1] = (phase + math.pi) % (2 * math.pi) - math.pi
+    root = np.tile([3.0, _RADIUS_M, 0.0], (config.frames, 1))
+    still = Motion(root_m=root.astype(np.float32), pose_axis_angle=pose.astype(np.float32))
+    low = joint_positions(avatar, still)[:, [7, 8], 2].min(axis=1)
+    root[:, 2] = avatar.joints_tpose_m[[7, 8], 1].mean() - low
+    return Motion(root_m=root.astype(np.float32), pose_axis_angle=still.pose_axis_angle)
+
+
+def _cameras(avatar: Avatar, motion: Motion, rng: np.random.Generator) -> Float64Array:
+    """Poses of a camera held by hand that follows the person, shape (F, 4, 4)."""
+    count = len(motion.root_m)
+    times_s = np.arange(count) / FPS
+    phases, periods_s = rng.uniform(0.0, 2 * math.pi, 3), np.array([3.1, 4.3, 2.3])
+    sway = _SWAY_M * np.sin(2 * math.pi * times_s[:, None] / periods_s + phases)
+    eye = np.array([3.0, _RADIUS_M - _DISTANCE_M, _HEIGHT_M]) + sway
+    # The head of someone who walks towards the camera stays in view: it looks at the middle of the body, a bit late.
+    target = motion.root_m.astype(np.float64)
+    late = np.stack([np.convolve(np.pad(target[:, k], 3, mode="edge"), np.ones(7) / 7, "valid") for k in range(3)], 1)
+    late[:, 2] = 0.5 * avatar.height_m
+    return np.stack([look_at(a, b) for a, b in zip(eye, late, strict=True)])
+
+
+def disturb_poses(
+    motion: Motion, config: AvatarCaptureConfig, rng: np.random.Generator
+) -> tuple[Float64Array, Float64Array]:
+    """Poses and pelvises as an estimator might give them: separate errors for each joint and frame."""
+    R = matrix_from_axis_angle(motion.pose_axis_angle)
+    sigma_rad = math.radians(config.pose_noise_deg)
+    noise = matrix_from_axis_angle(sigma_rad * rng.standard_normal(motion.pose_axis_angle.shape))
+    root = motion.root_m + config.pose_noise_m * rng.standard_normal(motion.root_m.shape)
+    return axis_angle_from_matrix(R @ noise), root
+
+
+def _write_truth(
+    folder: Path, avatar: Avatar, motion: Motion, cameras: Float64Array, config: AvatarCaptureConfig
+) -> None:
+    np.savez(
+        folder / TRUTH_ARRAYS,
+        allow_pickle=False,
+        T_world_camera=cameras,
+        root_m=motion.root_m,
+        pose_axis_angle=motion.pose_axis_angle,
+        joints_m=joint_positions(avatar, motion),
+    )
+    facts = {
+        "format": TRUTH_FORMAT,
+        "avatar": avatar.name,
+        "avatar_hash": avatar_hash(avatar),
+        "license": avatar.license,
+        "motion": config.motion,
+        "frames": config.frames,
+        "size_px": [config.width_px, config.height_px],
+        "focal_px": framing_of(config).focal_px,
+        "pose_noise_deg": config.pose_noise_deg,
+        "pose_noise_m": config.pose_noise_m,
+        "seed": config.seed,
+    }
+    write_whole(folder / TRUTH_FILE, json.dumps(facts, indent=1) + "\n", raises=AvatarError)

@@ -1,0 +1,67 @@
+"""`readygo avatar capture`: simulated footage of an avatar, with ground truth, to measure `avatar extract` with."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from rich.progress import Progress
+from tyro.conf import Positional
+
+from readygo.apps.commands.avatar import file_of_avatar
+from readygo.apps.terminal import PlainConsole
+from readygo.common.avatars import load_avatar
+
+
+@dataclass(frozen=True, kw_only=True)
+class AvatarCaptureOptions:
+    """Record a simulated video of an avatar, as images with masks, cameras and disturbed body poses.
+
+    OUT has the layout of NeuMan's data: images/, segmentations/, a COLMAP model in sparse/, and SMPL poses in
+    4d_humans/. truth.npz and truth.json beside them hold the true poses.
+    """
+
+    avatar: Positional[Path]
+    """Avatar file, or the name of an embedded avatar."""
+    out: Path
+    """New folder to write."""
+    motion: Literal["walk", "turn"] = "walk"
+    """What the person does: walk a circle, or turn on the spot."""
+    layout: Literal["neuman", "plain"] = "neuman"
+    """NeuMan's layout, or the plain one of readygo: masks/, cameras.json, poses.npz."""
+    frames: int = 100
+    """Number of images, 20 a second."""
+    size: tuple[int, int] = (512, 512)
+    """Width and height of the images [px]."""
+    pose_noise_deg: float = 3.0
+    """Standard deviation of the rotation of every joint about each axis, in each frame [deg]."""
+    pose_noise_m: float = 0.02
+    """Standard deviation of the pelvis along each axis, in each frame [m]."""
+    seed: int = 0
+    """Seed of gait, camera and noise."""
+
+
+def avatar_capture(options: AvatarCaptureOptions) -> None:
+    """Record a simulated video of an avatar, as images with masks, cameras and disturbed body poses."""
+    from readygo.apps.avatar.capture import AvatarCaptureConfig, capture_avatar
+
+    config = AvatarCaptureConfig(
+        motion=options.motion,
+        layout=options.layout,
+        frames=options.frames,
+        width_px=options.size[0],
+        height_px=options.size[1],
+        pose_noise_deg=options.pose_noise_deg,
+        pose_noise_m=options.pose_noise_m,
+        seed=options.seed,
+    )
+    avatar = load_avatar(file_of_avatar(options.avatar))
+    notes = PlainConsole(stderr=True, soft_wrap=True)
+    with Progress(console=notes, transient=True) as progress:
+        task = progress.add_task("filming", total=config.frames)
+        capture_avatar(avatar, options.out, config, lambda done: progress.update(task, completed=done))
+    console = PlainConsole(soft_wrap=True)
+    console.print(
+        f"{options.out}: {config.frames} images of {config.width_px}x{config.height_px} px of {avatar.name}, with "
+        f"masks, cameras, poses and truth. Next: readygo avatar extract {options.out} --out {avatar.name}.npz",
+        markup=False,
+    )

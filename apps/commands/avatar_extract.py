@@ -1,0 +1,134 @@
+"""`readygo avatar extract`: an avatar of a person in a video."""
+
+import json as json_module
+import sys
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+from tyro.conf import Fixed, Positional
+
+from readygo.apps.commands.progress import SteadyProgress
+from readygo.apps.terminal import PlainConsole
+from readygo.common.avatars import save_avatar
+from readygo.common.errors import AvatarError, ConfigError, RunError
+from readygo.common.extras import install_command
+from readygo.common.files import write_then_rename, write_whole
+from readygo.runs.sections import Keys, Sections, with_file, with_keys
+from readygo.services.animator import skeleton_of
+from readygo.services.reconstructor import (
+    AvatarFitConfig,
+    AvatarPreset,
+    Extraction,
+    ExtractionProgress,
+    avatar_preset,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AvatarExtractOptions:
+    """Extract an avatar from the images of one person, with masks, cameras and body poses.
+
+    FOOTAGE has the layout of NeuMan's data, or the plain one (masks/, cameras.json, poses.npz). Writes the avatar, and
+    beside it NAME.html (held-out frames, new poses, unseen parts) and NAME.poses.npz (poses as they were found). After
+    an interruption the same command resumes from NAME.work.
+    """
+
+    footage: Positional[Path]
+    """Folder with images, masks, cameras and poses of one person."""
+    out: Path
+    """Avatar file (.npz) to write."""
+    preset: AvatarPreset = "draft"
+    """draft takes minutes on one core; standard takes longer and keeps larger images."""
+    name: str | None = None
+    """Name of the avatar; that of the file by default."""
+    license: str = "No license is given: ask the person who was filmed."
+    """License of the avatar, recorded in the file."""
+    seed: int = 0
+    """Seed of the fit."""
+    json: bool = False
+    """Print the report as JSON."""
+    config: Path | None = None
+    """TOML file with settings; `--KEY VALUE` and `--SECTION.KEY VALUE` override it."""
+    keys: Annotated[Keys, Sections(AvatarFitConfig), Fixed] = field(default_factory=dict)
+
+
+def avatar_extract(options: AvatarExtractOptions) -> None:
+    """Extract an avatar from the images of one person, with masks, cameras and body poses."""
+    if options.out.suffix.lower() != ".npz":
+        raise AvatarError(f"--out {options.out} must end in .npz.")
+    config = replace(avatar_preset(options.preset), seed=options.seed)
+    config = with_keys(with_file(config, options.config), options.keys)
+    work = options.out.with_suffix(".work")
+    extraction = _extract(options, config, work)
+    skeleton_of(extraction.avatar)
+    save_avatar(extraction.avatar, options.out, quantise=False)
+    _write_poses(options.out.with_suffix(".poses.npz"), extraction)
+    page, notes = _page(extraction)
+    write_whole(options.out.with_suffix(".html"), page, raises=AvatarError)
+    from readygo.services.reconstructor import forget_extraction
+
+    forget_extraction(work)
+    if options.json:
+        sys.stdout.write(json_module.dumps({**extraction.report, "out": str(options.out)}) + "\n")
+    else:
+        _print_report(options.out, extraction)
+    for note in notes:
+        PlainConsole(stderr=True, soft_wrap=True).print(f"Note: {note}", markup=False)
+
+
+def _extract(options: AvatarExtractOptions, config: AvatarFitConfig, work: Path) -> Extraction:
+    try:
+        from readygo.services.reconstructor import extract_avatar
+    except ImportError as error:
+        raise ConfigError(f"Avatars from videos need torch; run: {install_command('reconstruct')}") from error
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+    with SteadyProgress(*columns, transient=True) as progress:
+        task = progress.add_task("reading images and masks", total=config.steps)
+
+        def tell(at: ExtractionProgress) -> None:
+            words = f"step {at.step} of {at.steps}, {at.gaussians:,} Gaussians, loss {at.loss:.4f}, {at.seconds:.0f} s"
+            progress.update(task, completed=at.step, description=words)
+
+        try:
+            return extract_avatar(
+                options.footage,
+                work,
+                config,
+                tell,
+                name=options.name or options.out.stem,
+                license_text=options.license,
+            )
+        except KeyboardInterrupt:
+            raise RunError(f"Interrupted; the same command resumes from the state in {work}.") from None
+
+
+def _write_poses(path: Path, extraction: Extraction) -> None:
+    with write_then_rename(path, raises=AvatarError) as part:
+        np.savez(
+            part,
+            allow_pickle=False,
+            root_m=extraction.root_m.astype(np.float32),
+            pose_axis_angle=extraction.pose_axis_angle.astype(np.float32),
+            joints_m=extraction.joints_m.astype(np.float32),
+        )
+
+
+def _page(extraction: Extraction) -> tuple[str, list[str]]:
+    from readygo.apps.avatar.extracted import extraction_page, notes_of
+
+    return extraction_page(extraction), notes_of(extraction.report)
+
+
+def _print_report(out: Path, extraction: Extraction) -> None:
+    report, console = extraction.report, PlainConsole(soft_wrap=True)
+    quality = "" if report["psnr_db"] is None else f", held out {report['psnr_db']:.1f} dB, SSIM {report['ssim']:.3f}"
+    console.print(
+        f"{out}: {extraction.avatar.name}, {report['height_m']:.2f} m tall, {report['gaussians']:,} Gaussians of "
+        f"{report['frames']} frames{quality}, {report['seconds'] / 60:.1f} minutes.",
+        markup=False,
+    )
+    console.print(f"Report: {out.with_suffix('.html')}", markup=False)
+    console.print(f"Next: readygo generate embedded --avatars {out} --episodes 2 --out data", markup=False)

@@ -1,0 +1,113 @@
+"""The body that a fit begins with: the embedded avatar whose silhouettes are most like the person's."""
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from readygo.common.arrays import BoolArray, Float64Array
+from readygo.common.avatars import Avatar
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
+from readygo.common.rasterizer.interface import PosedHuman, View
+from readygo.services.reconstructor.avatars.views import FilmedPerson, view_at
+
+_FRAMES, _FRACTION = 6, 2
+_SIZE_LIMITS = 0.6, 1.6
+_ROUNDS = 2
+OVERLAP_MIN = 0.35
+"""Silhouettes that have less in common than this share of their union are of other poses or cameras."""
+
+
+def choose_body(
+    bodies: Mapping[str, Avatar], person: FilmedPerson, pose: Float64Array, root_m: Float64Array
+) -> tuple[Avatar, float]:
+    """The body that fits best, at the person's size, and the share of the silhouettes' union that is common.
+
+    Args:
+        bodies: Avatars by name.
+        person: The film.
+        pose: Poses, shape (F, 24, 3).
+        root_m: Pelvises [m], shape (F, 3).
+    """
+    frames = _some_frames(person)
+    best: tuple[float, Avatar] | None = None
+    for name in sorted(bodies):
+        body, overlap = bodies[name], 0.0
+        for _ in range(_ROUNDS):
+            overlap, ratio = _compare(body, person, frames, pose, root_m)
+            if best is None or overlap > best[0]:
+                best = (overlap, body)
+            body = scale_body(body, float(np.clip(ratio, *_SIZE_LIMITS)))
+        overlap, _ = _compare(body, person, frames, pose, root_m)
+        if best is None or overlap > best[0]:
+            best = (overlap, body)
+    assert best is not None
+    return best[1], best[0]
+
+
+def scale_body(body: Avatar, factor: float) -> Avatar:
+    """The same body, larger or smaller."""
+    scale = np.float32(factor)
+    cloud = dataclasses.replace(body.cloud, means_m=body.cloud.means_m * scale, scales_m=body.cloud.scales_m * scale)
+    return dataclasses.replace(
+        body,
+        cloud=cloud,
+        height_m=body.height_m * factor,
+        joints_canonical_m=body.joints_canonical_m * scale,
+        joints_tpose_m=body.joints_tpose_m * scale,
+    )
+
+
+def _compare(
+    body: Avatar, person: FilmedPerson, frames: list[int], pose: Float64Array, root_m: Float64Array
+) -> tuple[float, float]:
+    """Common share of the silhouettes, and the ratio of the person's size in the image to the body's."""
+    both, either, ratios = 0, 0, []
+    for frame in frames:
+        view = view_at(person, frame, _FRACTION)
+        drawn = silhouette(body, view.T_world_camera, view.K_px, view.mask.shape, pose[frame], root_m[frame])
+        mask = view.mask > 0.5
+        both += int((drawn & mask).sum())
+        either += int((drawn | mask).sum())
+        if drawn.any() and mask.any():
+            ratios.append(_extent(mask) / _extent(drawn))
+    return both / max(either, 1), float(np.median(ratios)) if ratios else 1.0
+
+
+def silhouette(
+    body: Avatar,
+    T_world_camera: Float64Array,
+    K_px: Float64Array,
+    size: tuple[int, int],
+    pose: Float64Array,
+    root_m: Float64Array,
+) -> BoolArray:
+    """Where a body covers most of a pixel, shape (H, W)."""
+    human = PosedHuman(avatar=body.name, root_m=root_m, pose_axis_angle=pose)
+    drawer = CpuRasterizer([], {body.name: body}, K_px, *size)
+    images = drawer.render([View(T_world_camera=T_world_camera, humans=(human,))], ("alpha",))[0]
+    assert images.alpha is not None
+    return np.asarray(images.alpha > 0.5)
+
+
+def _extent(mask: BoolArray) -> float:
+    """Spread of a silhouette along the rows: insensitive to single pixels."""
+    rows = np.nonzero(mask)[0]
+    return float(np.std(rows)) + 1e-6
+
+
+def overlap_of(body: Avatar, person: FilmedPerson, pose: Float64Array, root_m: Float64Array) -> float:
+    """Common share of the silhouettes of a body and of the person, in some frames."""
+    return _compare(body, person, _some_frames(person), pose, root_m)[0]
+
+
+def swap_sides(pose: Float64Array) -> Float64Array:
+    """Poses whose left joints have the rotations of the right ones, shape (F, 24, 3)."""
+    left, out = np.array([1, 4, 7, 10, 13, 16, 18, 20, 22]), pose.copy()
+    out[:, left], out[:, left + 1] = pose[:, left + 1], pose[:, left]
+    return out
+
+
+def _some_frames(person: FilmedPerson) -> list[int]:
+    frames: list[int] = np.unique(np.linspace(0, len(person) - 1, _FRAMES).astype(int)).tolist()
+    return frames

@@ -1,0 +1,64 @@
+"""Settings of an avatar's extraction, and their presets."""
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from readygo.common.config import Range, check_ranges
+
+AvatarPreset = Literal["draft", "standard"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PosePriorConfig:
+    """How far the given poses are trusted."""
+
+    joint_deg: Annotated[float, Range(above=0.0)] = 3.0
+    """Standard deviation of the given rotations of joints [deg]."""
+    root_m: Annotated[float, Range(above=0.0)] = 0.02
+    """Standard deviation of the given positions of the pelvis [m]."""
+    jerk_deg: Annotated[float, Range(above=0.0)] = 2.5
+    """Standard deviation of how far a joint is from the middle of the frames before and after [deg]."""
+    jerk_m: Annotated[float, Range(above=0.0)] = 0.008
+    """The same of the pelvis [m]."""
+    weight: Annotated[float, Range(low=0.0)] = 0.004
+    """Weight of the mean squared deviation in the loss."""
+    smooth_frames: Annotated[int, Range(low=0, high=10)] = 3
+    """Given poses are smoothed over so many frames before and after before the fit begins; 0: not at all."""
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AvatarFitConfig:
+    """How an avatar is extracted. The result is a function of these settings and of the film."""
+
+    steps: Annotated[int, Range(low=10)] = 3600
+    """Optimisation steps, one frame each."""
+    side_max_px: Annotated[int, Range(low=32)] = 512
+    """Larger images are made smaller: longer side [px]."""
+    hold_out: Annotated[int, Range(low=0)] = 8
+    """Of every so-manieth frame the pose alone is found, and the quality measured; 0: none."""
+    gaussians_max: Annotated[int, Range(low=1000, high=300_000)] = 60_000
+    """Most Gaussians of the avatar."""
+    mask_weight: Annotated[float, Range(low=0.0)] = 0.2
+    """Weight of the difference of opacity and mask."""
+    anchor: Annotated[float, Range(low=0.0)] = 1e-3
+    """Weight of the Gaussians' squared distance from where they began on the body [1/m2]."""
+    offsets: bool = False
+    """True also finds joints that do not lie in the direction of the first body's bones."""
+    seed: int = 0
+    """Seed of the fit."""
+    prior: PosePriorConfig = field(default_factory=PosePriorConfig)
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
+        if self.hold_out == 1:
+            raise ValueError("hold_out must be 0 or at least 2, got 1: nothing would be left to learn from.")
+
+
+def avatar_preset(name: AvatarPreset) -> AvatarFitConfig:
+    """The settings of a name: `draft` takes minutes on one core, `standard` is for longer."""
+    if name == "draft":
+        return AvatarFitConfig()
+    return AvatarFitConfig(steps=15_000, side_max_px=1024, gaussians_max=90_000)

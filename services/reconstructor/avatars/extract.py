@@ -1,0 +1,231 @@
+"""From the film of a person to an avatar: read, choose a body, fit, measure; resumable."""
+
+import hashlib
+import json
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from readygo.common.arrays import Float32Array, Float64Array
+from readygo.common.avatars import Avatar, load_avatars
+from readygo.common.config import section_to_mapping
+from readygo.common.errors import AvatarError, RunError
+from readygo.services.reconstructor.avatars.body import OVERLAP_MIN, choose_body, overlap_of, swap_sides
+from readygo.services.reconstructor.avatars.config import AvatarFitConfig
+from readygo.services.reconstructor.avatars.export import avatar_of_fit, without_floaters
+from readygo.services.reconstructor.avatars.fit import PersonFit
+from readygo.services.reconstructor.avatars.footage import Footage, read_footage, smooth_poses
+from readygo.services.reconstructor.avatars.views import FilmedPerson, PersonView, read_person, view_at
+from readygo.services.reconstructor.stages import Stages, word_errors
+from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
+from readygo.services.reconstructor.training.interruption import interruption
+from readygo.services.reconstructor.training.photometric import Photometric
+
+GREY = 0.5
+"""Background that photos and drawn people are compared before."""
+FLOATER_M = 0.05
+"""Gaussians that are this far from all others are left out [m]."""
+SWAPPED_GAIN = 0.05
+"""Poses with left and right exchanged fit the masks better by so much: the sides are swapped."""
+_SAVE_EVERY_S, _TELL_EVERY_S = 60.0, 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExtractionProgress:
+    """How far an extraction is."""
+
+    step: int
+    steps: int
+    gaussians: int
+    loss: float
+    seconds: float
+    """Spent so far, those before an interruption included."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HeldOutPerson:
+    """A frame of which the pose alone was found, and what the avatar looks like there."""
+
+    image: str
+    psnr_db: float
+    """Over the pixels of the mask."""
+    ssim: float
+    """Of the cut-out before grey."""
+    photo: Float32Array
+    """The person before grey, shape (3, H, W)."""
+    rendered: Float32Array
+    """The avatar before grey, shape (3, H, W)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Extraction:
+    """What an extraction gives."""
+
+    avatar: Avatar
+    held_out: list[HeldOutPerson]
+    pose_axis_angle: Float64Array
+    """Poses as they were found [rad], shape (F, 24, 3)."""
+    root_m: Float64Array
+    """Pelvises as they were found [m], shape (F, 3)."""
+    joints_m: Float64Array
+    """Joints as they were found, in the film's world [m], shape (F, 24, 3)."""
+    report: dict[str, Any]
+    """Numbers: `psnr_db` and `ssim` (means of the held-out frames, None without any), `gaussians`, `height_m`, `body`,
+    `overlap`, `unseen` (share by part of the body), `frames`, `steps`, `seconds`, `notes`, `settings`."""
+
+
+def extract_avatar(
+    folder: Path,
+    work: Path,
+    config: AvatarFitConfig,
+    tell: Callable[[ExtractionProgress], None],
+    *,
+    name: str,
+    license_text: str,
+    bodies: dict[str, Avatar] | None = None,
+) -> Extraction:
+    """Extract an avatar; an interrupted call resumes with the same arguments, to the same result.
+
+    Args:
+        folder: Film of a person, see `footage`.
+        work: Folder of the checkpoint; it is made once the film is found to be usable.
+        config: How; see `avatar_preset`.
+        tell: Is told about every second how far it is.
+        name: Name of the avatar.
+        license_text: Its license.
+        bodies: Bodies to begin with by name; the embedded avatars by default.
+
+    Raises:
+        ReadygoError: If the film cannot be used, or the fit does not come to a human.
+        KeyboardInterrupt: At Ctrl-C, after the state is saved.
+    """
+    footage = read_footage(folder)
+    person = read_person(footage, config.side_max_px)
+    pose, root = smooth_poses(footage.pose_axis_angle, footage.root_m, config.prior.smooth_frames)
+    body, overlap = choose_body(load_avatars() if bodies is None else bodies, person, pose, root)
+    _check_poses(body, overlap, person, pose, root)
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with Stages(work, lambda _: None).alone(), word_errors(work):
+            fit = PersonFit(body, person, pose, root, config)
+            seconds = _run(fit, work, _identity(footage, config, body), tell)
+        avatar, unseen = avatar_of_fit(fit, body, name, license_text)
+        held_out = [measure_frame(fit, frame, footage.names[frame]) for frame in fit.held]
+    finally:
+        torch.set_num_threads(threads)
+    avatar = without_floaters(avatar, FLOATER_M)
+    report = {
+        "psnr_db": round(float(np.mean([each.psnr_db for each in held_out])), 3) if held_out else None,
+        "ssim": round(float(np.mean([each.ssim for each in held_out])), 4) if held_out else None,
+        "gaussians": len(avatar.cloud),
+        "height_m": avatar.height_m,
+        "body": body.name,
+        "overlap": round(overlap, 3),
+        "unseen": unseen,
+        "frames": len(person),
+        "steps": config.steps,
+        "seconds": round(seconds, 1),
+        "notes": list(person.notes),
+        "settings": section_to_mapping(config),
+    }
+    values = fit.rig.values
+    return Extraction(
+        avatar=avatar,
+        held_out=held_out,
+        pose_axis_angle=values["pose"].copy(),
+        root_m=values["root"].copy(),
+        joints_m=fit.rig.joints(),
+        report=report,
+    )
+
+
+def forget_extraction(work: Path) -> None:
+    """Remove the checkpoint of an extraction whose result is written, and its folder if nothing else lies there."""
+    with Stages(work, lambda _: None).alone():
+        (work / CHECKPOINT_FILE).unlink(missing_ok=True)
+
+
+def measure_frame(fit: PersonFit, frame: int, image: str) -> HeldOutPerson:
+    """Compare the person of a frame with what is drawn there."""
+    view = view_at(fit.person, frame, 1)
+    rendered = fit.draw(frame, view).rendered
+    assert rendered.rgb is not None
+    colours = rendered.rgb.detach().permute(2, 0, 1).numpy()
+    drawn = np.clip(colours + GREY * rendered.transmittance.detach().numpy(), 0.0, 1.0).astype(np.float32)
+    return compare_person(image, view, drawn)
+
+
+def compare_person(image: str, view: PersonView, drawn: Float32Array) -> HeldOutPerson:
+    """A drawn person before grey (3, H, W) beside the filmed one."""
+    photo = (view.rgb * view.mask + GREY * (1.0 - view.mask)).astype(np.float32)
+    inside = view.mask > 0.5
+    error = float(np.mean(np.square((drawn - photo)[:, inside], dtype=np.float64)))
+    drawn = np.ascontiguousarray(drawn)
+    _, ssim, _ = Photometric(*inside.shape)(drawn, photo, 1.0)
+    psnr_db = -10.0 * math.log10(max(error, 1e-12))
+    return HeldOutPerson(image=image, psnr_db=psnr_db, ssim=ssim, photo=photo, rendered=drawn)
+
+
+def _check_poses(body: Avatar, overlap: float, person: FilmedPerson, pose: Float64Array, root: Float64Array) -> None:
+    swapped = overlap_of(body, person, swap_sides(pose), root)
+    if swapped > overlap + SWAPPED_GAIN:
+        raise AvatarError(
+            f"The poses fit the masks better with left and right exchanged ({swapped:.2f} of their union instead of "
+            f"{overlap:.2f}): the sides of the joints are swapped."
+        )
+    if overlap < OVERLAP_MIN:
+        raise AvatarError(
+            f"Poses and masks have {overlap:.2f} of their union in common, at least {OVERLAP_MIN} are needed: look at "
+            "the cameras, the scale, and the order of poses and images."
+        )
+
+
+def _run(fit: PersonFit, work: Path, identity: str, tell: Callable[[ExtractionProgress], None]) -> float:
+    """Fit to the end; the time that it took in all [s]."""
+    spent_s, begin_s = 0.0, time.monotonic()
+    found = load_checkpoint(work, identity)
+    if found is not None:
+        fit.load(int(found[0]["step"]), found[1])
+        spent_s = float(found[0]["seconds"])
+    saved_s = told_s = begin_s
+    with interruption() as interrupted:
+        while fit.step < fit.config.steps:
+            fit.one_step()
+            if not math.isfinite(fit.loss):
+                raise RunError(f"Step {fit.step} gave a number that is not finite; look at the images and poses.")
+            now_s = time.monotonic()
+            if interrupted() or now_s - saved_s > _SAVE_EVERY_S or fit.step == fit.config.steps:
+                numbers = {"step": fit.step, "seconds": spent_s + now_s - begin_s}
+                save_checkpoint(work, identity, numbers, dict(fit.state()))
+                saved_s = now_s
+            if interrupted():
+                raise KeyboardInterrupt
+            if now_s - told_s > _TELL_EVERY_S or fit.step == fit.config.steps:
+                tell(
+                    ExtractionProgress(
+                        step=fit.step,
+                        steps=fit.config.steps,
+                        gaussians=len(fit),
+                        loss=fit.loss,
+                        seconds=spent_s + now_s - begin_s,
+                    )
+                )
+                told_s = now_s
+    return spent_s + time.monotonic() - begin_s
+
+
+def _identity(footage: Footage, config: AvatarFitConfig, body: Avatar) -> str:
+    digest = hashlib.sha256(json.dumps(section_to_mapping(config), sort_keys=True).encode())
+    digest.update(f"{body.name} {body.height_m!r}".encode())
+    for image, mask in zip(footage.images, footage.masks, strict=True):
+        digest.update(f"{image.name} {image.stat().st_size} {mask.stat().st_size}".encode())
+    for array in (footage.K_px, footage.T_world_camera, footage.root_m, footage.pose_axis_angle):
+        digest.update(array.tobytes())
+    return digest.hexdigest()

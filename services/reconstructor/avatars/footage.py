@@ -1,0 +1,287 @@
+"""The film of a person: images, masks, cameras and body poses, in NeuMan's layout or in a plain one.
+
+NeuMan's layout (Jiang et al., NeuMan, 2022, with the poses of HUGS, 2024):
+
+    images/NAME.png
+    segmentations/NAME.png or masks/NAME.png     the person is white
+    sparse/                                      COLMAP model: a camera and an image for each frame
+    4d_humans/smpl_optimized_aligned_scale.npz   global_orient (F, 3), body_pose (F, 69), transl (F, 3), scale (F,),
+                                                 betas (F, 10)
+
+A vertex v of the posed SMPL body lies at scale * v + transl in the model's world, in the order of the images' names.
+
+The plain layout has metres and a world whose z points up:
+
+    images/NAME.png, masks/NAME.png
+    cameras.json                                 a list of cameras as of 3DGS: img_name, width, height, fx, fy, cx, cy,
+                                                 position, rotation
+    poses.npz                                    root_m (F, 3): the pelvis; pose_axis_angle (F, 24, 3), as in `Motion`
+
+Both have pixel centres at +0.5.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from readygo.common.array_files import load_npz
+from readygo.common.arrays import AnyArray, Float64Array, Int64Array
+from readygo.common.avatars.posing import nearest_rotation
+from readygo.common.camera.captured import CapturedViews, load_views, views_text
+from readygo.common.errors import AvatarError, ReadygoError
+from readygo.common.files import write_whole
+from readygo.common.frames import (
+    axis_angle_from_matrix,
+    matrix_from_axis_angle,
+    quat_from_matrix,
+    yup_from_zup,
+    zup_from_yup,
+)
+
+IMAGES, SPARSE, CAMERAS_FILE, POSES_FILE = "images", "sparse", "cameras.json", "poses.npz"
+MASKS = ("segmentations", "masks")
+SMPL_FILE = Path("4d_humans", "smpl_optimized_aligned_scale.npz")
+FRAMES_MIN, FRAMES_MAX = 8, 600
+SMPL_PELVIS_M = np.array([0.0, -0.22, 0.03])
+"""The pelvis of a body of mean shape in SMPL's own frame, whose origin is in the chest [m]; rounded."""
+_BYTES_MAX = 2**26
+_PLAUSIBLE_M = 100.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Footage:
+    """F frames of one person. The world is metric as far as the poses are; its z need not point up."""
+
+    names: tuple[str, ...]
+    """Names of the images."""
+    images: tuple[Path, ...]
+    masks: tuple[Path, ...]
+    sizes_px: Int64Array
+    """Width and height, shape (F, 2)."""
+    K_px: Float64Array
+    """Intrinsics, shape (F, 3, 3)."""
+    T_world_camera: Float64Array
+    """Camera poses [m], OpenCV axes, shape (F, 4, 4)."""
+    root_m: Float64Array
+    """The pelvis in the world [m], shape (F, 3)."""
+    pose_axis_angle: Float64Array
+    """Rotations of the joints [rad] as in `Motion`, shape (F, 24, 3)."""
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+def read_footage(folder: Path) -> Footage:
+    """Read a film of a person in one of the two layouts.
+
+    Raises:
+        AvatarError: If a part is missing, or does not fit the others.
+    """
+    if not folder.is_dir():
+        raise AvatarError(f"{folder} is not a folder; give one with images, masks, cameras and poses of a person.")
+    if (folder / SMPL_FILE).is_file():
+        return _read_neuman(folder)
+    if (folder / POSES_FILE).is_file():
+        return _read_plain(folder)
+    raise AvatarError(
+        f"{folder} has no poses: neither {SMPL_FILE} (NeuMan's layout) nor {POSES_FILE} with {CAMERAS_FILE}; "
+        "`readygo avatar capture` writes an example."
+    )
+
+
+def write_neuman(folder: Path, footage: Footage) -> None:
+    """Write cameras and poses in NeuMan's layout; images and masks lie there already.
+
+    The model's world is the y-up world of SMPL, in metres. The shape (betas) is that of the mean body.
+
+    Raises:
+        AvatarError: If a file cannot be written.
+    """
+    sparse = folder / SPARSE
+    sparse.mkdir(parents=True, exist_ok=True)
+    cameras, images = ["# Cameras: CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]"], ["# Images: two lines each"]
+    for number in range(len(footage)):
+        (width, height), K = footage.sizes_px[number].tolist(), footage.K_px[number]
+        lens = " ".join(repr(float(value)) for value in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
+        cameras.append(f"{number + 1} PINHOLE {width} {height} {lens}")
+        R = yup_from_zup(footage.T_world_camera[number, :3, :3].T).T
+        centre = yup_from_zup(footage.T_world_camera[number, :3, 3])
+        place = [*quat_from_matrix(R.T).tolist(), *(-R.T @ centre).tolist()]
+        words = " ".join(repr(float(value)) for value in place)
+        images += [f"{number + 1} {words} {number + 1} {footage.names[number]}", ""]
+    write_whole(sparse / "cameras.txt", "\n".join(cameras) + "\n", raises=AvatarError)
+    write_whole(sparse / "images.txt", "\n".join(images) + "\n", raises=AvatarError)
+    write_whole(sparse / "points3D.txt", "# No points\n", raises=AvatarError)
+    path = folder / SMPL_FILE
+    path.parent.mkdir(exist_ok=True)
+    pose = footage.pose_axis_angle.astype(np.float32)
+    np.savez(
+        path,
+        allow_pickle=False,
+        global_orient=pose[:, 0],
+        body_pose=pose[:, 1:].reshape(len(pose), 69),
+        transl=(yup_from_zup(footage.root_m) - SMPL_PELVIS_M).astype(np.float32),
+        scale=np.ones(len(pose), dtype=np.float32),
+        betas=np.zeros((len(pose), 10), dtype=np.float32),
+    )
+
+
+def write_plain(folder: Path, footage: Footage) -> None:
+    """Write cameras and poses in the plain layout; images and masks lie there already.
+
+    Raises:
+        AvatarError: If a file cannot be written.
+    """
+    views = CapturedViews(
+        images=footage.names, sizes_px=footage.sizes_px, K_px=footage.K_px, T_world_camera=footage.T_world_camera
+    )
+    write_whole(folder / CAMERAS_FILE, views_text(views), raises=AvatarError)
+    np.savez(
+        folder / POSES_FILE,
+        allow_pickle=False,
+        root_m=footage.root_m.astype(np.float32),
+        pose_axis_angle=footage.pose_axis_angle.astype(np.float32),
+    )
+
+
+def _read_neuman(folder: Path) -> Footage:
+    path = folder / SMPL_FILE
+    arrays = load_npz(
+        path, ("global_orient", "body_pose", "transl", "scale", "betas"), bytes_max=_BYTES_MAX, raises=AvatarError
+    )
+    missing = [key for key in ("global_orient", "body_pose", "transl") if key not in arrays]
+    if missing:
+        raise AvatarError(f"{path} lacks {', '.join(missing)}; it needs SMPL's parameters of every frame.")
+    body = arrays["body_pose"].reshape(len(arrays["body_pose"]), -1)
+    if body.shape[1] != 69:
+        raise AvatarError(
+            f"{path}: body_pose has {body.shape[1]} numbers a frame, SMPL has 69 (23 joints); "
+            "poses of SMPL-X (63) or SMPL-H (63, and hands) must be converted."
+        )
+    views = _colmap_views(folder)
+    count = len(body)
+    orient = _fit_rows(path, "global_orient", arrays["global_orient"], count, 3)
+    transl = _fit_rows(path, "transl", arrays["transl"], count, 3)
+    scales = arrays["scale"].astype(np.float64).reshape(-1) if "scale" in arrays else np.ones(1)
+    scale = float(np.median(scales)) if len(scales) else 0.0
+    if not (np.isfinite(scale) and scale > 0.0):
+        raise AvatarError(f"{path}: scale must be positive, got {scale}.")
+    # What the model calls the y-up world need not stand upright: nothing here depends on it.
+    T = views.T_world_camera.copy()
+    T[:, :3, :3] = zup_from_yup(T[:, :3, :3].swapaxes(1, 2)).swapaxes(1, 2)
+    T[:, :3, 3] = zup_from_yup(T[:, :3, 3] / scale)
+    return _footage(
+        folder,
+        views,
+        T,
+        zup_from_yup(transl / scale + SMPL_PELVIS_M),
+        np.concatenate([orient, body.astype(np.float64)], axis=1).reshape(count, 24, 3),
+        path,
+    )
+
+
+def _read_plain(folder: Path) -> Footage:
+    path = folder / POSES_FILE
+    arrays = load_npz(path, ("root_m", "pose_axis_angle"), bytes_max=_BYTES_MAX, raises=AvatarError)
+    if set(arrays) != {"root_m", "pose_axis_angle"}:
+        raise AvatarError(f"{path} needs root_m (F, 3) and pose_axis_angle (F, 24, 3), it has {sorted(arrays)}.")
+    pose = arrays["pose_axis_angle"].astype(np.float64)
+    if pose.shape[1:] != (24, 3):
+        raise AvatarError(f"{path}: pose_axis_angle must be (F, 24, 3) for the joints of SMPL, got {pose.shape}.")
+    root = _fit_rows(path, "root_m", arrays["root_m"], len(pose), 3)
+    if not (folder / CAMERAS_FILE).is_file():
+        raise AvatarError(f"{folder} has no {CAMERAS_FILE}; it needs a camera for each image.")
+    try:
+        views = load_views(folder / CAMERAS_FILE)
+    except ReadygoError as error:
+        raise AvatarError(str(error).split("; ")[0] + ".") from error
+    order = sorted(range(len(views)), key=lambda number: views.images[number])
+    views = CapturedViews(
+        images=tuple(views.images[number] for number in order),
+        sizes_px=views.sizes_px[order],
+        K_px=views.K_px[order],
+        T_world_camera=views.T_world_camera[order],
+    )
+    return _footage(folder, views, views.T_world_camera, root, pose, path)
+
+
+def _colmap_views(folder: Path) -> CapturedViews:
+    """The cameras of a text or binary COLMAP model."""
+    from readygo.services.reconstructor.poses import colmap
+
+    model = colmap.find_model(folder)
+    if model is None:
+        raise AvatarError(f"{folder} has no COLMAP model in {SPARSE}/ with a camera and a pose for each image.")
+    try:
+        if not colmap.is_pinhole(model):
+            raise AvatarError(f"{model} has cameras with distortion; undistort the images with `colmap` first.")
+        return colmap.pinhole_views(model)
+    except AvatarError:
+        raise
+    except ReadygoError as error:
+        raise AvatarError(f"{model} cannot be read: {error}") from error
+
+
+def _fit_rows(path: Path, key: str, array: AnyArray, count: int, width: int) -> Float64Array:
+    if array.shape != (count, width):
+        raise AvatarError(f"{path}: {key} must have shape ({count}, {width}), a row for each frame, got {array.shape}.")
+    return array.astype(np.float64)
+
+
+def _footage(
+    folder: Path, views: CapturedViews, T: Float64Array, root_m: Float64Array, pose: Float64Array, poses_path: Path
+) -> Footage:
+    """Check that the parts fit each other, and find the files of the images."""
+    count = len(views)
+    if count != len(pose):
+        raise AvatarError(f"{poses_path} has poses of {len(pose)} frames, but {count} images have a camera.")
+    if not FRAMES_MIN <= count <= FRAMES_MAX:
+        raise AvatarError(f"{folder} has {count} frames; an avatar needs {FRAMES_MIN} to {FRAMES_MAX}.")
+    for name, array in (("translations", root_m), ("rotations", pose), ("cameras", T)):
+        if not np.isfinite(array).all() or np.abs(array).max() > _PLAUSIBLE_M:
+            raise AvatarError(f"{poses_path}: {name} hold values that are not finite, or far beyond a room.")
+    kind = next((name for name in MASKS if (folder / name).is_dir()), None)
+    if kind is None:
+        raise AvatarError(f"{folder} has no masks: neither {MASKS[0]}/ nor {MASKS[1]}/.")
+    images = tuple(folder / IMAGES / name for name in views.images)
+    masks = tuple(_mask_path(folder / kind, name) for name in views.images)
+    for what, paths in ((IMAGES, images), (kind, masks)):
+        gone = [path.name for path in paths if not path.is_file()]
+        if gone:
+            raise AvatarError(f"{folder / what} lacks {len(gone)} of {count} files, {gone[0]} among them.")
+    return Footage(
+        names=views.images,
+        images=images,
+        masks=masks,
+        sizes_px=views.sizes_px,
+        K_px=views.K_px,
+        T_world_camera=T,
+        root_m=root_m,
+        pose_axis_angle=pose,
+    )
+
+
+def _mask_path(folder: Path, name: str) -> Path:
+    """NAME.png for NAME.jpg, or COLMAP's NAME.jpg.png where that is the file."""
+    colmap_name = folder / f"{name}.png"
+    return colmap_name if colmap_name.is_file() else folder / f"{Path(name).stem}.png"
+
+
+def smooth_poses(pose_axis_angle: Float64Array, root_m: Float64Array, half: int) -> tuple[Float64Array, Float64Array]:
+    """Poses and roots after a fit of parabolas over 2 half + 1 frames; rotations by their matrices.
+
+    Source: Savitzky & Golay, Smoothing and differentiation of data by simplified least squares procedures, 1964.
+    """
+    count = len(root_m)
+    if half == 0 or count < 2 * half + 1:
+        return pose_axis_angle, root_m
+    rows = np.concatenate([matrix_from_axis_angle(pose_axis_angle).reshape(count, -1), root_m], axis=1)
+    smooth = np.empty_like(rows)
+    for frame in range(count):
+        first = min(max(frame - half, 0), count - 2 * half - 1)
+        times = np.arange(first, first + 2 * half + 1) - frame
+        design = np.stack([np.ones_like(times), times, times**2], axis=1).astype(np.float64)
+        smooth[frame] = (np.linalg.pinv(design) @ rows[first : first + 2 * half + 1])[0]
+    R = nearest_rotation(smooth[:, :-3].reshape(count, 24, 3, 3))
+    return axis_angle_from_matrix(R), smooth[:, -3:]

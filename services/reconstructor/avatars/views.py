@@ -1,0 +1,196 @@
+"""The frames of a film as the fit sees them: cut out around the person, at some size, with checks of the masks."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
+from readygo.common.errors import AvatarError
+from readygo.common.images.encoded import read_pixels
+from readygo.services.reconstructor.avatars.footage import Footage
+
+MARGIN_SHARE = 0.06
+"""What is kept around the person's box, in sides of the box; the person may be a bit beyond the mask."""
+_MARGIN_PX = 12
+_PERSON_MIN_PX, _PERSON_MIN_SIDE_PX = 200, 40
+"""Pixels of a mask, and its longer side, below which there is too little to see."""
+_SECOND_SHARE, _SECOND_FRAMES = 0.3, 0.2
+"""Another piece of a mask of this share of the largest one is another person, if it is in so many frames."""
+_CUT_FRAMES = 0.5
+_EMPTY_FRAMES = 0.1
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PersonView:
+    """One frame, cut out."""
+
+    rgb: Float32Array
+    """Colours in 0..1, shape (3, H, W)."""
+    mask: Float32Array
+    """Share of each pixel that the person covers, shape (H, W)."""
+    inner: Float32Array
+    """1 where a pixel is not at the mask's border, where colours are mixed, shape (H, W)."""
+    K_px: Float64Array
+    T_world_camera: Float64Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FilmedPerson:
+    """All frames at their whole size, cut out around the person, and what was noticed of them."""
+
+    rgb: tuple[UInt8Array, ...]
+    mask: tuple[BoolArray, ...]
+    K_px: Float64Array
+    """Intrinsics of the cut-outs, shape (F, 3, 3)."""
+    T_world_camera: Float64Array
+    notes: tuple[str, ...]
+    """Hints for the user."""
+
+    def __len__(self) -> int:
+        return len(self.rgb)
+
+
+def read_person(footage: Footage, side_max_px: int) -> FilmedPerson:
+    """Read images and masks of a film.
+
+    Args:
+        footage: The film.
+        side_max_px: Larger images are made smaller.
+
+    Raises:
+        AvatarError: If an image or mask cannot be read, does not fit the other, or shows no one or two people.
+    """
+    masks = [_read(path, "mask").max(axis=2) > 127 for path in footage.masks]
+    if np.mean([_border(mask) for mask in masks]) > 0.5:
+        # In some data sets the person is black.
+        masks = [~mask for mask in masks]
+    for number, mask in enumerate(masks):
+        width, height = footage.sizes_px[number].tolist()
+        if mask.shape != (height, width):
+            raise AvatarError(
+                f"{footage.masks[number]} has {mask.shape[1]}x{mask.shape[0]} px, its image {width}x{height} px."
+            )
+    notes = _check_masks(footage, masks)
+    rgb, cut, K = [], [], footage.K_px.copy()
+    for number, mask in enumerate(masks):
+        # One at a time: a hundred photos of a telephone do not fit into memory.
+        image = _read(footage.images[number], "image")
+        if image.shape[:2] != mask.shape:
+            width, height = footage.sizes_px[number].tolist()
+            raise AvatarError(
+                f"{footage.images[number]} has {image.shape[1]}x{image.shape[0]} px, its camera {width}x{height} px."
+            )
+        top, left, bottom, right = _box(mask)
+        K[number, :2, 2] -= (left, top)
+        rgb.append(image[top:bottom, left:right].copy())
+        cut.append(mask[top:bottom, left:right])
+    shrink = min(1.0, side_max_px / int(footage.sizes_px.max()))
+    whole = FilmedPerson(
+        rgb=tuple(rgb), mask=tuple(cut), K_px=K, T_world_camera=footage.T_world_camera, notes=tuple(notes)
+    )
+    return whole if shrink == 1.0 else _shrink(whole, shrink)
+
+
+def view_at(person: FilmedPerson, number: int, fraction: int) -> PersonView:
+    """A frame at a fraction of its size."""
+    rgb, mask = person.rgb[number], person.mask[number].astype(np.float32)
+    height, width = max(8, round(rgb.shape[0] / fraction)), max(8, round(rgb.shape[1] / fraction))
+    K = person.K_px[number].copy()
+    K[0] *= width / rgb.shape[1]
+    K[1] *= height / rgb.shape[0]
+    if fraction > 1:
+        rgb = np.asarray(cv2.resize(rgb, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+        mask = np.asarray(cv2.resize(mask, (width, height), interpolation=cv2.INTER_AREA), dtype=np.float32)
+    kernel = np.ones((3, 3), dtype=np.uint8)
+    inner = cv2.erode((mask > 0.999).astype(np.uint8), kernel) + (
+        1 - cv2.dilate((mask > 0.001).astype(np.uint8), kernel)
+    )
+    return PersonView(
+        rgb=np.ascontiguousarray(rgb.transpose(2, 0, 1)).astype(np.float32) / np.float32(255),
+        mask=mask,
+        inner=inner.astype(np.float32),
+        K_px=K,
+        T_world_camera=person.T_world_camera[number],
+    )
+
+
+def _read(path: Path, what: str) -> UInt8Array:
+    pixels = read_pixels(path, cv2.IMREAD_COLOR)
+    if pixels is None:
+        raise AvatarError(f"{path} cannot be read as {'an' if what == 'image' else 'a'} {what}.")
+    return np.ascontiguousarray(pixels[:, :, ::-1])
+
+
+def _border(mask: BoolArray) -> float:
+    return float(np.mean(np.concatenate([mask[0], mask[-1], mask[:, 0], mask[:, -1]])))
+
+
+def _box(mask: BoolArray) -> tuple[int, int, int, int]:
+    """Top, left, bottom, right of the person with a margin; the whole image without one."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if len(rows) == 0:
+        return 0, 0, mask.shape[0], mask.shape[1]
+    margin = _MARGIN_PX + round(MARGIN_SHARE * max(rows[-1] - rows[0], columns[-1] - columns[0]))
+    return (
+        max(int(rows[0]) - margin, 0),
+        max(int(columns[0]) - margin, 0),
+        min(int(rows[-1]) + margin + 1, mask.shape[0]),
+        min(int(columns[-1]) + margin + 1, mask.shape[1]),
+    )
+
+
+def _check_masks(footage: Footage, masks: list[BoolArray]) -> list[str]:
+    """Refuse masks that show no one, too little, or two people; hints about what is cut off."""
+    count = len(masks)
+    empty = [number for number, mask in enumerate(masks) if mask.sum() < _PERSON_MIN_PX]
+    if len(empty) > _EMPTY_FRAMES * count:
+        raise AvatarError(
+            f"{len(empty)} of {count} masks are empty or show less than {_PERSON_MIN_PX} px of a person, "
+            f"{footage.masks[empty[0]].name} among them; the person must be white."
+        )
+    if empty:
+        raise AvatarError(
+            f"The mask {footage.masks[empty[0]]} shows no one; leave out such frames ({len(empty)} of {count})."
+        )
+    sides = [max(np.ptp(np.flatnonzero(mask.any(axis=1))), np.ptp(np.flatnonzero(mask.any(axis=0)))) for mask in masks]
+    if float(np.median(sides)) < _PERSON_MIN_SIDE_PX:
+        raise AvatarError(
+            f"The person is {int(np.median(sides))} px tall in the median, too little to see; record from nearer."
+        )
+    two = [number for number, mask in enumerate(masks) if _second_share(mask) > _SECOND_SHARE]
+    if len(two) > _SECOND_FRAMES * count:
+        raise AvatarError(
+            f"{len(two)} of {count} masks show two people, {footage.masks[two[0]].name} among them; "
+            "an avatar is of one: leave the other out of the masks."
+        )
+    cut = sum(bool(mask[-1].any()) for mask in masks)
+    if cut > _CUT_FRAMES * count:
+        raise AvatarError(
+            f"The person is cut off at the bottom in {cut} of {count} frames: without feet no one can walk; "
+            "record the whole person."
+        )
+    return [f"the person is cut off at the bottom in {cut} of {count} frames."] if cut else []
+
+
+def _second_share(mask: BoolArray) -> float:
+    """Size of the second largest piece of a mask relative to the largest."""
+    _, _, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    areas = np.sort(stats[1:, cv2.CC_STAT_AREA])
+    return float(areas[-2] / areas[-1]) if len(areas) > 1 else 0.0
+
+
+def _shrink(person: FilmedPerson, factor: float) -> FilmedPerson:
+    rgb, masks, K = [], [], person.K_px.copy()
+    for number in range(len(person)):
+        height, width = person.mask[number].shape
+        size = max(8, round(width * factor)), max(8, round(height * factor))
+        K[number, 0] *= size[0] / width
+        K[number, 1] *= size[1] / height
+        rgb.append(np.asarray(cv2.resize(person.rgb[number], size, interpolation=cv2.INTER_AREA), dtype=np.uint8))
+        small = cv2.resize(person.mask[number].astype(np.float32), size, interpolation=cv2.INTER_AREA)
+        masks.append(np.asarray(small > 0.5))
+    return FilmedPerson(
+        rgb=tuple(rgb), mask=tuple(masks), K_px=K, T_world_camera=person.T_world_camera, notes=person.notes
+    )

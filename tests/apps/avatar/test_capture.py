@@ -1,0 +1,83 @@
+"""Simulated films of avatars: the same from the same seed, with the truth and disturbed poses beside it."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from readygo.apps.avatar.capture import AvatarCaptureConfig, capture_avatar, disturb_poses, film_motion
+from readygo.common.avatars import Avatar, joint_positions, load_avatars
+from readygo.common.errors import AvatarError, ConfigError
+from readygo.common.frames import axis_angle_from_matrix, matrix_from_axis_angle
+from readygo.services.reconstructor.avatars.footage import read_footage
+
+CONFIG = AvatarCaptureConfig(frames=8, width_px=64, height_px=64)
+
+
+@pytest.fixture(scope="module")
+def person() -> Avatar:
+    body = load_avatars()["amara"]
+    rows = np.arange(0, len(body.cloud), 30)
+    cloud = body.cloud.select(rows)
+    cloud = dataclasses.replace(cloud, scales_m=cloud.scales_m * np.float32(5.0))
+    return dataclasses.replace(body, cloud=cloud, lbs_index=body.lbs_index[rows], lbs_weight=body.lbs_weight[rows])
+
+
+def test_film_has_the_person_in_image_and_mask(person: Avatar, tmp_path: Path) -> None:
+    done: list[int] = []
+    capture_avatar(person, tmp_path / "film", CONFIG, done.append)
+    assert done == list(range(1, 9))
+    truth = np.load(tmp_path / "film" / "truth.npz")
+    footage = read_footage(tmp_path / "film")
+    np.testing.assert_allclose(footage.T_world_camera, truth["T_world_camera"], atol=1e-6)
+    for number, (path, joints) in enumerate(zip(footage.masks, truth["joints_m"], strict=True)):
+        mask = cv2.imread(str(path))[:, :, 0]
+        assert set(np.unique(mask)) == {0, 255}
+        T, K = footage.T_world_camera[number], footage.K_px[number]
+        p = (joints[[0, 3, 6]] - T[:3, 3]) @ T[:3, :3]
+        u, v = (K[0, 0] * p[:, 0] / p[:, 2] + K[0, 2]), (K[1, 1] * p[:, 1] / p[:, 2] + K[1, 2])
+        assert (mask[v.astype(int), u.astype(int)] == 255).all()
+    facts = json.loads((tmp_path / "film" / "truth.json").read_text())
+    assert facts["frames"] == 8
+    with pytest.raises(AvatarError, match="is there already"):
+        capture_avatar(person, tmp_path / "film", CONFIG, done.append)
+
+
+def test_same_seed_gives_the_same_film(person: Avatar, tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        capture_avatar(person, tmp_path / name, CONFIG, lambda _: None)
+    files = sorted(path.relative_to(tmp_path / "one") for path in (tmp_path / "one").rglob("*.png"))
+    assert len(files) == 16
+    assert all((tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes() for file in files)
+    films = [read_footage(tmp_path / name) for name in ("one", "two")]
+    np.testing.assert_array_equal(films[0].pose_axis_angle, films[1].pose_axis_angle)
+
+
+def test_noise_has_the_asked_size(person: Avatar) -> None:
+    config = AvatarCaptureConfig(motion="turn", frames=100, pose_noise_deg=3.0, pose_noise_m=0.02)
+    motion = film_motion(person, config)
+    pose, root = disturb_poses(motion, config, np.random.default_rng(0))
+    R = np.swapaxes(matrix_from_axis_angle(motion.pose_axis_angle), -1, -2) @ matrix_from_axis_angle(pose)
+    assert np.degrees(axis_angle_from_matrix(R)).std() == pytest.approx(3.0, rel=0.05)
+    assert (root - motion.root_m).std() == pytest.approx(0.02, rel=0.1)
+
+
+def test_turning_shows_all_sides_with_feet_on_the_floor(person: Avatar) -> None:
+    motion = film_motion(person, AvatarCaptureConfig(motion="turn", frames=40))
+    facing = matrix_from_axis_angle(motion.pose_axis_angle[:, 0])[:, :, 2]
+    yaw = np.unwrap(np.arctan2(facing[:, 0], facing[:, 2]))
+    assert abs(yaw[-1] - yaw[0]) == pytest.approx(2 * np.pi * 39 / 40, abs=0.02)
+    ankles = joint_positions(person, motion)[:, [7, 8], 2]
+    assert np.abs(ankles.min(axis=1) - person.joints_tpose_m[7, 1]).max() < 0.01
+
+
+def test_impossible_films_are_refused() -> None:
+    with pytest.raises(ConfigError, match="--frames must lie in"):
+        AvatarCaptureConfig(frames=3)
+    with pytest.raises(ConfigError, match="--size must lie in"):
+        AvatarCaptureConfig(width_px=16)
+    with pytest.raises(ConfigError, match="--pose-noise-deg"):
+        AvatarCaptureConfig(pose_noise_deg=90.0)

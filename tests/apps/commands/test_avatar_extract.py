@@ -1,0 +1,56 @@
+"""From a film to a file by the command, and one line for what cannot be used."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from readygo.apps.avatar.capture import AvatarCaptureConfig, capture_avatar
+from readygo.apps.cli import run_command
+from readygo.commands import COMMANDS
+from readygo.common.avatars import load_avatar, load_avatars
+
+
+@pytest.fixture(scope="module")
+def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("film") / "film"
+    config = AvatarCaptureConfig(motion="turn", frames=8, width_px=96, height_px=96, pose_noise_deg=1.0)
+    capture_avatar(load_avatars()["hana"], folder, config, lambda _: None)
+    return folder
+
+
+def test_avatar_report_and_poses_are_written(
+    film: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "readygo.services.reconstructor.avatars.extract.load_avatars", lambda: {"hana": load_avatars()["hana"]}
+    )
+    monkeypatch.setattr("readygo.apps.avatar.extracted.contact_sheet", lambda _: np.zeros((4, 4, 3), np.uint8))
+    monkeypatch.setattr("readygo.apps.avatar.extracted.turntable", lambda *_: np.zeros((4, 4, 3), np.uint8))
+    out = tmp_path / "person.npz"
+    run_command(COMMANDS, ["avatar", "extract", str(film), "--out", str(out), "--steps", "10", "--json"])
+    report = json.loads(capsys.readouterr().out)
+    assert report["steps"] == 10
+    assert load_avatar(out).name == "person"
+    assert {path.name for path in tmp_path.iterdir()} == {"person.npz", "person.html", "person.poses.npz"}
+    assert np.load(tmp_path / "person.poses.npz")["joints_m"].shape == (8, 24, 3)
+
+
+@pytest.mark.parametrize(
+    ("argv", "words"),
+    [
+        (["nowhere", "--out", "person.npz"], "is not a folder"),
+        ([".", "--out", "person.npz"], "has no poses"),
+        ([".", "--out", "person.ply"], "must end in .npz"),
+    ],
+)
+def test_mistakes_end_in_one_line(
+    argv: list[str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as stop:
+        run_command(COMMANDS, ["avatar", "extract", *argv])
+    assert stop.value.code == 2
+    assert words in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,34 @@
+"""The body with the most similar silhouettes is chosen, at the person's size."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from readygo.common.avatars import Avatar
+from readygo.services.reconstructor.avatars.body import choose_body, overlap_of, scale_body, swap_sides
+from readygo.services.reconstructor.avatars.footage import read_footage
+from readygo.services.reconstructor.avatars.views import read_person
+
+
+def test_true_body_is_chosen_and_scaled_back(plain_film: Path, coarse_body: Avatar) -> None:
+    footage = read_footage(plain_film)
+    person = read_person(footage, 96)
+    wide = dataclasses.replace(
+        coarse_body, cloud=dataclasses.replace(coarse_body.cloud, scales_m=5.0 * coarse_body.cloud.scales_m)
+    )
+    bodies = {"small": scale_body(coarse_body, 0.85), "wide": wide}
+    body, overlap = choose_body(bodies, person, footage.pose_axis_angle, footage.root_m)
+    assert body.height_m == pytest.approx(coarse_body.height_m, rel=0.1)
+    assert body.cloud.scales_m.max() < 2.0 * coarse_body.cloud.scales_m.max()
+    assert overlap > 0.7
+
+
+def test_swapped_sides_fit_worse(plain_film: Path, coarse_body: Avatar) -> None:
+    footage = read_footage(plain_film)
+    person = read_person(footage, 96)
+    swapped = swap_sides(footage.pose_axis_angle)
+    np.testing.assert_array_equal(swap_sides(swapped), footage.pose_axis_angle)
+    overlaps = [overlap_of(coarse_body, person, pose, footage.root_m) for pose in (footage.pose_axis_angle, swapped)]
+    assert overlaps[0] > overlaps[1] + 0.1

@@ -1,0 +1,74 @@
+"""A fit makes the drawn person more like the filmed one, and repeats itself from a checkpoint."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from readygo.common.avatars import Avatar
+from readygo.services.reconstructor.avatars import fit as fit_module
+from readygo.services.reconstructor.avatars.config import AvatarFitConfig
+from readygo.services.reconstructor.avatars.fit import PersonFit, fraction_at
+from readygo.services.reconstructor.avatars.footage import read_footage
+from readygo.services.reconstructor.avatars.views import read_person
+
+CONFIG = AvatarFitConfig(steps=60, hold_out=4, gaussians_max=2000)
+
+
+def _fit(film: Path, body: Avatar) -> PersonFit:
+    footage = read_footage(film)
+    return PersonFit(body, read_person(footage, 96), footage.pose_axis_angle, footage.root_m, CONFIG)
+
+
+def test_loss_falls_and_resuming_changes_nothing(
+    plain_film: Path, coarse_body: Avatar, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fit_module, "_CHANGE_EVERY", 10)
+    whole, losses = _fit(plain_film, coarse_body), []
+    state = {}
+    for step in range(CONFIG.steps):
+        if step == 31:
+            state = {name: array.copy() for name, array in whole.state().items()}
+        whole.one_step()
+        losses.append(whole.loss)
+    assert np.mean(losses[-12:]) < 0.8 * np.mean(losses[:12])
+    resumed = _fit(plain_film, coarse_body)
+    resumed.load(31, state)
+    while resumed.step < CONFIG.steps:
+        resumed.one_step()
+    for name, array in whole.state().items():
+        np.testing.assert_array_equal(array, resumed.state()[name], err_msg=name)
+    assert whole.seen().mean() > 0.3
+
+
+def test_held_out_frames_change_poses_alone(plain_film: Path, coarse_body: Avatar) -> None:
+    fit = _fit(plain_film, coarse_body)
+    assert fit.held == (0, 4, 8)
+    before = {name: array.copy() for name, array in fit.state().items()}
+    for _ in range(12):
+        changed = {name for name, array in fit.state().items() if not np.array_equal(array, before[name])}
+        lengths = fit.rig.values["bones"].copy()
+        poses = fit.rig.values["pose"].copy()
+        colours = fit.bound.gaussians.values["sh"].copy()
+        fit.one_step()
+        frame = int(np.flatnonzero((fit.rig.values["pose"] != poses).any(axis=(1, 2)))[0])
+        same = np.array_equal(fit.bound.gaussians.values["sh"], colours)
+        assert same == (frame in fit.held)
+        assert np.array_equal(fit.rig.values["bones"], lengths) == (frame in fit.held)
+    assert changed
+
+
+def test_joints_leave_their_bones_if_asked(plain_film: Path, coarse_body: Avatar) -> None:
+    for offsets in (False, True):
+        footage = read_footage(plain_film)
+        config = replace(CONFIG, offsets=offsets)
+        fit = PersonFit(coarse_body, read_person(footage, 96), footage.pose_axis_angle, footage.root_m, config)
+        for _ in range(3):
+            fit.one_step()
+        assert bool(fit.rig.values["offsets"].any()) == offsets
+
+
+def test_images_grow() -> None:
+    assert fraction_at(0.0) == 2
+    assert fraction_at(0.99) == 1

@@ -1,0 +1,95 @@
+"""Films of people are read in both layouts, and refused in words."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from readygo.common.errors import AvatarError
+from readygo.common.frames import matrix_from_axis_angle
+from readygo.services.reconstructor.avatars.footage import SMPL_FILE, read_footage, smooth_poses
+
+
+def test_both_layouts_say_the_same(neuman_film: Path, plain_film: Path) -> None:
+    first, second = read_footage(neuman_film), read_footage(plain_film)
+    assert first.names == second.names
+    np.testing.assert_allclose(first.T_world_camera, second.T_world_camera, atol=1e-6)
+    np.testing.assert_allclose(first.K_px, second.K_px, atol=1e-9)
+    np.testing.assert_allclose(first.root_m, second.root_m, atol=1e-5)
+    np.testing.assert_allclose(first.pose_axis_angle, second.pose_axis_angle, atol=1e-6)
+
+
+def test_scale_of_the_model_makes_metres(neuman_film: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(neuman_film, tmp_path / "scaled"))
+    before = read_footage(folder)
+    path = folder / SMPL_FILE
+    arrays = dict(np.load(path))
+    arrays["scale"], arrays["transl"] = 2.0 * arrays["scale"], 2.0 * arrays["transl"]
+    np.savez(path, **arrays)
+    lines = (folder / "sparse" / "images.txt").read_text().splitlines()
+    scaled = [lines[0]]
+    for line in lines[1:]:
+        words = line.split()
+        words[5:8] = [repr(2.0 * float(word)) for word in words[5:8]]
+        scaled.append(" ".join(words))
+    (folder / "sparse" / "images.txt").write_text("\n".join(scaled) + "\n")
+    after = read_footage(folder)
+    np.testing.assert_allclose(after.root_m, before.root_m, atol=1e-5)
+    np.testing.assert_allclose(after.T_world_camera, before.T_world_camera, atol=1e-6)
+
+
+def test_missing_parts_are_named(own_film: Path, tmp_path: Path) -> None:
+    with pytest.raises(AvatarError, match="is not a folder"):
+        read_footage(tmp_path / "nowhere")
+    (own_film / "images" / "00003.png").unlink()
+    with pytest.raises(AvatarError, match=r"images lacks 1 of 12 files, 00003\.png"):
+        read_footage(own_film)
+    shutil.rmtree(own_film / "masks")
+    with pytest.raises(AvatarError, match="has no masks"):
+        read_footage(own_film)
+    (own_film / "cameras.json").unlink()
+    with pytest.raises(AvatarError, match=r"has no cameras\.json"):
+        read_footage(own_film)
+    (own_film / "poses.npz").unlink()
+    with pytest.raises(AvatarError, match="has no poses"):
+        read_footage(own_film)
+
+
+def test_other_counts_and_models_are_refused(own_film: Path, neuman_film: Path, tmp_path: Path) -> None:
+    poses = dict(np.load(own_film / "poses.npz"))
+    np.savez(own_film / "poses.npz", root_m=poses["root_m"][:-1], pose_axis_angle=poses["pose_axis_angle"][:-1])
+    with pytest.raises(AvatarError, match="poses of 11 frames, but 12 images"):
+        read_footage(own_film)
+    np.savez(own_film / "poses.npz", root_m=poses["root_m"], pose_axis_angle=poses["pose_axis_angle"][:, :22])
+    with pytest.raises(AvatarError, match=r"must be \(F, 24, 3\)"):
+        read_footage(own_film)
+    folder = Path(shutil.copytree(neuman_film, tmp_path / "smplx"))
+    arrays = dict(np.load(folder / SMPL_FILE))
+    arrays["body_pose"] = arrays["body_pose"][:, :63]
+    np.savez(folder / SMPL_FILE, **arrays)
+    with pytest.raises(AvatarError, match="SMPL-X"):
+        read_footage(folder)
+
+
+def test_numbers_that_are_not_finite_are_refused(own_film: Path) -> None:
+    poses = dict(np.load(own_film / "poses.npz"))
+    poses["root_m"][2] = np.nan
+    np.savez(own_film / "poses.npz", **poses)
+    with pytest.raises(AvatarError, match="not finite"):
+        read_footage(own_film)
+
+
+def test_smoothing_keeps_steady_motion_and_removes_noise() -> None:
+    count, rng = 30, np.random.default_rng(0)
+    pose = np.zeros((count, 24, 3))
+    pose[:, 4, 0] = 0.02 * np.arange(count)
+    root = np.stack([0.06 * np.arange(count), np.zeros(count), np.full(count, 0.9)], axis=1)
+    same_pose, same_root = smooth_poses(pose, root, 3)
+    np.testing.assert_allclose(same_pose, pose, atol=2e-3)
+    np.testing.assert_allclose(same_root, root, atol=1e-9)
+    noisy = pose + 0.05 * rng.standard_normal(pose.shape)
+    smooth, _ = smooth_poses(noisy, root, 3)
+    errors = [np.linalg.norm(matrix_from_axis_angle(each) - matrix_from_axis_angle(pose)) for each in (noisy, smooth)]
+    assert errors[1] < 0.75 * errors[0]
+    assert smooth_poses(noisy, root, 0)[0] is noisy

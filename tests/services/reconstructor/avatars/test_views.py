@@ -1,0 +1,92 @@
+"""Frames are cut out around the person; masks without exactly one whole person are refused."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from readygo.common.errors import AvatarError
+from readygo.services.reconstructor.avatars.footage import read_footage
+from readygo.services.reconstructor.avatars.views import read_person, view_at
+
+
+def _repaint(folder: Path, change: "np.ufunc | object") -> None:
+    for path in sorted((folder / "masks").iterdir()):
+        cv2.imwrite(str(path), change(cv2.imread(str(path))))  # type: ignore[operator]
+
+
+def test_cut_out_has_the_person_and_its_camera(plain_film: Path) -> None:
+    footage = read_footage(plain_film)
+    person = read_person(footage, 512)
+    view = view_at(person, 0, 1)
+    assert view.rgb.shape == (3, *view.mask.shape)
+    assert view.mask.shape[1] < 96
+    whole = cv2.imread(str(footage.masks[0]))[:, :, 0] > 127
+    assert view.mask.sum() == whole.sum()
+    left, top = footage.K_px[0, :2, 2] - view.K_px[:2, 2]
+    rows, columns = np.nonzero(whole)
+    inside = np.nonzero(view.mask)
+    assert (inside[0] + int(top) == rows).all()
+    assert (inside[1] + int(left) == columns).all()
+    half = view_at(person, 0, 2)
+    assert half.K_px[0, 0] == pytest.approx(0.5 * view.K_px[0, 0], rel=0.03)
+    assert half.mask.mean() == pytest.approx(view.mask.mean(), rel=0.03)
+    assert not half.inner[(half.mask > 0.1) & (half.mask < 0.9)].any()
+
+
+def test_large_images_are_made_smaller(plain_film: Path) -> None:
+    footage = read_footage(plain_film)
+    small, large = (view_at(read_person(footage, side), 0, 1) for side in (48, 96))
+    assert small.mask.shape[0] == pytest.approx(0.5 * large.mask.shape[0], abs=1)
+    assert small.K_px[0, 0] == pytest.approx(0.5 * large.K_px[0, 0], rel=0.03)
+
+
+def test_masks_with_a_black_person_are_read_alike(own_film: Path) -> None:
+    before = read_person(read_footage(own_film), 512)
+    _repaint(own_film, lambda mask: 255 - mask)
+    after = read_person(read_footage(own_film), 512)
+    assert all((one == other).all() for one, other in zip(before.mask, after.mask, strict=True))
+
+
+def test_masks_without_one_whole_person_are_refused(own_film: Path) -> None:
+    footage = read_footage(own_film)
+
+    def two(mask: np.ndarray) -> np.ndarray:
+        both = np.zeros_like(mask)
+        both[:, :48] = np.roll(mask, -24, axis=1)[:, :48]
+        return both | both[:, ::-1]
+
+    original = {path: cv2.imread(str(path)) for path in footage.masks}
+    cases = [
+        (lambda mask: 0 * mask, "masks are empty"),
+        (two, "show two people"),
+        (lambda mask: np.roll(mask, 40, axis=0) * (np.arange(96) >= 30)[:, None, None], "without feet"),
+        (lambda mask: mask[:80], "its image 96x96 px"),
+        (lambda mask: cv2.resize(cv2.resize(mask, (20, 20)), (96, 96)) * 0 + _small(mask), "too little to see"),
+    ]
+    for change, words in cases:
+        for path, mask in original.items():
+            cv2.imwrite(str(path), np.asarray(change(mask), dtype=np.uint8))
+        with pytest.raises(AvatarError, match=words):
+            read_person(footage, 512)
+
+
+def test_single_empty_mask_is_named(own_film: Path) -> None:
+    footage = read_footage(own_film)
+    cv2.imwrite(str(footage.masks[4]), np.zeros((96, 96, 3), np.uint8))
+    with pytest.raises(AvatarError, match=r"00004\.png shows no one"):
+        read_person(footage, 512)
+
+
+def test_broken_image_is_named(own_film: Path) -> None:
+    footage = read_footage(own_film)
+    footage.images[1].write_bytes(b"no image")
+    with pytest.raises(AvatarError, match=r"00001\.png cannot be read as an image"):
+        read_person(footage, 512)
+
+
+def _small(mask: np.ndarray) -> np.ndarray:
+    out = np.zeros_like(mask)
+    out[30:50, 30:50] = 255
+    return out
