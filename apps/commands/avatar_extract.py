@@ -86,10 +86,11 @@ def _extract(options: AvatarExtractOptions, config: AvatarFitConfig, work: Path)
         raise ConfigError(f"Avatars from videos need torch; run: {install_command('reconstruct')}") from error
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
     with SteadyProgress(*columns, transient=True) as progress:
-        task = progress.add_task("reading images and masks", total=config.steps)
 
         def tell(at: ExtractionProgress) -> None:
             words = f"step {at.step} of {at.steps}, {at.gaussians:,} Gaussians, loss {at.loss:.4f}, {at.seconds:.0f} s"
+            # The bar appears with the first step: what is wrong with the footage is said in one line, without it.
+            task = progress.task_ids[0] if progress.task_ids else progress.add_task(words, total=at.steps)
             progress.update(task, completed=at.step, description=words)
 
         try:

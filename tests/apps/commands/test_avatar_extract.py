@@ -52,5 +52,7 @@ def test_mistakes_end_in_one_line(
     with pytest.raises(SystemExit) as stop:
         run_command(COMMANDS, ["avatar", "extract", *argv])
     assert stop.value.code == 2
-    assert words in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert words in said
+    assert said.count("\n") == 1
     assert not list(tmp_path.iterdir())
