@@ -21,7 +21,7 @@ from readygo.services.animator import skeleton_of, walk
 SPEED_MPS, TURN_M = 0.9, 0.4
 """Pace of people, and radius of the half circles [m]."""
 LENGTHS_M = (3.0, 2.0, 1.2, 0.6, 0.0)
-"""Lengths of a lane's straight sides; longer ones are tried first [m]."""
+"""Lengths of a lane's straight sides [m]; longer ones are tried first, and given up where they leave no room."""
 CAMERA_M, APART_M = 0.8, 0.7
 """Least distance of a person from the camera, and from other people [m]."""
 RATE_HZ = 20
@@ -52,14 +52,15 @@ def plan_people(
         SceneError: If there is no room for so many.
     """
     taken: list[Float64Array] = []
-    for number in range(count):
-        xy_m = _free_walk(ground, camera_xy_m, taken, rng)
-        if xy_m is None:
-            raise SceneError(
-                f"There is room for {number} of {count} people beside the camera: film a larger --radius, or "
-                "take fewer --people."
-            )
-        taken.append(xy_m)
+    for first in range(len(LENGTHS_M)):
+        taken = max(taken, _free_walks(ground, camera_xy_m, count, LENGTHS_M[first:], rng), key=len)
+        if len(taken) == count:
+            break
+    else:
+        raise SceneError(
+            f"There is room for {len(taken)} of {count} people beside the camera: film a larger --radius, or "
+            "take fewer --people."
+        )
     names = sorted(avatars)
     motions = []
     for number, xy_m in enumerate(taken):
@@ -81,13 +82,31 @@ def lane(centre_m: Float64Array, yaw_rad: float, length_m: float) -> Float64Arra
     return path
 
 
+def _free_walks(
+    ground: WalkableGround,
+    camera_xy_m: Float64Array,
+    count: int,
+    lengths_m: Sequence[float],
+    rng: np.random.Generator,
+) -> list[Float64Array]:
+    """Where people are over time, shape (T, 2) each [m], of as many as there is room for beside those before them."""
+    taken: list[Float64Array] = []
+    while len(taken) < count and (xy_m := _free_walk(ground, camera_xy_m, taken, lengths_m, rng)) is not None:
+        taken.append(xy_m)
+    return taken
+
+
 def _free_walk(
-    ground: WalkableGround, camera_xy_m: Float64Array, taken: Sequence[Float64Array], rng: np.random.Generator
+    ground: WalkableGround,
+    camera_xy_m: Float64Array,
+    taken: Sequence[Float64Array],
+    lengths_m: Sequence[float],
+    rng: np.random.Generator,
 ) -> Float64Array | None:
     """Where a person is over time on the longest lane that is found, shape (T, 2) [m]; None without any."""
     spots = ground.centres_m
     gone_m = SPEED_MPS / RATE_HZ * np.arange(len(camera_xy_m), dtype=np.float64)
-    for length_m in LENGTHS_M:
+    for length_m in lengths_m:
         for _ in range(_TRIES):
             path = lane(spots[rng.integers(len(spots))], float(rng.uniform(0.0, math.pi)), length_m)
             if not ground.holds(path).all():

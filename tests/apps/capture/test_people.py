@@ -3,7 +3,7 @@ import pytest
 
 from readygo.apps.capture import people
 from readygo.apps.capture.ground import WalkableGround
-from readygo.apps.capture.people import APART_M, CAMERA_M, SPEED_MPS, TURN_M, lane, people_mask, plan_people
+from readygo.apps.capture.people import APART_M, CAMERA_M, LENGTHS_M, SPEED_MPS, TURN_M, lane, people_mask, plan_people
 from readygo.common.errors import SceneError
 from readygo.common.maps import FloorMap, GridFrame
 
@@ -56,6 +56,15 @@ def test_people_walk_on_the_ground_and_keep_away_from_the_camera_and_each_other(
         np.testing.assert_allclose(speed_mps, SPEED_MPS, atol=0.1)
     assert np.hypot(*(first - second).T).min() >= APART_M
     assert np.ptp(first, axis=0).max() > 1.0
+
+
+def test_long_lanes_are_given_up_where_they_leave_no_room_for_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    far = np.full((400, 2), 9.0)
+    place, rng = ground(1.8), np.random.default_rng(0)
+    assert len(people._free_walks(place, far, 3, LENGTHS_M, rng)) == 2
+    first, second, third = walks(monkeypatch, 1.8, far, 3)
+    for one, other in ((first, second), (first, third), (second, third)):
+        assert np.hypot(*(one - other).T).min() >= APART_M
 
 
 def test_too_small_a_ground_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
