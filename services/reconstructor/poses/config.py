@@ -20,8 +20,8 @@ class PosesConfig:
     seed: int = 0
     """Seed of matching and mapping."""
     intrinsics: str = ""
-    """The lens, if it is known: a calibration of OpenCV or ROS (.yml, .yaml, .xml), a .json of cameras, or
-    "fx fy cx cy [k1 k2 p1 p2]" in pixels of the upright images."""
+    """The lens, if it is known: a calibration of OpenCV or ROS (.yml, .yaml, .xml), its matrix (.txt), a .json of
+    cameras, or "fx fy cx cy [k1 k2 p1 p2]" in pixels of the upright images."""
     intrinsics_are: Literal["fixed", "prior"] = "fixed"
     """`fixed`: they stay as they are given; `prior`: focal length and distortion are refined from there."""
     given: Literal["auto", "keep", "adjust"] = "auto"

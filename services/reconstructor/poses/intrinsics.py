@@ -7,7 +7,7 @@ Source: the files that `cv2.FileStorage` writes in OpenCV's calibration sample; 
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from readygo.common.camera.captured import load_views
 from readygo.common.documents import YAML_BYTES_MAX, read_json, read_yaml
 from readygo.common.errors import ConfigError, SceneError
 from readygo.common.files import read_regular
+from readygo.services.reconstructor.frames.video import is_same_shape
 
 _MATRIX = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "intrinsic_matrix", "K")
 _DISTORTION = ("distortion_coefficients", "distCoeffs", "Distortion_Coefficients", "dist_coeffs", "D")
@@ -115,16 +116,17 @@ def read_intrinsics(text: str) -> Intrinsics:
 
     Args:
         text: Path of a calibration (.yml, .yaml or .xml of OpenCV, .yaml of ROS), of a .json (a `cameras.json`, the
-            truth of a capture, or a table with fx, fy, cx, cy, k1 ...), or numbers: fx fy cx cy [k1 k2 p1 p2 [k3]] in
-            pixels of the upright images, pixel centres at +0.5.
+            truth of a capture, or a table with fx, fy, cx, cy, k1 ...), of a .txt with the matrix of OpenCV, or
+            numbers: fx fy cx cy [k1 k2 p1 p2 [k3]] in pixels of the upright images, pixel centres at +0.5.
 
     Raises:
         ConfigError: If it is none of these.
     """
     path = Path(text)
-    if path.suffix.lower() in (".yml", ".yaml", ".xml", ".json") or path.is_file():
+    read = _READERS.get(path.suffix.lower(), _of_calibration if path.is_file() else None)
+    if read is not None:
         try:
-            return _of_json(path) if path.suffix.lower() == ".json" else _of_calibration(path)
+            return read(path)
         except (OSError, SceneError, KeyError, TypeError, ValueError, OverflowError) as error:
             reason = getattr(error, "strerror", None) or (f"no {error}" if isinstance(error, KeyError) else error)
             raise ConfigError(f"{path} cannot be read as intrinsics: {reason}; {_HOW}.") from error
@@ -151,7 +153,7 @@ def fit_to_images(given: Intrinsics, source_px: tuple[int, int], size_px: tuple[
         ConfigError: If it is for images of another shape.
     """
     (width, height), size = source_px, given.size_px
-    if size is not None and abs(size[0] * height - size[1] * width) > max(*size, *source_px):
+    if size is not None and not is_same_shape(size, source_px):
         turned = "; they are turned by 90 deg" if (size[0] > size[1]) != (width > height) else ""
         raise ConfigError(
             f"--intrinsics are for images of {size[0]}x{size[1]} px, these have {width}x{height} px{turned}: calibrate "
@@ -185,6 +187,15 @@ def _of_json(path: Path) -> Intrinsics:
         raise ValueError("it holds no table")
     inner = value.get("camera")
     return lens_of_row({**value, **inner} if isinstance(inner, dict) else value)
+
+
+def _of_matrix(path: Path) -> Intrinsics:
+    """Nine numbers, the matrix of OpenCV row by row, as `numpy.savetxt` writes it; no distortion."""
+    words = read_regular(path, bytes_max=YAML_BYTES_MAX).decode("utf-8", errors="replace").replace(",", " ").split()
+    if len(words) != 9:
+        raise ValueError(f"it holds {len(words)} numbers, a matrix has 9")
+    K = np.array(words, dtype=np.float64).reshape(3, 3)
+    return lens(K[0, 0], K[1, 1], K[0, 2] + _CENTRE_PX, K[1, 2] + _CENTRE_PX)
 
 
 def _of_calibration(path: Path) -> Intrinsics:
@@ -234,3 +245,12 @@ def _plain_yaml(path: Path) -> dict[str, Any]:
         name: [float(number) for number in each["data"]] if isinstance(each, dict) and "data" in each else each
         for name, each in value.items()
     }
+
+
+_READERS: dict[str, Callable[[Path], Intrinsics]] = {
+    ".json": _of_json,
+    ".txt": _of_matrix,
+    ".xml": _of_calibration,
+    ".yaml": _of_calibration,
+    ".yml": _of_calibration,
+}

@@ -61,6 +61,15 @@ def test_calibration_of_ros_is_read_and_its_fisheye_is_one(tmp_path: Path) -> No
     np.testing.assert_allclose(pixels_of(wide, POINTS), there.reshape(-1, 2) + 0.5, atol=1e-6)
 
 
+def test_matrix_of_opencv_in_a_text_is_read(tmp_path: Path) -> None:
+    np.savetxt(tmp_path / "camera_matrix.txt", K)
+    found = read_intrinsics(str(tmp_path / "camera_matrix.txt"))
+    assert found == lens(520.0, 510.0, 319.0, 242.0)
+    np.savetxt(tmp_path / "camera_matrix.txt", K[:2])
+    with pytest.raises(ConfigError, match="it holds 6 numbers, a matrix has 9"):
+        read_intrinsics(str(tmp_path / "camera_matrix.txt"))
+
+
 def test_our_own_files_and_numbers_are_read_as_they_are(tmp_path: Path) -> None:
     camera = {"model": "OPENCV", "fx": 500.0, "fy": 501.0, "cx": 322.0, "cy": 238.0, "k1": 0.1}
     (tmp_path / "truth.json").write_text(json.dumps({"width_px": 640, "height_px": 480, "camera": camera}))
