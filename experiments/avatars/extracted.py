@@ -16,13 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from readygo.apps.avatar.capture import TRUTH_ARRAYS, AvatarCaptureConfig, PersonDrawer, film_motion
+from readygo.apps.avatar.capture import TRUTH_ARRAYS, TRUTH_FILE, AvatarCaptureConfig, PersonDrawer, film_motion
 from readygo.apps.avatar.studio import Framing, look_at
 from readygo.apps.avatar.walking import level_walk
 from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.avatars import Avatar, load_avatar
 from readygo.common.drawing.files import write_png
 from readygo.common.messages import Motion
+from readygo.services.reconstructor import AvatarFitConfig
+from readygo.services.reconstructor.training.photos import split_views
 
 GREY = 127.5
 VIEWS = 12
@@ -35,8 +37,8 @@ def measured(truth: Avatar, film: Path, extracted: Avatar, poses: Path) -> tuple
     """Errors of an extraction, and pictures: a row per motion of true and extracted people in turn."""
     true, found = np.load(film / TRUTH_ARRAYS), np.load(poses)
     errors_m = np.linalg.norm(found["joints_m"] - true["joints_m"], axis=2)
-    held = np.arange(0, len(errors_m), 8)
-    facts = json.loads((film / "truth.json").read_text(encoding="utf-8"))
+    held = list(split_views(len(errors_m), AvatarFitConfig().hold_out)[1])
+    facts = json.loads((film / TRUTH_FILE).read_text(encoding="utf-8"))
     width, height = facts["size_px"]
     framing = Framing(height_px=height, width_px=width, focal_px=facts["focal_px"])
     scores = [
