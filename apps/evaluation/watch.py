@@ -59,7 +59,7 @@ def check_wanted(wanted: Sequence[str], tasks: Sequence[str]) -> None:
 
 
 def episodes_to_film(
-    records: Sequence[EpisodeRecord], wanted: Sequence[str], replays: Replays | None = None
+    records: Sequence[EpisodeRecord], wanted: Sequence[str], passed: Sequence[EpisodeRecord] = ()
 ) -> list[EpisodeRecord]:
     """The requested episodes, the worst first.
 
@@ -67,7 +67,7 @@ def episodes_to_film(
         records: Episodes of one method.
         wanted: "failures" for all failures, "worst" for the few worst episodes, "avoided" for the few closest
             passes (`avoided`), and indices, of every task.
-        replays: Replay "avoided" ones.
+        passed: What `avoided` found, where that is wanted.
 
     Raises:
         RunError: If no episode has a requested index.
@@ -79,8 +79,7 @@ def episodes_to_film(
     if missing:
         raise RunError(f"No episode was driven with index {missing[0]}: indices without a scenario leave gaps.")
     chosen = failed if FAILED in wanted else ranked[:WORST_COUNT] if WORST in wanted else []
-    if AVOIDED in wanted and replays is not None:
-        chosen = chosen + avoided(records, replays)[:AVOIDED_COUNT]
+    chosen = [*chosen, *passed[:AVOIDED_COUNT]]
     return [record for record in ranked if record in chosen or record.episode.index in indices]
 
 
@@ -123,7 +122,9 @@ def write_films(replays: Replays, request: EvaluateRequest, reply: EvaluateReply
         RunError: If a requested episode was not driven.
         ReadygoError: If a video cannot be written.
     """
-    for record in replays.load(episodes_to_film(_watched_records(request, reply), wanted, replays)):
+    records = _watched_records(request, reply)
+    passed = avoided(records, replays) if AVOIDED in wanted else ()
+    for record in replays.load(episodes_to_film(records, wanted, passed)):
         path = film_path(replays.folder, record)
         if not path.exists():
             replays.film(path, record)

@@ -13,7 +13,7 @@ import numpy as np
 from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.errors import SceneError
-from readygo.common.frames import quat_from_matrix
+from readygo.common.frames import quat_from_matrix, swap_opengl_axes
 
 IMAGES = "images"
 """Folder of the images beside `transforms.json`."""
@@ -61,11 +61,10 @@ def transforms_text(views: CapturedViews) -> str:
     frames = []
     for name, size, K, T in zip(views.images, views.sizes_px, views.K_px, views.T_world_camera, strict=True):
         lens = {"fl_x": K[0, 0], "fl_y": K[1, 1], "cx": K[0, 2], "cy": K[1, 2]}
-        opengl = T * np.array([1.0, -1.0, -1.0, 1.0])
         frames.append(
             {
                 "file_path": f"{IMAGES}/{name}",
-                "transform_matrix": opengl.tolist(),
+                "transform_matrix": swap_opengl_axes(T).tolist(),
                 **{key: float(value) for key, value in lens.items()},
                 "w": int(size[0]),
                 "h": int(size[1]),

@@ -9,7 +9,7 @@ from readygo.common.frames.rotations import (
     quat_multiply,
     wrap_angle,
 )
-from readygo.common.frames.up_axis import yup_from_zup, zup_from_yup
+from readygo.common.frames.up_axis import swap_opengl_axes, yup_from_zup, zup_from_yup
 
 __all__ = [
     "axis_angle_from_matrix",
@@ -19,6 +19,7 @@ __all__ = [
     "matrix_from_quat",
     "quat_from_matrix",
     "quat_multiply",
+    "swap_opengl_axes",
     "wrap_angle",
     "yup_from_zup",
     "zup_from_yup",

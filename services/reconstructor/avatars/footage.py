@@ -20,7 +20,7 @@ The plain layout has metres and a world whose z points up:
 Both have pixel centres at +0.5.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,15 +29,16 @@ from readygo.common.array_files import load_npz
 from readygo.common.arrays import AnyArray, Float64Array, Int64Array
 from readygo.common.avatars.posing import nearest_rotation
 from readygo.common.camera.captured import CapturedViews, load_views, views_text
+from readygo.common.camera.written import colmap_texts
 from readygo.common.errors import AvatarError, ReadygoError
 from readygo.common.files import write_whole
 from readygo.common.frames import (
     axis_angle_from_matrix,
     matrix_from_axis_angle,
-    quat_from_matrix,
     yup_from_zup,
     zup_from_yup,
 )
+from readygo.services.reconstructor.frames.masks import mask_of
 
 IMAGES, SPARSE, CAMERAS_FILE, POSES_FILE = "images", "sparse", "cameras.json", "poses.npz"
 MASKS = ("segmentations", "masks")
@@ -100,19 +101,11 @@ def write_neuman(folder: Path, footage: Footage) -> None:
     """
     sparse = folder / SPARSE
     sparse.mkdir(parents=True, exist_ok=True)
-    cameras, images = ["# Cameras: CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]"], ["# Images: two lines each"]
-    for number in range(len(footage)):
-        (width, height), K = footage.sizes_px[number].tolist(), footage.K_px[number]
-        lens = " ".join(repr(float(value)) for value in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
-        cameras.append(f"{number + 1} PINHOLE {width} {height} {lens}")
-        R = yup_from_zup(footage.T_world_camera[number, :3, :3].T).T
-        centre = yup_from_zup(footage.T_world_camera[number, :3, 3])
-        place = [*quat_from_matrix(R.T).tolist(), *(-R.T @ centre).tolist()]
-        words = " ".join(repr(float(value)) for value in place)
-        images += [f"{number + 1} {words} {number + 1} {footage.names[number]}", ""]
-    write_whole(sparse / "cameras.txt", "\n".join(cameras) + "\n", raises=AvatarError)
-    write_whole(sparse / "images.txt", "\n".join(images) + "\n", raises=AvatarError)
-    write_whole(sparse / "points3D.txt", "# No points\n", raises=AvatarError)
+    T = footage.T_world_camera.copy()
+    T[:, :3] = yup_from_zup(T[:, :3].swapaxes(1, 2)).swapaxes(1, 2)
+    texts = colmap_texts(replace(_views(footage), T_world_camera=T), np.empty((0, 3)), np.empty((0, 3), np.uint8))
+    for name, text in texts.items():
+        write_whole(sparse / name, text, raises=AvatarError)
     path = folder / SMPL_FILE
     path.parent.mkdir(exist_ok=True)
     pose = footage.pose_axis_angle.astype(np.float32)
@@ -133,15 +126,18 @@ def write_plain(folder: Path, footage: Footage) -> None:
     Raises:
         AvatarError: If a file cannot be written.
     """
-    views = CapturedViews(
-        images=footage.names, sizes_px=footage.sizes_px, K_px=footage.K_px, T_world_camera=footage.T_world_camera
-    )
-    write_whole(folder / CAMERAS_FILE, views_text(views), raises=AvatarError)
+    write_whole(folder / CAMERAS_FILE, views_text(_views(footage)), raises=AvatarError)
     np.savez(
         folder / POSES_FILE,
         allow_pickle=False,
         root_m=footage.root_m.astype(np.float32),
         pose_axis_angle=footage.pose_axis_angle.astype(np.float32),
+    )
+
+
+def _views(footage: Footage) -> CapturedViews:
+    return CapturedViews(
+        images=footage.names, sizes_px=footage.sizes_px, K_px=footage.K_px, T_world_camera=footage.T_world_camera
     )
 
 
@@ -245,9 +241,13 @@ def _footage(
     if kind is None:
         raise AvatarError(f"{folder} has no masks: neither {MASKS[0]}/ nor {MASKS[1]}/.")
     images = tuple(folder / IMAGES / name for name in views.images)
-    masks = tuple(_mask_path(folder / kind, name) for name in views.images)
-    for what, paths in ((IMAGES, images), (kind, masks)):
-        gone = [path.name for path in paths if not path.is_file()]
+    found = {name: mask_of(folder / kind, [name]) for name in views.images}
+    masks = tuple(mask for mask in found.values() if mask is not None)
+    missing = {
+        IMAGES: [path.name for path in images if not path.is_file()],
+        kind: [f"{Path(name).stem}.png" for name, mask in found.items() if mask is None],
+    }
+    for what, gone in missing.items():
         if gone:
             raise AvatarError(f"{folder / what} lacks {len(gone)} of {count} files, {gone[0]} among them.")
     return Footage(
@@ -260,12 +260,6 @@ def _footage(
         root_m=root_m,
         pose_axis_angle=pose,
     )
-
-
-def _mask_path(folder: Path, name: str) -> Path:
-    """NAME.png for NAME.jpg, or COLMAP's NAME.jpg.png where that is the file."""
-    colmap_name = folder / f"{name}.png"
-    return colmap_name if colmap_name.is_file() else folder / f"{Path(name).stem}.png"
 
 
 def smooth_poses(pose_axis_angle: Float64Array, root_m: Float64Array, half: int) -> tuple[Float64Array, Float64Array]:

@@ -15,6 +15,7 @@ from readygo.common.arrays import UInt8Array
 from readygo.common.errors import SceneError
 from readygo.common.files import write_whole
 from readygo.common.images.encoded import read_pixels
+from readygo.services.reconstructor.frames.video import is_same_shape
 
 FOLDER = "masks"
 _INVERTED = 0.6
@@ -111,7 +112,7 @@ def _fitted(path: Path, size_px: tuple[int, int], name: str) -> UInt8Array:
     if mask is None:
         raise SceneError(f"{path} cannot be read as a mask.")
     height, width = mask.shape
-    if abs(width * size_px[1] - height * size_px[0]) > max(width, height, *size_px):
+    if not is_same_shape((width, height), size_px):
         raise SceneError(f"{path} is {width}x{height} px, its image {name} {size_px[0]}x{size_px[1]} px.")
     return shrink_mask(mask, size_px)
 

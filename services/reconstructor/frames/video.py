@@ -80,6 +80,11 @@ def shrunk(bgr: UInt8Array, side_max_px: int) -> UInt8Array:
     return np.asarray(cv2.resize(bgr, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
+def is_same_shape(one_px: tuple[int, int], other_px: tuple[int, int]) -> bool:
+    """True if images of two sizes (width, height) are one image made larger or smaller, but for rounding to pixels."""
+    return abs(one_px[0] * other_px[1] - one_px[1] * other_px[0]) <= max(*one_px, *other_px)
+
+
 def write_jpeg(path: Path, bgr: UInt8Array) -> None:
     """Write an image (H, W, 3).
 

@@ -65,15 +65,6 @@ def check_poses(T_world_camera: Float64Array) -> None:
         raise ValueError(f"the pose of frame {int(np.argmax(wrong))} is no rotation and translation")
 
 
-def opencv_of_opengl(T_world_camera: Float64Array) -> Float64Array:
-    """Poses of cameras with OpenCV axes (x right, y down, z forward), of those with y up and z backward.
-
-    Args:
-        T_world_camera: Shape (N, 4, 4).
-    """
-    return np.asarray(T_world_camera * np.array([1.0, -1.0, -1.0, 1.0]))
-
-
 def image_file(folder: Path, name: str, endings: Sequence[str] = (".jpg", ".jpeg", ".png")) -> Path:
     """The image of a name without its ending; the first that could be where there is none."""
     places = [folder / f"{name}{ending}" for ending in endings]

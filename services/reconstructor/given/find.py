@@ -9,7 +9,7 @@ import numpy as np
 from readygo.common.errors import SceneError
 from readygo.common.images.encoded import read_pixels
 from readygo.services.reconstructor.frames.config import FramesConfig
-from readygo.services.reconstructor.frames.video import shrunk, write_jpeg
+from readygo.services.reconstructor.frames.video import is_same_shape, shrunk, write_jpeg
 from readygo.services.reconstructor.given.capture import IMAGES_MIN, GivenCapture
 from readygo.services.reconstructor.given.polycam import check_polycam, find_polycam, read_polycam
 from readygo.services.reconstructor.given.record3d import find_record3d, read_record3d
@@ -61,7 +61,7 @@ def prepare_capture(given: GivenCapture, folder: Path, config: FramesConfig) -> 
             continue
         source_px = (bgr.shape[1], bgr.shape[0])
         size = given.lenses[row].size_px or source_px
-        if abs(size[0] * source_px[1] - size[1] * source_px[0]) > max(*size, *source_px):
+        if not is_same_shape(size, source_px):
             raise SceneError(
                 f"{path} is {source_px[0]}x{source_px[1]} px, its lens is for {size[0]}x{size[1]} px: give the images "
                 "that the poses were found for."

@@ -13,7 +13,8 @@ import numpy as np
 from readygo.common.arrays import Float64Array
 from readygo.common.documents import read_json
 from readygo.common.errors import SceneError
-from readygo.services.reconstructor.given.capture import GivenCapture, image_file, named_error, opencv_of_opengl
+from readygo.common.frames import swap_opengl_axes
+from readygo.services.reconstructor.given.capture import GivenCapture, image_file, named_error
 from readygo.services.reconstructor.poses.intrinsics import Intrinsics, lens_of_row
 
 _KIND = "a camera of Polycam"
@@ -47,7 +48,7 @@ def read_polycam(images: Path, cameras: Path) -> GivenCapture:
             files=tuple(files),
             images=tuple(image_file(images, file.stem) for file in files),
             lenses=tuple(lens for lens, _ in read),
-            T_world_camera=opencv_of_opengl(np.array([T for _, T in read]).reshape(-1, 4, 4)),
+            T_world_camera=swap_opengl_axes(np.array([T for _, T in read]).reshape(-1, 4, 4)),
             metric=True,
             rough=cameras.name == "cameras",
             up=(0.0, 1.0, 0.0),

@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from readygo.common.arrays import Float64Array
 from readygo.common.documents import read_json
-from readygo.services.reconstructor.given.capture import GivenCapture, image_file, named_error, opencv_of_opengl
+from readygo.common.frames import swap_opengl_axes
+from readygo.services.reconstructor.given.capture import GivenCapture, image_file, named_error
 from readygo.services.reconstructor.poses.intrinsics import Intrinsics, lens
 
 _KIND = "metadata of Record3D"
@@ -48,7 +49,7 @@ def read_record3d(metadata: Path, images: Path) -> GivenCapture:
             files=(metadata,),
             images=tuple(image_file(images, str(number)) for number in range(len(poses))),
             lenses=_lenses(row, len(poses)),
-            T_world_camera=opencv_of_opengl(_matrices(poses)),
+            T_world_camera=swap_opengl_axes(_matrices(poses)),
             metric=True,
             rough=True,
             up=(0.0, 1.0, 0.0),

@@ -16,8 +16,9 @@ import numpy as np
 from readygo.common.arrays import Float64Array
 from readygo.common.documents import read_json
 from readygo.common.errors import SceneError
+from readygo.common.frames import swap_opengl_axes
 from readygo.common.images.encoded import read_pixels
-from readygo.services.reconstructor.given.capture import GivenCapture, image_file, named_error, opencv_of_opengl
+from readygo.services.reconstructor.given.capture import GivenCapture, image_file, named_error
 from readygo.services.reconstructor.poses.intrinsics import Intrinsics, lens_of_row
 
 FILE = "transforms.json"
@@ -53,7 +54,7 @@ def read_transforms(path: Path) -> GivenCapture:
             files=(path,),
             images=images,
             lenses=tuple(_lens(row, image) for row, image in zip(rows, images, strict=True)),
-            T_world_camera=opencv_of_opengl(_undo(T, table)),
+            T_world_camera=swap_opengl_axes(_undo(T, table)),
             metric=False,
             rough=False,
         )

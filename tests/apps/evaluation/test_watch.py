@@ -88,9 +88,10 @@ def test_avoided_are_goals_reached_where_the_way_without_humans_meets_one_the_cl
         return one.episode.index != 5
 
     replays = SimpleNamespace(load=list, meets_human=meets_human)
-    assert [each.episode.index for each in avoided([*ours, *alone], replays)] == [3, 4, 1]
+    found = avoided([*ours, *alone], replays)
+    assert [each.episode.index for each in found] == [3, 4, 1]
     assert all(one == other for one, other in asked)
-    assert [each.episode.index for each in episodes_to_film([*ours, *alone], ["avoided"], replays)] == [3, 4]
+    assert [each.episode.index for each in episodes_to_film([*ours, *alone], ["avoided"], found)] == [3, 4]
 
 
 def test_commands_of_the_episode_without_humans_are_replayed_among_them(evaluated):

@@ -28,8 +28,8 @@ def test_scale_of_the_model_makes_metres(neuman_film: Path, tmp_path: Path) -> N
     arrays["scale"], arrays["transl"] = 2.0 * arrays["scale"], 2.0 * arrays["transl"]
     np.savez(path, **arrays)
     lines = (folder / "sparse" / "images.txt").read_text().splitlines()
-    scaled = [lines[0]]
-    for line in lines[1:]:
+    scaled = []
+    for line in lines:
         words = line.split()
         words[5:8] = [repr(2.0 * float(word)) for word in words[5:8]]
         scaled.append(" ".join(words))

@@ -7,7 +7,23 @@ import pytest
 
 from readygo.common.errors import SceneError
 from readygo.services.reconstructor.frames.config import FramesConfig
-from readygo.services.reconstructor.frames.video import cut_off, extract_frames
+from readygo.services.reconstructor.frames.video import cut_off, extract_frames, is_same_shape
+
+
+@pytest.mark.parametrize(
+    ("one_px", "other_px", "same"),
+    [
+        ((640, 480), (320, 240), True),
+        ((641, 480), (320, 240), True),
+        ((640, 480), (480, 640), False),
+        ((640, 480), (640, 360), False),
+    ],
+)
+def test_shape_is_that_of_an_image_made_smaller_but_for_rounding(
+    one_px: tuple[int, int], other_px: tuple[int, int], same: bool
+) -> None:
+    assert is_same_shape(one_px, other_px) is same
+    assert is_same_shape(other_px, one_px) is same
 
 
 def film(path: Path, *, frames: int, step_px: int) -> None:

@@ -3,19 +3,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from readygo.common.frames import swap_opengl_axes
 from readygo.services.reconstructor.given.capture import (
     GivenCapture,
     check_poses,
     image_file,
     named_error,
-    opencv_of_opengl,
 )
 from readygo.services.reconstructor.poses.intrinsics import lens
 from tests.services.reconstructor.given.known import POSES, opengl
 
 
 def test_opengl_axes_become_opencv_axes() -> None:
-    np.testing.assert_allclose(opencv_of_opengl(np.stack([opengl(row) for row in range(4)])), POSES, atol=1e-12)
+    np.testing.assert_allclose(swap_opengl_axes(np.stack([opengl(row) for row in range(4)])), POSES, atol=1e-12)
 
 
 @pytest.mark.parametrize("wrong", [np.diag([1.0, 1, -1, 1]), np.diag([2.0, 2, 2, 1]), np.full((4, 4), np.nan)])
