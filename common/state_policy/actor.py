@@ -11,6 +11,7 @@ from readygo.common.maps import GridFrame
 from readygo.common.perception import People, PeopleTracker
 from readygo.common.perception.episode import SteppedTracker
 from readygo.common.perception.tracker import Pose
+from readygo.common.state_policy.commands import StateCommands
 from readygo.common.state_policy.state_policy import StatePolicy
 from readygo.common.state_simulation.goal_distances import GoalDistances
 from readygo.common.state_simulation.observe import observe, told_count
@@ -86,10 +87,10 @@ class StateActor:
             tracker: Has no people yet.
             goal_xy_m: Goal on the map [m].
         """
-        self._policy, self._world = policy, world
+        self._commands, self._world = StateCommands(policy), world
         # Tracks are brought to the present step before the policy is told of them.
         self._numbers = tracker_numbers(policy.spec.noise, policy.spec.robot.clock)._replace(every=1)
-        self._dt_s = policy.spec.robot.clock.dt_s
+        self._dt_s, self._hold_steps = policy.spec.robot.clock.dt_s, policy.spec.hold_steps
         goal_x, goal_y = goal_xy_m
         self._goal = goal_x, goal_y
         self._field_cm = distances.to_goal_cm(self._goal)
@@ -109,8 +110,7 @@ class StateActor:
     def act(self, robot: RobotState) -> Command:
         """The command now: v [m/s], w [rad/s]; one that was decided less than `hold_s` ago is held."""
         if robot.step >= self._due_step:
-            hold_steps = self._policy.spec.hold_steps
-            self._due_step = (robot.step // hold_steps + 1) * hold_steps
+            self._due_step = (robot.step // self._hold_steps + 1) * self._hold_steps
             self._decide(robot)
         return self._command
 
@@ -119,8 +119,8 @@ class StateActor:
         self._tell_tracks(robot)
         state = (robot.x_m, robot.y_m, robot.yaw_rad, robot.v_mps, robot.w_radps)
         observe(self._world, self._numbers, self.tracks, 0, robot.step, state, self._goal, self._field_cm, self.told[0])
-        v, w = self._policy.choose(self.told)[0].tolist()
-        self._command = v, w
+        alone = not (self.tracks.seen_step[0] >= 0).any()
+        self._command = self._commands.decide(self.told, robot.step * self._dt_s, (robot.x_m, robot.y_m), alone=alone)
 
     def _tell_tracks(self, robot: RobotState) -> None:
         """Fill the tracks with those of the tracker, the nearest ones first."""

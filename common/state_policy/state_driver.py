@@ -10,6 +10,7 @@ from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.loop import Command, DriverFailure
 from readygo.common.episode.streams import Purpose, episode_rng
 from readygo.common.perception.noise import PerceptionNoise
+from readygo.common.state_policy.commands import StateCommands
 from readygo.common.state_policy.state_policy import StatePolicy
 from readygo.common.state_simulation.goal_distances import GoalDistances
 from readygo.common.state_simulation.observe import observe, told_count
@@ -31,6 +32,7 @@ class StateEpisode:
     field_cm: UInt16Array
     """Remaining distances to the goal."""
     tracks: Tracks
+    commands: StateCommands
     command: Command = (0.0, 0.0)
 
 
@@ -59,7 +61,7 @@ class StateDriver:
         """
         self._policy, self._world, self._distances = policy, world, distances
         self._numbers = tracker_numbers(noise or policy.spec.noise, policy.spec.robot.clock)
-        self.hold_steps = policy.spec.hold_steps
+        self.hold_steps, self._dt_s = policy.spec.hold_steps, policy.spec.robot.clock.dt_s
         self._told = np.empty((1, told_count(world)), np.float32)
 
     def start(self, simulation: EpisodeSimulation) -> StateEpisode:
@@ -67,7 +69,8 @@ class StateDriver:
         goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
         tracks = make_tracks(1, max(len(simulation.scenario.humans), simulation.config.human_count_max))
         begin_tracks(tracks, 0, detection_seed(simulation))
-        return StateEpisode(field_cm=self._distances.to_goal_cm((goal_x, goal_y)), tracks=tracks)
+        field_cm = self._distances.to_goal_cm((goal_x, goal_y))
+        return StateEpisode(field_cm=field_cm, tracks=tracks, commands=StateCommands(self._policy))
 
     def act(self, running: Sequence[tuple[EpisodeSimulation, StateEpisode]]) -> list[Command | DriverFailure]:
         """See `Driver.act`."""
@@ -93,8 +96,9 @@ class StateDriver:
 
     def decide(self, simulation: EpisodeSimulation, episode: StateEpisode) -> Command:
         """The policy's command at the present state, which was perceived before: v [m/s], w [rad/s]."""
-        v, w = self._policy.choose(self.told(simulation, episode))[0].tolist()
-        return v, w
+        time_s, xy_m = simulation.step * self._dt_s, (simulation.x_m, simulation.y_m)
+        alone = not (episode.tracks.seen_step[0] >= 0).any()
+        return episode.commands.decide(self.told(simulation, episode), time_s, xy_m, alone=alone)
 
     def sees_human(self, simulation: EpisodeSimulation) -> bool:
         """True if one of the robot's cameras shows a human now."""

@@ -35,9 +35,9 @@ def test_command_is_held_until_the_next_multiple_of_its_time(drawn: Drawn, actor
     turns = [0.0, 1.0, 2.0, 3.0]
     decided = [actor.act(robot(drawn, step, turn)) for step, turn in zip((0, 3, 5, 8), turns, strict=True)]
     fresh = [
-        StateActor(actor._policy, actor._world, drawn.distances, PeopleTracker(None, None), actor._goal).act(
-            robot(drawn, step, turn)
-        )
+        StateActor(
+            make_state_policy(seed=10), actor._world, drawn.distances, PeopleTracker(None, None), actor._goal
+        ).act(robot(drawn, step, turn))
         for step, turn in zip((0, 5, 8), (0.0, 2.0, 3.0), strict=True)
     ]
     assert decided == [fresh[0], fresh[0], fresh[1], fresh[2]]

@@ -1,0 +1,61 @@
+import numpy as np
+import pytest
+
+from readygo.common.state_policy.commands import STAND_M, STAND_S, StateCommands
+from readygo.common.state_policy.state_policy import StatePolicy
+from tests.common.state_policy.state_policies import make_state_policy
+
+HERE = (1.0, 2.0)
+LATE_S = STAND_S + 10.0
+WAIT = (0.0, 0.0)
+
+
+@pytest.fixture
+def policy() -> StatePolicy:
+    """A policy whose best command is to wait."""
+    policy = make_state_policy(seed=3)
+    waits = (policy.commands == 0.0).all(axis=1)
+    assert waits.sum() == 1
+    policy.layers[-1][1][:] += np.where(waits, np.float32(20.0), np.float32(0.0))
+    return policy
+
+
+@pytest.fixture
+def told(policy: StatePolicy) -> np.ndarray:
+    return np.random.default_rng(0).normal(0.0, 0.1, (1, policy.layers[0][0].shape[1])).astype(np.float32)
+
+
+def decided(commands: StateCommands, told: np.ndarray, times_s, xy_m=HERE, *, alone: bool = True) -> set:
+    return {commands.decide(told, time_s, xy_m, alone=alone) for time_s in times_s}
+
+
+def test_robot_that_stands_too_long_takes_the_best_command_that_moves(policy: StatePolicy, told: np.ndarray) -> None:
+    commands = StateCommands(policy)
+    assert decided(commands, told, np.arange(0.0, STAND_S - 0.1, 0.2)) == {WAIT}
+    scores = policy.logits(told)[0]
+    moving = np.flatnonzero(policy.commands[:, 0])
+    best = tuple(policy.commands[moving[scores[moving].argmax()]])
+    assert decided(commands, told, np.arange(STAND_S, LATE_S, 0.2)) == {best}
+
+
+def test_turning_on_the_spot_is_standing(policy: StatePolicy, told: np.ndarray) -> None:
+    turns = (policy.commands[:, 0] == 0.0) & (policy.commands[:, 1] > 0.0)
+    policy.layers[-1][1][:] += np.where(turns, np.float32(60.0), np.float32(0.0))
+    commands = StateCommands(policy)
+    assert {v for v, _ in decided(commands, told, [0.0])} == {0.0}
+    assert {v for v, _ in decided(commands, told, [STAND_S])} != {0.0}
+
+
+def test_robot_that_moves_or_waits_for_somebody_keeps_the_best_command(policy: StatePolicy, told: np.ndarray) -> None:
+    times_s = np.arange(0.0, LATE_S, 0.2)
+    moving, waiting = StateCommands(policy), StateCommands(policy)
+    assert {moving.decide(told, t, (0.2 * t, 0.0), alone=True) for t in times_s} == {WAIT}
+    assert decided(waiting, told, times_s, alone=False) == {WAIT}
+
+
+def test_leaving_the_place_or_meeting_somebody_ends_it(policy: StatePolicy, told: np.ndarray) -> None:
+    for xy_m, alone in (((HERE[0] + STAND_M + 0.01, HERE[1]), True), (HERE, False)):
+        commands = StateCommands(policy)
+        assert len(decided(commands, told, [0.0, LATE_S])) == 2
+        assert decided(commands, told, [LATE_S], xy_m, alone=alone) == {WAIT}
+        assert decided(commands, told, LATE_S + np.arange(0.0, STAND_S - 0.1, 0.2), xy_m) == {WAIT}
