@@ -14,7 +14,7 @@ from readygo.common.episode.loop import Command
 from readygo.common.state_policy.state_policy import StatePolicy
 
 STAND_S = 4.0
-"""Time within `STAND_M`, with nobody tracked, after which the robot has to move [s]; turning around takes less."""
+"""Time within `STAND_M`, with no person tracked, after which the robot has to move [s]; turning around takes less."""
 STAND_M = 0.3
 """The robot has to move until it is farther than this from where it stood [m]."""
 
@@ -35,7 +35,7 @@ class StateCommands:
             told: What the policy is told, shape (1, told_count).
             time_s: Time since the episode began [s].
             xy_m: Position of the robot [m].
-            alone: True if no person is tracked: waiting for somebody is a reason to stand.
+            alone: True if no person is tracked: waiting for a person is a reason to stand.
         """
         if not alone or math.dist(xy_m, self._xy_m) > STAND_M:
             self._xy_m, self._since_s = xy_m, time_s

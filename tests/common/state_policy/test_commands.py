@@ -46,14 +46,14 @@ def test_turning_on_the_spot_is_standing(policy: StatePolicy, told: np.ndarray) 
     assert {v for v, _ in decided(commands, told, [STAND_S])} != {0.0}
 
 
-def test_robot_that_moves_or_waits_for_somebody_keeps_the_best_command(policy: StatePolicy, told: np.ndarray) -> None:
+def test_robot_that_moves_or_waits_for_a_person_keeps_the_best_command(policy: StatePolicy, told: np.ndarray) -> None:
     times_s = np.arange(0.0, LATE_S, 0.2)
     moving, waiting = StateCommands(policy), StateCommands(policy)
     assert {moving.decide(told, t, (0.2 * t, 0.0), alone=True) for t in times_s} == {WAIT}
     assert decided(waiting, told, times_s, alone=False) == {WAIT}
 
 
-def test_leaving_the_place_or_meeting_somebody_ends_it(policy: StatePolicy, told: np.ndarray) -> None:
+def test_leaving_the_place_or_meeting_a_person_ends_it(policy: StatePolicy, told: np.ndarray) -> None:
     for xy_m, alone in (((HERE[0] + STAND_M + 0.01, HERE[1]), True), (HERE, False)):
         commands = StateCommands(policy)
         assert len(decided(commands, told, [0.0, LATE_S])) == 2
