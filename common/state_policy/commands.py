@@ -14,7 +14,9 @@ from readygo.common.episode.loop import Command
 from readygo.common.state_policy.state_policy import StatePolicy
 
 STAND_S = 4.0
-"""Time within `STAND_M`, with no person tracked, after which the robot has to move [s]; turning around takes less."""
+"""Time within `STAND_M` after which the robot has to move if no person is tracked [s]; turning around takes less."""
+WAIT_S = 10.0
+"""The same if a person is tracked [s]: waiting is right, but what is tracked may be no person."""
 STAND_M = 0.3
 """The robot has to move until it is farther than this from where it stood [m]."""
 
@@ -35,12 +37,12 @@ class StateCommands:
             told: What the policy is told, shape (1, told_count).
             time_s: Time since the episode began [s].
             xy_m: Position of the robot [m].
-            alone: True if no person is tracked: waiting for a person is a reason to stand.
+            alone: True if no person is tracked.
         """
-        if not alone or math.dist(xy_m, self._xy_m) > STAND_M:
+        if math.dist(xy_m, self._xy_m) > STAND_M:
             self._xy_m, self._since_s = xy_m, time_s
         commands, scores = self._policy.commands, self._policy.logits(told)[0]
-        if time_s - self._since_s >= STAND_S:
+        if time_s - self._since_s >= (STAND_S if alone else WAIT_S):
             scores = np.where(commands[:, 0] == 0.0, -np.inf, scores)
         v, w = commands[scores.argmax()].tolist()
         return v, w

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from readygo.common.state_policy.commands import STAND_M, STAND_S, StateCommands
+from readygo.common.state_policy.commands import STAND_M, STAND_S, WAIT_S, StateCommands
 from readygo.common.state_policy.state_policy import StatePolicy
 from tests.common.state_policy.state_policies import make_state_policy
 
@@ -46,16 +46,18 @@ def test_turning_on_the_spot_is_standing(policy: StatePolicy, told: np.ndarray) 
     assert {v for v, _ in decided(commands, told, [STAND_S])} != {0.0}
 
 
-def test_robot_that_moves_or_waits_for_a_person_keeps_the_best_command(policy: StatePolicy, told: np.ndarray) -> None:
-    times_s = np.arange(0.0, LATE_S, 0.2)
-    moving, waiting = StateCommands(policy), StateCommands(policy)
-    assert {moving.decide(told, t, (0.2 * t, 0.0), alone=True) for t in times_s} == {WAIT}
-    assert decided(waiting, told, times_s, alone=False) == {WAIT}
+def test_robot_that_moves_keeps_the_best_command(policy: StatePolicy, told: np.ndarray) -> None:
+    commands, times_s = StateCommands(policy), np.arange(0.0, LATE_S, 0.2)
+    assert {commands.decide(told, t, (0.2 * t, 0.0), alone=True) for t in times_s} == {WAIT}
 
 
-def test_leaving_the_place_or_meeting_a_person_ends_it(policy: StatePolicy, told: np.ndarray) -> None:
-    for xy_m, alone in (((HERE[0] + STAND_M + 0.01, HERE[1]), True), (HERE, False)):
-        commands = StateCommands(policy)
-        assert len(decided(commands, told, [0.0, LATE_S])) == 2
-        assert decided(commands, told, [LATE_S], xy_m, alone=alone) == {WAIT}
-        assert decided(commands, told, LATE_S + np.arange(0.0, STAND_S - 0.1, 0.2), xy_m) == {WAIT}
+def test_robot_waits_longer_for_a_person(policy: StatePolicy, told: np.ndarray) -> None:
+    commands = StateCommands(policy)
+    assert decided(commands, told, np.arange(0.0, WAIT_S - 0.1, 0.2), alone=False) == {WAIT}
+    assert WAIT not in decided(commands, told, [WAIT_S], alone=False)
+
+
+def test_leaving_the_place_ends_it(policy: StatePolicy, told: np.ndarray) -> None:
+    commands, away = StateCommands(policy), (HERE[0] + STAND_M + 0.01, HERE[1])
+    assert len(decided(commands, told, [0.0, LATE_S])) == 2
+    assert decided(commands, told, LATE_S + np.arange(0.0, STAND_S - 0.1, 0.2), away) == {WAIT}
