@@ -26,6 +26,7 @@ from readygo.common.maps.distance import clearance_m
 from readygo.common.maps.grid import GridFrame, OccupancyMap
 from readygo.common.maps.ros_map import load_unknown_cells
 from readygo.common.scenes import load_scene
+from readygo.common.scenes.filmed import FILMED_MIN
 from readygo.services.reconstructor import umeyama
 from readygo.services.reconstructor.frames.masks import prepare_masks
 from readygo.services.reconstructor.job import FRAMES, MAP, POSED
@@ -101,7 +102,7 @@ def trained_gaussians(cloud: GaussianCloud) -> Gaussians:
 
 
 def ghosts(posed: Posed, truth: Truth, true: OccupancyMap, found: Path) -> dict[str, Any]:
-    """What the reconstructed map has where the true one is free for `CLEARANCE_M` around: areas [m2].
+    """What the reconstructed map has where it was filmed and the true one is free for `CLEARANCE_M` around: areas [m2].
 
     Args:
         posed: Poses that the reconstruction found.
@@ -115,12 +116,13 @@ def ghosts(posed: Posed, truth: Truth, true: OccupancyMap, found: Path) -> dict[
     free_m = cell_centres_m(true.frame, clearance_m(true) > CLEARANCE_M)
     on_floor = np.column_stack([free_m, np.full(len(free_m), p_true[:, 2].min())])
     places_m = umeyama(p_true, p_found).apply(on_floor)[:, :2]
-    reconstructed, unknown = load_scene(found).maps.robot, load_unknown_cells(found / "maps" / "robot.yaml")
+    maps, unknown = load_scene(found).maps, load_unknown_cells(found / "maps" / "robot.yaml")
+    reconstructed, share = maps.robot, maps.filmed_share
     frame, (height, width) = reconstructed.frame, reconstructed.occupied.shape
     column, row = np.floor((places_m - [frame.origin_x_m, frame.origin_y_m]) / frame.resolution_m).astype(np.int64).T
     inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
     row, column = row[inside], column[inside]
-    known = ~unknown[row, column]
+    known = ~unknown[row, column] & (True if share is None else share[row, column] >= FILMED_MIN)
     occupied, cell_m2 = reconstructed.occupied[row, column] & known, true.frame.resolution_m**2
     return {
         "ghost_cells": int(occupied.sum()),

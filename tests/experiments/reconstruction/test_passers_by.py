@@ -31,7 +31,7 @@ def truth() -> Truth:
 
 @pytest.fixture
 def bundle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A reconstruction that lies 5 m beside the truth, with a ghost, a cupboard and an unknown part."""
+    """A reconstruction that lies 5 m beside the truth, with a ghost, a cupboard, and parts unknown and not filmed."""
     found = room(5.0, 0.0)
     found.occupied[40:42, 40:43] = True
     found.occupied[1:4, 40:60] = True
@@ -40,7 +40,11 @@ def bundle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     found.occupied[unknown] = True
     (tmp_path / "maps").mkdir()
     save_ros_map(found, tmp_path / "maps" / "robot.yaml", unknown=unknown)
-    monkeypatch.setattr(passers_by, "load_scene", lambda _: SimpleNamespace(maps=SimpleNamespace(robot=found)))
+    found.occupied[20:22, 20:22] = True
+    share = np.ones((80, 80), np.float32)
+    share[20:22, 20:22] = 0.0
+    maps = SimpleNamespace(robot=found, filmed_share=share)
+    monkeypatch.setattr(passers_by, "load_scene", lambda _: SimpleNamespace(maps=maps))
     return tmp_path
 
 
@@ -53,8 +57,8 @@ def test_ghosts_are_known_obstacles_where_the_scene_is_free(bundle: Path) -> Non
     row = passers_by.ghosts(posed, truth(), room(0.0, 0.0), bundle)
     assert row["ghost_cells"] == 6
     assert row["ghosts_m2"] == pytest.approx(6 * 0.05**2)
-    # 3.3 m of each side have room, less the ghost and the unknown corner.
-    assert row["free_m2"] == pytest.approx(3.3**2 - 0.015 - 0.25, abs=0.01)
+    # 3.3 m of each side have room, less the ghosts and the unknown corner.
+    assert row["free_m2"] == pytest.approx(3.3**2 - 0.015 - 0.01 - 0.25, abs=0.01)
 
 
 def test_gaussians_of_a_file_are_those_of_the_training() -> None:
