@@ -26,6 +26,8 @@ class CaptureDetailOptions:
     """x0 y0 x1 y1 of the recorded area [m], instead of start and radius."""
     sub_frames: int = 0
     """Images averaged into each frame, for motion blur and rolling shutter; 0: neither."""
+    equirectangular: bool = False
+    """Images of 360 degrees, twice as wide as high: --size 1280 640."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,6 +79,7 @@ def scene_capture(options: SceneCaptureOptions) -> None:
         marker_id=options.details.marker_id,
         sub_frames=options.details.sub_frames,
         photos=options.photos,
+        equirectangular=options.details.equirectangular,
         people=options.people,
         seed=options.seed,
     )

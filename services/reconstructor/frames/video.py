@@ -3,6 +3,7 @@
 import os
 import struct
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,8 @@ from readygo.services.reconstructor.frames.select import FrameScores, choose_fra
 FRAMES_MIN = 10
 _STEP = 0.05
 """Movement of the picture from one used image to the next, as share of its width."""
+_PANORAMA_SHARE = 0.25
+"""Share of a 360-degree image's width that a view of 90 deg has: movements are measured by views."""
 _WAY_MIN = 0.3
 """A picture that moved less in all, as share of its width, was not filmed walking."""
 JPEG_QUALITY = 97
@@ -39,6 +42,8 @@ def extract_frames(video: Path, folder: Path, config: FramesConfig) -> dict[str,
         SceneError: If the video cannot be read, is too short, or does not move.
     """
     scores, seconds = _scores(video)
+    if config.projection == "equirectangular":
+        scores = replace(scores, motion=scores.motion / _PANORAMA_SHARE)
     count, cut = len(scores.sharpness), cut_off(video)
     way = float(scores.motion.sum())
     chosen = choose_frames(scores, count_max=config.count_max, step=_STEP) if count else np.array([], np.int64)

@@ -39,7 +39,7 @@ class Intrinsics:
     """A lens by one of COLMAP's camera models."""
 
     model: str
-    """OPENCV, FULL_OPENCV or OPENCV_FISHEYE."""
+    """PINHOLE, OPENCV, FULL_OPENCV or OPENCV_FISHEYE."""
     params: tuple[float, ...]
     """fx, fy, cx, cy [px], pixel centres at +0.5, and the coefficients, in COLMAP's order."""
     size_px: tuple[int, int] | None = None

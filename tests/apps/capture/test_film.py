@@ -175,3 +175,17 @@ def test_film_without_people_is_what_it_was() -> None:
         CaptureConfig(people=9)
     with pytest.raises(ConfigError, match="People move at 20 Hz"):
         CaptureConfig(people=1, fps=30)
+
+
+def test_film_of_360_degrees_has_the_phone_camera_view_in_its_middle(tmp_path: Path) -> None:
+    plan = filming(equirectangular=True, width_px=256, height_px=128, photos=True)
+    truth = read_truth(film(plan, tmp_path / "round", lambda done: None))
+    assert (truth.content["camera"], truth.content["width_px"]) == ({"model": "EQUIRECTANGULAR"}, 256)
+    image = cv2.imread(str(tmp_path / "round" / "0003.jpg"))
+    assert image is not None
+    assert image.shape == (128, 256, 3)
+    plain = list(pictures(filming(photos=True)))[3][:, :, ::-1]
+    # The phone looks 68 deg along its width, a fifth of the panorama's; its frames have the same times.
+    middle = cv2.resize(image[45:83, 104:152], (160, 120), interpolation=cv2.INTER_AREA)
+    alike = np.corrcoef(cv2.blur(middle, (9, 9)).ravel(), cv2.blur(np.ascontiguousarray(plain), (9, 9)).ravel())
+    assert alike[0, 1] > 0.9
