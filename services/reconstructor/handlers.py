@@ -320,7 +320,8 @@ def known_lens(frames: Mapping[str, Any], config: ReconstructorConfig) -> Intrin
     if not frames.get("source_px"):
         raise ConfigError("--intrinsics need images of one size; sort photos of other cameras out.")
     (width, height), (used_width, used_height) = frames["source_px"], frames["size_px"]
-    return fit_to_images(given, (width, height), (used_width, used_height))
+    turned_deg = int(frames.get("turned_deg", 0))
+    return fit_to_images(given, (width, height), (used_width, used_height), turned_deg=turned_deg)
 
 
 def _focal_of_tags(frames: Mapping[str, Any], sightings: list[MarkerSighting]) -> float:

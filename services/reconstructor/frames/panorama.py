@@ -16,16 +16,13 @@ import numpy as np
 from readygo.common.arrays import Float32Array, Float64Array, UInt8Array
 from readygo.common.errors import SceneError
 from readygo.common.images.encoded import read_pixels
+from readygo.services.reconstructor.frames.light import encode_light, light_of
 from readygo.services.reconstructor.frames.video import write_jpeg
 
 _RINGS = ((0.0, 0.0), (45.0, -20.0))
 """Longitude of the first of four views, and latitude of all of them [deg]. Views are 90 deg wide and high: the lower
 ring ends 65 deg below the horizon, where the photographer begins."""
 _ROUNDING_PX = 2
-_GAMMA, _WHITE = 2.2, 65535
-"""Between encoded values the edges of a marker would move by tenths of a pixel, and its size by a percent."""
-_LIGHT_OF_BYTE = np.rint(_WHITE * (np.arange(256) / 255.0) ** _GAMMA).astype(np.uint16)
-_BYTE_OF_LIGHT = np.rint(255.0 * (np.arange(_WHITE + 1) / _WHITE) ** (1.0 / _GAMMA)).astype(np.uint8)
 
 
 def view_rotations() -> dict[str, Float64Array]:
@@ -105,10 +102,10 @@ def is_panorama(size_px: tuple[int, int] | list[int]) -> bool:
 
 def _cut(bgr: UInt8Array, maps: dict[str, tuple[Float32Array, Float32Array]]) -> Iterator[tuple[str, UInt8Array]]:
     """The views of an equirectangular image (H, W, 3) by name, interpolated in light."""
-    light = _LIGHT_OF_BYTE[bgr]
+    light = light_of(bgr)
     for name, (u, v) in maps.items():
         view = cv2.remap(light, u, v, cv2.INTER_CUBIC, borderMode=cv2.BORDER_WRAP)
-        yield name, _BYTE_OF_LIGHT[view]
+        yield name, encode_light(np.asarray(view, dtype=np.uint16))
 
 
 def _places(R_panorama_view: Float64Array, side_px: int, width_px: int) -> tuple[Float32Array, Float32Array]:

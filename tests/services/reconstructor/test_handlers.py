@@ -150,9 +150,10 @@ def room(centre_m: np.ndarray, width_px: int) -> np.ndarray:
     return image
 
 
+@pytest.mark.slow
 def test_views_of_360_degree_photos_get_poses_about_the_centres_of_their_photos(tmp_path: Path) -> None:
     pytest.importorskip("pycolmap", reason="pycolmap is not installed")
-    centres_m = np.array([[0.0, 0.0, -0.8], [0.5, 0.1, -0.2], [-0.4, -0.1, 0.3], [0.3, 0.2, 0.9]])
+    centres_m = np.array([[0.0, 0.0, -0.4], [0.4, 0.1, 0.1], [-0.3, -0.1, 0.4]])
     (tmp_path / "p").mkdir()
     for number, centre_m in enumerate(centres_m):
         write_jpeg(tmp_path / "p" / f"{number}.jpg", cv2.resize(room(centre_m, 1536), (768, 384), None, 0, 0, 3))
@@ -162,13 +163,13 @@ def test_views_of_360_degree_photos_get_poses_about_the_centres_of_their_photos(
         poses=PosesConfig(threads=1),
     )
     report = find_poses(tmp_path / "p", tmp_path / "out", config, lambda progress: None)
-    assert report["verdict"]["registered"] == 32
+    assert report["verdict"]["registered"] == 24
     views = pinhole_views(tmp_path / "out" / "posed" / "sparse" / "0")
     found = {name: T for name, T in zip(views.images, views.T_world_camera, strict=True)}
     rig = view_rotations()
-    T = np.array([found[f"view_0/{number}.jpg"] for number in range(4)])
+    T = np.array([found[f"view_0/{number}.jpg"] for number in range(3)])
     for name, R in rig.items():
-        for number in range(4):
+        for number in range(3):
             np.testing.assert_allclose(found[f"{name}/{number}.jpg"][:3, 3], T[number, :3, 3], atol=1e-6)
             np.testing.assert_allclose(found[f"{name}/{number}.jpg"][:3, :3], T[number, :3, :3] @ R, atol=1e-6)
     fitted = umeyama(T[:, :3, 3], centres_m)
