@@ -428,6 +428,12 @@ def is_pinhole(model: Path) -> bool:
     return all(camera.model.name in ("PINHOLE", "SIMPLE_PINHOLE") for camera in cameras)
 
 
+def has_tracks(model: Path) -> bool:
+    """Whether a model has no images, or one that sees a point."""
+    images = _open_model(model).images.values()
+    return not images or any(image.num_points3D for image in images)
+
+
 def pinhole_views(model: Path) -> CapturedViews:
     """The cameras of a model without distortion, in the order of their images' names."""
     rec = _open_model(model)

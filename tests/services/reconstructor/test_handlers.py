@@ -1,13 +1,17 @@
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
 import pytest
 
+from readygo.common.camera.captured import CapturedViews
 from readygo.common.errors import ConfigError, SceneError
+from readygo.common.scenes import save_scene
+from readygo.common.scenes.export import export_scene
 from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.frames.config import FramesConfig
-from readygo.services.reconstructor.frames.panorama import panorama_rays, view_rotations
+from readygo.services.reconstructor.frames.panorama import cut_panoramas, panorama_rays, view_rotations
 from readygo.services.reconstructor.frames.video import write_jpeg
 from readygo.services.reconstructor.handlers import find_poses, known_lens, make_frames, make_markers
 from readygo.services.reconstructor.job import open_source
@@ -16,6 +20,7 @@ from readygo.services.reconstructor.poses.colmap import pinhole_views
 from readygo.services.reconstructor.poses.config import PosesConfig
 from readygo.services.reconstructor.similarity import umeyama
 from readygo.services.reconstructor.stages import StageProgress
+from tests.common.scenes.small_room import small_room
 from tests.services.reconstructor.given import test_find, test_polycam
 from tests.services.reconstructor.synthetic import photos
 
@@ -176,3 +181,29 @@ def test_views_of_360_degree_photos_get_poses_about_the_centres_of_their_photos(
     np.testing.assert_allclose(fitted.apply(T[:, :3, 3]), centres_m, atol=0.01)
     turns = np.degrees(np.arccos(((np.trace(fitted.R @ T[:, :3, :3], axis1=1, axis2=2) - 1) / 2).clip(-1, 1)))
     assert turns.max() < 0.3
+
+
+@pytest.mark.parametrize("kind", ["colmap", "transforms"])
+def test_exported_cameras_come_back_with_their_poses_and_lenses(
+    tmp_path: Path, kind: Literal["colmap", "transforms"]
+) -> None:
+    pytest.importorskip("pycolmap", reason="pycolmap is not installed")
+    centres_m = np.array([[-0.6, 0.0, 0.0], [-0.2, 0.2, 0.1], [0.2, -0.2, -0.1], [0.6, 0.1, 0.2]])
+    for number, centre_m in enumerate(centres_m):
+        panorama = cv2.resize(room(centre_m, 1536), (768, 384), None, 0, 0, cv2.INTER_AREA)
+        write_jpeg(tmp_path / "images" / f"{number}.jpg", panorama)
+    cut_panoramas(tmp_path / "images", {"size_px": [768, 384]})
+    names, T = tuple(f"view_0/{number}.jpg" for number in range(4)), np.tile(np.eye(4), (4, 1, 1))
+    T[:, :3, :3], T[:, :3, 3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]], centres_m[:, [0, 2, 1]] * (1, 1, -1)
+    K = np.tile([[122.0, 0, 122.0], [0, 122.0, 122.0], [0, 0, 1]], (4, 1, 1))
+    views = CapturedViews(images=names, sizes_px=np.full((4, 2), 244), K_px=K, T_world_camera=T)
+    scene = save_scene(small_room(), None, tmp_path / "room", views=views)
+    export_scene(scene, kind, tmp_path / "out", tmp_path / "images")
+    config = ReconstructorConfig(metric=MetricConfig(scale=1.0), poses=PosesConfig(threads=1))
+    report = find_poses(tmp_path / "out", tmp_path / "again", config, lambda progress: None)
+    assert report["verdict"]["registered"] == 4
+    again = pinhole_views(tmp_path / "again" / "posed" / "sparse" / "0")
+    np.testing.assert_allclose(again.K_px, K, atol=1e-6)
+    order = [again.images.index(Path(name).name) for name in names]
+    moved = np.linalg.inv(again.T_world_camera[order[0]]) @ again.T_world_camera[order]
+    np.testing.assert_allclose(moved, np.linalg.inv(T[0]) @ T, atol=1e-6)
