@@ -42,6 +42,8 @@ class AvatarExtractOptions:
     """Avatar file (.npz) to write."""
     preset: AvatarPreset = "draft"
     """draft takes minutes on one core; standard takes longer and keeps larger images."""
+    body: Path | None = None
+    """Your SMPL model (.npz, .pkl) to begin with, in the shape of the footage; an embedded avatar by default."""
     name: str | None = None
     """Name of the avatar; that of the file by default."""
     license: str = "No license is given: ask the person who was filmed."
@@ -101,6 +103,7 @@ def _extract(options: AvatarExtractOptions, config: AvatarFitConfig, work: Path)
                 tell,
                 name=options.name or options.out.stem,
                 license_text=options.license,
+                smpl=options.body,
             )
         except KeyboardInterrupt:
             raise RunError(f"Interrupted; the same command resumes from the state in {work}.") from None

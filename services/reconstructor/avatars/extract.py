@@ -21,6 +21,7 @@ from readygo.services.reconstructor.avatars.config import AvatarFitConfig
 from readygo.services.reconstructor.avatars.export import avatar_of_fit, without_floaters
 from readygo.services.reconstructor.avatars.fit import PersonFit
 from readygo.services.reconstructor.avatars.footage import Footage, read_footage, smooth_poses
+from readygo.services.reconstructor.avatars.smpl_body import read_smpl_body
 from readygo.services.reconstructor.avatars.views import FilmedPerson, PersonView, read_person, view_at
 from readygo.services.reconstructor.stages import Stages, word_errors
 from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
@@ -89,6 +90,7 @@ def extract_avatar(
     name: str,
     license_text: str,
     bodies: dict[str, Avatar] | None = None,
+    smpl: Path | None = None,
 ) -> Extraction:
     """Extract an avatar; an interrupted call resumes with the same arguments, to the same result.
 
@@ -100,12 +102,16 @@ def extract_avatar(
         name: Name of the avatar.
         license_text: Its license.
         bodies: Bodies to begin with by name; the embedded avatars by default.
+        smpl: SMPL model file whose body is begun with instead, in the shape that the footage tells.
 
     Raises:
         ReadygoError: If the film cannot be used, or the fit does not come to a human.
         KeyboardInterrupt: At Ctrl-C, after the state is saved.
     """
     footage = read_footage(folder)
+    if smpl is not None:
+        body, footage = read_smpl_body(smpl, footage)
+        bodies = {body.name: body}
     person = read_person(footage, config.side_max_px)
     pose, root = smooth_poses(footage.pose_axis_angle, footage.root_m, config.prior.smooth_frames)
     body, overlap = choose_body(load_avatars() if bodies is None else bodies, person, pose, root)
@@ -224,6 +230,7 @@ def _run(fit: PersonFit, work: Path, identity: str, tell: Callable[[ExtractionPr
 def _identity(footage: Footage, config: AvatarFitConfig, body: Avatar) -> str:
     digest = hashlib.sha256(json.dumps(section_to_mapping(config), sort_keys=True).encode())
     digest.update(f"{body.name} {body.height_m!r}".encode())
+    digest.update(body.joints_tpose_m.tobytes())
     for image, mask in zip(footage.images, footage.masks, strict=True):
         digest.update(f"{image.name} {image.stat().st_size} {mask.stat().st_size}".encode())
     for array in (footage.K_px, footage.T_world_camera, footage.root_m, footage.pose_axis_angle):
