@@ -12,6 +12,7 @@ FOV_DEG = 68.0
 """Field of view of a phone's main camera, along the longer side of its image [deg]."""
 EXPOSURE_S, READOUT_S = 0.010, 0.015
 SHOT_NOISE, READ_NOISE = 0.008, 0.001
+EXPOSURE_MAX_EV = 3.0
 SECONDS_MIN, FRAMES_MAX = 2.0, 3000
 PEOPLE_MAX, FPS_MAX_WITH_PEOPLE = 8, 20
 
@@ -36,6 +37,8 @@ class CaptureConfig:
     """True takes sharp photos instead of a video."""
     equirectangular: bool = False
     """True takes images of 360 degrees, twice as wide as high, without motion blur."""
+    exposure_ev: float = 0.25
+    """Amplitude of the drift of a video's automatic exposure [stops]."""
     people: int = 0
     """People who walk through it."""
     seed: int = 0
@@ -51,6 +54,8 @@ class CaptureConfig:
             raise ConfigError(f"The marker's size must be positive, got {self.marker_size_m:g} m; 0 lays down none.")
         if self.sub_frames and not 2 <= self.sub_frames <= 64:
             raise ConfigError(f"A frame is made of 2 to 64 sub-frames, or 0 for none, got {self.sub_frames}.")
+        if not 0.0 <= self.exposure_ev <= EXPOSURE_MAX_EV:
+            raise ConfigError(f"Exposure drifts by 0 to {EXPOSURE_MAX_EV:g} stops, got {self.exposure_ev:g}.")
         if not 0 <= self.people <= PEOPLE_MAX:
             raise ConfigError(f"0 to {PEOPLE_MAX} people walk through a capture, got {self.people}.")
         if self.people and self.fps > FPS_MAX_WITH_PEOPLE:

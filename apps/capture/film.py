@@ -32,8 +32,6 @@ from readygo.services.reconstructor import PrintedSheet, draw_marker_sheet, writ
 from readygo.services.renderer import Renderer, RendererConfig, Shot
 
 _PAGES = ("A3", "A2")
-DRIFT_EV = 0.25
-"""Amplitude of the drift of the automatic exposure [stops]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,7 +82,7 @@ def plan_filming(scene: Scene, ground: WalkableGround, config: CaptureConfig) ->
     if sheet is not None:
         marker = lay_down(sheet, scene.cloud, scene.maps.floor, ground.centres_m, walk.marker_xy_m, yaw_rad)
     times_s = (np.arange(config.frames) + 0.5) / config.fps
-    drift_ev = Sway(rng).slow(times_s, DRIFT_EV, 13.0)
+    drift_ev = Sway(rng).slow(times_s, config.exposure_ev, 13.0)
     avatars = load_avatars() if config.people else {}
     camera_xy_m = walk.knots[:, :2]
     people = plan_people(ground, scene.maps.floor, camera_xy_m, avatars, config.people, rng)

@@ -117,6 +117,7 @@ def test_truth_says_how_it_was_filmed_and_every_photo_is_heard(tmp_path: Path, m
 def test_exposure_wanders_within_a_quarter_stop_in_films_and_counts_in_pictures() -> None:
     plan = filming(seconds=30.0)
     assert 0.1 < np.abs(plan.exposures_ev).max() <= 0.25
+    np.testing.assert_allclose(filming(seconds=30.0, exposure_ev=1.0).exposures_ev, 4.0 * plan.exposures_ev)
     low, high = (
         next(pictures(dataclasses.replace(plan, exposures_ev=np.full(60, stops)))).astype(float).mean()
         for stops in (-0.5, 0.5)
