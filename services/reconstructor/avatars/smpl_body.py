@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+from readygo.common.arrays import Float64Array
 from readygo.common.avatars import Avatar
 from readygo.common.avatars.importers import load_smpl_model
 from readygo.common.avatars.importers.assemble import assemble_avatar
@@ -14,8 +15,8 @@ GAUSSIANS = 40_000
 """Gaussians of the body, about as many as the embedded avatars have."""
 
 
-def read_smpl_body(path: Path, footage: Footage) -> tuple[Avatar, Footage]:
-    """The body, and the footage with the pelvis where this body has it.
+def read_smpl_body(path: Path, footage: Footage) -> tuple[Avatar, Footage, Float64Array]:
+    """The body, the footage with the pelvis where this body has it, and the pelvis in SMPL's frame [m], shape (3,).
 
     Args:
         path: A SMPL model of 24 joints (.npz, .pkl).
@@ -29,5 +30,6 @@ def read_smpl_body(path: Path, footage: Footage) -> tuple[Avatar, Footage]:
     human, _ = smpl_human(model, count=GAUSSIANS)
     body, _ = assemble_avatar(human, name=path.stem, license_text="The license of the SMPL model.")
     if footage.betas is None:
-        return body, footage
-    return body, replace(footage, root_m=footage.root_m + zup_from_yup(model.joints_m[0] - SMPL_PELVIS_M))
+        return body, footage, model.joints_m[0]
+    moved_m = zup_from_yup(model.joints_m[0] - SMPL_PELVIS_M)
+    return body, replace(footage, root_m=footage.root_m + moved_m), model.joints_m[0]

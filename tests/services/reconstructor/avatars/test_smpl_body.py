@@ -36,14 +36,15 @@ def test_body_has_the_joints_weights_and_shape_of_the_file(tmp_path: Path, neuma
     footage = read_footage(neuman_film)
     assert footage.betas is not None
     path = smpl_file(tmp_path / "SMPL_TEST.npz")
-    body, placed = read_smpl_body(path, footage)
+    body, placed, pelvis_m = read_smpl_body(path, footage)
     assert body.name == "SMPL_TEST"
+    np.testing.assert_allclose(pelvis_m, SMPL_PELVIS_M, atol=1e-12)
     assert 1000 < len(body.cloud) <= 2000
     joints_m = tpose_joints_m()
     np.testing.assert_allclose(np.diff(body.joints_tpose_m, axis=0), np.diff(joints_m, axis=0), atol=1e-5)
     np.testing.assert_array_equal(body.R_tpose_canonical, np.tile(np.eye(3), (24, 1, 1)))
     np.testing.assert_allclose(placed.root_m, footage.root_m, atol=1e-12, err_msg="the pelvis is that of SMPL")
-    larger, _ = read_smpl_body(path, replace(footage, betas=np.array([1.0, 0.0])))
+    larger, _, _ = read_smpl_body(path, replace(footage, betas=np.array([1.0, 0.0])))
     np.testing.assert_allclose(np.diff(larger.joints_tpose_m, axis=0), 1.1 * np.diff(joints_m, axis=0), atol=1e-5)
 
 
@@ -51,7 +52,7 @@ def test_translations_of_smpl_move_the_pelvis_of_the_file(tmp_path: Path, neuman
     footage, plain = read_footage(neuman_film), read_footage(plain_film)
     moved_m = np.array([0.01, 0.02, 0.03])
     path = smpl_file(tmp_path / "a.npz", DOWN_M + moved_m)
-    _, placed = read_smpl_body(path, footage)
+    _, placed, _ = read_smpl_body(path, footage)
     np.testing.assert_allclose(placed.root_m - footage.root_m, np.tile(zup_from_yup(moved_m), (12, 1)), atol=1e-9)
     assert plain.betas is None
     np.testing.assert_array_equal(read_smpl_body(path, plain)[1].root_m, plain.root_m)
