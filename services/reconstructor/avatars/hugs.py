@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from torch.nn.functional import interpolate
 
 from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.avatars import Avatar
@@ -31,8 +32,11 @@ from readygo.services.reconstructor.training.parameters import Gaussians
 
 Tensor = torch.Tensor
 FEATURES, PLANE_SIDE = 32, 256
+_CELLS, _FEATURE_SIGMA = 12, 0.5
+"""Planes begin as smooth random functions, bicubic between so many values along a side; decoders learn the body from
+these far sooner than from white noise."""
 _HIDDEN = {"appearance_dec": 64, "geometry_dec": 128, "deformation_dec": 128}
-_RATES = {"xyz": 1e-4, "triplane": 2e-3, "appearance_dec": 1e-3, "geometry_dec": 5e-4, "deformation_dec": 2e-4}
+_RATES = {"xyz": 1e-4, "triplane": 8e-3, "appearance_dec": 4e-3, "geometry_dec": 2e-3, "deformation_dec": 8e-4}
 """Learning rates; at the end a tenth of it."""
 _WARM_SHARE, _WARM_MAX = 0.15, 400
 """The decoders learn the body in this share of the steps, at most in so many."""
@@ -269,7 +273,13 @@ def new_checkpoint(xyz: Float32Array, sizes_m: Float32Array, seed: int) -> dict[
     """
     random = torch.Generator().manual_seed(seed)
     planes = {
-        f"plane_{axes}": 0.1 * torch.randn(1, FEATURES, PLANE_SIDE, PLANE_SIDE, generator=random)
+        f"plane_{axes}": _FEATURE_SIGMA
+        * interpolate(
+            torch.randn(1, FEATURES, _CELLS, _CELLS, generator=random),
+            size=(PLANE_SIDE, PLANE_SIDE),
+            mode="bicubic",
+            align_corners=True,
+        )
         for axes in ("xy", "xz", "yz")
     }
     decoders: dict[str, dict[str, Tensor]] = {}
