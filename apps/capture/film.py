@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,9 @@ import numpy as np
 from readygo.apps.capture.config import CaptureConfig, phone_camera
 from readygo.apps.capture.ground import WalkableGround, walking_ground
 from readygo.apps.capture.marker import FloorMarker, MarkedRasterizer, lay_down
+from readygo.apps.capture.panorama import face_poses, join_faces
 from readygo.apps.capture.people import people_mask, plan_people
-from readygo.apps.capture.truth import image_name, truth_path, write_truth
+from readygo.apps.capture.truth import EQUIRECTANGULAR, image_name, truth_path, write_truth
 from readygo.apps.capture.walk import CameraWalk, Sway, plan_walk
 from readygo.apps.pictures.film import CODECS, write_film
 from readygo.common.arrays import Float64Array, UInt8Array
@@ -30,8 +32,6 @@ from readygo.services.reconstructor import PrintedSheet, draw_marker_sheet, writ
 from readygo.services.renderer import Renderer, RendererConfig, Shot
 
 _PAGES = ("A3", "A2")
-DRIFT_EV = 0.25
-"""Amplitude of the drift of the automatic exposure [stops]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,7 +82,7 @@ def plan_filming(scene: Scene, ground: WalkableGround, config: CaptureConfig) ->
     if sheet is not None:
         marker = lay_down(sheet, scene.cloud, scene.maps.floor, ground.centres_m, walk.marker_xy_m, yaw_rad)
     times_s = (np.arange(config.frames) + 0.5) / config.fps
-    drift_ev = Sway(rng).slow(times_s, DRIFT_EV, 13.0)
+    drift_ev = Sway(rng).slow(times_s, config.exposure_ev, 13.0)
     avatars = load_avatars() if config.people else {}
     camera_xy_m = walk.knots[:, :2]
     people = plan_people(ground, scene.maps.floor, camera_xy_m, avatars, config.people, rng)
@@ -108,11 +108,12 @@ def _sheet(config: CaptureConfig) -> PrintedSheet:
 
 def pictures(filming: Filming) -> Iterator[UInt8Array]:
     """Frames of the capture, sRGB, shape (H, W, 3) each; deterministic for a plan."""
-    return (images.rgb for images in frames(filming))
+    rgbs = (images.rgb for images in frames(filming))
+    return join_faces(rgbs, filming.config.width_px) if filming.config.equirectangular else rgbs
 
 
 def frames(filming: Filming) -> Iterator[Images]:
-    """Frames of the capture, with the mask of the people if there are any."""
+    """Frames of the capture, with the mask of the people if there are any; of 360 degrees, the faces of each."""
     robot, config = RobotConfig(camera=filming.camera), filming.config
     outputs = ("rgb", "median_depth", "mask") if filming.people else ("rgb", "median_depth")
     settings = RendererConfig(human_light=False, outputs=outputs, labels=False, sub_frames=config.sub_frames or 2)
@@ -122,12 +123,13 @@ def frames(filming: Filming) -> Iterator[Images]:
     shots = [
         Shot(
             step=_step(filming, number, robot.clock.dt_s),
-            pose_at=_poses(filming, number, robot.clock.dt_s),
+            pose_at=pose_at,
             humans=filming.people,
-            episode=f"capture {config.seed}",
+            episode=f"capture {config.seed}{face}",
             exposure_ev=exposure_ev,
         )
         for number, exposure_ev in enumerate(filming.exposures_ev.tolist())
+        for face, pose_at in _lookouts(filming, number, robot.clock.dt_s)
     ]
     for views in renderer.render(shots, ("rgb", "mask") if filming.people else ("rgb",)):
         yield views[""]
@@ -136,6 +138,19 @@ def frames(filming: Filming) -> Iterator[Images]:
 def _step(filming: Filming, number: int, dt_s: float) -> int:
     """Step of a frame: its number, or with people the nearest step of their motion."""
     return round(float(filming.times_s[number]) / dt_s) if filming.people else number
+
+
+def _lookouts(filming: Filming, number: int, dt_s: float) -> list[tuple[str, Callable[[object, float], Float64Array]]]:
+    """Poses of the camera around a frame; of 360 degrees, those of each face with its name."""
+    if not filming.config.equirectangular:
+        return [("", _poses(filming, number, dt_s))]
+    faces = face_poses(filming.walk.pose_at(float(filming.times_s[number])))
+    return [(f" face {face}", partial(_stand, T)) for face, T in enumerate(faces)]
+
+
+def _stand(T_world_camera: Float64Array, _camera: object, _step: float) -> Float64Array:
+    """The pose of a camera that rests."""
+    return T_world_camera
 
 
 def _poses(filming: Filming, number: int, dt_s: float) -> Callable[[object, float], Float64Array]:
@@ -227,13 +242,9 @@ def _truth(filming: Filming, images: Sequence[int | str]) -> dict[str, Any]:
         "seed": config.seed,
         "fps": config.fps,
         "seconds": config.seconds,
-        "width_px": camera.width_px,
-        "height_px": camera.height_px,
-        "camera": {
-            "model": "OPENCV",
-            **{name.removesuffix("_px"): getattr(camera, name) for name in ("fx_px", "fy_px", "cx_px", "cy_px")},
-            **{name: getattr(camera, name) for name in ("k1", "k2", "p1", "p2")},
-        },
+        "width_px": config.width_px,
+        "height_px": config.height_px,
+        "camera": {"model": EQUIRECTANGULAR} if config.equirectangular else _lens(camera),
         "metres_per_unit": 1.0,
         "people": [human.avatar for human in filming.people],
         "frames": [
@@ -255,6 +266,14 @@ def _truth(filming: Filming, images: Sequence[int | str]) -> dict[str, Any]:
             "size_m": config.marker_size_m,
             "corners_m": marker.corners_m.tolist(),
         },
+    }
+
+
+def _lens(camera: CameraConfig) -> dict[str, Any]:
+    return {
+        "model": "OPENCV",
+        **{name.removesuffix("_px"): getattr(camera, name) for name in ("fx_px", "fy_px", "cx_px", "cy_px")},
+        **{name: getattr(camera, name) for name in ("k1", "k2", "p1", "p2")},
     }
 
 

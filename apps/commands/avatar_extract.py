@@ -42,6 +42,10 @@ class AvatarExtractOptions:
     """Avatar file (.npz) to write."""
     preset: AvatarPreset = "draft"
     """draft takes minutes on one core; standard takes longer and keeps larger images."""
+    body: Path | None = None
+    """Your SMPL model (.npz, .pkl) to begin with, in the shape of the footage; an embedded avatar by default."""
+    checkpoint: Path | None = None
+    """Also write a HUGS checkpoint (.pth), of --representation hugs with --body; `readygo avatar import` reads it."""
     name: str | None = None
     """Name of the avatar; that of the file by default."""
     license: str = "No license is given: ask the person who was filmed."
@@ -61,10 +65,16 @@ def avatar_extract(options: AvatarExtractOptions) -> None:
         raise AvatarError(f"--out {options.out} must end in .npz.")
     config = replace(avatar_preset(options.preset), seed=options.seed)
     config = with_keys(with_file(config, options.config), options.keys)
+    if options.checkpoint is not None and (config.representation != "hugs" or options.body is None):
+        raise ConfigError(
+            "--checkpoint needs --representation hugs, and --body with the SMPL model whose skeleton it goes with."
+        )
     work = options.out.with_suffix(".work")
     extraction = _extract(options, config, work)
     skeleton_of(extraction.avatar)
     save_avatar(extraction.avatar, options.out, quantise=False)
+    if options.checkpoint is not None:
+        _write_checkpoint(options.checkpoint, extraction)
     _write_poses(options.out.with_suffix(".poses.npz"), extraction)
     page, notes = _page(extraction)
     write_whole(options.out.with_suffix(".html"), page, raises=AvatarError)
@@ -101,6 +111,7 @@ def _extract(options: AvatarExtractOptions, config: AvatarFitConfig, work: Path)
                 tell,
                 name=options.name or options.out.stem,
                 license_text=options.license,
+                smpl=options.body,
             )
         except KeyboardInterrupt:
             raise RunError(f"Interrupted; the same command resumes from the state in {work}.") from None
@@ -115,6 +126,13 @@ def _write_poses(path: Path, extraction: Extraction) -> None:
             pose_axis_angle=extraction.pose_axis_angle.astype(np.float32),
             joints_m=extraction.joints_m.astype(np.float32),
         )
+
+
+def _write_checkpoint(path: Path, extraction: Extraction) -> None:
+    import torch
+
+    with write_then_rename(path, raises=AvatarError) as part:
+        torch.save(extraction.checkpoint, part)
 
 
 def _page(extraction: Extraction) -> tuple[str, list[str]]:

@@ -26,6 +26,10 @@ class CaptureDetailOptions:
     """x0 y0 x1 y1 of the recorded area [m], instead of start and radius."""
     sub_frames: int = 0
     """Images averaged into each frame, for motion blur and rolling shutter; 0: neither."""
+    exposure_ev: float = 0.25
+    """Amplitude of the drift of a video's automatic exposure [stops]."""
+    equirectangular: bool = False
+    """Images of 360 degrees, twice as wide as high: --size 1280 640."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,6 +81,8 @@ def scene_capture(options: SceneCaptureOptions) -> None:
         marker_id=options.details.marker_id,
         sub_frames=options.details.sub_frames,
         photos=options.photos,
+        exposure_ev=options.details.exposure_ev,
+        equirectangular=options.details.equirectangular,
         people=options.people,
         seed=options.seed,
     )

@@ -50,6 +50,8 @@ class FootageOptions:
     p2]" in pixels of the upright images; it stays as given, see --poses.intrinsics-are."""
     masks: Path | None = None
     """Folder with a mask of each image, named after it as a.jpg.png, in which 0 is ignored: people who walk through."""
+    equirectangular: bool = False
+    """The video or photos show 360 degrees, twice as wide as high: they are cut into perspective views."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,8 +173,9 @@ def _config(options: ScenePosesOptions | ReconstructOptions, base: Reconstructor
     told: dict[str, Any] = {"metric": {name: value for name, value in given.items() if value}}
     if options.footage.intrinsics:
         told["poses"] = {"intrinsics": options.footage.intrinsics}
-    if options.footage.masks is not None:
-        told["frames"] = {"masks": str(options.footage.masks)}
+    frames = {"masks": "" if options.footage.masks is None else str(options.footage.masks)}
+    frames["projection"] = "equirectangular" if options.footage.equirectangular else ""
+    told["frames"] = {name: value for name, value in frames.items() if value}
     return with_keys(with_keys(with_file(base, options.config), told), options.keys)
 
 

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from readygo.services.reconstructor.config import ReconstructorConfig as ReconstructorConfig
     from readygo.services.reconstructor.desk import Desk as Desk
     from readygo.services.reconstructor.frames.config import FramesConfig as FramesConfig
+    from readygo.services.reconstructor.frames.panorama import panorama_rays as panorama_rays
+    from readygo.services.reconstructor.frames.panorama import view_rotations as view_rotations
     from readygo.services.reconstructor.frames.video import write_jpeg as write_jpeg
     from readygo.services.reconstructor.handlers import find_poses as find_poses
     from readygo.services.reconstructor.job import PICTURE_FILE as PICTURE_FILE
@@ -70,6 +72,10 @@ else:
         ".config": ("ReconstructorConfig",),
         ".desk": ("Desk",),
         ".frames.config": ("FramesConfig",),
+        ".frames.panorama": (
+            "panorama_rays",
+            "view_rotations",
+        ),
         ".frames.video": ("write_jpeg",),
         ".handlers": ("find_poses",),
         ".job": (

@@ -11,16 +11,24 @@ from typing import Any
 
 import numpy as np
 
+from readygo.common.arrays import Float64Array
 from readygo.common.config import section_to_mapping
 from readygo.common.documents import read_json
 from readygo.common.drawing.files import write_png
 from readygo.common.errors import ConfigError, SceneError
 from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.drawing import draw_map
+from readygo.services.reconstructor.frames.config import FramesConfig
 from readygo.services.reconstructor.frames.masks import FOLDER as MASKS
 from readygo.services.reconstructor.frames.masks import mask_files, prepare_masks
+from readygo.services.reconstructor.frames.panorama import (
+    cut_panoramas,
+    is_panorama,
+    panorama_width_px,
+    view_rotations,
+)
 from readygo.services.reconstructor.frames.photos import prepare_photos
-from readygo.services.reconstructor.frames.video import extract_frames
+from readygo.services.reconstructor.frames.video import FRAMES_MIN, extract_frames
 from readygo.services.reconstructor.given.find import prepare_capture, read_capture
 from readygo.services.reconstructor.job import (
     DATABASE_FILE,
@@ -56,7 +64,7 @@ from readygo.services.reconstructor.poses import colmap
 from readygo.services.reconstructor.poses.apart import apart
 from readygo.services.reconstructor.poses.covariance import pose_errors
 from readygo.services.reconstructor.poses.intrinsics import Intrinsics, fit_to_images, read_intrinsics
-from readygo.services.reconstructor.poses.pairs import image_pairs
+from readygo.services.reconstructor.poses.pairs import image_pairs, view_pairs
 from readygo.services.reconstructor.poses.tags import focal_of_tags, tag_features
 from readygo.services.reconstructor.poses.verdict import PoseVerdict
 from readygo.services.reconstructor.stages import Say, Stages, code_digest
@@ -97,8 +105,12 @@ def open_job(source: Path, folder: Path, config: ReconstructorConfig, say: Say) 
     given = open_source(source)
     if not scale_is_told(config.metric) and not _measures_scale(given):
         raise ConfigError(NO_SCALE)
-    if config.poses.intrinsics and given.kind in ("colmap", "capture"):
-        raise ConfigError(f"{source} comes with its lenses; leave --intrinsics out.")
+    panoramas = config.frames.projection == "equirectangular"
+    if config.poses.intrinsics and (given.kind in ("colmap", "capture") or panoramas):
+        kind = "a 360-degree source" if panoramas else str(source)
+        raise ConfigError(f"{kind} comes with its lenses; leave --intrinsics out.")
+    if panoramas and given.kind in ("colmap", "capture"):
+        raise ConfigError(f"{source} has poses of its images already; --equirectangular is for videos and photos.")
     stages = Stages(folder, say)
     with stages.alone():
         yield stages, given
@@ -127,6 +139,8 @@ def find_poses_in(stages: Stages, given: Source, config: ReconstructorConfig) ->
         stages.run(
             MATCHES, {"seed": config.poses.seed}, partial(make_matches, out, frames, sightings, given.kind, config)
         )
+    if "rig" in frames:
+        config = replace(config, poses=replace(config.poses, intrinsics="of the views", intrinsics_are="fixed"))
     made = stages.run(MAP, {**poses, "tags": bool(sightings)}, partial(make_map, out, given, frames, sightings, config))
     place = partial(
         make_posed, out, out / MAP / made["model"], PoseVerdict(**made["verdict"]), sightings, lengths, config
@@ -165,10 +179,8 @@ def make_frames(source: Source, config: ReconstructorConfig, folder: Path) -> Ma
 
 def _make_images(source: Source, config: ReconstructorConfig, folder: Path) -> dict[str, Any]:
     """The images that are used, and what they are."""
-    if source.kind == "video":
-        found = extract_frames(source.path, folder, config.frames)
-    elif source.kind == "photos":
-        found = prepare_photos(source.path, folder, config.frames)
+    if source.kind in ("video", "photos"):
+        found = _make_views(source, config.frames, folder)
     elif source.kind == "capture":
         given = read_capture(source.path)
         assert given is not None
@@ -176,6 +188,21 @@ def _make_images(source: Source, config: ReconstructorConfig, folder: Path) -> d
     else:
         return {"kept": 0, "names": [], "images": str(images_of_model(source.path))}
     return {**found, "names": sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*.jpg"))}
+
+
+def _make_views(source: Source, config: FramesConfig, folder: Path) -> dict[str, Any]:
+    """The images of a video or of photos; views of those that show 360 degrees."""
+    prepare = extract_frames if source.kind == "video" else prepare_photos
+    if config.projection == "perspective":
+        found = prepare(source.path, folder, config)
+        size = found["size_px"]
+        if not isinstance(size[0], list) and is_panorama(size):
+            note = "images are twice as wide as high: if they show 360 degrees, give --equirectangular"
+            found["notes"] = [*found.get("notes", []), note]
+        return found
+    frames_max = max(FRAMES_MIN, config.count_max // len(view_rotations()))
+    whole = replace(config, count_max=frames_max, side_max_px=panorama_width_px(config.side_max_px))
+    return cut_panoramas(folder, prepare(source.path, folder, whole))
 
 
 def known_lengths(frames: Mapping[str, Any], config: MetricConfig) -> list[KnownLength]:
@@ -225,6 +252,7 @@ def make_features(
     wanted = {"focal_px": focal_px, "size_px": size_px, "features_min": _FEATURES_MIN if kind == "video" else 0}
     wanted["masks"] = images / MASKS if (images / MASKS).is_dir() else None
     wanted["lens"] = _given_lenses(frames) or known_lens(frames, config)
+    wanted["rig"] = rig_of(frames)
     apart(colmap.extract_features, database, images, names, config.poses, **wanted)
     return {"focal_px": focal_px}
 
@@ -241,11 +269,34 @@ def make_matches(
     names = list(frames["names"])
     database = folder / DATABASE_FILE
     shutil.copyfile(out / FEATURES / DATABASE_FILE, database)
-    pairs = image_pairs(len(names), sequential=in_order(kind, len(names), config), overlap=_OVERLAP)
-    apart(colmap.match_features, database, [(names[a], names[b]) for a, b in pairs], config.poses)
+    pairs = _name_pairs(names, rig_of(frames), kind, config)
+    apart(colmap.match_features, database, pairs, config.poses)
     if sightings:
         colmap.add_tag_matches(database, tag_features(sightings), config.poses)
     return {"pairs": len(pairs)}
+
+
+def _name_pairs(
+    names: list[str], rig: Mapping[str, Float64Array] | None, kind: str, config: ReconstructorConfig
+) -> list[tuple[str, str]]:
+    """Names of the images that are matched with each other."""
+    if rig is None:
+        sequential = in_order(kind, len(names), config)
+        return [(names[a], names[b]) for a, b in image_pairs(len(names), sequential=sequential, overlap=_OVERLAP)]
+    panoramas = sorted({Path(name).name for name in names})
+    sequential = in_order(kind, len(panoramas), config)
+    pairs = image_pairs(len(panoramas), sequential=sequential, overlap=_OVERLAP)
+    near = _OVERLAP if sequential else 0
+    return [
+        (f"{one}/{panoramas[a]}", f"{other}/{panoramas[b]}")
+        for a, b in pairs
+        for one, other in view_pairs(rig, near=b - a <= near)
+    ]
+
+
+def rig_of(frames: Mapping[str, Any]) -> dict[str, Float64Array] | None:
+    """Rotations `R_panorama_view` by folder of the views of 360-degree images; None for other images."""
+    return {name: np.array(R) for name, R in frames["rig"].items()} if "rig" in frames else None
 
 
 def _given_lenses(frames: Mapping[str, Any]) -> Intrinsics | dict[str, Intrinsics] | None:
@@ -269,7 +320,8 @@ def known_lens(frames: Mapping[str, Any], config: ReconstructorConfig) -> Intrin
     if not frames.get("source_px"):
         raise ConfigError("--intrinsics need images of one size; sort photos of other cameras out.")
     (width, height), (used_width, used_height) = frames["source_px"], frames["size_px"]
-    return fit_to_images(given, (width, height), (used_width, used_height))
+    turned_deg = int(frames.get("turned_deg", 0))
+    return fit_to_images(given, (width, height), (used_width, used_height), turned_deg=turned_deg)
 
 
 def _focal_of_tags(frames: Mapping[str, Any], sightings: list[MarkerSighting]) -> float:

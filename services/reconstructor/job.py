@@ -42,9 +42,9 @@ def open_source(path: Path) -> Source:
             "transforms.json, or an export of Polycam or Record3D."
         )
     model = None if path.is_file() else colmap.find_model(path)
-    if model is not None:
-        return Source(path=path, kind="colmap", identity=identity_of(sorted(model.iterdir())))
     given = read_capture(path)
+    if model is not None and given is None:
+        return Source(path=path, kind="colmap", identity=identity_of(sorted(model.iterdir())))
     if given is not None:
         return Source(path=path, kind="capture", identity=identity_of([*given.files, *given.images]))
     if path.is_file():

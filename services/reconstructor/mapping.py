@@ -78,7 +78,9 @@ def make_map(
         models = _join_models(models, database, out / FRAMES, sightings, config)
         model, sizes, name = models[0], colmap.piece_sizes(models), str(models[0].relative_to(folder))
     images = colmap.read_map(model)
-    verdict = judge(images, asked=asked, components=sizes, sequential=in_order(source.kind, asked, config))
+    # Views of 360-degree images are in the order of their directions.
+    sequential = in_order(source.kind, asked, config) and "rig" not in frames
+    verdict = judge(images, asked=asked, components=sizes, sequential=sequential)
     reason = refusal(verdict)
     doubtful = few_matches or verdict.points_per_image < DOUBTFUL_POINTS
     if not reason and source.kind in ("video", "photos") and not sightings and doubtful:

@@ -78,7 +78,9 @@ def hugs_human(checkpoint: Mapping[str, Any], model: SmplModel) -> tuple[Canonic
     import torch
 
     with torch.no_grad():
-        baked = _decode_checkpoint(checkpoint)
+        decoded = decode_human(checkpoint)
+        decoded["rotations"] = rotations_of_sixes(decoded.pop("sixes").double())
+        baked = {name: _numbers(tensor) for name, tensor in decoded.items()}
     opacities = baked["opacities"]
     kept = opacities >= _MIN_OPACITY
     if not kept.any():
@@ -120,7 +122,16 @@ def da_pose(joints_tpose: Float64Array) -> tuple[Float64Array, Float64Array]:
     return G, P
 
 
-def _decode_checkpoint(checkpoint: Mapping[str, Any]) -> dict[str, Float64Array]:
+def decode_human(checkpoint: Mapping[str, Any]) -> dict[str, Tensor]:
+    """What the decoders make of the points, in the da-pose; differentiable by all tensors of the checkpoint.
+
+    Returns:
+        `means` (N, 3) and `scales` (N, 3) [m], which may be slightly negative; `sixes` (N, 6), see
+        `rotations_of_sixes`; `opacities` (N,); `sh` (N, K, 3); `weights` of the joints (N, 24).
+
+    Raises:
+        AvatarError: If a tensor is missing, has another shape than HUGS gives it, or is not finite.
+    """
     xyz = _tensor(checkpoint, "xyz", (None, 3))
     features = _features(checkpoint["triplane"], xyz)
     width = features.shape[1]
@@ -131,12 +142,12 @@ def _decode_checkpoint(checkpoint: Mapping[str, Any]) -> dict[str, Float64Array]
     degree = int(checkpoint.get("active_sh_degree", 0))
     sh = appearance.linear("shs", hidden_a, 48).reshape(-1, 16, 3)[:, : (min(max(degree, 0), 3) + 1) ** 2]
     return {
-        "means": _numbers(xyz + geometry.linear("xyz.1", hidden_g, 3)),
-        "scales": _numbers(_gelu(geometry.linear("scales.1", hidden_g, 3)) * multiplier),
-        "rotations": _rotations(_numbers(geometry.linear("rotations.1", hidden_g, 6))),
-        "opacities": _numbers(appearance.linear("opacity.0", hidden_a, 1).sigmoid()[:, 0]),
-        "sh": _numbers(sh),
-        "weights": _numbers(_skinning(checkpoint, features)),
+        "means": xyz + geometry.linear("xyz.1", hidden_g, 3),
+        "scales": _gelu(geometry.linear("scales.1", hidden_g, 3)) * multiplier,
+        "sixes": geometry.linear("rotations.1", hidden_g, 6),
+        "opacities": appearance.linear("opacity.0", hidden_a, 1).sigmoid()[:, 0],
+        "sh": sh,
+        "weights": _skinning(checkpoint, features),
     }
 
 
@@ -205,7 +216,7 @@ def _tensor(state: Mapping[str, Any], key: str, shape: tuple[int | None, ...], p
     if not fits:
         text = " x ".join("any" if size is None else str(size) for size in shape)
         raise AvatarError(f"{prefix}{key} of the checkpoint must be {text}, got {tuple(value.shape)}.")
-    value = value.detach().float()
+    value = value.float()
     if not bool(value.isfinite().all()):
         raise AvatarError(f"{prefix}{key} of the checkpoint holds values that are not finite.")
     return value
@@ -217,18 +228,20 @@ def _gelu(x: Tensor) -> Tensor:
     return gelu(x)
 
 
-def _rotations(sixes: Float64Array) -> Float64Array:
+def rotations_of_sixes(sixes: Tensor) -> Tensor:
     """Rotation matrices of two rows each, orthonormalised, shape (N, 6) -> (N, 3, 3).
 
     Source: Zhou et al., On the Continuity of Rotation Representations in Neural Networks, 2019.
     """
+    import torch
+
     first, second = sixes[:, :3], sixes[:, 3:]
-    a = first / np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-12)
-    b = second - (a * second).sum(axis=1, keepdims=True) * a
-    b = b / np.maximum(np.linalg.norm(b, axis=1, keepdims=True), 1e-12)
-    return np.stack([a, b, np.cross(a, b)], axis=1)
+    a = first / first.norm(dim=1, keepdim=True).clamp(min=1e-12)
+    b = second - (a * second).sum(dim=1, keepdim=True) * a
+    b = b / b.norm(dim=1, keepdim=True).clamp(min=1e-12)
+    return torch.stack([a, b, torch.linalg.cross(a, b)], dim=1)
 
 
 def _numbers(tensor: Tensor) -> Float64Array:
-    numbers: Float64Array = tensor.numpy().astype(np.float64)
+    numbers: Float64Array = tensor.detach().numpy().astype(np.float64)
     return numbers

@@ -17,6 +17,8 @@ from readygo.common.pickles import array_of, load_pickle
 
 MODEL_KEYS = ("v_template", "weights", "J_regressor", "kintree_table")
 """What every SMPL model file holds; `f` (faces) and `shapedirs` are needed only by some uses."""
+_VERSIONS = {16: "MANO, a hand", 52: "SMPL-H, with hands", 55: "SMPL-X", 24: "no SMPL model, as their parents differ"}
+"""What models with other skeletons are, by their joints."""
 _ALL_KEYS = (*MODEL_KEYS, "f", "shapedirs")
 _BYTES_MAX = 2**28
 """A model with 300 shape directions has 60 MB in these arrays, 250 MB as a pickle of all."""
@@ -57,7 +59,8 @@ def load_smpl_model(path: str | Path, *, betas: npt.ArrayLike | None = None) -> 
     joint_count = table.shape[1]
     parents = np.where(table[0] >= joint_count, -1, table[0])
     if joint_count != 24 or not np.array_equal(parents, SMPL_PARENTS):
-        raise AvatarError(f"{path} has a skeleton of {joint_count} joints that is not SMPL-24; give a SMPL model.")
+        version = _VERSIONS.get(joint_count, "not SMPL")
+        raise AvatarError(f"{path} has {joint_count} joints: it is {version}. Give a SMPL model, which has 24 joints.")
     template = _array(path, entries, "v_template", (None, 3)).astype(np.float64)
     count = len(template)
     vertices = template + _shape_offsets(path, entries, count, betas)

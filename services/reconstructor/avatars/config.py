@@ -33,6 +33,10 @@ class PosePriorConfig:
 class AvatarFitConfig:
     """How an avatar is extracted. The result is a function of these settings and of the film."""
 
+    representation: Literal["direct", "hugs"] = "direct"
+    """`direct`: parameters of each Gaussian; `hugs`: feature planes and decoders of HUGS, which is slower."""
+    hugs_points: Annotated[int, Range(low=500, high=200_000)] = 10_000
+    """Gaussians of `hugs`."""
     steps: Annotated[int, Range(low=10)] = 3600
     """Optimisation steps, one frame each."""
     side_max_px: Annotated[int, Range(low=32)] = 512

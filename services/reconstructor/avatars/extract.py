@@ -20,7 +20,9 @@ from readygo.services.reconstructor.avatars.body import OVERLAP_MIN, choose_body
 from readygo.services.reconstructor.avatars.config import AvatarFitConfig
 from readygo.services.reconstructor.avatars.export import avatar_of_fit, without_floaters
 from readygo.services.reconstructor.avatars.fit import PersonFit
-from readygo.services.reconstructor.avatars.footage import Footage, read_footage, smooth_poses
+from readygo.services.reconstructor.avatars.footage import SMPL_PELVIS_M, Footage, read_footage, smooth_poses
+from readygo.services.reconstructor.avatars.hugs import HugsFit
+from readygo.services.reconstructor.avatars.smpl_body import read_smpl_body
 from readygo.services.reconstructor.avatars.views import FilmedPerson, PersonView, read_person, view_at
 from readygo.services.reconstructor.stages import Stages, word_errors
 from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
@@ -78,6 +80,8 @@ class Extraction:
     report: dict[str, Any]
     """Numbers: `psnr_db` and `ssim` (means of the held-out frames, None without any), `gaussians`, `height_m`, `body`,
     `overlap`, `unseen` (share by part of the body), `frames`, `steps`, `seconds`, `notes`, `settings`."""
+    checkpoint: dict[str, Any] | None = None
+    """Planes and decoders in the layout of HUGS' checkpoints, if it is represented so."""
 
 
 def extract_avatar(
@@ -89,6 +93,7 @@ def extract_avatar(
     name: str,
     license_text: str,
     bodies: dict[str, Avatar] | None = None,
+    smpl: Path | None = None,
 ) -> Extraction:
     """Extract an avatar; an interrupted call resumes with the same arguments, to the same result.
 
@@ -100,23 +105,37 @@ def extract_avatar(
         name: Name of the avatar.
         license_text: Its license.
         bodies: Bodies to begin with by name; the embedded avatars by default.
+        smpl: SMPL model file whose body is begun with instead, in the shape that the footage tells.
 
     Raises:
         ReadygoError: If the film cannot be used, or the fit does not come to a human.
         KeyboardInterrupt: At Ctrl-C, after the state is saved.
     """
     footage = read_footage(folder)
+    pelvis_m = SMPL_PELVIS_M
+    if smpl is not None:
+        body, footage, pelvis_m = read_smpl_body(smpl, footage)
+        bodies = {body.name: body}
     person = read_person(footage, config.side_max_px)
     pose, root = smooth_poses(footage.pose_axis_angle, footage.root_m, config.prior.smooth_frames)
-    body, overlap = choose_body(load_avatars() if bodies is None else bodies, person, pose, root)
+    hugs = config.representation == "hugs"
+    if hugs and smpl is not None:
+        # Checkpoints have no skeleton: it stays that of the file.
+        overlap = overlap_of(body, person, pose, root)
+    else:
+        body, overlap = choose_body(load_avatars() if bodies is None else bodies, person, pose, root)
     _check_poses(body, overlap, person, pose, root)
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
         with Stages(work, lambda _: None).alone(), word_errors(work):
-            fit = PersonFit(body, person, pose, root, config)
+            fit = (
+                HugsFit(body, person, pose, root, config, pelvis_m=pelvis_m, fixed_lengths=smpl is not None)
+                if hugs
+                else PersonFit(body, person, pose, root, config)
+            )
             seconds = _run(fit, work, _identity(footage, config, body), tell)
-        avatar, unseen = avatar_of_fit(fit, body, name, license_text)
+        avatar, unseen = avatar_of_fit(fit, fit.body, name, license_text)
         held_out = [measure_frame(fit, frame, footage.names[frame]) for frame in fit.held]
     finally:
         torch.set_num_threads(threads)
@@ -143,6 +162,7 @@ def extract_avatar(
         root_m=values["root"].copy(),
         joints_m=fit.rig.joints(),
         report=report,
+        checkpoint=fit.released() if isinstance(fit, HugsFit) else None,
     )
 
 
@@ -224,6 +244,7 @@ def _run(fit: PersonFit, work: Path, identity: str, tell: Callable[[ExtractionPr
 def _identity(footage: Footage, config: AvatarFitConfig, body: Avatar) -> str:
     digest = hashlib.sha256(json.dumps(section_to_mapping(config), sort_keys=True).encode())
     digest.update(f"{body.name} {body.height_m!r}".encode())
+    digest.update(body.joints_tpose_m.tobytes())
     for image, mask in zip(footage.images, footage.masks, strict=True):
         digest.update(f"{image.name} {image.stat().st_size} {mask.stat().st_size}".encode())
     for array in (footage.K_px, footage.T_world_camera, footage.root_m, footage.pose_axis_angle):

@@ -37,7 +37,7 @@ _RATES = {
     "sh": (2e-2, 2e-3),
 }
 """Learning rates of the Gaussians at the beginning and at the end."""
-_RIG_RATES = {
+RIG_RATES = {
     "size": (4e-3, 2e-4),
     "bones": (4e-3, 3e-4),
     "offsets": (6e-4, 6e-5),
@@ -115,7 +115,7 @@ class PersonFit:
             root_m: Pelvises [m], shape (F, 3).
             config: How.
         """
-        self.config, self.person, self.step = config, person, 0
+        self.config, self.person, self.body, self.step = config, person, body, 0
         self.bound = BoundGaussians.on_body(body)
         self.rig = Rig(body, pose, root_m, config.prior)
         self.train, self.held = split_views(len(person), config.hold_out)
@@ -150,16 +150,13 @@ class PersonFit:
     def one_step(self) -> None:
         """Draw a frame, and change what it has a gradient of; in held-out frames the pose alone."""
         share = self.step / self.config.steps
-        numbers = tuple(range(len(self.person)))
-        frame = batch_views(numbers, self.step, 1, self.config.seed)[0]
-        view = self._view(frame, fraction_at(share))
-        rng = np.random.default_rng((self.config.seed, self.step))
+        frame, view, rng = self._next_view(share)
         drawn = self.draw(frame, view, gradients=True)
-        self._derive(drawn, view, rng)
+        self._derive(drawn.rendered, view, rng)
         rows, slopes = self._gaussian_slopes(drawn)
         held = frame in self.held
-        names = ("pose", "root") if held or share > LENGTHS_UNTIL else tuple(_RIG_RATES)
-        rates = {name: _between(_RIG_RATES[name], share) for name in names if self.config.offsets or name != "offsets"}
+        names = ("pose", "root") if held or share > LENGTHS_UNTIL else tuple(RIG_RATES)
+        rates = {name: between(RIG_RATES[name], share) for name in names if self.config.offsets or name != "offsets"}
         self.rig.step(frame, drawn.posed, slopes.pop("A"), slopes.pop("B"), rates)
         if not held:
             self._change_gaussians(drawn, view, rows, slopes, share)
@@ -204,6 +201,11 @@ class PersonFit:
             seen[visible.index[visible.weight > 0.05].numpy()] = True
         return seen
 
+    def _next_view(self, share: float) -> tuple[int, PersonView, np.random.Generator]:
+        """The frame of this step, and its random numbers."""
+        frame = batch_views(tuple(range(len(self.person))), self.step, 1, self.config.seed)[0]
+        return frame, self._view(frame, fraction_at(share)), np.random.default_rng((self.config.seed, self.step))
+
     def _view(self, frame: int, fraction: int) -> PersonView:
         if fraction != self._fraction:
             self._views, self._fraction = {}, fraction
@@ -212,9 +214,10 @@ class PersonFit:
             self._views[frame] = view
         return view
 
-    def _derive(self, drawn: Drawn, view: PersonView, rng: np.random.Generator) -> None:
-        """The loss of a frame before a background of a random colour, and its gradients."""
-        rendered = drawn.rendered
+    def _derive(
+        self, rendered: Rendered, view: PersonView, rng: np.random.Generator, more: torch.Tensor | None = None
+    ) -> None:
+        """The loss of a frame before a background of a random colour and what is added to it, and its gradients."""
         assert rendered.rgb is not None
         background = rng.random(3, dtype=np.float32)[:, None, None]
         colours = rendered.rgb.detach().permute(2, 0, 1).contiguous().numpy()
@@ -230,9 +233,10 @@ class PersonFit:
         weight = np.float32(self.config.mask_weight / difference.size)
         by_left = (slope * background).sum(axis=0) - weight * np.sign(difference)
         self.loss = loss + float(weight * np.abs(difference).sum())
+        added = [] if more is None else [more]
+        slopes = [torch.from_numpy(slope).permute(1, 2, 0), torch.from_numpy(np.ascontiguousarray(by_left, np.float32))]
         torch.autograd.backward(  # type: ignore[no-untyped-call]
-            [rendered.rgb, rendered.transmittance],
-            [torch.from_numpy(slope).permute(1, 2, 0), torch.from_numpy(np.ascontiguousarray(by_left, np.float32))],
+            [rendered.rgb, rendered.transmittance, *added], [*slopes, *(None for _ in added)]
         )
 
     def _gaussian_slopes(self, drawn: Drawn) -> tuple[Int64Array, dict[str, Float32Array]]:
@@ -277,7 +281,7 @@ class PersonFit:
         rates = {}
         for name, ends in _RATES.items():
             columns = self.bound.gaussians.values[name].shape[1]
-            rates[name] = np.full(columns, _between(ends, share), dtype=np.float32)
+            rates[name] = np.full(columns, between(ends, share), dtype=np.float32)
         self._adam.step(self.bound.gaussians, [slopes], places, rates, slice(0, len(self)))
         limit_stretch(self.bound.gaussians)
         log_scales = self.bound.gaussians.values["log_scales"]
@@ -299,6 +303,6 @@ def fraction_at(share: float) -> int:
     return next((fraction for until, fraction in COARSE_UNTIL if share < until), 1)
 
 
-def _between(ends: tuple[float, float], share: float) -> float:
+def between(ends: tuple[float, float], share: float) -> float:
     """A value that falls from one end to the other, by the same factor in equal times."""
     return float(ends[0] * (ends[1] / ends[0]) ** share)

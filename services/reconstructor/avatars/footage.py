@@ -68,6 +68,9 @@ class Footage:
     """The pelvis in the world [m], shape (F, 3)."""
     pose_axis_angle: Float64Array
     """Rotations of the joints [rad] as in `Motion`, shape (F, 24, 3)."""
+    betas: Float64Array | None = None
+    """Coefficients of SMPL's shape, shape (B,), where the poses came with SMPL's translations; None in plain footage.
+    The pelvis then is that of a body of mean shape."""
 
     def __len__(self) -> int:
         return len(self.names)
@@ -167,7 +170,7 @@ def _read_neuman(folder: Path) -> Footage:
     T = views.T_world_camera.copy()
     T[:, :3, :3] = zup_from_yup(T[:, :3, :3].swapaxes(1, 2)).swapaxes(1, 2)
     T[:, :3, 3] = zup_from_yup(T[:, :3, 3] / scale)
-    return _footage(
+    footage = _footage(
         folder,
         views,
         T,
@@ -175,6 +178,9 @@ def _read_neuman(folder: Path) -> Footage:
         np.concatenate([orient, body.astype(np.float64)], axis=1).reshape(count, 24, 3),
         path,
     )
+    # One person has one shape; files hold a row for each frame.
+    betas = arrays["betas"].astype(np.float64).reshape(len(arrays["betas"]), -1) if "betas" in arrays else None
+    return replace(footage, betas=np.zeros(0) if betas is None or not betas.size else np.median(betas, axis=0))
 
 
 def _read_plain(folder: Path) -> Footage:

@@ -1,7 +1,7 @@
 """Which images are used."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 from readygo.common.config import Range, check_ranges
 
@@ -14,6 +14,9 @@ class FramesConfig:
     """At most this many images are taken of a video."""
     side_max_px: Annotated[int, Range(low=320)] = 1600
     """Larger images are made smaller: longer side [px]."""
+    projection: Literal["perspective", "equirectangular"] = "perspective"
+    """`equirectangular`: images of 360 degrees, twice as wide as high; each is cut into eight perspective views, and
+    `count_max` counts views."""
     masks: str = ""
     """Folder with a mask of each image, named after it as a.jpg.png, in which 0 is ignored; empty: there are none."""
 

@@ -17,6 +17,8 @@ from readygo.services.reconstructor.frames.video import shrunk, write_jpeg
 
 ENDINGS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp")
 PHOTOS_MIN = 3
+_TURNED_DEG = {6: 90, 3: 180, 8: 270}
+"""By how much photos are turned clockwise, by EXIF's orientation."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +32,8 @@ class _Photo:
     """Rows and columns of the upright file [px]."""
     focal_px: float
     """Focal length by EXIF [px]; 0 if EXIF does not tell it."""
+    turned_deg: int
+    """By how much the file was turned clockwise to be upright [deg]."""
 
     @property
     def share(self) -> float:
@@ -55,7 +59,8 @@ def prepare_photos(source: Path, folder: Path, config: FramesConfig) -> dict[str
 
     Returns:
         What was found: photos, kept, size, size of the files if all have one, unused files, the focal length [px] if
-        EXIF tells one of all, and of each photo the image that is used, with its width as share of the photo's.
+        EXIF tells one of all, by how much all were turned [deg], and of each photo the image that is used, with its
+        width as share of the photo's.
 
     Raises:
         SceneError: If there are too few.
@@ -78,9 +83,10 @@ def prepare_photos(source: Path, folder: Path, config: FramesConfig) -> dict[str
     used = {
         photo.path.name: photo.path.stem if len(sizes) == 1 else f"{photo.camera}/{photo.path.stem}" for photo in kept
     }
-    sources = {photo.source_px for photo in kept}
+    sources, turns = ({getattr(photo, name) for photo in kept} for name in ("source_px", "turned_deg"))
     return {"frames": len(files), "kept": len(kept), "size_px": size_px[0] if len(sizes) == 1 else size_px,
             "source_px": list(sources.pop()[::-1]) if len(sources) == 1 else None,
+            "turned_deg": turns.pop() if len(turns) == 1 else 0,
             "unused": [path.name for path in files if path.name not in used],
             "focal_px": focals_px.pop() if len(focals_px) == 1 else 0.0,
             "photos": {photo.path.name: (f"{used[photo.path.name]}.jpg", photo.share) for photo in kept}}  # fmt: skip
@@ -94,10 +100,12 @@ def _write_photo(path: Path, folder: Path, side_max_px: int) -> _Photo | None:
         return None
     small = shrunk(np.asarray(bgr, dtype=np.uint8), side_max_px)
     height, width = small.shape[:2]
-    focal_35mm = read_exif(path).get("focal_35mm")
+    exif = read_exif(path)
+    focal_35mm = exif.get("focal_35mm")
     focal_px = round(focal_of_35mm(focal_35mm, width, height), 2) if focal_35mm else 0.0
     source_px = (bgr.shape[0], bgr.shape[1])
-    photo = _Photo(path=path, size_px=(height, width), source_px=source_px, focal_px=focal_px)
+    turned_deg = _TURNED_DEG.get(exif.get("orientation", 1), 0)
+    photo = _Photo(path=path, size_px=(height, width), source_px=source_px, focal_px=focal_px, turned_deg=turned_deg)
     write_jpeg(folder / photo.camera / f"{path.stem}.jpg", small)
     return photo
 

@@ -2,7 +2,8 @@
 
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,14 @@ from readygo.common.arrays import UInt8Array
 from readygo.common.errors import SceneError
 from readygo.common.files import open_regular
 from readygo.services.reconstructor.frames.config import FramesConfig
+from readygo.services.reconstructor.frames.light import encode_light, light_of
 from readygo.services.reconstructor.frames.select import FrameScores, choose_frames, motion, sharpness, small_grey
 
 FRAMES_MIN = 10
 _STEP = 0.05
 """Movement of the picture from one used image to the next, as share of its width."""
+_PANORAMA_SHARE = 0.25
+"""Share of a 360-degree image's width that a view of 90 deg has: movements are measured by views."""
 _WAY_MIN = 0.3
 """A picture that moved less in all, as share of its width, was not filmed walking."""
 JPEG_QUALITY = 97
@@ -33,12 +37,15 @@ def extract_frames(video: Path, folder: Path, config: FramesConfig) -> dict[str,
     """Write the frames of a video that are used as `folder`/000123.jpg, by their number.
 
     Returns:
-        What was found: frames, seconds, kept, size of the images and of the video's own frames, notes.
+        What was found: frames, seconds, kept, size of the images and of the video's own upright frames, by how much
+        these were turned clockwise [deg], notes.
 
     Raises:
         SceneError: If the video cannot be read, is too short, or does not move.
     """
     scores, seconds = _scores(video)
+    if config.projection == "equirectangular":
+        scores = replace(scores, motion=scores.motion / _PANORAMA_SHARE)
     count, cut = len(scores.sharpness), cut_off(video)
     way = float(scores.motion.sum())
     chosen = choose_frames(scores, count_max=config.count_max, step=_STEP) if count else np.array([], np.int64)
@@ -58,7 +65,7 @@ def extract_frames(video: Path, folder: Path, config: FramesConfig) -> dict[str,
         )
     wanted = set(chosen.tolist())
     size = source = (0, 0)
-    for number, bgr in enumerate(_frames(video)):
+    for number, (bgr, _) in enumerate(_frames(video)):
         if number in wanted:
             source = (bgr.shape[1], bgr.shape[0])
             bgr = shrunk(bgr, config.side_max_px)
@@ -68,16 +75,16 @@ def extract_frames(video: Path, folder: Path, config: FramesConfig) -> dict[str,
             break
     notes = [f"{cut}; its first {seconds:.1f} s are used"] if cut else []
     return {"frames": count, "seconds": round(seconds, 2), "kept": len(chosen), "size_px": list(size),
-            "source_px": list(source), "notes": notes}  # fmt: skip
+            "source_px": list(source), "turned_deg": _turned_deg(video), "notes": notes}  # fmt: skip
 
 
 def shrunk(bgr: UInt8Array, side_max_px: int) -> UInt8Array:
-    """An image (H, W, 3) whose longer side has at most so many pixels."""
+    """An image (H, W, 3) whose longer side has at most so many pixels; pixels become means of light."""
     share = side_max_px / max(bgr.shape[:2])
     if share >= 1.0:
         return bgr
     size = (round(bgr.shape[1] * share), round(bgr.shape[0] * share))
-    return np.asarray(cv2.resize(bgr, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    return encode_light(np.asarray(cv2.resize(light_of(bgr), size, interpolation=cv2.INTER_AREA), dtype=np.uint16))
 
 
 def is_same_shape(one_px: tuple[int, int], other_px: tuple[int, int]) -> bool:
@@ -99,25 +106,38 @@ def write_jpeg(path: Path, bgr: UInt8Array) -> None:
 
 def _scores(video: Path) -> tuple[FrameScores, float]:
     """Scores of all frames, and the seconds that they last."""
-    sharp, moved, before = [], [], None
-    for bgr in _frames(video):
+    sharp, moved, before, times_s = [], [], None, []
+    for bgr, time_s in _frames(video):
         now = small_grey(bgr)
+        times_s.append(time_s)
         sharp.append(sharpness(bgr))
         moved.append(0.0 if before is None else motion(before, now))
         before = now
-    rate_hz = _open_video(video).get(cv2.CAP_PROP_FPS) or 30.0
-    return FrameScores(sharpness=np.array(sharp), motion=np.array(moved)), len(sharp) / rate_hz
+    return FrameScores(sharpness=np.array(sharp), motion=np.array(moved)), _seconds(video, times_s)
 
 
-def _frames(video: Path) -> Iterator[UInt8Array]:
-    """All frames, turned as the video says that it was held."""
+def _seconds(video: Path, times_s: Sequence[float]) -> float:
+    """How long frames last that begin at these times; where a file tells none, by its rate."""
+    count = len(times_s)
+    if count > 1 and times_s[-1] > times_s[0]:
+        return (times_s[-1] - times_s[0]) * count / (count - 1)
+    return count / (_open_video(video).get(cv2.CAP_PROP_FPS) or 30.0)
+
+
+def _turned_deg(video: Path) -> int:
+    """By how much frames are turned clockwise to be upright, as the video says that it was held [deg]."""
+    return round(float(_open_video(video).get(cv2.CAP_PROP_ORIENTATION_META))) % 360
+
+
+def _frames(video: Path) -> Iterator[tuple[UInt8Array, float]]:
+    """All frames, turned as the video says that it was held, and when they begin [s]."""
     capture = _open_video(video)
     try:
         while True:
             there, bgr = capture.read()
             if not there:
                 return
-            yield bgr
+            yield bgr, capture.get(cv2.CAP_PROP_POS_MSEC) / 1000.0
     finally:
         capture.release()
 

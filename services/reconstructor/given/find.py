@@ -10,6 +10,7 @@ from readygo.common.errors import SceneError
 from readygo.common.images.encoded import read_pixels
 from readygo.services.reconstructor.frames.config import FramesConfig
 from readygo.services.reconstructor.frames.video import is_same_shape, shrunk, write_jpeg
+from readygo.services.reconstructor.given.bare_model import find_bare_model, read_bare_model
 from readygo.services.reconstructor.given.capture import IMAGES_MIN, GivenCapture
 from readygo.services.reconstructor.given.polycam import check_polycam, find_polycam, read_polycam
 from readygo.services.reconstructor.given.record3d import find_record3d, read_record3d
@@ -17,7 +18,7 @@ from readygo.services.reconstructor.given.transforms import FILE, read_transform
 
 
 def read_capture(path: Path) -> GivenCapture | None:
-    """The capture with poses at a path: a `transforms.json` or a folder with one, or of Polycam or Record3D.
+    """The capture with poses at a path: a `transforms.json`, of Polycam or Record3D, or a COLMAP model without tracks.
 
     Returns:
         None if there is none.
@@ -27,6 +28,9 @@ def read_capture(path: Path) -> GivenCapture | None:
     """
     if path.is_file():
         return read_transforms(path) if path.suffix.lower() == ".json" else None
+    model = find_bare_model(path)
+    if model is not None:
+        return read_bare_model(path, model)
     if (path / FILE).is_file():
         return read_transforms(path / FILE)
     polycam, record3d = find_polycam(path), find_record3d(path)

@@ -76,6 +76,7 @@ def extract_features(
     lens: Intrinsics | Mapping[str, Intrinsics] | None = None,
     masks: Path | None = None,
     features_min: int = 0,
+    rig: Mapping[str, Float64Array] | None = None,
 ) -> None:
     """Write the images' features to a new database; where they are few, again with fainter ones.
 
@@ -89,6 +90,8 @@ def extract_features(
         lens: Of all images, or by image, if it is known.
         masks: Folder with a mask NAME.png of each image; where it is 0, there are no features.
         features_min: Where the median image has fewer, fainter ones are taken too, of all images.
+        rig: Rotations R_rig_view by folder, where images of one name in these folders were taken at one place; each
+            folder has a camera then, with the one lens.
     """
     colmap = pycolmap()
     colmap.set_random_seed(config.seed)
@@ -106,7 +109,7 @@ def extract_features(
     options = colmap.FeatureExtractionOptions()
     options.num_threads, options.use_gpu = config.threads or -1, False
     options.sift.max_num_features = _FEATURES_MAX
-    mode = colmap.CameraMode.SINGLE if one_camera else colmap.CameraMode.PER_FOLDER
+    mode = colmap.CameraMode.SINGLE if one_camera and rig is None else colmap.CameraMode.PER_FOLDER
     if isinstance(lens, Mapping):
         mode = colmap.CameraMode.PER_IMAGE
     for peak in (_PEAK, _FAINT_PEAK):
@@ -117,6 +120,21 @@ def extract_features(
             break
     if isinstance(lens, Mapping):
         _set_lenses(colmap, database, lens)
+    if rig is not None:
+        _set_rig(colmap, database, rig)
+
+
+def _set_rig(colmap: Any, database: Path, rig: Mapping[str, Float64Array]) -> None:
+    """Tie images of one name in several folders to each other."""
+    cameras = []
+    for number, (folder, R_rig_view) in enumerate(rig.items()):
+        camera = colmap.RigConfigCamera(image_prefix=f"{folder}/", ref_sensor=number == 0)
+        if number:
+            R_view_first = R_rig_view.T @ next(iter(rig.values()))
+            camera.cam_from_rig = colmap.Rigid3d(colmap.Rotation3d(R_view_first), np.zeros(3))
+        cameras.append(camera)
+    with colmap.Database.open(database) as db:
+        colmap.apply_rig_config([colmap.RigConfig(cameras=cameras)], db)
 
 
 def _set_lenses(colmap: Any, database: Path, lenses: Mapping[str, Intrinsics]) -> None:
@@ -142,6 +160,8 @@ def _lens_to_refine(config: PosesConfig) -> dict[str, bool]:
         "refine_focal_length": free,
         "refine_extra_params": free,
         "refine_principal_point": free and config.refine_principal_point,
+        # Those of the views of 360-degree images are known.
+        "refine_sensor_from_rig": False,
     }
 
 
@@ -181,6 +201,8 @@ def add_tag_matches(database: Path, tags: TagFeatures, config: PosesConfig) -> N
                 if not len(rows):
                     continue
                 a, b = images[first], images[second]
+                if a.frame_id == b.frame_id:  # views of one 360-degree image: no baseline
+                    continue
                 rows = (rows + np.array([begins[first], begins[second]])).astype(np.uint32)
                 if db.exists_matches(a.image_id, b.image_id):
                     rows = np.concatenate([db.read_matches(a.image_id, b.image_id).reshape(-1, 2), rows])
@@ -404,6 +426,12 @@ def is_pinhole(model: Path) -> bool:
     """Whether all cameras of a model are without distortion."""
     cameras = _open_model(model).cameras.values()
     return all(camera.model.name in ("PINHOLE", "SIMPLE_PINHOLE") for camera in cameras)
+
+
+def has_tracks(model: Path) -> bool:
+    """Whether a model has no images, or one that sees a point."""
+    images = _open_model(model).images.values()
+    return not images or any(image.num_points3D for image in images)
 
 
 def pinhole_views(model: Path) -> CapturedViews:

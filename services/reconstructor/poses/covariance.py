@@ -20,6 +20,8 @@ _ANGLE = 2.0
 def pose_errors(model: Path, names: Collection[str]) -> PoseErrors | None:
     """Errors of poses by the residuals of their matches, as if these erred independently; None if they cannot be told.
 
+    COLMAP does not tell those of views that share a centre, as of 360-degree images.
+
     Three points stand for the frame of the map: only what is left when it is moved, turned and sized means something.
 
     Args:
@@ -33,7 +35,7 @@ def pose_errors(model: Path, names: Collection[str]) -> PoseErrors | None:
     images = sorted((rec.images[number] for number in rec.reg_image_ids()), key=lambda image: image.name)
     tracks = [(max(point.error, 0.0), point.track.length()) for point in rec.points3D.values()]
     spare = 2 * sum(count for _, count in tracks) - 3 * len(tracks) - 6 * len(images)
-    if len(images) < 2 or spare <= 0:
+    if len(images) < 2 or spare <= 0 or not all(image.is_ref_in_frame() for image in images):
         return None
     config = colmap.BundleAdjustmentConfig()
     for image in images:
@@ -66,8 +68,8 @@ def _only(model: Path, names: Collection[str]) -> Any:
     others = [image for image in map(rec.image, rec.reg_image_ids()) if image.name not in names]
     if not others:
         return rec
-    for image in others:
-        rec.deregister_frame(image.frame_id)
+    for frame_id in {image.frame_id for image in others}:
+        rec.deregister_frame(frame_id)
     # Written and read, they are gone: those without a pose are not adjusted with.
     with tempfile.TemporaryDirectory() as folder:
         rec.write(folder)

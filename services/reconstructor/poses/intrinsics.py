@@ -8,7 +8,7 @@ Source: the files that `cv2.FileStorage` writes in OpenCV's calibration sample; 
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +39,7 @@ class Intrinsics:
     """A lens by one of COLMAP's camera models."""
 
     model: str
-    """OPENCV, FULL_OPENCV or OPENCV_FISHEYE."""
+    """PINHOLE, OPENCV, FULL_OPENCV or OPENCV_FISHEYE."""
     params: tuple[float, ...]
     """fx, fy, cx, cy [px], pixel centres at +0.5, and the coefficients, in COLMAP's order."""
     size_px: tuple[int, int] | None = None
@@ -57,6 +57,21 @@ class Intrinsics:
         fx, fy, cx, cy, *rest = self.params
         params = (fx * across, fy * down, cx * across, cy * down, *rest)
         return Intrinsics(model=self.model, params=params, size_px=size_px)
+
+    def turn(self, turned_deg: int) -> "Intrinsics":
+        """The lens for images that were turned clockwise by a multiple of 90 deg; its own size must be known.
+
+        A quarter turn takes (x, y) to (-y, x): by the equations of Brown and Conrady k1 to k6 stay, p1 and p2 become p2
+        and -p1.
+        """
+        turned = self
+        for _ in range(turned_deg // 90 % 4):
+            assert turned.size_px is not None
+            (width, height), (fx, fy, cx, cy, *rest) = turned.size_px, turned.params
+            if self.model in ("OPENCV", "FULL_OPENCV"):
+                rest[2:4] = rest[3], -rest[2]
+            turned = replace(turned, params=(fy, fx, height - cy, cx, *rest), size_px=(height, width))
+        return turned
 
 
 def lens(fx: float, fy: float, cx: float, cy: float, coefficients: Sequence[float] = (), **more: Any) -> Intrinsics:
@@ -141,18 +156,24 @@ def read_intrinsics(text: str) -> Intrinsics:
         raise ConfigError(f"{text!r} is no file and no intrinsics ({error}); {_HOW}.") from error
 
 
-def fit_to_images(given: Intrinsics, source_px: tuple[int, int], size_px: tuple[int, int]) -> Intrinsics:
-    """The lens for the images that are used.
+def fit_to_images(
+    given: Intrinsics, source_px: tuple[int, int], size_px: tuple[int, int], *, turned_deg: int = 0
+) -> Intrinsics:
+    """The lens for the images that are used; one for the sensor's own images is turned as these were.
 
     Args:
         given: What the user gave.
         source_px: Width and height of the photos or of the video's frames, upright.
         size_px: Width and height that they were made smaller to.
+        turned_deg: By how much they were turned clockwise to be upright, as the camera says [deg].
 
     Raises:
         ConfigError: If it is for images of another shape.
     """
     (width, height), size = source_px, given.size_px
+    if turned_deg % 180 and size and not is_same_shape(size, source_px) and is_same_shape(size[::-1], source_px):
+        given = given.turn(turned_deg)
+        size = given.size_px
     if size is not None and not is_same_shape(size, source_px):
         turned = "; they are turned by 90 deg" if (size[0] > size[1]) != (width > height) else ""
         raise ConfigError(

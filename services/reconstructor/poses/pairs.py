@@ -1,7 +1,17 @@
 """Which images are compared with each other."""
 
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from readygo.common.arrays import Float64Array
+
 _FAR = 40
 """So many images, spread over a video, are compared each with each, so that ways that meet again are found."""
+_NEAR_COS = math.cos(math.radians(60.0))
+"""Views of 360-degree images that follow each other are compared within this angle, as the camera hardly turns."""
+_SAME_RING = 1e-3
 
 
 def image_pairs(count: int, *, sequential: bool, overlap: int) -> list[tuple[int, int]]:
@@ -17,3 +27,16 @@ def image_pairs(count: int, *, sequential: bool, overlap: int) -> list[tuple[int
     every = max(1, -(-count // _FAR))
     pairs |= {(i, j) for i in range(0, count, every) for j in range(i + every, count, every)}
     return sorted(pairs)
+
+
+def view_pairs(rig: Mapping[str, Float64Array], *, near: bool) -> list[tuple[str, str]]:
+    """Which views of one 360-degree image are compared with which of another.
+
+    Args:
+        rig: Rotations `R_panorama_view` by view, shape (3, 3).
+        near: Whether the images follow each other: then views in similar directions are; else all of equal pitch.
+    """
+    forward = {name: R[:, 2] for name, R in rig.items()}
+    if near:
+        return [(a, b) for a in rig for b in rig if float(forward[a] @ forward[b]) > _NEAR_COS]
+    return [(a, b) for a in rig for b in rig if np.abs(forward[a][1] - forward[b][1]) < _SAME_RING]

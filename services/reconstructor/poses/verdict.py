@@ -55,7 +55,7 @@ class PoseVerdict:
     def drift(self) -> str:
         """What is known of drift, in words."""
         if not self.sequential:
-            return "photos in no order"
+            return "images in no order"
         if self.loops:
             return f"held by {self.loops} pairs of images that meet again; weakest link {self.weakest_link} points"
         return f"not held: the way never meets itself; weakest link {self.weakest_link} points"

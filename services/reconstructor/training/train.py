@@ -339,7 +339,10 @@ class _Training:
         with self._clock("measuring"):
             scores = measure(gaussians, self._held_photos(len(self._held)), self._settings.sh_degree)
             for score in scores:
-                write_picture(self._folder / PREVIEWS / "held_out" / f"{Path(score.image).stem}.png", score)
+                write_picture(
+                    self._folder / PREVIEWS / "held_out" / f"{score.image.rpartition('.')[0].replace('/', '_')}.png",
+                    score,
+                )
             rejected = self._rejected(gaussians)
         save_ply(gaussians.cloud(), self._folder / CLOUD_FILE)
         report = self._report(scores, rejected)

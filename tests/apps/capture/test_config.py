@@ -17,6 +17,9 @@ from readygo.common.errors import ConfigError
         ({"marker_size_m": -0.1}, "marker's size"),
         ({"sub_frames": 1}, "2 to 64 sub-frames"),
         ({"width_px": 641}, "even sides"),
+        ({"exposure_ev": 4.0}, "drifts by 0 to 3 stops, got 4"),
+        ({"equirectangular": True}, "twice as wide as high, got 640x480"),
+        ({"equirectangular": True, "width_px": 960, "people": 1}, "without people and without sub-frames"),
     ],
 )
 def test_what_makes_no_film_is_refused(values: dict[str, object], words: str) -> None:

@@ -117,6 +117,7 @@ def test_truth_says_how_it_was_filmed_and_every_photo_is_heard(tmp_path: Path, m
 def test_exposure_wanders_within_a_quarter_stop_in_films_and_counts_in_pictures() -> None:
     plan = filming(seconds=30.0)
     assert 0.1 < np.abs(plan.exposures_ev).max() <= 0.25
+    np.testing.assert_allclose(filming(seconds=30.0, exposure_ev=1.0).exposures_ev, 4.0 * plan.exposures_ev)
     low, high = (
         next(pictures(dataclasses.replace(plan, exposures_ev=np.full(60, stops)))).astype(float).mean()
         for stops in (-0.5, 0.5)
@@ -175,3 +176,17 @@ def test_film_without_people_is_what_it_was() -> None:
         CaptureConfig(people=9)
     with pytest.raises(ConfigError, match="People move at 20 Hz"):
         CaptureConfig(people=1, fps=30)
+
+
+def test_film_of_360_degrees_has_the_phone_camera_view_in_its_middle(tmp_path: Path) -> None:
+    plan = filming(equirectangular=True, width_px=256, height_px=128, photos=True)
+    truth = read_truth(film(plan, tmp_path / "round", lambda done: None))
+    assert (truth.content["camera"], truth.content["width_px"]) == ({"model": "EQUIRECTANGULAR"}, 256)
+    image = cv2.imread(str(tmp_path / "round" / "0003.jpg"))
+    assert image is not None
+    assert image.shape == (128, 256, 3)
+    plain = list(pictures(filming(photos=True)))[3][:, :, ::-1]
+    # The phone looks 68 deg along its width, a fifth of the panorama's; its frames have the same times.
+    middle = cv2.resize(image[45:83, 104:152], (160, 120), interpolation=cv2.INTER_AREA)
+    alike = np.corrcoef(cv2.blur(middle, (9, 9)).ravel(), cv2.blur(np.ascontiguousarray(plain), (9, 9)).ravel())
+    assert alike[0, 1] > 0.9

@@ -26,3 +26,15 @@ def test_other_files_are_refused(text: str, tmp_path: Path) -> None:
     path.write_text(text)
     with pytest.raises(SceneError, match=r"a\.truth\.json"):
         read_truth(path)
+
+
+def test_poses_of_360_degree_images_are_those_of_their_views(tmp_path: Path) -> None:
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = [[0, 0, 1], [-1, 0, 0], [0, -1, 0]], (1.0, 2.0, 1.5)
+    frames = [{"image": 7, "T_world_camera": T.tolist()}]
+    write_truth(tmp_path / "a.truth.json", {"frames": frames, "camera": {"model": "EQUIRECTANGULAR"}})
+    poses = read_truth(tmp_path / "a.truth.json").poses
+    assert len(poses) == 8
+    np.testing.assert_array_equal(poses["view_0/000007.jpg"], T)
+    np.testing.assert_allclose(poses["view_1/000007.jpg"][:3, 2], (0, -1, 0), atol=1e-12, err_msg="to the right")
+    np.testing.assert_array_equal([pose[:3, 3] for pose in poses.values()], np.tile([1.0, 2.0, 1.5], (8, 1)))

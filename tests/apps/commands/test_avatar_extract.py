@@ -43,6 +43,7 @@ def test_avatar_report_and_poses_are_written(
         (["nowhere", "--out", "person.npz"], "is not a folder"),
         ([".", "--out", "person.npz"], "has no poses"),
         ([".", "--out", "person.ply"], "must end in .npz"),
+        ([".", "--out", "person.npz", "--checkpoint", "p.pth"], "--checkpoint needs --representation hugs, and --body"),
     ],
 )
 def test_mistakes_end_in_one_line(

@@ -1,14 +1,26 @@
 from pathlib import Path
+from typing import Literal
 
+import cv2
+import numpy as np
 import pytest
 
+from readygo.common.camera.captured import CapturedViews
 from readygo.common.errors import ConfigError, SceneError
+from readygo.common.scenes import save_scene
+from readygo.common.scenes.export import export_scene
 from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.frames.config import FramesConfig
-from readygo.services.reconstructor.handlers import find_poses, known_lens, make_markers
+from readygo.services.reconstructor.frames.panorama import cut_panoramas, panorama_rays, view_rotations
+from readygo.services.reconstructor.frames.video import write_jpeg
+from readygo.services.reconstructor.handlers import find_poses, known_lens, make_frames, make_markers
+from readygo.services.reconstructor.job import open_source
 from readygo.services.reconstructor.metric.config import MetricConfig
+from readygo.services.reconstructor.poses.colmap import pinhole_views
 from readygo.services.reconstructor.poses.config import PosesConfig
+from readygo.services.reconstructor.similarity import umeyama
 from readygo.services.reconstructor.stages import StageProgress
+from tests.common.scenes.small_room import small_room
 from tests.services.reconstructor.given import test_find, test_polycam
 from tests.services.reconstructor.synthetic import photos
 
@@ -97,3 +109,101 @@ def test_captures_with_poses_need_a_scale_unless_their_device_measured_it(tmp_pa
     with pytest.raises(SceneError, match="Film again"):
         find_poses(test_polycam.export(tmp_path / "p"), tmp_path / "out", ReconstructorConfig(), hear)
     assert said == ["frames", "features", "matches", "map"], "grey images share nothing"
+
+
+def test_360_degree_sources_bring_their_lens_and_are_videos_or_photos(tmp_path: Path) -> None:
+    pytest.importorskip("pycolmap", reason="pycolmap is not installed")
+    frames, metric = FramesConfig(projection="equirectangular"), MetricConfig(scale=1.0)
+    config = ReconstructorConfig(frames=frames, metric=metric, poses=PosesConfig(intrinsics="9 9 4 3"))
+    with pytest.raises(ConfigError, match="360-degree source comes with its lenses; leave --intrinsics out"):
+        find_poses(photos(tmp_path / "p", 3), tmp_path / "out", config, print)
+    config = ReconstructorConfig(frames=frames, metric=metric)
+    with pytest.raises(ConfigError, match="has poses of its images already; --equirectangular is for videos"):
+        find_poses(test_find.transforms(tmp_path / "t"), tmp_path / "out", config, print)
+    with pytest.raises(SceneError, match="Images of 80x60 px are no 360-degree images"):
+        find_poses(tmp_path / "p", tmp_path / "out", config, lambda progress: None)
+    assert not (tmp_path / "out" / "frames").exists()
+
+
+def test_images_that_may_show_360_degrees_are_named_and_cut_where_asked(tmp_path: Path) -> None:
+    (tmp_path / "p").mkdir()
+    for name in "abc":
+        write_jpeg(tmp_path / "p" / f"{name}.jpg", np.full((64, 128, 3), 90, np.uint8))
+    found = make_frames(open_source(tmp_path / "p"), ReconstructorConfig(), tmp_path / "plain")
+    assert "if they show 360 degrees, give --equirectangular" in found["notes"][0]
+    config = ReconstructorConfig(frames=FramesConfig(projection="equirectangular"))
+    found = make_frames(open_source(tmp_path / "p"), config, tmp_path / "views")
+    assert found["names"][:4] == ["view_0/a.jpg", "view_0/b.jpg", "view_0/c.jpg", "view_1/a.jpg"]
+    assert len(found["names"]) == found["kept"] == 24
+    assert found["size_px"] == [40, 40]
+
+
+def room(centre_m: np.ndarray, width_px: int) -> np.ndarray:
+    """A 360-degree image in a room of 4 m x 3 m x 5 m with noise on its walls."""
+    rng = np.random.default_rng(0)
+    walls = [cv2.resize(rng.integers(0, 255, (40, 40, 3), dtype=np.uint8), (800, 800)) for _ in range(6)]
+    half_m, rays = np.array([2.0, 1.5, 2.5]), panorama_rays(width_px)
+    with np.errstate(divide="ignore"):
+        ahead = np.where(rays > 0, half_m - centre_m, -half_m - centre_m) / rays
+    axis = np.argmin(ahead, axis=-1)
+    share = (centre_m + rays * ahead.min(axis=-1)[..., None]) / half_m
+    image = np.zeros((*axis.shape, 3), np.uint8)
+    for number, wall in enumerate(walls):
+        on = (axis == number // 2) & ((np.take_along_axis(rays, axis[..., None], -1)[..., 0] > 0) == number % 2)
+        u, v = (np.delete(share[on], number // 2, axis=1).T * 399 + 400).astype(int)
+        image[on] = wall[v.clip(0, 799), u.clip(0, 799)]
+    return image
+
+
+@pytest.mark.slow
+def test_views_of_360_degree_photos_get_poses_about_the_centres_of_their_photos(tmp_path: Path) -> None:
+    pytest.importorskip("pycolmap", reason="pycolmap is not installed")
+    centres_m = np.array([[0.0, 0.0, -0.4], [0.4, 0.1, 0.1], [-0.3, -0.1, 0.4]])
+    (tmp_path / "p").mkdir()
+    for number, centre_m in enumerate(centres_m):
+        write_jpeg(tmp_path / "p" / f"{number}.jpg", cv2.resize(room(centre_m, 1536), (768, 384), None, 0, 0, 3))
+    config = ReconstructorConfig(
+        frames=FramesConfig(projection="equirectangular"),
+        metric=MetricConfig(scale=1.0),
+        poses=PosesConfig(threads=1),
+    )
+    report = find_poses(tmp_path / "p", tmp_path / "out", config, lambda progress: None)
+    assert report["verdict"]["registered"] == 24
+    views = pinhole_views(tmp_path / "out" / "posed" / "sparse" / "0")
+    found = {name: T for name, T in zip(views.images, views.T_world_camera, strict=True)}
+    rig = view_rotations()
+    T = np.array([found[f"view_0/{number}.jpg"] for number in range(3)])
+    for name, R in rig.items():
+        for number in range(3):
+            np.testing.assert_allclose(found[f"{name}/{number}.jpg"][:3, 3], T[number, :3, 3], atol=1e-6)
+            np.testing.assert_allclose(found[f"{name}/{number}.jpg"][:3, :3], T[number, :3, :3] @ R, atol=1e-6)
+    fitted = umeyama(T[:, :3, 3], centres_m)
+    np.testing.assert_allclose(fitted.apply(T[:, :3, 3]), centres_m, atol=0.01)
+    turns = np.degrees(np.arccos(((np.trace(fitted.R @ T[:, :3, :3], axis1=1, axis2=2) - 1) / 2).clip(-1, 1)))
+    assert turns.max() < 0.3
+
+
+@pytest.mark.parametrize("kind", ["colmap", "transforms"])
+def test_exported_cameras_come_back_with_their_poses_and_lenses(
+    tmp_path: Path, kind: Literal["colmap", "transforms"]
+) -> None:
+    pytest.importorskip("pycolmap", reason="pycolmap is not installed")
+    centres_m = np.array([[-0.6, 0.0, 0.0], [-0.2, 0.2, 0.1], [0.2, -0.2, -0.1], [0.6, 0.1, 0.2]])
+    for number, centre_m in enumerate(centres_m):
+        panorama = cv2.resize(room(centre_m, 1536), (768, 384), None, 0, 0, cv2.INTER_AREA)
+        write_jpeg(tmp_path / "images" / f"{number}.jpg", panorama)
+    cut_panoramas(tmp_path / "images", {"size_px": [768, 384]})
+    names, T = tuple(f"view_0/{number}.jpg" for number in range(4)), np.tile(np.eye(4), (4, 1, 1))
+    T[:, :3, :3], T[:, :3, 3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]], centres_m[:, [0, 2, 1]] * (1, 1, -1)
+    K = np.tile([[122.0, 0, 122.0], [0, 122.0, 122.0], [0, 0, 1]], (4, 1, 1))
+    views = CapturedViews(images=names, sizes_px=np.full((4, 2), 244), K_px=K, T_world_camera=T)
+    scene = save_scene(small_room(), None, tmp_path / "room", views=views)
+    export_scene(scene, kind, tmp_path / "out", tmp_path / "images")
+    config = ReconstructorConfig(metric=MetricConfig(scale=1.0), poses=PosesConfig(threads=1))
+    report = find_poses(tmp_path / "out", tmp_path / "again", config, lambda progress: None)
+    assert report["verdict"]["registered"] == 4
+    again = pinhole_views(tmp_path / "again" / "posed" / "sparse" / "0")
+    np.testing.assert_allclose(again.K_px, K, atol=1e-6)
+    order = [again.images.index(Path(name).name) for name in names]
+    moved = np.linalg.inv(again.T_world_camera[order[0]]) @ again.T_world_camera[order]
+    np.testing.assert_allclose(moved, np.linalg.inv(T[0]) @ T, atol=1e-6)

@@ -65,7 +65,11 @@ def test_missing_keys_are_named(tmp_path: Path) -> None:
         ("weights", np.zeros((5, 24)), "weights must be .* x 24, got"),
         ("v_template", np.full((632, 3), np.nan), "v_template holds values that are not finite"),
         ("J_regressor", np.zeros((24, 7)), "J_regressor must be"),
-        ("kintree_table", np.zeros((2, 55), np.int64), "55 joints that is not SMPL-24"),
+        (
+            "kintree_table",
+            np.zeros((2, 55), np.int64),
+            "has 55 joints: it is SMPL-X. Give a SMPL model, which has 24 joints",
+        ),
         ("f", np.full((4, 3), 10**6), "f names vertices beyond"),
         ("v_template", "text", "v_template holds no numbers"),
     ],

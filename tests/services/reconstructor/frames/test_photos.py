@@ -24,7 +24,7 @@ def test_photos_are_turned_and_made_smaller_and_their_focal_length_is_known(tmp_
     found = prepare_photos(source, tmp_path / "out", FramesConfig(side_max_px=320))
     assert cv2.imread(str(tmp_path / "out" / "0.jpg")).shape == (320, 240, 3)
     assert (found["kept"], found["size_px"], found["unused"]) == (3, [240, 320], ["broken.png"])
-    assert found["source_px"] == [480, 640]
+    assert (found["source_px"], found["turned_deg"]) == ([480, 640], 90)
     assert abs(found["focal_px"] - 26 / 43.2666 * 400) < 0.1
     assert found["photos"] == {f"{number}.jpg": (f"{number}.jpg", 0.5) for number in range(3)}
 

@@ -14,7 +14,7 @@ from readygo.services.reconstructor.poses.colmap import (
     write_undistorted_masks,
 )
 from readygo.services.reconstructor.poses.config import PosesConfig
-from readygo.services.reconstructor.poses.intrinsics import lens
+from readygo.services.reconstructor.poses.intrinsics import Intrinsics, lens
 from tests.services.reconstructor.synthetic import some_similarity, synthetic_database
 
 pycolmap = pytest.importorskip("pycolmap", reason="pycolmap is not installed")
@@ -144,3 +144,25 @@ def test_masks_are_undistorted_as_their_images_are(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "masks" / f"{names[0]}.png"), mask[:60])
     with pytest.raises(SceneError, match="is 160x60 px, its image 160x120 px"):
         write_undistorted_masks(tmp_path / "sparse", tmp_path / "masks", tmp_path / "out")
+
+
+def test_views_of_one_place_are_a_rig_with_known_rotations_and_one_lens(tmp_path: Path) -> None:
+    turned = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    rig = {"ahead": np.eye(3), "right": turned}
+    names = [f"{folder}/{name}.png" for folder in rig for name in ("a", "b")]
+    for name in names:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        noise = np.random.default_rng(len(name)).integers(0, 255, (40, 40, 3), dtype=np.uint8)
+        cv2.imwrite(str(tmp_path / name), noise)
+    given = Intrinsics(model="PINHOLE", params=(20.0, 20.0, 20.0, 20.0))
+    wanted = {"focal_px": 0.0, "size_px": [40, 40], "lens": given, "rig": rig}
+    extract_features(tmp_path / "d.db", tmp_path, names, PosesConfig(threads=1), **wanted)
+    with pycolmap.Database.open(tmp_path / "d.db") as db:
+        cameras, images, (made,) = db.read_all_cameras(), db.read_all_images(), db.read_all_rigs()
+    assert [list(camera.params) for camera in cameras] == [[20.0] * 4] * 2
+    frame_of = {image.name: image.frame_id for image in images}
+    assert frame_of["ahead/a.png"] == frame_of["right/a.png"] != frame_of["ahead/b.png"] == frame_of["right/b.png"]
+    camera_of = {image.name: image.camera_id for image in images}
+    sensor = pycolmap.sensor_t(pycolmap.SensorType.CAMERA, camera_of["right/a.png"])
+    np.testing.assert_allclose(made.sensor_from_rig(sensor).rotation.matrix(), turned.T, atol=1e-12)
+    np.testing.assert_array_equal(made.sensor_from_rig(sensor).translation, 0.0)

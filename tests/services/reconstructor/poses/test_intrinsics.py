@@ -136,3 +136,18 @@ def test_lens_is_fitted_to_images_that_were_made_smaller() -> None:
 def test_lens_for_other_images_is_refused(given: Intrinsics, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         fit_to_images(given, (640, 480), (640, 480))
+
+
+@pytest.mark.parametrize("coefficients", [D[:4], D])
+@pytest.mark.parametrize("turned_deg", [90, 270])
+def test_lens_of_a_sensor_shows_points_turned_as_its_images_are(coefficients: np.ndarray, turned_deg: int) -> None:
+    given = lens(520.0, 510.0, 319.0, 242.0, list(coefficients), size_px=(640, 480))
+    fitted = fit_to_images(given, (480, 640), (480, 640), turned_deg=turned_deg)
+    before, (x, y, z) = pixels_of(given, POINTS), POINTS.T
+    if turned_deg == 90:
+        after, turned = np.stack([-y, x, z], axis=1), np.stack([480 - before[:, 1], before[:, 0]], axis=1)
+    else:
+        after, turned = np.stack([y, -x, z], axis=1), np.stack([before[:, 1], 640 - before[:, 0]], axis=1)
+    np.testing.assert_allclose(pixels_of(fitted, after), turned, atol=1e-9)
+    upright = lens(520.0, 510.0, 241.0, 318.0, size_px=(480, 640))
+    assert fit_to_images(upright, (480, 640), (480, 640), turned_deg=turned_deg) == upright
