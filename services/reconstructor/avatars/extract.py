@@ -3,9 +3,10 @@
 import hashlib
 import json
 import math
+import shutil
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,20 @@ from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import AvatarError, RunError
 from readygo.services.reconstructor.avatars.body import OVERLAP_MIN, choose_body, overlap_of, swap_sides
+from readygo.services.reconstructor.avatars.complete import (
+    KEYPOINTS_STAGE,
+    MASKS_STAGE,
+    POSES_STAGE,
+    CompleteFootage,
+    PersonNetworks,
+    complete_footage,
+)
 from readygo.services.reconstructor.avatars.config import AvatarFitConfig
 from readygo.services.reconstructor.avatars.export import avatar_of_fit, without_floaters
 from readygo.services.reconstructor.avatars.fit import PersonFit
-from readygo.services.reconstructor.avatars.footage import Footage, read_footage, smooth_poses
+from readygo.services.reconstructor.avatars.footage import Footage, smooth_poses
 from readygo.services.reconstructor.avatars.views import FilmedPerson, PersonView, read_person, view_at
-from readygo.services.reconstructor.stages import Stages, word_errors
+from readygo.services.reconstructor.stages import Say, Stages, word_errors
 from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
 from readygo.services.reconstructor.training.interruption import interruption
 from readygo.services.reconstructor.training.photometric import Photometric
@@ -88,32 +97,39 @@ def extract_avatar(
     *,
     name: str,
     license_text: str,
+    networks: PersonNetworks | None = None,
+    say: Say = lambda _: None,
     bodies: dict[str, Avatar] | None = None,
 ) -> Extraction:
     """Extract an avatar; an interrupted call resumes with the same arguments, to the same result.
 
     Args:
         folder: Film of a person, see `footage`.
-        work: Folder of the checkpoint; it is made once the film is found to be usable.
+        work: Folder of what is found and of the checkpoint; it goes if the film cannot be used.
         config: How; see `avatar_preset`.
         tell: Is told about every second how far it is.
         name: Name of the avatar.
         license_text: Its license.
+        networks: Find masks and keypoints that the film lacks.
+        say: Hears when a stage begins that finds what the film lacks.
         bodies: Bodies to begin with by name; the embedded avatars by default.
 
     Raises:
         ReadygoError: If the film cannot be used, or the fit does not come to a human.
         KeyboardInterrupt: At Ctrl-C, after the state is saved.
     """
-    footage = read_footage(folder)
-    person = read_person(footage, config.side_max_px)
-    pose, root = smooth_poses(footage.pose_axis_angle, footage.root_m, config.prior.smooth_frames)
-    body, overlap = choose_body(load_avatars() if bodies is None else bodies, person, pose, root)
-    _check_poses(body, overlap, person, pose, root)
+    bodies = load_avatars() if bodies is None else bodies
+    stages = Stages(work, say)
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        with Stages(work, lambda _: None).alone(), word_errors(work):
+        with stages.alone(), word_errors(work):
+            complete = complete_footage(folder, stages, networks or PersonNetworks(), bodies, config)
+            footage = complete.footage
+            person = read_person(footage, config.side_max_px)
+            config, pose, root = _first_poses(complete, config)
+            body, overlap = choose_body(bodies, person, pose, root)
+            _check_poses(body, overlap, person, pose, root)
             fit = PersonFit(body, person, pose, root, config)
             seconds = _run(fit, work, _identity(footage, config, body), tell)
         avatar, unseen = avatar_of_fit(fit, body, name, license_text)
@@ -132,7 +148,7 @@ def extract_avatar(
         "frames": len(person),
         "steps": config.steps,
         "seconds": round(seconds, 1),
-        "notes": list(person.notes),
+        "notes": [*complete.notes, *person.notes],
         "settings": section_to_mapping(config),
     }
     values = fit.rig.values
@@ -149,6 +165,8 @@ def extract_avatar(
 def forget_extraction(work: Path) -> None:
     """Remove the checkpoint of an extraction whose result is written, and its folder if nothing else lies there."""
     with Stages(work, lambda _: None).alone():
+        for stage in (MASKS_STAGE, KEYPOINTS_STAGE, POSES_STAGE):
+            shutil.rmtree(work / stage, ignore_errors=True)
         (work / CHECKPOINT_FILE).unlink(missing_ok=True)
 
 
@@ -171,6 +189,17 @@ def compare_person(image: str, view: PersonView, drawn: Float32Array) -> HeldOut
     _, ssim, _ = Photometric(*inside.shape)(drawn, photo, 1.0)
     psnr_db = -10.0 * math.log10(max(error, 1e-12))
     return HeldOutPerson(image=image, psnr_db=psnr_db, ssim=ssim, photo=photo, rendered=drawn)
+
+
+def _first_poses(
+    complete: CompleteFootage, config: AvatarFitConfig
+) -> tuple[AvatarFitConfig, Float64Array, Float64Array]:
+    """Poses and pelvises to begin with, and the settings with how far these are trusted."""
+    footage = complete.footage
+    if complete.joints_tpose_m is None:
+        return config, *smooth_poses(footage.pose_axis_angle, footage.root_m, config.prior.smooth_frames)
+    trust = replace(config.prior, joint_deg=config.keypoints.joint_deg, root_m=config.keypoints.root_m)
+    return replace(config, prior=trust), footage.pose_axis_angle, footage.root_m
 
 
 def _check_poses(body: Avatar, overlap: float, person: FilmedPerson, pose: Float64Array, root: Float64Array) -> None:
