@@ -50,6 +50,8 @@ _FLEXION = ((4, 0, 1.0), (5, 0, 1.0), (18, 1, -1.0), (19, 1, 1.0))
 _FLEXION_MAX_DEG, _LIMIT_DEG = 150.0, 2.0
 _PRIOR_WEIGHT = 0.1
 """Frames that follow each other hardly tell more of what is usual than one of them."""
+_SHARED_WEIGHT = 0.3
+"""Priors of what frames share, for each frame: errors of a model are the same in all of them."""
 _FLOOR_M, _BELOW_M, _PLANTED_M, _SOLE_SIGMA_M = 0.01, 0.02, 0.006, 0.015
 """Deviations of soles that stand from the floor, of soles below it, of what stands from frame to frame, and of the
 heights of people's ankles and balls above their soles [m]."""
@@ -62,7 +64,7 @@ _ROBUST, _FLOOR_ROBUST = 4.0, 5.0
 """Scales of the robust loss in sigmas: what is farther off counts little."""
 _STAGES = ((3.0, 120), (1.0, 120), (1.0, 150))
 """Deviation of keypoints relative to the last, and iterations, of each stage; contacts are found between them."""
-_UNITS = {"root": 0.05, "pose": 0.15, "size": 0.03, "bones": 0.05, "offsets": 0.02, "soles": 0.01}
+_UNITS = {"place": 0.05, "pose": 0.15, "size": 0.03, "bones": 0.05, "offsets": 0.02, "soles": 0.01}
 """What the variables are measured in, so that their steps are alike."""
 _SIDES = (("eye", "ear"), ("shoulder", "elbow", "wrist"), ("hip", "knee", "ankle", "toe", "heel"))
 """Parts of the body whose sides networks confuse together."""
@@ -163,7 +165,7 @@ class PoseFit:
         self._contacts: Tensor | None = None
         count = len(views.keypoints)
         self.values = {
-            "root": torch.zeros(count, 3, dtype=torch.float64),
+            "place": torch.zeros(count, 3, dtype=torch.float64),
             "pose": self._mean.repeat(count, 1, 1),
             "size": torch.zeros(1, dtype=torch.float64),
             "bones": torch.zeros(len(BONES), dtype=torch.float64),
@@ -173,15 +175,14 @@ class PoseFit:
 
     def begin(self) -> BoolArray:
         """Stand the person where the keypoints are; the frames (F,) whose sides were exchanged for it."""
-        turned = {**self.values, "root": torch.zeros(HEADINGS, 3, dtype=torch.float64)}
-        turned["pose"] = self._mean.repeat(HEADINGS, 1, 1)
+        turned = {**self.values, "pose": self._mean.repeat(HEADINGS, 1, 1)}
         turned["pose"][:, 0, 1] = 2.0 * np.pi * torch.arange(HEADINGS, dtype=torch.float64) / HEADINGS
-        points, soles, _ = self._pose_body(turned)
+        points, soles, _ = self._pose_body(turned, torch.zeros(HEADINGS, 3, dtype=torch.float64))
         start = find_start(self._views, points.numpy(), -float(soles[..., 2].min()), self._sigma_px)
-        self.values["root"] = torch.tensor(start.root_m)
+        self.values["place"] = torch.tensor(start.root_m) / start.scale - self._T[:, :3, 3] / start.scale
         self.values["pose"][:, 0, 1] = torch.tensor(start.heading_rad)
         self.values["size"][0] = float(np.log(start.scale))
-        self._swap(np.repeat(start.swapped[:, None], len(self._joints), axis=1))
+        self._swap(start.swapped[:, None])
         return start.swapped
 
     def solve(self, blur: float, iterations: int) -> None:
@@ -205,14 +206,14 @@ class PoseFit:
 
     def find_contacts(self) -> None:
         """Soles that stand on the floor from one frame to the next."""
-        _, soles, _ = self._pose_body(self.values)
+        _, soles, _ = self._pose_body(self.values, self._root(self.values))
         low = soles[..., 2] < _CONTACT_HEIGHT_M
         slow = (soles[1:] - soles[:-1]).norm(dim=2) < _CONTACT_STEP_M
         self._contacts = (low[1:] & low[:-1] & slow).double()
 
     def repair_sides(self) -> BoolArray:
         """Exchange left and right of parts of the body in frames where that fits far better; those frames, (F,)."""
-        points, _, _ = self._pose_body(self.values)
+        points, _, _ = self._pose_body(self.values, self._root(self.values))
         expected, keypoints = self._project(points).numpy(), self._views.keypoints
         costs = []
         for order in (np.arange(len(self._joints)), keypoints.mirror):
@@ -232,7 +233,7 @@ class PoseFit:
         Raises:
             AvatarError: If it is no person.
         """
-        points, _, tpose = self._pose_body(self.values)
+        points, _, tpose = self._pose_body(self.values, self._root(self.values))
         seen = self._views.keypoints.seen
         miss_px = float(
             np.median(np.linalg.norm(self._project(points).numpy() - self._views.keypoints.uv_px, axis=2)[seen])
@@ -249,7 +250,7 @@ class PoseFit:
                 "with the floor at z = 0."
             )
         return KeypointPoses(
-            root_m=self.values["root"].numpy().copy(),
+            root_m=self._root(self.values).numpy(),
             pose_axis_angle=self.values["pose"].numpy().copy(),
             joints_tpose_m=tpose.numpy(),
             miss_px=miss_px,
@@ -263,7 +264,11 @@ class PoseFit:
         self._views = dataclasses.replace(self._views, keypoints=self._views.keypoints.with_swapped(swapped))
         self._see()
 
-    def _pose_body(self, values: dict[str, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
+    def _root(self, values: dict[str, Tensor]) -> Tensor:
+        """Pelvises [m], shape (F, 3): at another size, images stay alike if distances grow as people do."""
+        return self._T[:, :3, 3] + torch.exp(values["size"]) * values["place"]
+
+    def _pose_body(self, values: dict[str, Tensor], root_m: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Keypoints (F, K, 3) and soles (F, 4, 3) in the world, and the T-pose (24, 3) [m]."""
         size, along = torch.exp(values["size"][0]), torch.exp(values["bones"])[torch.tensor(BONE_OF_JOINT)]
         tpose = stretch_joints(self._tpose_m, size, along, torch.zeros_like(self._tpose_m))
@@ -273,8 +278,8 @@ class PoseFit:
             R_tpose_canonical=torch.eye(3, dtype=torch.float64).repeat(1, 24, 1, 1),
             parents=torch.tensor(np.maximum(SMPL_PARENTS, 0).astype(np.int64)),
         )
-        only = torch.zeros(len(values["root"]), dtype=torch.int64)
-        A = joint_transforms(skeleton, only, values["root"], values["pose"])
+        only = torch.zeros(len(root_m), dtype=torch.int64)
+        A = joint_transforms(skeleton, only, root_m, values["pose"])
         lift = torch.nn.functional.pad(values["soles"].repeat_interleave(2)[:, None], (1, 1))
         soles = _carry(A[:, [joint for joint, _ in _SOLES]], size * (self._soles_m + lift))
         offsets = self._anchors_m + values["offsets"][self._own] * self._mirror
@@ -288,7 +293,7 @@ class PoseFit:
 
     def _cost(self, values: dict[str, Tensor], blur: float) -> Tensor:
         """How unlikely values are."""
-        points, soles, _ = self._pose_body(values)
+        points, soles, _ = self._pose_body(values, self._root(values))
         squares = ((self._project(points) - self._uv_px) / (blur * self._sigma_px)).square().sum(dim=-1)
         cost = (self._weight * squares / (1.0 + squares / _ROBUST**2)).sum()
         cost = cost + _PRIOR_WEIGHT * ((values["pose"] - self._mean) / self._sigma)[:, 1:].square().sum()
@@ -302,12 +307,12 @@ class PoseFit:
             ("offsets", self._anchor_sigma),
             ("soles", _SOLE_SIGMA_M),
         ):
-            cost = cost + (values[name] / sigma).square().sum()
+            cost = cost + _SHARED_WEIGHT * len(self._uv_px) * (values[name] / sigma).square().sum()
         return cost + self._unsteadiness(values) + self._floating(soles)
 
     def _unsteadiness(self, values: dict[str, Tensor]) -> Tensor:
         """How far joints and pelvis are from the middle of the frames before and after."""
-        R, root, smooth = rotation_matrices(values["pose"]), values["root"], self._smooth
+        R, root, smooth = rotation_matrices(values["pose"]), self._root(values), self._smooth
         turn = (R[1:-1] - 0.5 * (R[:-2] + R[2:])).square().sum() / (2.0 * np.deg2rad(smooth.jerk_deg) ** 2)
         return turn + ((root[1:-1] - 0.5 * (root[:-2] + root[2:])) / smooth.jerk_m).square().sum()
 
@@ -320,6 +325,7 @@ class PoseFit:
             return cost + (squares / (1.0 + squares / _FLOOR_ROBUST**2)).sum()
         standing = 0.5 * (pad(self._contacts, (0, 0, 0, 1)) + pad(self._contacts, (0, 0, 1, 0)))
         moved = ((soles_m[1:] - soles_m[:-1]) / _PLANTED_M).square().sum(dim=2)
+        moved = moved / (1.0 + moved / _FLOOR_ROBUST**2)
         return cost + (standing * (z / _FLOOR_M).square()).sum() + (self._contacts * moved).sum()
 
 

@@ -1,11 +1,12 @@
 """Where a person stands and faces in every frame, from keypoints alone: what the fit of poses begins with.
 
-Of each frame, a person who stands upright is placed so that the keypoints fit best, for each of some headings, with the
-sides as they are named and exchanged; the headings over time are then those that cost least with their changes. The
-distance follows from the floor: at a scale s, pelvis p and camera c satisfy p = c + s (p_1 - c), and p_z = s h.
+Frames whose left and right are exchanged stand out, as shoulders and hips jump. Then, of each frame, a person who
+stands upright is placed so that the keypoints fit best, for each of some headings; the headings over time are those
+that cost least with their changes. If that fits better with all sides exchanged, they are. The distance follows from
+the floor: at a scale s, pelvis p and camera c satisfy p = c + s (p_1 - c), and p_z = s h.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,11 +14,17 @@ from readygo.common.arrays import BoolArray, Float64Array, Int64Array
 from readygo.services.reconstructor.avatars.keypoints import Keypoints
 
 HEADINGS = 24
-_TURN_RAD, _CHANGE, _SWAPPED = 0.6, 2.0, 3.0
-"""Changes of the heading cost their square in this unit; exchanged sides cost at every change, and in every frame."""
-_BLUR, _ROBUST = 5.0, 2.0
-"""Arms and legs move: keypoints are off by so many times their deviation, and count little beyond the next so many."""
-_MOVING = ("elbow", "wrist")
+_TURN_RAD = 0.6
+"""Changes of the heading cost their square in this unit."""
+_BLUR, _ROBUST = 3.0, 4.0
+"""No person stands quite upright: keypoints are off by so many times their deviation, and count little beyond the next
+so many."""
+_TRUST = {"elbow": 0.0, "wrist": 0.0, "knee": 0.2, "ankle": 0.2, "toe": 0.2, "heel": 0.2}
+"""Weights of what moves, by the ends of names; the rest has 1."""
+_TRUNK, _JUMP, _CHANGE = ("shoulder", "_hip"), 5.0, 2.0
+"""What jumps by several times this many deviations from frame to frame is on the other side; a change costs more."""
+_MIRRORED_GAIN = 10.0
+"""All sides are exchanged where the headings then cost less by this."""
 _DEPTH_MIN_M, _BEHIND = 0.3, 100.0
 
 
@@ -64,60 +71,80 @@ def find_start(views: KeypointViews, standing_m: Float64Array, pelvis_height_m: 
         pelvis_height_m: Height of their pelvis above the floor.
         sigma_px: Deviation of keypoints.
     """
-    costs, places = _place(views, standing_m, _BLUR * sigma_px)
-    costs[:, 1] += _SWAPPED
-    states = np.arange(2 * HEADINGS)
-    heading, swapped = 2.0 * np.pi * (states % HEADINGS) / HEADINGS, states >= HEADINGS
-    turn = (heading[:, None] - heading + np.pi) % (2.0 * np.pi) - np.pi
-    change = np.square(turn / _TURN_RAD) + _CHANGE * (swapped[:, None] != swapped)
-    path = cheapest_path(costs.reshape(len(costs), -1), change)
-    place = places.reshape(len(costs), -1, 3)[np.arange(len(costs)), path]
+    turned = swapped_frames(views.keypoints, sigma_px)
+    angles = 2.0 * np.pi * np.arange(HEADINGS) / HEADINGS
+    change = np.square(((angles[:, None] - angles + np.pi) % (2.0 * np.pi) - np.pi) / _TURN_RAD)
+    found = []
+    for swapped in (turned, ~turned):
+        keypoints = views.keypoints.with_swapped(swapped[:, None])
+        costs, places = _place(replace(views, keypoints=keypoints), standing_m, _BLUR * sigma_px)
+        path, total = cheapest_path(costs, change)
+        found.append((total, path, places[np.arange(len(path)), path], swapped))
+    total, path, place, swapped = found[1] if found[1][0] < found[0][0] - _MIRRORED_GAIN else found[0]
     eye = views.T_world_camera[:, :3, 3]
     scale = float(np.median(eye[:, 2] / np.maximum(pelvis_height_m - place[:, 2], 1e-3)))
     return Start(
         root_m=eye + scale * place,
-        heading_rad=(heading[path] + np.pi) % (2.0 * np.pi) - np.pi,
+        heading_rad=(angles[path] + np.pi) % (2.0 * np.pi) - np.pi,
         scale=scale,
-        swapped=swapped[path],
+        swapped=swapped,
     )
 
 
-def cheapest_path(costs: Float64Array, change: Float64Array) -> Int64Array:
-    """The states of F rows whose costs (F, S) and changes (S, S) are least in all, shape (F,).
+def swapped_frames(keypoints: Keypoints, sigma_px: float) -> BoolArray:
+    """The fewer frames whose shoulders and hips have other sides than those before and after, shape (F,)."""
+    trunk = np.array([name.endswith(_TRUNK) for name in keypoints.names])
+    weight = (keypoints.confidence * keypoints.seen)[:, trunk]
+    uv, other = keypoints.uv_px[:, trunk], keypoints.uv_px[:, keypoints.mirror][:, trunk]
+    jumps = [np.square((after[1:] - uv[:-1]) / (_JUMP * sigma_px)).sum(axis=2) for after in (uv, other)]
+    costs = [(weight[1:] * weight[:-1] * jump / (1.0 + jump / _ROBUST**2)).sum(axis=1) for jump in jumps]
+    total, before = np.zeros(2), []
+    for same, changed in zip(*costs, strict=True):
+        through = total[:, None] + np.array([[same, changed + _CHANGE], [changed + _CHANGE, same]])
+        before.append(through.argmin(axis=0))
+        total = through.min(axis=0)
+    swapped = _trace(int(total.argmin()), before) == 1
+    return ~swapped if swapped.mean() > 0.5 else swapped
+
+
+def cheapest_path(costs: Float64Array, change: Float64Array) -> tuple[Int64Array, float]:
+    """The states (F,) of rows whose costs (F, S) and changes (S, S) are least in all, and what they cost.
 
     Source: Viterbi, Error bounds for convolutional codes, 1967.
     """
-    total, best_before = costs[0], []
+    total, before = costs[0], []
     for row in costs[1:]:
         through = total[:, None] + change
-        best_before.append(through.argmin(axis=0))
+        before.append(through.argmin(axis=0))
         total = row + through.min(axis=0)
-    path = [int(total.argmin())]
-    for best in reversed(best_before):
+    return _trace(int(total.argmin()), before), float(total.min())
+
+
+def _trace(last: int, before: list[Int64Array]) -> Int64Array:
+    """The states that lead to the last one, from the best state before each state of each later row."""
+    path = [last]
+    for best in reversed(before):
         path.append(int(best[path[-1]]))
     return np.array(path[::-1])
 
 
 def _place(views: KeypointViews, standing_m: Float64Array, sigma_px: float) -> tuple[Float64Array, Float64Array]:
-    """Costs (F, 2, HEADINGS) and places relative to the camera (F, 2, HEADINGS, 3); second come exchanged sides.
+    """Costs (F, HEADINGS) and pelvises relative to the camera (F, HEADINGS, 3) of a standing person.
 
     In camera coordinates q + t of a keypoint with ray (x, y, 1), t minimises |[1 0 -x; 0 1 -y] (q + t)|^2 in all.
     """
     points = views.keypoints
-    still = np.array([not name.endswith(_MOVING) for name in points.names])
-    costs, places = np.empty((len(points), 2, HEADINGS)), np.empty((len(points), 2, HEADINGS, 3))
+    trust = np.array([next((w for end, w in _TRUST.items() if name.endswith(end)), 1.0) for name in points.names])
+    costs, places = np.empty((len(points), HEADINGS)), np.empty((len(points), HEADINGS, 3))
     for frame, (T, K) in enumerate(zip(views.T_world_camera, views.K_px, strict=True)):
         q, focal = standing_m @ T[:3, :3], K[[0, 1], [0, 1]]
-        weights = points.confidence[frame] * points.seen[frame] * still
-        for sides, order in enumerate((np.arange(len(still)), points.mirror)):
-            x, w = (points.uv_px[frame][order] - K[:2, 2]) / focal, weights[order]
-            rows = np.concatenate([np.tile(np.eye(2), (len(x), 1, 1)), -x[..., None]], axis=2)
-            N = np.einsum("k,kij,kil->jl", w, rows, rows) + 1e-9 * np.eye(3)
-            t = -np.einsum("k,kij,kil,ykl->yj", w, rows, rows, q) @ np.linalg.inv(N)
-            p = q + t[:, None]
-            miss = (p[..., :2] / np.maximum(p[..., 2:], _DEPTH_MIN_M) - x) * focal / sigma_px
-            squares = np.square(miss).sum(axis=2)
-            costs[frame, sides] = (w * squares / (1.0 + squares / _ROBUST**2)).sum(axis=1)
-            costs[frame, sides] += _BEHIND * (t[:, 2] < _DEPTH_MIN_M)
-            places[frame, sides] = t @ T[:3, :3].T
+        x, w = (points.uv_px[frame] - K[:2, 2]) / focal, points.confidence[frame] * points.seen[frame] * trust
+        rows = np.concatenate([np.tile(np.eye(2), (len(x), 1, 1)), -x[..., None]], axis=2)
+        N = np.einsum("k,kij,kil->jl", w, rows, rows) + 1e-9 * np.eye(3)
+        t = -np.einsum("k,kij,kil,ykl->yj", w, rows, rows, q) @ np.linalg.inv(N)
+        p = q + t[:, None]
+        miss = (p[..., :2] / np.maximum(p[..., 2:], _DEPTH_MIN_M) - x) * focal / sigma_px
+        squares = np.square(miss).sum(axis=2)
+        costs[frame] = (w * squares / (1.0 + squares / _ROBUST**2)).sum(axis=1) + _BEHIND * (t[:, 2] < _DEPTH_MIN_M)
+        places[frame] = t @ T[:3, :3].T
     return costs, places
