@@ -68,8 +68,8 @@ _UNITS = {"place": 0.05, "pose": 0.15, "size": 0.03, "bones": 0.05, "offsets": 0
 """What the variables are measured in, so that their steps are alike."""
 _SIDES = (("eye", "ear"), ("shoulder", "elbow", "wrist"), ("hip", "knee", "ankle", "toe", "heel"))
 """Parts of the body whose sides networks confuse together."""
-_SWAP_GAIN = 0.5
-"""Sides are exchanged where the keypoints then cost less than this share."""
+_SWAP_GAIN, _SWAP_MARGIN = 0.5, 4.0
+"""Sides are exchanged where the keypoints then cost less than this share, and less by this in sigmas."""
 _SWAPPED_FRAMES_MAX = 0.5
 _HEIGHTS_M, _MISS_MAX_SIGMAS = (0.8, 2.4), 5.0
 
@@ -104,7 +104,7 @@ def fit_poses(views: KeypointViews, bodies: Sequence[Avatar], config: AvatarFitC
     fit = PoseFit(views, mean_skeleton(bodies), views.sigma_px(config.keypoints.sigma_share), config.prior)
     swapped = fit.begin()
     for number, (blur, iterations) in enumerate(_STAGES):
-        if number == len(_STAGES) - 1:
+        if number > 0:
             swapped = swapped | fit.repair_sides()
         fit.solve(blur, iterations)
         fit.find_contacts()
@@ -223,7 +223,7 @@ class PoseFit:
         for endings in _SIDES:
             part = np.array([name[:4] != "hip" and name.endswith(endings) for name in keypoints.names])
             now, then = (cost[:, part].sum(axis=1) for cost in costs)
-            swapped[:, part] |= (then < _SWAP_GAIN * now - _ROBUST**2)[:, None]
+            swapped[:, part] |= (then < _SWAP_GAIN * now - _SWAP_MARGIN)[:, None]
         self._swap(swapped)
         return np.asarray(swapped.any(axis=1))
 

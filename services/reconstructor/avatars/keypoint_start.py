@@ -1,9 +1,9 @@
 """Where a person stands and faces in every frame, from keypoints alone: what the fit of poses begins with.
 
-Frames whose left and right are exchanged stand out, as shoulders and hips jump. Then, of each frame, a person who
-stands upright is placed so that the keypoints fit best, for each of some headings; the headings over time are those
-that cost least with their changes. If that fits better with all sides exchanged, they are. The distance follows from
-the floor: at a scale s, pelvis p and camera c satisfy p = c + s (p_1 - c), and p_z = s h.
+Of each frame, a person who stands upright is placed so that the keypoints fit best, for each of some headings, with the
+sides as they are named and exchanged. Headings and sides over time are those that cost least with their changes:
+people turn slowly, and shoulders and hips do not jump. The distance follows from the floor: at a scale s, pelvis p and
+camera c satisfy p = c + s (p_1 - c), and p_z = s h.
 """
 
 from dataclasses import dataclass, replace
@@ -21,10 +21,10 @@ _BLUR, _ROBUST = 3.0, 4.0
 so many."""
 _TRUST = {"elbow": 0.0, "wrist": 0.0, "knee": 0.2, "ankle": 0.2, "toe": 0.2, "heel": 0.2}
 """Weights of what moves, by the ends of names; the rest has 1."""
-_TRUNK, _JUMP, _CHANGE = ("shoulder", "_hip"), 5.0, 2.0
-"""What jumps by several times this many deviations from frame to frame is on the other side; a change costs more."""
-_MIRRORED_GAIN = 10.0
-"""All sides are exchanged where the headings then cost less by this."""
+_TRUNK, _JUMP = ("shoulder", "_hip"), 5.0
+"""What jumps by several times this many deviations from frame to frame is on the other side."""
+_CHANGED, _SWAPPED = 2.0, 0.2
+"""Exchanged sides cost so much at every change, and in every frame."""
 _DEPTH_MIN_M, _BEHIND = 0.3, 100.0
 
 
@@ -71,61 +71,51 @@ def find_start(views: KeypointViews, standing_m: Float64Array, pelvis_height_m: 
         pelvis_height_m: Height of their pelvis above the floor.
         sigma_px: Deviation of keypoints.
     """
-    turned = swapped_frames(views.keypoints, sigma_px)
-    angles = 2.0 * np.pi * np.arange(HEADINGS) / HEADINGS
-    change = np.square(((angles[:, None] - angles + np.pi) % (2.0 * np.pi) - np.pi) / _TURN_RAD)
-    found = []
-    for swapped in (turned, ~turned):
-        keypoints = views.keypoints.with_swapped(swapped[:, None])
-        costs, places = _place(replace(views, keypoints=keypoints), standing_m, _BLUR * sigma_px)
-        path, total = cheapest_path(costs, change)
-        found.append((total, path, places[np.arange(len(path)), path], swapped))
-    total, path, place, swapped = found[1] if found[1][0] < found[0][0] - _MIRRORED_GAIN else found[0]
+    sides = (views, replace(views, keypoints=views.keypoints.with_swapped(np.array([[True]]))))
+    placed = [_place(each, standing_m, _BLUR * sigma_px) for each in sides]
+    costs = np.concatenate([placed[0][0], placed[1][0] + _SWAPPED], axis=1)
+    states = np.arange(2 * HEADINGS)
+    heading, swapped = 2.0 * np.pi * (states % HEADINGS) / HEADINGS, states >= HEADINGS
+    turn = np.square(((heading[:, None] - heading + np.pi) % (2.0 * np.pi) - np.pi) / _TURN_RAD)
+    stay, leave = _jumps(views.keypoints, sigma_px)
+    change = turn + np.where(swapped[:, None] == swapped, stay[:, None, None], leave[:, None, None] + _CHANGED)
+    path = cheapest_path(costs, change)
+    place = np.concatenate([places for _, places in placed], axis=1)[np.arange(len(path)), path]
     eye = views.T_world_camera[:, :3, 3]
     scale = float(np.median(eye[:, 2] / np.maximum(pelvis_height_m - place[:, 2], 1e-3)))
     return Start(
         root_m=eye + scale * place,
-        heading_rad=(angles[path] + np.pi) % (2.0 * np.pi) - np.pi,
+        heading_rad=(heading[path] + np.pi) % (2.0 * np.pi) - np.pi,
         scale=scale,
-        swapped=swapped,
+        swapped=swapped[path],
     )
 
 
-def swapped_frames(keypoints: Keypoints, sigma_px: float) -> BoolArray:
-    """The fewer frames whose shoulders and hips have other sides than those before and after, shape (F,)."""
-    trunk = np.array([name.endswith(_TRUNK) for name in keypoints.names])
-    weight = (keypoints.confidence * keypoints.seen)[:, trunk]
-    uv, other = keypoints.uv_px[:, trunk], keypoints.uv_px[:, keypoints.mirror][:, trunk]
-    jumps = [np.square((after[1:] - uv[:-1]) / (_JUMP * sigma_px)).sum(axis=2) for after in (uv, other)]
-    costs = [(weight[1:] * weight[:-1] * jump / (1.0 + jump / _ROBUST**2)).sum(axis=1) for jump in jumps]
-    total, before = np.zeros(2), []
-    for same, changed in zip(*costs, strict=True):
-        through = total[:, None] + np.array([[same, changed + _CHANGE], [changed + _CHANGE, same]])
-        before.append(through.argmin(axis=0))
-        total = through.min(axis=0)
-    swapped = _trace(int(total.argmin()), before) == 1
-    return ~swapped if swapped.mean() > 0.5 else swapped
-
-
-def cheapest_path(costs: Float64Array, change: Float64Array) -> tuple[Int64Array, float]:
-    """The states (F,) of rows whose costs (F, S) and changes (S, S) are least in all, and what they cost.
+def cheapest_path(costs: Float64Array, change: Float64Array) -> Int64Array:
+    """The states (F,) of rows whose costs (F, S) and changes (F - 1, S, S) are least in all.
 
     Source: Viterbi, Error bounds for convolutional codes, 1967.
     """
     total, before = costs[0], []
-    for row in costs[1:]:
-        through = total[:, None] + change
+    for row, step in zip(costs[1:], change, strict=True):
+        through = total[:, None] + step
         before.append(through.argmin(axis=0))
         total = row + through.min(axis=0)
-    return _trace(int(total.argmin()), before), float(total.min())
-
-
-def _trace(last: int, before: list[Int64Array]) -> Int64Array:
-    """The states that lead to the last one, from the best state before each state of each later row."""
-    path = [last]
+    path = [int(total.argmin())]
     for best in reversed(before):
         path.append(int(best[path[-1]]))
     return np.array(path[::-1])
+
+
+def _jumps(keypoints: Keypoints, sigma_px: float) -> tuple[Float64Array, Float64Array]:
+    """How far the trunk moves from each frame to the next if sides stay, and if they are exchanged, (F - 1,) each."""
+    trunk = np.array([name.endswith(_TRUNK) for name in keypoints.names])
+    weight = (keypoints.confidence * keypoints.seen)[:, trunk]
+    costs = []
+    for after in (keypoints.uv_px[:, trunk], keypoints.uv_px[:, keypoints.mirror][:, trunk]):
+        squares = np.square((after[1:] - keypoints.uv_px[:-1, trunk]) / (_JUMP * sigma_px)).sum(axis=2)
+        costs.append((weight[1:] * weight[:-1] * squares / (1.0 + squares / _ROBUST**2)).sum(axis=1))
+    return costs[0], costs[1]
 
 
 def _place(views: KeypointViews, standing_m: Float64Array, sigma_px: float) -> tuple[Float64Array, Float64Array]:
