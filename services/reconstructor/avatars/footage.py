@@ -94,8 +94,8 @@ def read_footage(folder: Path, *, masks: Path | None = None, poses: Path | None 
     given = poses_file(folder)
     if given is None:
         raise AvatarError(
-            f"{folder} has no poses: neither {SMPL_FILE} (NeuMan's layout) nor {POSES_FILE} with {CAMERAS_FILE}; "
-            "`readygo avatar capture` writes an example."
+            f"{folder} has no poses: neither {SMPL_FILE} (NeuMan's layout) nor, with {CAMERAS_FILE}, {POSES_FILE} nor "
+            "keypoints.npz; `readygo avatar capture` writes an example."
         )
     return _read_neuman(folder, masks) if given == folder / SMPL_FILE else _read_plain(folder, masks, given)
 
