@@ -31,7 +31,7 @@ from readygo.services.reconstructor.avatars.export import avatar_of_fit, without
 from readygo.services.reconstructor.avatars.fit import PersonFit
 from readygo.services.reconstructor.avatars.footage import Footage, smooth_poses
 from readygo.services.reconstructor.avatars.views import FilmedPerson, PersonView, read_person, view_at
-from readygo.services.reconstructor.stages import Say, Stages, word_errors
+from readygo.services.reconstructor.stages import Stages, word_errors
 from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
 from readygo.services.reconstructor.training.interruption import interruption
 from readygo.services.reconstructor.training.photometric import Photometric
@@ -98,7 +98,6 @@ def extract_avatar(
     name: str,
     license_text: str,
     networks: PersonNetworks | None = None,
-    say: Say = lambda _: None,
     bodies: dict[str, Avatar] | None = None,
 ) -> Extraction:
     """Extract an avatar; an interrupted call resumes with the same arguments, to the same result.
@@ -111,7 +110,6 @@ def extract_avatar(
         name: Name of the avatar.
         license_text: Its license.
         networks: Find masks and keypoints that the film lacks.
-        say: Hears when a stage begins that finds what the film lacks.
         bodies: Bodies to begin with by name; the embedded avatars by default.
 
     Raises:
@@ -119,7 +117,7 @@ def extract_avatar(
         KeyboardInterrupt: At Ctrl-C, after the state is saved.
     """
     bodies = load_avatars() if bodies is None else bodies
-    stages = Stages(work, say)
+    stages = Stages(work, lambda _: None)
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -130,7 +128,7 @@ def extract_avatar(
             config, pose, root = _first_poses(complete, config)
             body, overlap = choose_body(bodies, person, pose, root)
             _check_poses(body, overlap, person, pose, root)
-            fit = PersonFit(body, person, pose, root, config)
+            fit = PersonFit(body, person, pose, root, config, tpose_m=complete.joints_tpose_m)
             seconds = _run(fit, work, _identity(footage, config, body), tell)
         avatar, unseen = avatar_of_fit(fit, body, name, license_text)
         held_out = [measure_frame(fit, frame, footage.names[frame]) for frame in fit.held]
