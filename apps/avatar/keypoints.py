@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from readygo.common.arrays import Float32Array, Float64Array
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from readygo.common.avatars import Avatar, joint_transforms
 from readygo.common.messages import Motion
 from readygo.services.reconstructor import ANCHORS, HALPE26, Keypoints
@@ -48,7 +48,7 @@ def project_keypoints(
     p = (points_m - T_world_camera[:3, 3]) @ T_world_camera[:3, :3]
     uv = p[:, :2] / p[:, 2:] * K_px[[0, 1], [0, 1]] + K_px[:2, 2]
     height, width = depth_m.shape
-    inside = ((uv >= 0.0) & (uv < (width, height))).all(axis=1)
+    inside = np.asarray((uv >= 0.0) & (uv < (width, height))).all(axis=1)
     u, v = np.floor(np.where(inside[:, None], uv, 0.0)).astype(int).T
     visible = p[:, 2] < depth_m[v, u] + HIDDEN_M
     return uv, np.where(inside, np.where(visible, SEEN_CONFIDENCE, HIDDEN_CONFIDENCE), 0.0)
@@ -91,7 +91,7 @@ def _surface_points(avatar: Avatar) -> dict[str, Float64Array]:
 def _foot_points(
     avatar: Avatar,
     means: Float64Array,
-    strongest: "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]",
+    strongest: UInt8Array,
     side: str,
     sign: float,
 ) -> dict[str, Float64Array]:
@@ -107,14 +107,12 @@ def _foot_points(
     }
 
 
-def _below(points: Float64Array, share: float) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
+def _below(points: Float64Array, share: float) -> BoolArray:
     low, high = points[:, 1].min(), points[:, 1].max()
     return np.asarray(points[:, 1] < low + share * (high - low))
 
 
-def _extreme(
-    points: Float64Array, among: "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]", axis: int, sign: float = 1.0
-) -> Float64Array:
+def _extreme(points: Float64Array, among: BoolArray, axis: int, sign: float = 1.0) -> Float64Array:
     """The point that is farthest along an axis among some; among all where there are none."""
     chosen = points[among] if among.any() else points
     return np.asarray(chosen[(sign * chosen[:, axis]).argmax()])

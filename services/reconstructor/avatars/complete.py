@@ -4,7 +4,7 @@
 |---|---|---|
 | masks | `masks` | NAME.png of each image |
 | keypoints | `keypoints` | keypoints.npz |
-| poses | `poses` | poses.npz, tpose.npy: joints of the person in the T-pose |
+| poses | `poses` | poses.npz |
 """
 
 import hashlib
@@ -16,7 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from readygo.common.arrays import BoolArray, Float64Array
+from readygo.common.arrays import BoolArray
 from readygo.common.avatars import Avatar
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.config import section_to_mapping
@@ -51,7 +51,6 @@ from readygo.services.reconstructor.avatars.views import read_masks, read_rgb
 from readygo.services.reconstructor.stages import Stages, code_digest
 
 MASKS_STAGE, KEYPOINTS_STAGE, POSES_STAGE = "masks", "keypoints", "poses"
-_TPOSE_FILE = "tpose.npy"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,8 +66,8 @@ class CompleteFootage:
     """Footage with masks and poses, given or found."""
 
     footage: Footage
-    joints_tpose_m: Float64Array | None
-    """Joints of the person in the T-pose [m] where poses come from keypoints, shape (24, 3)."""
+    poses_found: bool
+    """True where poses come from keypoints."""
     notes: tuple[str, ...]
     """Hints for the user."""
 
@@ -93,15 +92,14 @@ def complete_footage(
     if masks is None and networks.mask is not None:
         masks = _find_masks(folder, stages, networks.mask)
     if given is not None or not _can_find_poses(folder, networks):
-        return CompleteFootage(footage=read_footage(folder, masks=masks), joints_tpose_m=None, notes=())
+        return CompleteFootage(footage=read_footage(folder, masks=masks), poses_found=False, notes=())
     if masks is None:
         raise AvatarError(f"{folder} has no masks: neither {MASKS[0]}/ nor {MASKS[1]}/; give them, or --mask-model.")
     views = read_views(folder)
     keypoints, notes = _keypoints(folder, masks, views, stages, networks.keypoints)
     found = _find_poses(keypoints, views, stages, bodies, config)
     footage = read_footage(folder, masks=masks, poses=stages.folder / POSES_STAGE / POSES_FILE)
-    joints = np.load(stages.folder / POSES_STAGE / _TPOSE_FILE, allow_pickle=False)
-    return CompleteFootage(footage=footage, joints_tpose_m=joints, notes=(*notes, *found["notes"]))
+    return CompleteFootage(footage=footage, poses_found=True, notes=(*notes, *found["notes"]))
 
 
 def _can_find_poses(folder: Path, networks: PersonNetworks) -> bool:
@@ -159,7 +157,6 @@ def _find_poses(
         seen = KeypointViews(keypoints=keypoints, K_px=views.K_px, T_world_camera=views.T_world_camera)
         found = fit_poses(seen, [bodies[name] for name in sorted(bodies)], config)
         write_poses(stage / POSES_FILE, found.root_m, found.pose_axis_angle)
-        np.save(stage / _TPOSE_FILE, found.joints_tpose_m, allow_pickle=False)
         return {"miss_px": round(found.miss_px, 2), "notes": list(found.notes)}
 
     digest = hashlib.sha256("".join(sorted(bodies)).encode())

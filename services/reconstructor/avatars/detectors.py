@@ -164,7 +164,7 @@ def person_share(output: Float32Array) -> Float32Array:
     """Probability of the person of each pixel, shape (h, w), of an output (1, h, w) or (2, h, w)."""
     if len(output) == 2:
         return np.asarray(1.0 / (1.0 + np.exp(np.clip(output[0] - output[1], -50.0, 50.0))), dtype=np.float32)
-    plane = output[0]
+    plane = np.asarray(output[0], dtype=np.float32)
     if plane.min() >= 0.0 and plane.max() <= 1.0:
         return plane
     return np.asarray(1.0 / (1.0 + np.exp(-np.clip(plane, -50.0, 50.0))), dtype=np.float32)

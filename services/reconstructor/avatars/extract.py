@@ -128,7 +128,7 @@ def extract_avatar(
             config, pose, root = _first_poses(complete, config)
             body, overlap = choose_body(bodies, person, pose, root)
             _check_poses(body, overlap, person, pose, root)
-            fit = PersonFit(body, person, pose, root, config, tpose_m=complete.joints_tpose_m)
+            fit = PersonFit(body, person, pose, root, config)
             seconds = _run(fit, work, _identity(footage, config, body), tell)
         avatar, unseen = avatar_of_fit(fit, body, name, license_text)
         held_out = [measure_frame(fit, frame, footage.names[frame]) for frame in fit.held]
@@ -194,7 +194,7 @@ def _first_poses(
 ) -> tuple[AvatarFitConfig, Float64Array, Float64Array]:
     """Poses and pelvises to begin with, and the settings with how far these are trusted."""
     footage = complete.footage
-    if complete.joints_tpose_m is None:
+    if not complete.poses_found:
         return config, *smooth_poses(footage.pose_axis_angle, footage.root_m, config.prior.smooth_frames)
     trust = replace(config.prior, joint_deg=config.keypoints.joint_deg, root_m=config.keypoints.root_m)
     return replace(config, prior=trust), footage.pose_axis_angle, footage.root_m

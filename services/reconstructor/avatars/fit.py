@@ -104,14 +104,7 @@ class PersonFit:
     """A fit under way."""
 
     def __init__(
-        self,
-        body: Avatar,
-        person: FilmedPerson,
-        pose: Float64Array,
-        root_m: Float64Array,
-        config: AvatarFitConfig,
-        *,
-        tpose_m: Float64Array | None = None,
+        self, body: Avatar, person: FilmedPerson, pose: Float64Array, root_m: Float64Array, config: AvatarFitConfig
     ) -> None:
         """Begin on a body.
 
@@ -121,13 +114,10 @@ class PersonFit:
             pose: Poses to begin with and to stay near, shape (F, 24, 3).
             root_m: Pelvises [m], shape (F, 3).
             config: How.
-            tpose_m: Joints of the person in the T-pose, if they are known [m], shape (24, 3).
         """
         self.config, self.person, self.step = config, person, 0
         self.bound = BoundGaussians.on_body(body)
         self.rig = Rig(body, pose, root_m, config.prior)
-        if tpose_m is not None:
-            self.rig.take_lengths(tpose_m)
         self.train, self.held = split_views(len(person), config.hold_out)
         self.loss = float("nan")
         self._adam = Adam(config.steps, 1)

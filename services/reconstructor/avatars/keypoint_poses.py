@@ -313,7 +313,7 @@ class PoseFit:
     def _unsteadiness(self, values: dict[str, Tensor]) -> Tensor:
         """How far joints and pelvis are from the middle of the frames before and after."""
         R, root, smooth = rotation_matrices(values["pose"]), self._root(values), self._smooth
-        turn = (R[1:-1] - 0.5 * (R[:-2] + R[2:])).square().sum() / (2.0 * np.deg2rad(smooth.jerk_deg) ** 2)
+        turn: Tensor = (R[1:-1] - 0.5 * (R[:-2] + R[2:])).square().sum() / (2.0 * np.deg2rad(smooth.jerk_deg) ** 2)
         return turn + ((root[1:-1] - 0.5 * (root[:-2] + root[2:])) / smooth.jerk_m).square().sum()
 
     def _floating(self, soles_m: Tensor) -> Tensor:

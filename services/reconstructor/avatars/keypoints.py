@@ -162,7 +162,7 @@ def keypoints_of(rows: Float64Array, source: Path) -> Keypoints:
     Raises:
         AvatarError: If confidences are none.
     """
-    broken = ~np.isfinite(rows).all(axis=2)
+    broken = np.isfinite(rows).min(axis=2) == 0
     rows = np.where(broken[..., None], 0.0, rows)
     if rows[..., 2].min(initial=0.0) < 0.0 or rows[..., 2].max(initial=0.0) > CONFIDENCE_MAX:
         raise AvatarError(

@@ -101,19 +101,6 @@ class Rig:
         self._axes, self._stretched = _bone_axes(body.joints_canonical_m.astype(np.float64), group)
         self._leaves: dict[str, Tensor] = {}
 
-    def take_lengths(self, tpose_m: Float64Array) -> None:
-        """Begin with the lengths of the bones of another skeleton instead of the body's.
-
-        Args:
-            tpose_m: Joints in the T-pose [m], shape (24, 3).
-        """
-        parents = np.maximum(SMPL_PARENTS, 0)
-        own = self._body.joints_tpose_m.astype(np.float64)
-        lengths = [np.linalg.norm(joints - joints[parents], axis=1) for joints in (tpose_m, own)]
-        for row, joints in enumerate(BONES):
-            wanted, now = (float(each[list(joints)].mean()) for each in lengths)
-            self.values["bones"][row] = np.log(wanted / now)
-
     def state(self) -> dict[str, Float64Array]:
         """All arrays by name, for a checkpoint."""
         parts = {"rig": self.values, "rig1": self.first, "rig2": self.second}
