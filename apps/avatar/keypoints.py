@@ -48,7 +48,7 @@ def project_keypoints(
     p = (points_m - T_world_camera[:3, 3]) @ T_world_camera[:3, :3]
     uv = p[:, :2] / p[:, 2:] * K_px[[0, 1], [0, 1]] + K_px[:2, 2]
     height, width = depth_m.shape
-    inside = np.asarray((uv >= 0.0) & (uv < (width, height))).all(axis=1)
+    inside = (uv[:, 0] >= 0.0) & (uv[:, 0] < width) & (uv[:, 1] >= 0.0) & (uv[:, 1] < height)
     u, v = np.floor(np.where(inside[:, None], uv, 0.0)).astype(int).T
     visible = p[:, 2] < depth_m[v, u] + HIDDEN_M
     return uv, np.where(inside, np.where(visible, SEEN_CONFIDENCE, HIDDEN_CONFIDENCE), 0.0)

@@ -16,7 +16,7 @@ from readygo.services.reconstructor.avatars.keypoint_poses import KeypointPoses,
 from readygo.services.reconstructor.avatars.keypoint_start import KeypointViews
 from readygo.services.reconstructor.avatars.keypoints import KEYPOINTS_FILE, read_keypoints
 
-FRAMES = 16
+FRAMES = 30
 CONFIG = AvatarFitConfig()
 
 
@@ -65,11 +65,6 @@ def test_knees_and_elbows_bend_one_way(found: KeypointPoses) -> None:
         assert (np.rad2deg(sign * found.pose_axis_angle[:, joint, axis]) > -8.0).all()
 
 
-def test_same_keypoints_give_the_same_poses(seen: KeypointViews, found: KeypointPoses, coarse_body: Avatar) -> None:
-    again = fit_poses(seen, [coarse_body], CONFIG)
-    np.testing.assert_array_equal(again.pose_axis_angle, found.pose_axis_angle)
-
-
 def test_exchanged_sides_are_repaired_in_some_frames_and_refused_in_most(
     seen: KeypointViews, found: KeypointPoses, coarse_body: Avatar
 ) -> None:
@@ -77,10 +72,10 @@ def test_exchanged_sides_are_repaired_in_some_frames_and_refused_in_most(
     swapped[[4, 5]] = True
     some = dataclasses.replace(seen, keypoints=seen.keypoints.with_swapped(swapped))
     repaired = fit_poses(some, [coarse_body], CONFIG)
-    assert "exchanged in 2 of 16 frames" in repaired.notes[0]
-    np.testing.assert_allclose(repaired.root_m, found.root_m, atol=1e-6)
+    assert "exchanged in 2 of 30 frames" in repaired.notes[0]
+    np.testing.assert_array_equal(repaired.root_m, found.root_m)
     most = dataclasses.replace(seen, keypoints=seen.keypoints.with_swapped(np.array([[True]])))
-    with pytest.raises(AvatarError, match="exchanged in 16 of 16 frames: left must be the person's left"):
+    with pytest.raises(AvatarError, match="exchanged in 30 of 30 frames: left must be the person's left"):
         fit_poses(most, [coarse_body], CONFIG)
 
 
