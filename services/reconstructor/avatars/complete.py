@@ -87,23 +87,33 @@ def complete_footage(
     Raises:
         AvatarError: If something is missing that cannot be found, or does not fit the rest.
     """
-    given = poses_file(folder)
-    masks = masks_folder(folder)
+    given, masks = poses_file(folder), masks_folder(folder)
+    unused = _unused_notes(folder, networks)
     if masks is None and networks.mask is not None:
         masks = _find_masks(folder, stages, networks.mask)
     if given is not None or not _can_find_poses(folder, networks):
-        return CompleteFootage(footage=read_footage(folder, masks=masks), poses_found=False, notes=())
+        return CompleteFootage(footage=read_footage(folder, masks=masks), poses_found=False, notes=unused)
     if masks is None:
         raise AvatarError(f"{folder} has no masks: neither {MASKS[0]}/ nor {MASKS[1]}/; give them, or --mask-model.")
     views = read_views(folder)
     keypoints, notes = _keypoints(folder, masks, views, stages, networks.keypoints)
     found = _find_poses(keypoints, views, stages, bodies, config)
     footage = read_footage(folder, masks=masks, poses=stages.folder / POSES_STAGE / POSES_FILE)
-    return CompleteFootage(footage=footage, poses_found=True, notes=(*notes, *found["notes"]))
+    return CompleteFootage(footage=footage, poses_found=True, notes=(*unused, *notes, *found["notes"]))
 
 
 def _can_find_poses(folder: Path, networks: PersonNetworks) -> bool:
     return (folder / KEYPOINTS_FILE).is_file() or (networks.keypoints is not None and (folder / CAMERAS_FILE).is_file())
+
+
+def _unused_notes(folder: Path, networks: PersonNetworks) -> tuple[str, ...]:
+    """Hints about networks for what the footage has."""
+    notes = []
+    if networks.mask is not None and masks_folder(folder) is not None:
+        notes.append("the network for masks is not used: the footage has masks.")
+    if networks.keypoints is not None and (poses_file(folder) or (folder / KEYPOINTS_FILE).is_file()):
+        notes.append("the network for keypoints is not used: the footage has poses or keypoints.")
+    return tuple(notes)
 
 
 def _find_masks(folder: Path, stages: Stages, network: Path) -> Path:

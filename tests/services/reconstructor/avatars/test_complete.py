@@ -64,8 +64,12 @@ def test_poses_are_found_from_keypoints_once(keypoint_film: Path, coarse_body: A
 
 
 def test_given_poses_are_used(plain_film: Path, coarse_body: Avatar, tmp_path: Path) -> None:
-    found = _complete(plain_film, tmp_path / "work", coarse_body)
+    networks = PersonNetworks(keypoints=Path("nowhere.onnx"), mask=Path("nowhere.onnx"))
+    found = _complete(plain_film, tmp_path / "work", coarse_body, networks)
     assert not found.poses_found
+    assert [note.split(":")[0] for note in found.notes] == [
+        "the network for masks is not used", "the network for keypoints is not used",
+    ]  # fmt: skip
     assert not (tmp_path / "work").exists()
 
 
