@@ -1,4 +1,4 @@
-"""A simulated film of an avatar: images, masks, cameras and disturbed body poses, with the truth beside them.
+"""A simulated film of an avatar: images, masks, cameras, and disturbed body poses or keypoints, with the truth.
 
 The person walks a circle, or turns on the spot with arms held away from the body, before a plain room. A camera that is
 held by hand stands still, but for its sway, and follows the person.
@@ -17,9 +17,10 @@ from typing import Literal
 
 import numpy as np
 
+from readygo.apps.avatar.keypoints import disturb_keypoints, keypoints_in_world, project_keypoints
 from readygo.apps.avatar.studio import Framing, look_at, studio_ground
 from readygo.apps.avatar.walking import FPS, level_walk
-from readygo.common.arrays import BoolArray, Float64Array, UInt8Array
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from readygo.common.avatars import Avatar, avatar_hash, joint_positions
 from readygo.common.drawing.files import write_png
 from readygo.common.errors import AvatarError, ConfigError
@@ -28,7 +29,15 @@ from readygo.common.frames import axis_angle_from_matrix, matrix_from_axis_angle
 from readygo.common.messages import Motion
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.interface import PosedHuman, View
-from readygo.services.reconstructor import Footage, write_neuman, write_plain
+from readygo.services.reconstructor import (
+    KEYPOINTS_FILE,
+    Footage,
+    Keypoints,
+    write_keypoints,
+    write_neuman,
+    write_plain,
+    write_views,
+)
 
 TRUTH_FORMAT = "readygo avatar truth 1"
 TRUTH_ARRAYS, TRUTH_FILE = "truth.npz", "truth.json"
@@ -57,6 +66,10 @@ class AvatarCaptureConfig:
     """Standard deviation of each joint's rotation about each axis, frame by frame."""
     pose_noise_m: float = 0.02
     """Standard deviation of the pelvis along each axis, frame by frame."""
+    body: Literal["poses", "keypoints"] = "poses"
+    """What the footage holds of the body."""
+    keypoint_noise_px: float = 3.0
+    """Standard deviation of visible keypoints along each axis, frame by frame."""
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -67,6 +80,10 @@ class AvatarCaptureConfig:
                 raise ConfigError(f"--size must lie in {_SIDE_PX[0]}..{_SIDE_PX[1]} px, got {side}.")
         if not (0.0 <= self.pose_noise_deg <= 45.0 and 0.0 <= self.pose_noise_m <= 1.0):
             raise ConfigError("--pose-noise-deg must lie in 0..45 and --pose-noise-m in 0..1.")
+        if not 0.0 <= self.keypoint_noise_px <= 100.0:
+            raise ConfigError(f"--keypoint-noise-px must lie in 0..100, got {self.keypoint_noise_px:g}.")
+        if self.body == "keypoints" and self.layout != "plain":
+            raise ConfigError("--body keypoints needs --layout plain: NeuMan's layout has poses.")
 
 
 def capture_avatar(avatar: Avatar, out: Path, config: AvatarCaptureConfig, heard: Callable[[int], None]) -> None:
@@ -107,7 +124,11 @@ def capture_avatar(avatar: Avatar, out: Path, config: AvatarCaptureConfig, heard
             root_m=root,
             pose_axis_angle=pose,
         )
-        (write_neuman if config.layout == "neuman" else write_plain)(folder, footage)
+        if config.body == "keypoints":
+            write_views(folder, footage)
+            write_keypoints(folder / KEYPOINTS_FILE, _film_keypoints(avatar, drawer, motion, footage, config), names)
+        else:
+            (write_neuman if config.layout == "neuman" else write_plain)(folder, footage)
         _write_truth(folder, avatar, motion, cameras, config)
 
 
@@ -120,12 +141,15 @@ class PersonDrawer:
 
     def alone(self, T_world_camera: Float64Array, motion: Motion, row: int) -> tuple[Float64Array, Float64Array]:
         """The person alone: colours times alpha in 0..255, shape (H, W, 3), and alpha, shape (H, W)."""
-        human = PosedHuman(
-            avatar=self._avatar.name, root_m=motion.root_m[row], pose_axis_angle=motion.pose_axis_angle[row]
-        )
-        images = self._rasterizer.render([View(T_world_camera=T_world_camera, humans=(human,))], ("alpha",))[0]
+        images = self._rasterizer.render([self._view(T_world_camera, motion, row)], ("alpha",))[0]
         assert images.alpha is not None
         return images.rgb.astype(np.float64), images.alpha.astype(np.float64)
+
+    def depths(self, T_world_camera: Float64Array, motion: Motion, row: int) -> Float32Array:
+        """Depth of the person [m], inf beside them, shape (H, W)."""
+        images = self._rasterizer.render([self._view(T_world_camera, motion, row)], ("depth",))[0]
+        assert images.depth_m is not None
+        return images.depth_m
 
     def draw(self, T_world_camera: Float64Array, motion: Motion, row: int) -> tuple[UInt8Array, BoolArray]:
         """The picture, shape (H, W, 3), and where the person is, shape (H, W)."""
@@ -135,6 +159,11 @@ class PersonDrawer:
         ground = studio_ground(T_world_camera, self._framing, feet)
         mixed = colours + (1.0 - alpha[..., None]) * ground
         return np.clip(np.rint(mixed), 0, 255).astype(np.uint8), alpha > MASK_ALPHA
+
+    def _view(self, T_world_camera: Float64Array, motion: Motion, row: int) -> View:
+        root, pose = motion.root_m[row], motion.pose_axis_angle[row]
+        human = PosedHuman(avatar=self._avatar.name, root_m=root, pose_axis_angle=pose)
+        return View(T_world_camera=T_world_camera, humans=(human,))
 
 
 def framing_of(config: AvatarCaptureConfig) -> Framing:
@@ -199,6 +228,19 @@ def disturb_poses(
     return axis_angle_from_matrix(R @ noise), root
 
 
+def _film_keypoints(
+    avatar: Avatar, drawer: PersonDrawer, motion: Motion, footage: Footage, config: AvatarCaptureConfig
+) -> Keypoints:
+    """Keypoints with errors that depend on the seed and on nothing else that is drawn at random."""
+    points, rng = keypoints_in_world(avatar, motion), np.random.Generator(np.random.Philox([config.seed, 1]))
+    seen = [
+        project_keypoints(points[row], T, footage.K_px[row], drawer.depths(T, motion, row))
+        for row, T in enumerate(footage.T_world_camera)
+    ]
+    uv, confidence = (np.stack(parts) for parts in zip(*seen, strict=True))
+    return disturb_keypoints(uv, confidence, config.keypoint_noise_px, rng)
+
+
 def _write_truth(
     folder: Path, avatar: Avatar, motion: Motion, cameras: Float64Array, config: AvatarCaptureConfig
 ) -> None:
@@ -219,6 +261,8 @@ def _write_truth(
         "frames": config.frames,
         "size_px": [config.width_px, config.height_px],
         "focal_px": framing_of(config).focal_px,
+        "body": config.body,
+        "keypoint_noise_px": config.keypoint_noise_px,
         "pose_noise_deg": config.pose_noise_deg,
         "pose_noise_m": config.pose_noise_m,
         "seed": config.seed,

@@ -36,6 +36,10 @@ class AvatarCaptureOptions:
     """Standard deviation of the rotation of every joint about each axis, in each frame [deg]."""
     pose_noise_m: float = 0.02
     """Standard deviation of the pelvis along each axis, in each frame [m]."""
+    body: Literal["poses", "keypoints"] = "poses"
+    """What the footage holds of the body: poses, or keypoints.npz with the 26 keypoints of Halpe (layout plain)."""
+    keypoint_noise_px: float = 3.0
+    """Standard deviation of visible keypoints along each axis, in each frame [px]; hidden ones have twice as much."""
     seed: int = 0
     """Seed of gait, camera and noise."""
 
@@ -52,6 +56,8 @@ def avatar_capture(options: AvatarCaptureOptions) -> None:
         height_px=options.size[1],
         pose_noise_deg=options.pose_noise_deg,
         pose_noise_m=options.pose_noise_m,
+        body=options.body,
+        keypoint_noise_px=options.keypoint_noise_px,
         seed=options.seed,
     )
     avatar = load_avatar(file_of_avatar(options.avatar))
@@ -62,6 +68,6 @@ def avatar_capture(options: AvatarCaptureOptions) -> None:
     console = PlainConsole(soft_wrap=True)
     console.print(
         f"{options.out}: {config.frames} images of {config.width_px}x{config.height_px} px of {avatar.name}, with "
-        f"masks, cameras, poses and truth. Next: readygo avatar extract {options.out} --out {avatar.name}.npz",
+        f"masks, cameras, {config.body} and truth. Next: readygo avatar extract {options.out} --out {avatar.name}.npz",
         markup=False,
     )

@@ -23,21 +23,22 @@ from readygo.services.reconstructor import (
     AvatarPreset,
     Extraction,
     ExtractionProgress,
+    PersonNetworks,
     avatar_preset,
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class AvatarExtractOptions:
-    """Extract an avatar from the images of one person, with masks, cameras and body poses.
+    """Extract an avatar from the images of one person, with masks, cameras and body poses or keypoints.
 
-    FOOTAGE has the layout of NeuMan's data, or the plain one (masks/, cameras.json, poses.npz). Writes the avatar, and
-    beside it NAME.html (held-out frames, new poses, unseen parts) and NAME.poses.npz (poses as they were found). After
-    an interruption the same command resumes from NAME.work.
+    FOOTAGE has the layout of NeuMan's data, or the plain one (masks/, cameras.json, and poses.npz or keypoints.npz).
+    Writes the avatar, and beside it NAME.html (held-out frames, new poses, unseen parts) and NAME.poses.npz (poses as
+    they were found). After an interruption the same command resumes from NAME.work.
     """
 
     footage: Positional[Path]
-    """Folder with images, masks, cameras and poses of one person."""
+    """Folder with images, masks, cameras, and poses or keypoints of one person."""
     out: Path
     """Avatar file (.npz) to write."""
     preset: AvatarPreset = "draft"
@@ -46,6 +47,10 @@ class AvatarExtractOptions:
     """Your SMPL model (.npz, .pkl) to begin with, in the shape of the footage; an embedded avatar by default."""
     checkpoint: Path | None = None
     """Also write a HUGS checkpoint (.pth), of --representation hugs with --body; `readygo avatar import` reads it."""
+    keypoint_model: Path | None = None
+    """ONNX file of a network such as RTMPose, which finds keypoints where FOOTAGE has neither these nor poses."""
+    mask_model: Path | None = None
+    """ONNX file of a network that finds the person, where FOOTAGE has no masks."""
     name: str | None = None
     """Name of the avatar; that of the file by default."""
     license: str = "No license is given: ask the person who was filmed."
@@ -60,7 +65,7 @@ class AvatarExtractOptions:
 
 
 def avatar_extract(options: AvatarExtractOptions) -> None:
-    """Extract an avatar from the images of one person, with masks, cameras and body poses."""
+    """Extract an avatar from the images of one person, with masks, cameras and body poses or keypoints."""
     if options.out.suffix.lower() != ".npz":
         raise AvatarError(f"--out {options.out} must end in .npz.")
     config = replace(avatar_preset(options.preset), seed=options.seed)
@@ -109,6 +114,7 @@ def _extract(options: AvatarExtractOptions, config: AvatarFitConfig, work: Path)
                 work,
                 config,
                 tell,
+                networks=PersonNetworks(keypoints=options.keypoint_model, mask=options.mask_model),
                 name=options.name or options.out.stem,
                 license_text=options.license,
                 smpl=options.body,

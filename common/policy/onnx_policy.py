@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from readygo.common.arrays import AnyArray, Float32Array, UInt8Array
-from readygo.common.errors import PolicyError
+from readygo.common.errors import PolicyError, ReadygoError
 from readygo.common.extras import install_command
 from readygo.common.policy.artifact import SPEC_FILE, PolicySpec, load_spec
 from readygo.common.policy.graph import GRAPH_FILE, Given, GraphSpec, Port
@@ -154,18 +154,30 @@ class OnnxPolicy(Policy):
         return np.array([min(max(v, slowest * v_max), v_max), min(max(w, -w_max), w_max)], np.float32)
 
 
-def open_session(path: Path) -> Any:
+def open_session(
+    path: Path,
+    *,
+    what: str = "Policy file",
+    remedy: str = "export the policy again",
+    raises: type[ReadygoError] = PolicyError,
+) -> Any:
     """An onnxruntime session of one thread.
 
+    Args:
+        path: The graph.
+        what: What messages call the file.
+        remedy: What they advise.
+        raises: Error to raise.
+
     Raises:
-        PolicyError: If the file is missing or broken, or onnxruntime is not installed.
+        ReadygoError: If the file is missing or broken, or onnxruntime is not installed.
     """
     try:
         import onnxruntime
     except ImportError as error:
-        raise PolicyError(f"onnxruntime is not installed; run: {install_command('policy')}") from error
+        raise raises(f"onnxruntime is not installed; run: {install_command('policy')}") from error
     if not path.is_file():
-        raise PolicyError(f"Policy file {path} is missing; export the policy again.")
+        raise raises(f"{what} {path} is missing; {remedy}.")
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
     options.inter_op_num_threads = 1
@@ -174,7 +186,7 @@ def open_session(path: Path) -> Any:
         return onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime raises a dozen unrelated types for a broken file
         reason = str(error).splitlines()[0]
-        raise PolicyError(f"Policy file {path} cannot be loaded: {reason}; export the policy again.") from error
+        raise raises(f"{what} {path} cannot be loaded: {reason}; {remedy}.") from error
 
 
 def _check_graph(policy: Policy, folder: Path) -> None:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from readygo.common.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from readygo.services.reconstructor.avatars.complete import PersonNetworks as PersonNetworks
     from readygo.services.reconstructor.avatars.config import AvatarFitConfig as AvatarFitConfig
     from readygo.services.reconstructor.avatars.config import AvatarPreset as AvatarPreset
     from readygo.services.reconstructor.avatars.config import avatar_preset as avatar_preset
@@ -16,6 +17,12 @@ if TYPE_CHECKING:
     from readygo.services.reconstructor.avatars.footage import Footage as Footage
     from readygo.services.reconstructor.avatars.footage import write_neuman as write_neuman
     from readygo.services.reconstructor.avatars.footage import write_plain as write_plain
+    from readygo.services.reconstructor.avatars.footage import write_views as write_views
+    from readygo.services.reconstructor.avatars.keypoints import ANCHORS as ANCHORS
+    from readygo.services.reconstructor.avatars.keypoints import HALPE26 as HALPE26
+    from readygo.services.reconstructor.avatars.keypoints import KEYPOINTS_FILE as KEYPOINTS_FILE
+    from readygo.services.reconstructor.avatars.keypoints import Keypoints as Keypoints
+    from readygo.services.reconstructor.avatars.keypoints import write_keypoints as write_keypoints
     from readygo.services.reconstructor.config import ReconstructorConfig as ReconstructorConfig
     from readygo.services.reconstructor.desk import Desk as Desk
     from readygo.services.reconstructor.frames.config import FramesConfig as FramesConfig
@@ -52,6 +59,7 @@ if TYPE_CHECKING:
     from readygo.services.reconstructor.training.train import train_gaussians as train_gaussians
 else:
     _NAMES = {
+        ".avatars.complete": ("PersonNetworks",),
         ".avatars.config": (
             "AvatarFitConfig",
             "AvatarPreset",
@@ -68,6 +76,14 @@ else:
             "Footage",
             "write_neuman",
             "write_plain",
+            "write_views",
+        ),
+        ".avatars.keypoints": (
+            "ANCHORS",
+            "HALPE26",
+            "KEYPOINTS_FILE",
+            "Keypoints",
+            "write_keypoints",
         ),
         ".config": ("ReconstructorConfig",),
         ".desk": ("Desk",),

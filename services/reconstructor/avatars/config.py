@@ -30,6 +30,21 @@ class PosePriorConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class KeypointsConfig:
+    """How poses are found from keypoints, and how far they are trusted afterwards."""
+
+    sigma_share: Annotated[float, Range(above=0.0, high=0.2)] = 0.01
+    """Standard deviation of keypoints, as a share of the person's height in the image."""
+    joint_deg: Annotated[float, Range(above=0.0)] = 10.0
+    """Standard deviation of the rotations of joints that are found [deg]; takes the place of `prior.joint_deg`."""
+    root_m: Annotated[float, Range(above=0.0)] = 0.05
+    """Standard deviation of the positions of the pelvis that are found [m]; takes the place of `prior.root_m`."""
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
+
+
+@dataclass(frozen=True, kw_only=True)
 class AvatarFitConfig:
     """How an avatar is extracted. The result is a function of these settings and of the film."""
 
@@ -54,6 +69,7 @@ class AvatarFitConfig:
     seed: int = 0
     """Seed of the fit."""
     prior: PosePriorConfig = field(default_factory=PosePriorConfig)
+    keypoints: KeypointsConfig = field(default_factory=KeypointsConfig)
 
     def __post_init__(self) -> None:
         check_ranges(self)

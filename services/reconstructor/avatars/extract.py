@@ -3,9 +3,10 @@
 import hashlib
 import json
 import math
+import shutil
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,18 @@ from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import AvatarError, RunError
 from readygo.services.reconstructor.avatars.body import OVERLAP_MIN, choose_body, overlap_of, swap_sides
+from readygo.services.reconstructor.avatars.complete import (
+    KEYPOINTS_STAGE,
+    MASKS_STAGE,
+    POSES_STAGE,
+    CompleteFootage,
+    PersonNetworks,
+    complete_footage,
+)
 from readygo.services.reconstructor.avatars.config import AvatarFitConfig
 from readygo.services.reconstructor.avatars.export import avatar_of_fit, without_floaters
 from readygo.services.reconstructor.avatars.fit import PersonFit
-from readygo.services.reconstructor.avatars.footage import SMPL_PELVIS_M, Footage, read_footage, smooth_poses
+from readygo.services.reconstructor.avatars.footage import SMPL_PELVIS_M, Footage, smooth_poses
 from readygo.services.reconstructor.avatars.hugs import HugsFit
 from readygo.services.reconstructor.avatars.smpl_body import read_smpl_body
 from readygo.services.reconstructor.avatars.views import FilmedPerson, PersonView, read_person, view_at
@@ -92,6 +101,7 @@ def extract_avatar(
     *,
     name: str,
     license_text: str,
+    networks: PersonNetworks | None = None,
     bodies: dict[str, Avatar] | None = None,
     smpl: Path | None = None,
 ) -> Extraction:
@@ -99,11 +109,12 @@ def extract_avatar(
 
     Args:
         folder: Film of a person, see `footage`.
-        work: Folder of the checkpoint; it is made once the film is found to be usable.
+        work: Folder of what is found and of the checkpoint; it goes if the film cannot be used.
         config: How; see `avatar_preset`.
         tell: Is told about every second how far it is.
         name: Name of the avatar.
         license_text: Its license.
+        networks: Find masks and keypoints that the film lacks.
         bodies: Bodies to begin with by name; the embedded avatars by default.
         smpl: SMPL model file whose body is begun with instead, in the shape that the footage tells.
 
@@ -111,30 +122,15 @@ def extract_avatar(
         ReadygoError: If the film cannot be used, or the fit does not come to a human.
         KeyboardInterrupt: At Ctrl-C, after the state is saved.
     """
-    footage = read_footage(folder)
-    pelvis_m = SMPL_PELVIS_M
-    if smpl is not None:
-        body, footage, pelvis_m = read_smpl_body(smpl, footage)
-        bodies = {body.name: body}
-    person = read_person(footage, config.side_max_px)
-    pose, root = smooth_poses(footage.pose_axis_angle, footage.root_m, config.prior.smooth_frames)
-    hugs = config.representation == "hugs"
-    if hugs and smpl is not None:
-        # Checkpoints have no skeleton: it stays that of the file.
-        overlap = overlap_of(body, person, pose, root)
-    else:
-        body, overlap = choose_body(load_avatars() if bodies is None else bodies, person, pose, root)
-    _check_poses(body, overlap, person, pose, root)
+    bodies = load_avatars() if bodies is None else bodies
+    stages = Stages(work, lambda _: None)
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        with Stages(work, lambda _: None).alone(), word_errors(work):
-            fit = (
-                HugsFit(body, person, pose, root, config, pelvis_m=pelvis_m, fixed_lengths=smpl is not None)
-                if hugs
-                else PersonFit(body, person, pose, root, config)
-            )
-            seconds = _run(fit, work, _identity(footage, config, body), tell)
+        with stages.alone(), word_errors(work):
+            complete = complete_footage(folder, stages, networks or PersonNetworks(), bodies, config)
+            fit, footage, overlap = _begin_fit(complete, bodies, smpl, config)
+            seconds = _run(fit, work, _identity(footage, fit.config, fit.body), tell)
         avatar, unseen = avatar_of_fit(fit, fit.body, name, license_text)
         held_out = [measure_frame(fit, frame, footage.names[frame]) for frame in fit.held]
     finally:
@@ -145,14 +141,14 @@ def extract_avatar(
         "ssim": round(float(np.mean([each.ssim for each in held_out])), 4) if held_out else None,
         "gaussians": len(avatar.cloud),
         "height_m": avatar.height_m,
-        "body": body.name,
+        "body": fit.body.name,
         "overlap": round(overlap, 3),
         "unseen": unseen,
-        "frames": len(person),
+        "frames": len(fit.person),
         "steps": config.steps,
         "seconds": round(seconds, 1),
-        "notes": list(person.notes),
-        "settings": section_to_mapping(config),
+        "notes": [*complete.notes, *fit.person.notes],
+        "settings": section_to_mapping(fit.config),
     }
     values = fit.rig.values
     return Extraction(
@@ -169,6 +165,8 @@ def extract_avatar(
 def forget_extraction(work: Path) -> None:
     """Remove the checkpoint of an extraction whose result is written, and its folder if nothing else lies there."""
     with Stages(work, lambda _: None).alone():
+        for stage in (MASKS_STAGE, KEYPOINTS_STAGE, POSES_STAGE):
+            shutil.rmtree(work / stage, ignore_errors=True)
         (work / CHECKPOINT_FILE).unlink(missing_ok=True)
 
 
@@ -191,6 +189,42 @@ def compare_person(image: str, view: PersonView, drawn: Float32Array) -> HeldOut
     _, ssim, _ = Photometric(*inside.shape)(drawn, photo, 1.0)
     psnr_db = -10.0 * math.log10(max(error, 1e-12))
     return HeldOutPerson(image=image, psnr_db=psnr_db, ssim=ssim, photo=photo, rendered=drawn)
+
+
+def _begin_fit(
+    complete: CompleteFootage, bodies: dict[str, Avatar], smpl: Path | None, config: AvatarFitConfig
+) -> tuple[PersonFit, Footage, float]:
+    """A fit on the body whose silhouettes are most like the person's, its footage, and their overlap."""
+    pelvis_m = SMPL_PELVIS_M
+    if smpl is not None:
+        body, footage, pelvis_m = read_smpl_body(smpl, complete.footage)
+        bodies, complete = {body.name: body}, replace(complete, footage=footage)
+    person = read_person(complete.footage, config.side_max_px)
+    config, pose, root = _first_poses(complete, config)
+    hugs = config.representation == "hugs"
+    if hugs and smpl is not None:
+        # Checkpoints have no skeleton: it stays that of the file.
+        overlap = overlap_of(body, person, pose, root)
+    else:
+        body, overlap = choose_body(bodies, person, pose, root)
+    _check_poses(body, overlap, person, pose, root)
+    fit = (
+        HugsFit(body, person, pose, root, config, pelvis_m=pelvis_m, fixed_lengths=smpl is not None)
+        if hugs
+        else PersonFit(body, person, pose, root, config)
+    )
+    return fit, complete.footage, overlap
+
+
+def _first_poses(
+    complete: CompleteFootage, config: AvatarFitConfig
+) -> tuple[AvatarFitConfig, Float64Array, Float64Array]:
+    """Poses and pelvises to begin with, and the settings with how far these are trusted."""
+    footage = complete.footage
+    if not complete.poses_found:
+        return config, *smooth_poses(footage.pose_axis_angle, footage.root_m, config.prior.smooth_frames)
+    trust = replace(config.prior, joint_deg=config.keypoints.joint_deg, root_m=config.keypoints.root_m)
+    return replace(config, prior=trust), footage.pose_axis_angle, footage.root_m
 
 
 def _check_poses(body: Avatar, overlap: float, person: FilmedPerson, pose: Float64Array, root: Float64Array) -> None:

@@ -17,9 +17,13 @@ The plain layout has metres and a world whose z points up:
                                                  position, rotation
     poses.npz                                    root_m (F, 3): the pelvis; pose_axis_angle (F, 24, 3), as in `Motion`
 
-Both have pixel centres at +0.5.
+Without poses.npz, poses are found from keypoints.npz (see `keypoints`); the floor is then z = 0.
+
+Both layouts have pixel centres at +0.5.
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -76,22 +80,86 @@ class Footage:
         return len(self.names)
 
 
-def read_footage(folder: Path) -> Footage:
+def read_footage(folder: Path, *, masks: Path | None = None, poses: Path | None = None) -> Footage:
     """Read a film of a person in one of the two layouts.
+
+    Args:
+        folder: The film.
+        masks: Folder of the masks, if they are not in the film.
+        poses: File of the poses as in the plain layout, if they are not in the film.
 
     Raises:
         AvatarError: If a part is missing, or does not fit the others.
     """
-    if not folder.is_dir():
-        raise AvatarError(f"{folder} is not a folder; give one with images, masks, cameras and poses of a person.")
-    if (folder / SMPL_FILE).is_file():
-        return _read_neuman(folder)
-    if (folder / POSES_FILE).is_file():
-        return _read_plain(folder)
-    raise AvatarError(
-        f"{folder} has no poses: neither {SMPL_FILE} (NeuMan's layout) nor {POSES_FILE} with {CAMERAS_FILE}; "
-        "`readygo avatar capture` writes an example."
+    _require_folder(folder)
+    if poses is not None:
+        return _read_plain(folder, masks, poses)
+    given = poses_file(folder)
+    if given is None:
+        raise AvatarError(
+            f"{folder} has no poses: neither {SMPL_FILE} (NeuMan's layout) nor, with {CAMERAS_FILE}, {POSES_FILE} nor "
+            "keypoints.npz; `readygo avatar capture` writes an example."
+        )
+    return _read_neuman(folder, masks) if given == folder / SMPL_FILE else _read_plain(folder, masks, given)
+
+
+def poses_file(folder: Path) -> Path | None:
+    """The file of the poses of a film; None if it has none."""
+    return next((folder / name for name in (SMPL_FILE, Path(POSES_FILE)) if (folder / name).is_file()), None)
+
+
+def masks_folder(folder: Path) -> Path | None:
+    """The folder of the masks of a film; None if it has none."""
+    return next((folder / name for name in MASKS if (folder / name).is_dir()), None)
+
+
+def read_views(folder: Path) -> CapturedViews:
+    """The cameras of a film in the plain layout, in the order of the images' names.
+
+    Raises:
+        AvatarError: If they are missing, cannot be read, or are those of too few or too many images.
+    """
+    _require_folder(folder)
+    if not (folder / CAMERAS_FILE).is_file():
+        raise AvatarError(f"{folder} has no {CAMERAS_FILE}; it needs a camera for each image.")
+    try:
+        views = load_views(folder / CAMERAS_FILE)
+    except ReadygoError as error:
+        raise AvatarError(str(error).split("; ")[0] + ".") from error
+    order = sorted(range(len(views)), key=lambda number: views.images[number])
+    _check_count(folder, len(order))
+    return CapturedViews(
+        images=tuple(views.images[number] for number in order),
+        sizes_px=views.sizes_px[order],
+        K_px=views.K_px[order],
+        T_world_camera=views.T_world_camera[order],
     )
+
+
+def image_files(folder: Path, names: Sequence[str]) -> tuple[Path, ...]:
+    """The files of some images of a film.
+
+    Raises:
+        AvatarError: If one is missing.
+    """
+    images = tuple(folder / IMAGES / name for name in names)
+    _refuse_missing(folder / IMAGES, [path.name for path in images if not path.is_file()], len(images))
+    return images
+
+
+def mask_files(folder: Path, names: Sequence[str]) -> tuple[Path, ...]:
+    """The masks of some images.
+
+    Args:
+        folder: Folder of the masks.
+        names: Names of the images.
+
+    Raises:
+        AvatarError: If one is missing.
+    """
+    found = {name: mask_of(folder, [name]) for name in names}
+    _refuse_missing(folder, [f"{Path(name).stem}.png" for name, mask in found.items() if mask is None], len(names))
+    return tuple(mask for mask in found.values() if mask is not None)
 
 
 def write_neuman(folder: Path, footage: Footage) -> None:
@@ -129,12 +197,32 @@ def write_plain(folder: Path, footage: Footage) -> None:
     Raises:
         AvatarError: If a file cannot be written.
     """
+    write_views(folder, footage)
+    write_poses(folder / POSES_FILE, footage.root_m, footage.pose_axis_angle)
+
+
+def write_views(folder: Path, footage: Footage) -> None:
+    """Write the cameras in the plain layout.
+
+    Raises:
+        AvatarError: If the file cannot be written.
+    """
     write_whole(folder / CAMERAS_FILE, views_text(_views(footage)), raises=AvatarError)
+
+
+def write_poses(path: Path, root_m: Float64Array, pose_axis_angle: Float64Array) -> None:
+    """Write poses in the plain layout.
+
+    Args:
+        path: The file.
+        root_m: Pelvises [m], shape (F, 3).
+        pose_axis_angle: Rotations of the joints [rad], shape (F, 24, 3).
+    """
     np.savez(
-        folder / POSES_FILE,
+        path,
         allow_pickle=False,
-        root_m=footage.root_m.astype(np.float32),
-        pose_axis_angle=footage.pose_axis_angle.astype(np.float32),
+        root_m=root_m.astype(np.float32),
+        pose_axis_angle=pose_axis_angle.astype(np.float32),
     )
 
 
@@ -144,7 +232,7 @@ def _views(footage: Footage) -> CapturedViews:
     )
 
 
-def _read_neuman(folder: Path) -> Footage:
+def _read_neuman(folder: Path, masks: Path | None) -> Footage:
     path = folder / SMPL_FILE
     arrays = load_npz(
         path, ("global_orient", "body_pose", "transl", "scale", "betas"), bytes_max=_BYTES_MAX, raises=AvatarError
@@ -152,11 +240,12 @@ def _read_neuman(folder: Path) -> Footage:
     missing = [key for key in ("global_orient", "body_pose", "transl") if key not in arrays]
     if missing:
         raise AvatarError(f"{path} lacks {', '.join(missing)}; it needs SMPL's parameters of every frame.")
-    body = arrays["body_pose"].reshape(len(arrays["body_pose"]), -1)
+    body = np.atleast_1d(arrays["body_pose"])
+    body = body.reshape(len(body), math.prod(body.shape[1:]))
     if body.shape[1] != 69:
         raise AvatarError(
             f"{path}: body_pose has {body.shape[1]} numbers a frame, SMPL has 69 (23 joints); "
-            "poses of SMPL-X (63) or SMPL-H (63, and hands) must be converted."
+            "poses of SMPL-X (63), SMPL-H (63, and hands) or rotation matrices (207) must be converted."
         )
     views = _colmap_views(folder)
     count = len(body)
@@ -177,14 +266,14 @@ def _read_neuman(folder: Path) -> Footage:
         zup_from_yup(transl / scale + SMPL_PELVIS_M),
         np.concatenate([orient, body.astype(np.float64)], axis=1).reshape(count, 24, 3),
         path,
+        masks,
     )
     # One person has one shape; files hold a row for each frame.
     betas = arrays["betas"].astype(np.float64).reshape(len(arrays["betas"]), -1) if "betas" in arrays else None
     return replace(footage, betas=np.zeros(0) if betas is None or not betas.size else np.median(betas, axis=0))
 
 
-def _read_plain(folder: Path) -> Footage:
-    path = folder / POSES_FILE
+def _read_plain(folder: Path, masks: Path | None, path: Path) -> Footage:
     arrays = load_npz(path, ("root_m", "pose_axis_angle"), bytes_max=_BYTES_MAX, raises=AvatarError)
     if set(arrays) != {"root_m", "pose_axis_angle"}:
         raise AvatarError(f"{path} needs root_m (F, 3) and pose_axis_angle (F, 24, 3), it has {sorted(arrays)}.")
@@ -192,20 +281,8 @@ def _read_plain(folder: Path) -> Footage:
     if pose.shape[1:] != (24, 3):
         raise AvatarError(f"{path}: pose_axis_angle must be (F, 24, 3) for the joints of SMPL, got {pose.shape}.")
     root = _fit_rows(path, "root_m", arrays["root_m"], len(pose), 3)
-    if not (folder / CAMERAS_FILE).is_file():
-        raise AvatarError(f"{folder} has no {CAMERAS_FILE}; it needs a camera for each image.")
-    try:
-        views = load_views(folder / CAMERAS_FILE)
-    except ReadygoError as error:
-        raise AvatarError(str(error).split("; ")[0] + ".") from error
-    order = sorted(range(len(views)), key=lambda number: views.images[number])
-    views = CapturedViews(
-        images=tuple(views.images[number] for number in order),
-        sizes_px=views.sizes_px[order],
-        K_px=views.K_px[order],
-        T_world_camera=views.T_world_camera[order],
-    )
-    return _footage(folder, views, views.T_world_camera, root, pose, path)
+    views = read_views(folder)
+    return _footage(folder, views, views.T_world_camera, root, pose, path, masks)
 
 
 def _colmap_views(folder: Path) -> CapturedViews:
@@ -232,40 +309,50 @@ def _fit_rows(path: Path, key: str, array: AnyArray, count: int, width: int) -> 
 
 
 def _footage(
-    folder: Path, views: CapturedViews, T: Float64Array, root_m: Float64Array, pose: Float64Array, poses_path: Path
+    folder: Path,
+    views: CapturedViews,
+    T: Float64Array,
+    root_m: Float64Array,
+    pose: Float64Array,
+    poses_path: Path,
+    masks: Path | None,
 ) -> Footage:
     """Check that the parts fit each other, and find the files of the images."""
     count = len(views)
     if count != len(pose):
         raise AvatarError(f"{poses_path} has poses of {len(pose)} frames, but {count} images have a camera.")
-    if not FRAMES_MIN <= count <= FRAMES_MAX:
-        raise AvatarError(f"{folder} has {count} frames; an avatar needs {FRAMES_MIN} to {FRAMES_MAX}.")
+    _check_count(folder, count)
     for name, array in (("translations", root_m), ("rotations", pose), ("cameras", T)):
         if not np.isfinite(array).all() or np.abs(array).max() > _PLAUSIBLE_M:
             raise AvatarError(f"{poses_path}: {name} hold values that are not finite, or far beyond a room.")
-    kind = next((name for name in MASKS if (folder / name).is_dir()), None)
-    if kind is None:
+    masks = masks or masks_folder(folder)
+    if masks is None:
         raise AvatarError(f"{folder} has no masks: neither {MASKS[0]}/ nor {MASKS[1]}/.")
-    images = tuple(folder / IMAGES / name for name in views.images)
-    found = {name: mask_of(folder / kind, [name]) for name in views.images}
-    masks = tuple(mask for mask in found.values() if mask is not None)
-    missing = {
-        IMAGES: [path.name for path in images if not path.is_file()],
-        kind: [f"{Path(name).stem}.png" for name, mask in found.items() if mask is None],
-    }
-    for what, gone in missing.items():
-        if gone:
-            raise AvatarError(f"{folder / what} lacks {len(gone)} of {count} files, {gone[0]} among them.")
     return Footage(
         names=views.images,
-        images=images,
-        masks=masks,
+        images=image_files(folder, views.images),
+        masks=mask_files(masks, views.images),
         sizes_px=views.sizes_px,
         K_px=views.K_px,
         T_world_camera=T,
         root_m=root_m,
         pose_axis_angle=pose,
     )
+
+
+def _require_folder(folder: Path) -> None:
+    if not folder.is_dir():
+        raise AvatarError(f"{folder} is not a folder; give one with images, masks, cameras and poses of a person.")
+
+
+def _check_count(folder: Path, count: int) -> None:
+    if not FRAMES_MIN <= count <= FRAMES_MAX:
+        raise AvatarError(f"{folder} has {count} frames; an avatar needs {FRAMES_MIN} to {FRAMES_MAX}.")
+
+
+def _refuse_missing(folder: Path, missing: list[str], count: int) -> None:
+    if missing:
+        raise AvatarError(f"{folder} lacks {len(missing)} of {count} files, {missing[0]} among them.")
 
 
 def smooth_poses(pose_axis_angle: Float64Array, root_m: Float64Array, half: int) -> tuple[Float64Array, Float64Array]:

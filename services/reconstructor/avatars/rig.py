@@ -34,11 +34,13 @@ BONES = (
     (3,), (6,), (9,), (12,), (15,), (13, 14), (16, 17), (18, 19), (20, 21), (22, 23), (1, 2), (4, 5), (7, 8), (10, 11),
 )  # fmt: skip
 """Joints at the ends of the bones that have a common length."""
+BONE_OF_JOINT = np.array([next((k for k, ends in enumerate(BONES) if joint in ends), 0) for joint in range(24)])
+"""Row of `BONES` of the bone that ends at each joint, shape (24,); 0 for the pelvis."""
 _MAIN_CHILD = {
     0: 3, 1: 4, 2: 5, 3: 6, 4: 7, 5: 8, 6: 9, 7: 10, 8: 11, 9: 12, 12: 15, 13: 16, 14: 17, 16: 18, 17: 19, 18: 20,
     19: 21, 20: 22, 21: 23,
 }  # fmt: skip
-_BONE_SIGMA, _SIZE_SIGMA, _OFFSET_SIGMA_M = 0.08, 0.3, 0.02
+BONE_SIGMA, SIZE_SIGMA, _OFFSET_SIGMA_M = 0.08, 0.3, 0.02
 """Standard deviations among people: of the logarithms of the lengths of bones and of stature, and of offsets."""
 _SHARED = ("size", "bones", "offsets")
 """What all frames have in common."""
@@ -88,9 +90,8 @@ class Rig:
         self.second = {name: np.zeros_like(value) for name, value in self.values.items()}
         self.updates = np.zeros(1 + len(pose))
         """How often the lengths, and each frame, were changed."""
-        group, mirror = np.zeros(24, dtype=np.int64), np.ones((24, 3))
-        for number, joints in enumerate(BONES):
-            group[list(joints)] = number
+        group, mirror = BONE_OF_JOINT, np.ones((24, 3))
+        for joints in BONES:
             if len(joints) == 2:
                 mirror[joints[1], 0] = -1.0
             else:
@@ -185,8 +186,8 @@ class Rig:
         along, offsets = torch.exp(bones)[self._group], lengths["offsets"][self._group] * self._mirror
         R_canonical_tpose = self._skeletons.R_tpose_canonical[0].mT
         joints = [
-            _stretch(self._skeletons.tpose_m[0], s, along, offsets),
-            _stretch(
+            stretch_joints(self._skeletons.tpose_m[0], s, along, offsets),
+            stretch_joints(
                 self._skeletons.canonical_m[0],
                 s,
                 along,
@@ -220,13 +221,13 @@ class Rig:
             loss = loss + ((R - middle) ** 2).sum() / (144.0 * jerk_rad**2)
             between = torch.from_numpy(0.5 * (roots[frame - 1] + roots[frame + 1]))
             loss = loss + ((root - between) ** 2).mean() / prior.jerk_m**2
-        lengths = (leaves["bones"] ** 2).mean() / _BONE_SIGMA**2 + (leaves["size"][0] / _SIZE_SIGMA) ** 2
+        lengths = (leaves["bones"] ** 2).mean() / BONE_SIGMA**2 + (leaves["size"][0] / SIZE_SIGMA) ** 2
         lengths = lengths + (leaves["offsets"] ** 2).mean() / _OFFSET_SIGMA_M**2
         total: Tensor = prior.weight * (loss + 0.1 * lengths)
         return total
 
 
-def _stretch(joints: Tensor, size: Tensor, lengths: Tensor, offsets: Tensor) -> Tensor:
+def stretch_joints(joints: Tensor, size: Tensor, lengths: Tensor, offsets: Tensor) -> Tensor:
     """Joints of a body of another stature and other bones, shape (24, 3)."""
     parents = SMPL_PARENTS.tolist()
     places = [size * joints[0]]

@@ -1,12 +1,13 @@
 """The frames of a film as the fit sees them: cut out around the person, at some size, with checks of the masks."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from readygo.common.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt8Array
 from readygo.common.errors import AvatarError
 from readygo.common.images.encoded import read_pixels
 from readygo.services.reconstructor.avatars.footage import Footage
@@ -62,21 +63,11 @@ def read_person(footage: Footage, side_max_px: int) -> FilmedPerson:
     Raises:
         AvatarError: If an image or mask cannot be read, does not fit the other, or shows no one or two people.
     """
-    masks = [_read(path, "mask").max(axis=2) > 127 for path in footage.masks]
-    if np.mean([_border(mask) for mask in masks]) > 0.5:
-        # In some data sets the person is black.
-        masks = [~mask for mask in masks]
-    for number, mask in enumerate(masks):
-        width, height = footage.sizes_px[number].tolist()
-        if mask.shape != (height, width):
-            raise AvatarError(
-                f"{footage.masks[number]} has {mask.shape[1]}x{mask.shape[0]} px, its image {width}x{height} px."
-            )
-    notes = _check_masks(footage, masks)
+    masks, notes = read_masks(footage.masks, footage.sizes_px)
     rgb, cut, K = [], [], footage.K_px.copy()
     for number, mask in enumerate(masks):
         # One at a time: a hundred photos of a telephone do not fit into memory.
-        image = _read(footage.images[number], "image")
+        image = read_rgb(footage.images[number], "image")
         if image.shape[:2] != mask.shape:
             width, height = footage.sizes_px[number].tolist()
             raise AvatarError(
@@ -91,6 +82,26 @@ def read_person(footage: Footage, side_max_px: int) -> FilmedPerson:
         rgb=tuple(rgb), mask=tuple(cut), K_px=K, T_world_camera=footage.T_world_camera, notes=tuple(notes)
     )
     return whole if shrink == 1.0 else _shrink(whole, shrink)
+
+
+def read_masks(paths: Sequence[Path], sizes_px: Int64Array) -> tuple[list[BoolArray], list[str]]:
+    """Where the person is in each image, shape (H, W) each, and hints about what is cut off.
+
+    Args:
+        paths: The masks.
+        sizes_px: Width and height of the images, shape (F, 2).
+
+    Raises:
+        AvatarError: If a mask cannot be read, does not fit its image, or they show no one or two people.
+    """
+    masks = [read_rgb(path, "mask").max(axis=2) > 127 for path in paths]
+    if np.mean([_border(mask) for mask in masks]) > 0.5:
+        # In some data sets the person is black.
+        masks = [~mask for mask in masks]
+    for path, mask, (width, height) in zip(paths, masks, sizes_px.tolist(), strict=True):
+        if mask.shape != (height, width):
+            raise AvatarError(f"{path} has {mask.shape[1]}x{mask.shape[0]} px, its image {width}x{height} px.")
+    return masks, _check_masks(paths, masks)
 
 
 def view_at(person: FilmedPerson, number: int, fraction: int) -> PersonView:
@@ -116,7 +127,12 @@ def view_at(person: FilmedPerson, number: int, fraction: int) -> PersonView:
     )
 
 
-def _read(path: Path, what: str) -> UInt8Array:
+def read_rgb(path: Path, what: str) -> UInt8Array:
+    """The pixels of an image or a mask, shape (H, W, 3).
+
+    Raises:
+        AvatarError: If there is no such file, or it cannot be decoded.
+    """
     pixels = read_pixels(path, cv2.IMREAD_COLOR)
     if pixels is None:
         raise AvatarError(f"{path} cannot be read as {'an' if what == 'image' else 'a'} {what}.")
@@ -141,19 +157,17 @@ def _box(mask: BoolArray) -> tuple[int, int, int, int]:
     )
 
 
-def _check_masks(footage: Footage, masks: list[BoolArray]) -> list[str]:
+def _check_masks(paths: Sequence[Path], masks: list[BoolArray]) -> list[str]:
     """Refuse masks that show no one, too little, or two people; hints about what is cut off."""
     count = len(masks)
     empty = [number for number, mask in enumerate(masks) if mask.sum() < _PERSON_MIN_PX]
     if len(empty) > _EMPTY_FRAMES * count:
         raise AvatarError(
             f"{len(empty)} of {count} masks are empty or show less than {_PERSON_MIN_PX} px of a person, "
-            f"{footage.masks[empty[0]].name} among them; the person must be white."
+            f"{paths[empty[0]].name} among them; the person must be white."
         )
     if empty:
-        raise AvatarError(
-            f"The mask {footage.masks[empty[0]]} shows no one; leave out such frames ({len(empty)} of {count})."
-        )
+        raise AvatarError(f"The mask {paths[empty[0]]} shows no one; leave out such frames ({len(empty)} of {count}).")
     sides = [max(np.ptp(np.flatnonzero(mask.any(axis=1))), np.ptp(np.flatnonzero(mask.any(axis=0)))) for mask in masks]
     if float(np.median(sides)) < _PERSON_MIN_SIDE_PX:
         raise AvatarError(
@@ -162,7 +176,7 @@ def _check_masks(footage: Footage, masks: list[BoolArray]) -> list[str]:
     two = [number for number, mask in enumerate(masks) if _second_share(mask) > _SECOND_SHARE]
     if len(two) > _SECOND_FRAMES * count:
         raise AvatarError(
-            f"{len(two)} of {count} masks show two people, {footage.masks[two[0]].name} among them; "
+            f"{len(two)} of {count} masks show two people, {paths[two[0]].name} among them; "
             "an avatar is of one: leave the other out of the masks."
         )
     cut = sum(bool(mask[-1].any()) for mask in masks)

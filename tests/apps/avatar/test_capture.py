@@ -12,7 +12,8 @@ from readygo.apps.avatar.capture import AvatarCaptureConfig, capture_avatar, dis
 from readygo.common.avatars import Avatar, joint_positions, load_avatars
 from readygo.common.errors import AvatarError, ConfigError
 from readygo.common.frames import axis_angle_from_matrix, matrix_from_axis_angle
-from readygo.services.reconstructor.avatars.footage import read_footage
+from readygo.services.reconstructor.avatars.footage import read_footage, read_views
+from readygo.services.reconstructor.avatars.keypoints import read_keypoints
 
 CONFIG = AvatarCaptureConfig(frames=8, width_px=64, height_px=64)
 
@@ -81,3 +82,19 @@ def test_impossible_films_are_refused() -> None:
         AvatarCaptureConfig(width_px=16)
     with pytest.raises(ConfigError, match="--pose-noise-deg"):
         AvatarCaptureConfig(pose_noise_deg=90.0)
+    with pytest.raises(ConfigError, match="--keypoint-noise-px must lie in"):
+        AvatarCaptureConfig(keypoint_noise_px=-1.0)
+    with pytest.raises(ConfigError, match="--body keypoints needs --layout plain"):
+        AvatarCaptureConfig(body="keypoints")
+
+
+def test_keypoints_take_the_place_of_poses(person: Avatar, tmp_path: Path) -> None:
+    config = dataclasses.replace(CONFIG, layout="plain", body="keypoints", keypoint_noise_px=0.0)
+    capture_avatar(person, tmp_path / "film", config, lambda _: None)
+    assert not (tmp_path / "film" / "poses.npz").exists()
+    views = read_views(tmp_path / "film")
+    keypoints = read_keypoints(tmp_path / "film" / "keypoints.npz", views.images)
+    joints = np.load(tmp_path / "film" / "truth.npz")["joints_m"]
+    p = np.einsum("fij,fi->fj", views.T_world_camera[:, :3, :3], joints[:, 4] - views.T_world_camera[:, :3, 3])
+    expected = p[:, :2] / p[:, 2:] * views.K_px[:, [0, 1], [0, 1]] + views.K_px[:, :2, 2]
+    np.testing.assert_allclose(keypoints.uv_px[:, keypoints.column("left_knee")], expected, atol=1e-3)

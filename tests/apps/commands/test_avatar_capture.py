@@ -17,7 +17,11 @@ def test_film_is_written_and_told(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 def test_mistakes_end_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for argv, words in ((["gil", "--frames", "2"], "--frames must lie"), (["nobody"], "nobody")):
+    for argv, words in (
+        (["gil", "--frames", "2"], "--frames must lie"),
+        (["gil", "--body", "keypoints"], "needs --layout plain"),
+        (["nobody"], "nobody"),
+    ):
         with pytest.raises(SystemExit) as stop:
             run_command(COMMANDS, ["avatar", "capture", *argv, "--out", str(tmp_path / "film")])
         assert stop.value.code == 2

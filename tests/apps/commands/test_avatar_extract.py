@@ -37,6 +37,25 @@ def test_avatar_report_and_poses_are_written(
     assert np.load(tmp_path / "person.poses.npz")["joints_m"].shape == (8, 24, 3)
 
 
+def test_avatar_comes_of_keypoints(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hana = load_avatars()["hana"]
+    config = AvatarCaptureConfig(
+        motion="turn", frames=8, width_px=96, height_px=96, layout="plain", body="keypoints", keypoint_noise_px=0.5
+    )
+    capture_avatar(hana, tmp_path / "film", config, lambda _: None)
+    monkeypatch.setattr("readygo.services.reconstructor.avatars.extract.load_avatars", lambda: {"hana": hana})
+    monkeypatch.setattr("readygo.services.reconstructor.avatars.keypoint_poses._STAGES", ((3.0, 60), (1.0, 20)))
+    for name in ("contact_sheet", "turntable"):
+        monkeypatch.setattr(f"readygo.apps.avatar.extracted.{name}", lambda *_: np.zeros((4, 4, 3), np.uint8))
+    argv = [str(tmp_path / "film"), "--out", str(tmp_path / "person.npz"), "--steps", "10", "--json"]
+    run_command(COMMANDS, ["avatar", "extract", *argv])
+    report = json.loads(capsys.readouterr().out)
+    assert report["overlap"] > 0.5
+    assert {path.name for path in tmp_path.iterdir()} == {"film", "person.npz", "person.html", "person.poses.npz"}
+
+
 @pytest.mark.parametrize(
     ("argv", "words"),
     [

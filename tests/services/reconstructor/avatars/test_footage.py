@@ -70,6 +70,18 @@ def test_other_counts_and_models_are_refused(own_film: Path, neuman_film: Path, 
     np.savez(folder / SMPL_FILE, **arrays)
     with pytest.raises(AvatarError, match="SMPL-X"):
         read_footage(folder)
+    arrays["body_pose"] = np.zeros((12, 23, 3, 3), np.float32)
+    np.savez(folder / SMPL_FILE, **arrays)
+    with pytest.raises(AvatarError, match=r"rotation matrices \(207\)"):
+        read_footage(folder)
+    arrays["body_pose"] = np.float32(1.0)
+    np.savez(folder / SMPL_FILE, **arrays)
+    with pytest.raises(AvatarError, match="1 numbers a frame, SMPL has 69"):
+        read_footage(folder)
+    arrays["smpl_pose"] = arrays.pop("body_pose")
+    np.savez(folder / SMPL_FILE, **arrays)
+    with pytest.raises(AvatarError, match="lacks body_pose"):
+        read_footage(folder)
 
 
 def test_numbers_that_are_not_finite_are_refused(own_film: Path) -> None:
