@@ -98,6 +98,9 @@ def read_leaderboard(folders: Sequence[Path], suite: OpenSuite, reference: str =
         suite: Suite that all of them are of.
         reference: Driver that the others are compared with; by default the expert, else the first one.
 
+    Returns:
+        The leaderboard, its rows by their total in the paper's cell.
+
     Raises:
         RunError: If a folder is of another suite, two have different drivers of one name, or there is no reference.
     """
@@ -114,13 +117,13 @@ def read_leaderboard(folders: Sequence[Path], suite: OpenSuite, reference: str =
                 )
         new = manifest.drivers.keys() - drivers.keys()
         places |= dict.fromkeys(new, folder)
-        for cell, records in read_cells(folder, suite).items():
-            cells[cell] += [record for record in records if record.method in new]
+        for cell, records in read_cells(folder, suite, new).items():
+            cells[cell] += records
         drivers |= {name: manifest.drivers[name] for name in manifest.drivers if name in new}
     reference = reference or (EXPERT if EXPERT in drivers else next(iter(drivers)))
     if reference not in drivers:
         raise RunError(f"There is no driver {reference!r} to compare with; there are {', '.join(drivers)}.")
-    return Leaderboard(
+    board = Leaderboard(
         suite=suite,
         rows=_rows(drivers, cells),
         reference=reference,
@@ -128,6 +131,8 @@ def read_leaderboard(folders: Sequence[Path], suite: OpenSuite, reference: str =
         episodes=min(manifest.episodes for manifest in manifests),
         folders=places,
     )
+    totals = {row: scores["total"].mean for row, scores in board.scores(suite.suite.paper_cell).items()}
+    return dataclasses.replace(board, rows=sorted(board.rows, key=lambda row: -totals[row.name]))
 
 
 def _rows(
@@ -179,7 +184,8 @@ def leaderboard_html(board: Leaderboard, films: Sequence[MediaFigure] = ()) -> s
         films: Videos of the median and the worst episodes.
     """
     suite = board.suite.suite
-    best = max((scores["total"].mean, row) for row, scores in board.scores(suite.paper_cell).items())
+    best = board.rows[0].name
+    total = board.scores(suite.paper_cell)[best]["total"].mean
     return page(
         f"Leaderboard of {suite.name}",
         f"{len(board.rows)} drivers in the same {board.episodes} episodes of each of {len(suite.cells)} cells. Figures "
@@ -187,7 +193,7 @@ def leaderboard_html(board: Leaderboard, films: Sequence[MediaFigure] = ()) -> s
         tiles=[
             (str(len(board.rows)), "drivers"),
             (str(board.episodes), "episodes per cell"),
-            (f"{best[0]:.2f}", f"best total, {short_name(best[1])}"),
+            (f"{total:.2f}", f"best total, {short_name(best)}"),
         ],
         sections={**leaderboard_tables(board), "Median and worst episodes": list(films)},
         facts={"suite": f"{suite.name} {board.suite.sha256[:12]}", **board.made_by},

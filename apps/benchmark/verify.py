@@ -71,7 +71,7 @@ def verify_folder(verification: Verification) -> tuple[list[str], int]:
     if verification.share:
         _check_drivers(manifest, verification.checkpoints)
     lines, driven = defects(folder, suite, manifest), 0
-    for number, (cell, records) in enumerate(read_cells(folder, suite).items()):
+    for number, (cell, records) in enumerate(read_cells(folder, suite, manifest.drivers).items()):
         drawn = _draw_records(verification, number, records)
         driven += len(drawn)
         for scene in suite.suite.scenes:

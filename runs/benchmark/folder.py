@@ -7,7 +7,7 @@ cells/CELL/SCENE/episodes.jsonl     results of an evaluation, see `services/eval
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -61,8 +61,13 @@ def cell_folder(folder: Path, cell: str, scene: str) -> Path:
     return folder / CELLS_FOLDER / cell / scene
 
 
-def read_cells(folder: Path, suite: OpenSuite) -> dict[str, list[EpisodeRecord]]:
-    """All records by cell.
+def read_cells(folder: Path, suite: OpenSuite, drivers: Collection[str]) -> dict[str, list[EpisodeRecord]]:
+    """Records by cell.
+
+    Args:
+        folder: Folder of results.
+        suite: Their suite.
+        drivers: Drivers whose records are read; others may have been interrupted.
 
     Raises:
         RunError: If a cell is missing, or its records cannot be read.
@@ -70,7 +75,7 @@ def read_cells(folder: Path, suite: OpenSuite) -> dict[str, list[EpisodeRecord]]
     cells: dict[str, list[EpisodeRecord]] = {cell: [] for cell in suite.suite.cells}
     for cell, scene in suite.places:
         with read_results(cell_folder(folder, cell, scene)) as results:
-            cells[cell] += results.records.values()
+            cells[cell] += [record for record in results.records.values() if record.method in drivers]
     return cells
 
 
@@ -100,17 +105,17 @@ def write_manifest(
     Raises:
         ReadygoError: If records cannot be read or the files cannot be written.
     """
-    cells = read_cells(folder, suite)
-    names = list(dict.fromkeys(record.method for records in cells.values() for record in records))
-    counts = [sum(record.method == name for record in records) for records in cells.values() for name in names]
     earlier = read_manifest(folder).drivers if (folder / MANIFEST_FILE).exists() else {}
+    known = {**earlier, **drivers}
+    cells = read_cells(folder, suite, known)
+    counts = [sum(record.method == name for record in records) for records in cells.values() for name in known]
     manifest = BenchmarkManifest(
         format=RESULTS_FORMAT,
         suite=suite.suite.name,
         suite_sha256=suite.sha256,
         episodes=min(counts),
         complete=set(counts) == {suite.suite.episodes},
-        drivers={name: {**earlier, **drivers}[name] for name in names},
+        drivers=known,
         made_by=made_by,
         files=dict(_digests(folder, suite)),
         scores=scores_by_cell(suite, cells),
@@ -160,7 +165,7 @@ def defects(folder: Path, suite: OpenSuite, manifest: BenchmarkManifest) -> list
         if found.get(name) != sha256
     ]
     lines += [f"{name}: is not in {MANIFEST_FILE}" for name in found if name not in manifest.files]
-    scores = json.loads(json.dumps(scores_by_cell(suite, read_cells(folder, suite))))
+    scores = json.loads(json.dumps(scores_by_cell(suite, read_cells(folder, suite, manifest.drivers))))
     return lines + [
         f"{MANIFEST_FILE}: the scores of {cell} do not follow from its records"
         for cell in suite.suite.cells

@@ -47,7 +47,7 @@ _FIXED = {
     "splat-nav": DriverInputs(map=True),
     PERCEIVE_AND_PLAN: DriverInputs(map=True, images=("rgb",), trained_on="its network of perception"),
     PERCEIVE_AND_ACT: DriverInputs(map=True, images=("rgb",), trained_on="its network of perception and its policy"),
-    **{name: DriverInputs(images=("rgb",), trained_on="what the file of its weights is of") for name in NETWORKS},
+    **{name: DriverInputs(images=("rgb",), trained_on="logs of its authors, or a fine-tuning") for name in NETWORKS},
 }
 """Drivers that are no policies. The map of `splat-nav` is made of the Gaussians."""
 

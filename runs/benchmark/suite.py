@@ -31,8 +31,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
 
-from readygo.common.avatars.cast import load_cast
-from readygo.common.avatars.file import avatar_hash
+from readygo.common.avatars.cast import EMBEDDED
 from readygo.common.config import section_from_mapping
 from readygo.common.documents import TOML_BYTES_MAX, parse_toml
 from readygo.common.errors import ConfigError, ReadygoError, SceneError
@@ -40,7 +39,6 @@ from readygo.common.files import read_regular
 from readygo.common.messages import Split
 from readygo.runs.config import RunConfig, merge_sections
 from readygo.runs.evaluation import evaluation_world, make_request
-from readygo.runs.scene_argument import open_scene
 from readygo.runs.world import World
 from readygo.services.evaluator import EvaluateRequest
 
@@ -142,21 +140,19 @@ class OpenSuite:
             ReadygoError: If a scene or an avatar is missing or has another hash than the suite says, or a setting is
                 wrong.
         """
-        place, avatars = self.suite.scenes[scene], self._path(self.suite.people)
-        found = open_scene(self._path(place.scene)).content_hash
-        if found != place.sha256:
+        place, people = self.suite.scenes[scene], self._path(self.suite.people)
+        avatars, config = None if people == EMBEDDED else Path(people), self.config(cell)
+        world = evaluation_world(self._path(place.scene), config, avatars=avatars, seed=place.seed, split=Split.TEST)
+        found, wanted = world.spec.avatar_hashes, self.suite.people_sha256
+        if world.spec.scene_hash != place.sha256:
             raise SceneError(
                 f"Scene {scene} of the suite {self.suite.name} has the hash {place.sha256[:12]}..., but "
-                f"{place.scene} has {found[:12]}...: get the scene that the suite was made with."
+                f"{place.scene} has {world.spec.scene_hash[:12]}...: get the scene that the suite was made with."
             )
-        self._check_people(avatars)
-        return evaluation_world(
-            self._path(place.scene),
-            self.config(cell),
-            avatars=None if avatars == "embedded" else Path(avatars),
-            seed=place.seed,
-            split=Split.TEST,
-        )
+        if wanted and found != wanted:
+            name = min(name for name in {*found, *wanted} if found.get(name) != wanted.get(name))
+            raise ConfigError(f"The people of the suite {self.suite.name} are others here: avatar {name!r} differs.")
+        return world
 
     def config(self, cell: str) -> RunConfig:
         """The settings of a cell.
@@ -178,16 +174,9 @@ class OpenSuite:
         count, seed = self.episodes_of(scene, episodes), self.suite.scenes[scene].seed
         return make_request(count, (self.suite.cells[cell].task,), drivers, Split.TEST, seed)
 
-    def _check_people(self, avatars: str) -> None:
-        found = {n: avatar_hash(a) for n, a in load_cast(None if avatars == "embedded" else Path(avatars)).items()}
-        if self.suite.people_sha256 and found != self.suite.people_sha256:
-            wanted = self.suite.people_sha256
-            name = min(name for name in {*found, *wanted} if found.get(name) != wanted.get(name))
-            raise ConfigError(f"The people of the suite {self.suite.name} are others here: avatar {name!r} differs.")
-
     def _path(self, place: str) -> str:
         """A scene or avatars of the suite, as a command would name it here."""
-        return place if place.split(":")[0] == "embedded" else str(self.folder / place)
+        return place if place.partition(":")[0] == EMBEDDED else str(self.folder / place)
 
 
 def open_suite(suite: str) -> OpenSuite:

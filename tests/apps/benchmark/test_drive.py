@@ -8,15 +8,17 @@ from readygo.runs.benchmark.folder import RECORD_FILES, cell_folder, read_cells,
 from readygo.runs.benchmark.suite import OpenSuite
 from tests.runs.benchmark.suites import small_suite
 
+DRIVERS = ("straight-line", "expert-oracle")
+
 
 def drive_of(suite: OpenSuite, folder: Path, *drivers: str, **changes) -> SuiteDrive:
     return SuiteDrive(suite=suite, drivers=drivers, folder=folder, checkpoints=folder, **changes)
 
 
 def test_every_driver_drives_the_same_episodes_of_every_cell(driven: Path, suite: OpenSuite):
-    cells = read_cells(driven, suite)
+    cells = read_cells(driven, suite, DRIVERS)
     for records in cells.values():
-        keys = {name: {r.episode for r in records if r.method == name} for name in ("straight-line", "expert-oracle")}
+        keys = {name: {r.episode for r in records if r.method == name} for name in DRIVERS}
         assert len(keys["straight-line"]) == 4
         assert keys["straight-line"] == keys["expert-oracle"]
     assert all(record.human_distance_min_m == float("inf") for record in cells["empty"])
@@ -44,8 +46,8 @@ def test_run_resumes_to_the_same_bytes_and_is_incomplete_until_then(driven: Path
 def test_workers_drive_to_the_same_records(driven: Path, suite: OpenSuite, tmp_path: Path):
     drive = drive_of(suite, tmp_path, "straight-line", episodes=2, workers=1)
     drive_suite(drive, report=lambda _: None)
-    for cell, records in read_cells(tmp_path, suite).items():
-        theirs = {record.key: record for record in read_cells(driven, suite)[cell]}
+    for cell, records in read_cells(tmp_path, suite, DRIVERS).items():
+        theirs = {record.key: record for record in read_cells(driven, suite, DRIVERS)[cell]}
         assert len(records) == 2
         assert all(theirs[record.key] == record for record in records)
 

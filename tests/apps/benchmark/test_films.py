@@ -17,7 +17,7 @@ def test_films_replay_the_kept_commands_of_each_row_and_are_written_once(
     monkeypatch.setattr(films.Replays, "film", film)
     board = read_leaderboard([driven], suite)
     figures = films.film_leaderboard(board, tmp_path)
-    names = [f"{row}-{word}.webm" for row in ("straight-line", "expert-oracle") for word in ("median", "worst")]
+    names = [f"{row}-{word}.webm" for row in ("expert-oracle", "straight-line") for word in ("median", "worst")]
     assert filmed == [(name, True) for name in names]
     assert [figure.video for figure in figures] == [f"films/{name}" for name in names]
     assert "the worst of people" in figures[1].caption

@@ -99,6 +99,15 @@ def test_further_driver_joins_those_that_are_there(folder: Path, suite: OpenSuit
     assert manifest.complete
 
 
+def test_driver_that_was_interrupted_is_left_out(folder: Path, suite: OpenSuite):
+    before = read_manifest(folder)
+    with open_results(cell_folder(folder, "empty", "flat"), {"cell": "empty"}) as results:
+        results.keep(record(Task.STATIC, 0, Outcome.SUCCESS, "other"), None)
+    after = write_manifest(folder, suite, {}, {})
+    assert (after.drivers, after.scores, after.complete) == (before.drivers, before.scores, True)
+    assert defects(folder, suite, after) == []
+
+
 def test_folder_of_another_suite_is_refused(folder: Path, tmp_path: Path):
     other = small_suite(tmp_path / "other", **{"seed = 3": "seed = 4"})
     with pytest.raises(RunError, match=r"is of the suite small/1 with the hash \w{12}\.\.\., not of small/1 with"):
