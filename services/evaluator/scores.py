@@ -20,6 +20,8 @@ from readygo.services.evaluator.statistics import bootstrap_interval, mcnemar_p
 
 Group = tuple[Task, str]
 """Task and method."""
+COLLISION_TIME_MAX_S = 10.0
+"""Longer times to collision count as this [s]: a mean must not depend on how slowly two nearly parallel ways meet."""
 Value = Callable[[EpisodeResult, float], float | None]
 """A measure of one episode, given the time limit [s]; None where it has none."""
 
@@ -74,6 +76,11 @@ def _compliance(result: EpisodeResult, _: float) -> float | None:
     return 1.0 - result.conduct.too_close_s / result.duration_s if result.duration_s > 0 else 1.0
 
 
+def _collision_time(result: EpisodeResult, _: float) -> float | None:
+    shortest_s = None if result.conduct is None else result.conduct.collision_time_min_s
+    return None if shortest_s is None else min(shortest_s, COLLISION_TIME_MAX_S)
+
+
 def _total(result: EpisodeResult, time_limit_s: float) -> float | None:
     """Falcon's total of success, path efficiency and compliance. Source: Gong et al., arXiv:2409.13244."""
     compliance = _compliance(result, time_limit_s)
@@ -119,7 +126,7 @@ MEASURES = (
         title="Least time to collision",
         unit="s",
         better="high",
-        value=_conduct("collision_time_min_s"),
+        value=_collision_time,
     ),
     Measure(name="near_misses", title="Near misses", unit="", better="low", value=_conduct("near_misses")),
     Measure(name="jerk_mps3", title="Jerk", unit="m/s3", better="low", value=_conduct("jerk_mps3")),

@@ -8,6 +8,7 @@ from readygo.common.episode.metrics import EpisodeResult
 from readygo.common.messages import EpisodeKey, Outcome, Split
 from readygo.services.evaluator import Category, EpisodeRecord, Task
 from readygo.services.evaluator.scores import (
+    COLLISION_TIME_MAX_S,
     compare_all,
     comparison_mapping,
     failure_counts,
@@ -160,6 +161,8 @@ def test_compliance_and_total_are_falcons():
     assert scores["compliance"].mean == pytest.approx((0.8 + 0.0) / 2)
     assert scores["total"].mean == pytest.approx((0.4 + 0.3 * 0.8 + 0.3 * 0.8) / 2)
     assert (scores["collision_time_min_s"].mean, scores["collision_time_min_s"].count) == (1.5, 1)
+    slow = scores_of([measured("policy", 0, 2.0, 300.0)], time_limit_s=50.0)[Task.DYNAMIC, "policy"]
+    assert slow["collision_time_min_s"].mean == COLLISION_TIME_MAX_S
     assert "compliance" not in scores_of(RECORDS, time_limit_s=50.0)[Task.DYNAMIC, "policy"], "not measured there"
 
 
