@@ -27,7 +27,7 @@ from readygo.services.planner.humans.window_search import WindowSearch
 PARKED_GAP_M = 0.05
 """Room beyond its planning radius that the robot keeps to a human who has arrived [m]."""
 GROUP_GAP_M = 0.25
-"""Room beyond its planning radius that the robot keeps to a group that stands from the beginning [m]."""
+"""Room beyond its planning radius that the robot keeps to humans who stand from the beginning [m]."""
 
 _ROBOT_SPEED_FRACTION = 0.85
 """Mean speed that crossings are timed for, as a share of v_max."""
@@ -170,7 +170,7 @@ class ScenarioSampler:
             place, along = task.at(rng.uniform(*_STANDING_FRACTIONS))
             aside_m = rng.uniform(-_STANDING_OFFSET_M, _STANDING_OFFSET_M)
             walk = Walk(speed_mps=0.0, xy_m=np.array([offset_point(place, along, 0.0, aside_m)]))
-            if self._fit((walk,), task, [*tracks, *(other.xy_m for _, other in standing)]):
+            if self._fit((walk,), task, [*tracks, *(other.xy_m for _, other in standing)], GROUP_GAP_M):
                 standing.append((STANDING, walk))
             if len(standing) == count:
                 break
@@ -231,19 +231,20 @@ class ScenarioSampler:
                 if paths.searches >= last:
                     break
                 encounter = FAMILIES[family](self.site, rng, task, wanted)
-                if encounter and self._fit(encounter, task, others):
+                # Humans in conversation do not leave: the robot shall pass without touching their arms.
+                gap_m = PARKED_GAP_M if len(encounter) == 1 else GROUP_GAP_M
+                if encounter and self._fit(encounter, task, others, gap_m):
                     return family, encounter
         return None
 
-    def _fit(self, encounter: Encounter, task: RobotTask, others: list[Float64Array]) -> bool:
-        """True if humans who come together can join the others."""
+    def _fit(self, encounter: Encounter, task: RobotTask, others: list[Float64Array], gap_m: float) -> bool:
+        """True if humans who come together can join the others, and the robot can pass all with a gap [m]."""
         tracks = list(others)
         for walk in encounter:
             if not self._is_fair(walk.xy_m, task) or not self._fits(walk.xy_m, task, tracks):
                 return False
             tracks.append(walk.xy_m)
-        # Humans in conversation do not leave: the robot shall pass without touching their arms.
-        return self._leave_a_way(task, tracks, PARKED_GAP_M if len(encounter) == 1 else GROUP_GAP_M)
+        return self._leave_a_way(task, tracks, gap_m)
 
     def _is_fair(self, xy_m: Float64Array, task: RobotTask) -> bool:
         (x0, y0), (x1, y1) = xy_m[[0, -1]].tolist()
