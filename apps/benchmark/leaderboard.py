@@ -62,6 +62,11 @@ class LeaderboardRow:
     cells: Mapping[str, Sequence[EpisodeRecord]]
     """Records by cell, under the names of their drivers."""
 
+    @property
+    def episodes(self) -> int:
+        """Fewest episodes of a cell."""
+        return min(len({record.episode for record in records}) for records in self.cells.values())
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Leaderboard:
@@ -158,7 +163,7 @@ def leaderboard_tables(board: Leaderboard) -> dict[str, list[Block]]:
     scores = {cell: board.scores(cell) for cell in cells}
     paper = board.suite.suite.paper_cell
     return {
-        "Drivers": [_driver_table(board.rows), small_print(_INPUTS_NOTE)],
+        "Drivers": [_driver_table(board), small_print(_INPUTS_NOTE)],
         "Success by cell": [
             PageTable(
                 ("Cell", *(short_name(row.name) for row in board.rows)),
@@ -220,8 +225,8 @@ def films_to_show(board: Leaderboard) -> list[tuple[LeaderboardRow, str, Episode
     return chosen
 
 
-def _driver_table(rows: Iterable[LeaderboardRow]) -> PageTable:
-    columns = ("Driver", "Map", "People", "Images", "Trained on", "Scenes seen", "Training seeds")
+def _driver_table(board: Leaderboard) -> PageTable:
+    columns = ("Driver", "Map", "People", "Images", "Trained on", "Scenes seen", "Training seeds", "Episodes per cell")
     cells = [
         [
             short_name(row.name),
@@ -231,8 +236,9 @@ def _driver_table(rows: Iterable[LeaderboardRow]) -> PageTable:
             row.driver.inputs.trained_on or "nothing",
             ", ".join(row.driver.inputs.seen) or "none",
             str(row.seeds or ""),
+            str(row.episodes) + ("" if row.episodes == board.suite.suite.episodes else ", incomplete"),
         ]
-        for row in rows
+        for row in board.rows
     ]
     return PageTable(columns, cells, text_columns=6)
 

@@ -3,6 +3,7 @@ from pathlib import Path
 
 import pytest
 
+from readygo.apps.benchmark.drive import SuiteDrive, drive_suite
 from readygo.apps.benchmark.leaderboard import (
     films_to_show,
     leaderboard_html,
@@ -62,9 +63,18 @@ def test_page_and_markdown_say_what_drivers_are_given_and_how_they_did(driven: P
         assert words in html
         assert words in markdown
     assert "films/x.webm" in html
-    assert "| Driver | Map | People | Images | Trained on | Scenes seen | Training seeds |" in markdown
+    assert (
+        "| Driver | Map | People | Images | Trained on | Scenes seen | Training seeds | Episodes per cell |" in markdown
+    )
+    assert "| none |  | 4 |" in markdown
     assert "| people | expert-oracle | +" in markdown, "beside the reference"
     assert "</html>" in html
+
+
+def test_row_of_fewer_episodes_is_marked(suite: OpenSuite, tmp_path: Path):
+    few = SuiteDrive(suite=suite, drivers=("straight-line",), folder=tmp_path, checkpoints=tmp_path, episodes=2)
+    drive_suite(few, report=lambda _: None)
+    assert "| 2, incomplete |" in leaderboard_markdown(read_leaderboard([tmp_path], suite))
 
 
 def test_median_and_worst_episode_of_each_row_are_filmed(driven: Path, suite: OpenSuite):
