@@ -10,6 +10,7 @@ Robot: x forward, y left. Camera: OpenCV's axes. `T_world_camera` maps camera co
     data.decode(0)                       # the first image, uint8 (H, W, 3)
 """
 
+import sys
 from typing import TYPE_CHECKING
 
 from readygo.common.lazy import lazy_names
@@ -98,6 +99,10 @@ if not TYPE_CHECKING:
     __all__ = ["__version__", *(name for names in _NAMES.values() for name in names)]
 
     __getattr__ = lazy_names(__name__, _NAMES)
+
+    # For "readygo:ReadyGo/PointNav-v0", Gymnasium imports this module and then looks for an environment of that name.
+    if "gymnasium" in sys.modules:
+        from readygo.apps.gym import registration as _registration  # noqa: F401
 
     def __dir__() -> list[str]:
         return sorted({*globals(), *__all__})

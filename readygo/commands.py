@@ -112,6 +112,21 @@ COMMANDS = {
         "readygo.apps.commands.rl:rl", "train a policy by reinforcement in one scene, on states instead of images"
     ),
     "evaluate": CliCommand("readygo.apps.commands.evaluate:evaluate", "measure success rates in closed loop"),
+    "benchmark run": CliCommand(
+        "readygo.apps.commands.benchmark:benchmark_run", "drive drivers through the cells of a benchmark suite"
+    ),
+    "benchmark verify": CliCommand(
+        "readygo.apps.commands.benchmark:benchmark_verify", "check results of a suite, and drive a share of them again"
+    ),
+    "benchmark submit": CliCommand(
+        "readygo.apps.commands.benchmark:benchmark_submit", "pack results of a suite into a file that others verify"
+    ),
+    "benchmark table": CliCommand(
+        "readygo.apps.commands.benchmark:benchmark_table", "write the table of the drivers of a suite"
+    ),
+    "benchmark weights": CliCommand(
+        "readygo.apps.commands.benchmark:benchmark_weights", "check the weight files of GNM, ViNT and NoMaD"
+    ),
     "monitor": CliCommand(
         "readygo.apps.commands.monitor:monitor", "show a run on a web page: scene, robots, pedestrians, images, metrics"
     ),

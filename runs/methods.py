@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from readygo.common.config import section_differences
 from readygo.common.episode.loop import Driver
 from readygo.common.errors import PolicyError
 from readygo.common.maps.occupancy import GROUND_CLEARANCE_M
@@ -45,7 +46,9 @@ PERCEPTION = "perception"
 """Folder of the network that perceives, in the folder of weights and policies."""
 EXPERT_TRACKED = "expert-tracked"
 """The expert that knows people by tracks of what a network would tell of those in view."""
-BLIND = (EXPERT, EXPERT_TRACKED, "expert-paper", STRAIGHT_LINE, "social-force", "gaussnav", "splat-nav")
+EXPERT_KINDS = {"expert-paper": "paper", "expert-oracle": "oracle", "expert-blind": "blind"}
+"""Experts of other recipes: the paper's, one that knows where all people walk, and one that sees none."""
+BLIND = (EXPERT, EXPERT_TRACKED, *EXPERT_KINDS, STRAIGHT_LINE, "social-force", "gaussnav", "splat-nav")
 """Methods that need no images."""
 NETWORKS = {"gnm": "gnm_large.pth", "vint": "vint.pth", "nomad": "nomad.pth"}
 """Published networks, with their authors' names of the weight files."""
@@ -107,7 +110,7 @@ def named_methods(
     policies = other_policies((VID2SIM, *methods), checkpoints)
     known: dict[str, MakeDriver] = {
         EXPERT: lambda _: ExpertDriver(world.robot_planner.expert),
-        "expert-paper": lambda _: ExpertDriver(_paper_planner(world).expert),
+        **{name: _expert(world, kind) for name, kind in EXPERT_KINDS.items()},
         "social-force": lambda _: SocialForceDriver(),
         "gaussnav": lambda _: DiscretePlannerDriver(),
         "splat-nav": lambda _: SplatNavDriver(_splat_map(world)),
@@ -138,10 +141,14 @@ def _splat_map(world: World) -> SplatMap:
     )
 
 
-def _paper_planner(world: World) -> RobotPlanner:
-    config = world.config
-    expert = dataclasses.replace(config.expert, mode=expert_recipe("paper").mode)
-    return RobotPlanner(world.scene.maps, world.avatars, config.robot, config.episode, expert)
+def _expert(world: World, kind: str) -> MakeDriver:
+    """The driver of an expert that differs from the world's by what its recipe changes."""
+    config, recipe = world.config, expert_recipe(kind)
+    changes = {name: value for name, _, value in section_differences(expert_recipe("spacetime"), recipe)}
+    expert = dataclasses.replace(config.expert, **changes)
+    return lambda _: ExpertDriver(
+        RobotPlanner(world.scene.maps, world.avatars, config.robot, config.episode, expert).expert
+    )
 
 
 def _tracked(world: World, noise: PerceptionNoise) -> Driver[Any]:

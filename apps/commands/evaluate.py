@@ -113,7 +113,8 @@ class EvaluateOptions:
     """"static" has no pedestrians, "dynamic" has pedestrians that ignore the robot, "reactive" has the same
     pedestrians, who avoid the robot."""
     methods: tuple[str, ...] = ("policy", "expert", "straight-line")
-    """Drivers: policy, expert, expert-tracked, expert-paper, straight-line, social-force, gaussnav, splat-nav,
+    """Drivers: policy, expert, expert-tracked, expert-paper, expert-oracle (knows all pedestrians' walks), expert-blind
+    (sees none), straight-line, social-force, gaussnav, splat-nav,
     perceive-and-plan and perceive-and-act (of the folders perception and rl in `checkpoints`), vid2sim, rl (of
     `readygo rl`), gnm, vint, nomad, further policies by the names of their folders in `checkpoints`, or your class
     as my_package:MyDriver or folder/file.py:MyDriver."""
@@ -177,7 +178,7 @@ def evaluate(options: EvaluateOptions) -> None:
                 world, request.methods, trials.checkpoints, request.hold_steps(world.config.robot.clock)
             ),
         )
-        with _progress(PlainConsole(stderr=True), total, quiet=options.json) as (show, say):
+        with episode_progress(PlainConsole(stderr=True), total, quiet=options.json) as (show, say):
             fleet = _fleet(options, world, request, results, hashes, show, say) if options.workers and results else None
             elsewhere = by_fleet(fleet) if fleet else None
             reply = handle_evaluate(evaluator, request, report=show, results=results, elsewhere=elsewhere)
@@ -353,7 +354,17 @@ def _report_saved(results: Results | None, request: EvaluateRequest, total: int)
 
 
 @contextmanager
-def _progress(console: PlainConsole, total: int, *, quiet: bool) -> Iterator[tuple[Show, Say]]:
+def episode_progress(console: PlainConsole, total: int, *, quiet: bool) -> Iterator[tuple[Show, Say]]:
+    """Show the progress of episodes, with the success rate of the driver and task that ended last.
+
+    Args:
+        console: Where to show it.
+        total: Number of episodes.
+        quiet: True shows nothing.
+
+    Yields:
+        Functions to call with each record, and with lines to print above the bar.
+    """
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),

@@ -106,7 +106,7 @@ def failure_tables(counts: Mapping[Group, Counter[Category]]) -> list[Block]:
 def latex(scores: Mapping[Group, Mapping[str, Score]]) -> str:
     """LaTeX table for a paper, with the package booktabs: a row per task and method."""
     measures = [measure for measure in MEASURES if measure.name in LATEX_MEASURES]
-    heads = [_title(measure) for measure in measures]
+    heads = [measure_title(measure) for measure in measures]
     lines = [
         rf"\begin{{tabular}}{{ll{'r' * len(measures)}}}",
         r"\toprule",
@@ -147,13 +147,14 @@ def _measure_table(task: Task, scores: Mapping[Group, Mapping[str, Score]]) -> P
     measures = [measure for measure in MEASURES if any(measure.name in scores[task, method] for method in methods)]
     columns = ("Measure", *map(short_name, methods))
     rows = [
-        [_title(measure), *(_measure_cell(measure, scores[task, method].get(measure.name)) for method in methods)]
+        [measure_title(measure), *(measure_cell(measure, scores[task, method].get(measure.name)) for method in methods)]
         for measure in measures
     ]
     return PageTable(columns, rows)
 
 
-def _measure_cell(measure: Measure, score: Score | None) -> str | Block:
+def measure_cell(measure: Measure, score: Score | None) -> str | Block:
+    """The cell of a table for a measure: its mean with the interval; empty without a score."""
     if score is None:
         return ""
     low, high = (_number(measure, value) for value in (score.low, score.high))
@@ -175,7 +176,8 @@ def _number(measure: Measure, value: float) -> str:
     return f"{value:.1f}" if measure.unit == "s" else f"{value:.2f}"
 
 
-def _title(measure: Measure) -> str:
+def measure_title(measure: Measure) -> str:
+    """The title of a measure with its unit."""
     return f"{measure.title} [{measure.unit}]" if measure.unit else measure.title
 
 

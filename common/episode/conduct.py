@@ -11,6 +11,10 @@ from readygo.common.arrays import Float64Array
 PERSONAL_SPACE_M = 0.5
 """Free space between robot and human below which the robot intrudes [m].
 Source: Francis et al., Principles and guidelines for evaluating social robot navigation algorithms, 2023."""
+COMPLIANCE_M = 1.0
+"""Distance of the centres of robot and human below which the robot does not comply with personal space [m].
+Source: Falcon (Gong et al., arXiv:2409.13244) and its challenge, "the threshold is set to 1.0 m, considering a 0.3 m
+human radius and 0.25 m robot radius"."""
 NEAR_MISS_M = 0.2
 """Free space below which an encounter without contact is a near miss [m]."""
 MOVING_MPS = 0.1
@@ -58,6 +62,10 @@ class Conduct:
     """Mean of the turn rate's change, without its sign [rad/s2]."""
     contact: Contact | None = None
     """The contact that ended the run; None if the robot did not touch a human."""
+    too_close_s: float | None = None
+    """Time with the centre of a human within `COMPLIANCE_M` [s]; None in records that did not measure it."""
+    collision_time_min_s: float | None = None
+    """Shortest time until robot and a human would touch if both kept their velocities [s]; None if they never would."""
 
 
 def conduct_of(
@@ -88,7 +96,39 @@ def conduct_of(
         jerk_mps3=_root_mean_square(np.diff(actions[:, 0], n=2) / dt_s**2),
         turn_acceleration_radps2=float(np.mean(np.abs(np.diff(actions[:, 1])))) / dt_s if len(actions) > 1 else 0.0,
         contact=_contact(poses, actions, human_xy_m[:, int(gap_m[-1].argmin())], dt_s, sees) if touched else None,
+        too_close_s=float(np.count_nonzero(nearest_m[1:] + contact_m < COMPLIANCE_M) * dt_s),
+        collision_time_min_s=shortest_collision_time_s(poses[:, :2], human_xy_m, dt_s=dt_s, contact_m=contact_m),
     )
+
+
+def shortest_collision_time_s(
+    robot_xy_m: Float64Array, human_xy_m: Float64Array, *, dt_s: float, contact_m: float
+) -> float | None:
+    """Shortest time to collision (TTC) of a run: two discs that keep their velocities of the last step.
+
+    With p and u the human's position and velocity relative to the robot's, they touch at the smaller root t of
+    |p + u t| = d, that is t = (-p.u - sqrt((p.u)^2 - u.u (p.p - d^2))) / u.u, if they approach (p.u < 0).
+
+    Args:
+        robot_xy_m: Robot's positions, shape (T + 1, 2).
+        human_xy_m: Humans' positions at the same times, shape (T + 1, N, 2).
+        dt_s: Time between two steps [s].
+        contact_m: Distance d of the centres at which they touch [m].
+
+    Returns:
+        Time [s], 0 after a contact; None if they are never on a collision course.
+
+    Source: van den Berg, Lin, Manocha, Reciprocal velocity obstacles, ICRA 2008 (time to collision of discs).
+    """
+    p = human_xy_m - robot_xy_m[:, None]
+    u, p = np.diff(p, axis=0) / dt_s, p[1:]
+    pu, uu, pp = (np.sum(a * b, axis=2) for a, b in ((p, u), (u, u), (p, p)))
+    inside = pu * pu - uu * (pp - contact_m * contact_m)
+    on_course = (pu < 0) & (inside >= 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        times = np.where(on_course, (-pu - np.sqrt(np.maximum(inside, 0.0))) / uu, np.inf)
+    shortest = float(np.min(np.where(pp < contact_m * contact_m, 0.0, times), initial=np.inf))
+    return max(shortest, 0.0) if math.isfinite(shortest) else None
 
 
 def _contact(poses: Float64Array, actions: Float64Array, human_m: Float64Array, dt_s: float, sees: Sees) -> Contact:

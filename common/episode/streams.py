@@ -22,6 +22,8 @@ class Purpose(enum.IntEnum):
     ABSENCE = 7
     ROBOT = 8
     PERCEPTION = 9
+    REACTION = 10
+    STANDING = 11
 
 
 def episode_rng(episode: EpisodeKey, purpose: Purpose) -> np.random.Generator:

@@ -183,7 +183,7 @@ def _round_conduct(conduct: Conduct) -> dict[str, Any]:
     mapping: dict[str, Any] = dataclasses.asdict(conduct)
     contact = mapping.pop("contact")
     return {
-        **{name: round(value, 6) for name, value in mapping.items()},
+        **{name: round(value, 6) for name, value in mapping.items() if value is not None},
         **({"contact": {k: round(v, 6) if isinstance(v, float) else v for k, v in contact.items()}} if contact else {}),
     }
 

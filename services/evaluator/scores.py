@@ -20,6 +20,8 @@ from readygo.services.evaluator.statistics import bootstrap_interval, mcnemar_p
 
 Group = tuple[Task, str]
 """Task and method."""
+COLLISION_TIME_MAX_S = 10.0
+"""Longer times to collision count as this [s]: a mean must not depend on how slowly two nearly parallel ways meet."""
 Value = Callable[[EpisodeResult, float], float | None]
 """A measure of one episode, given the time limit [s]; None where it has none."""
 
@@ -51,7 +53,11 @@ def _fault(at_fault: bool) -> Value:
 
 
 def _conduct(name: str) -> Value:
-    return lambda result, _: None if result.conduct is None else float(getattr(result.conduct, name))
+    def value(result: EpisodeResult, _: float) -> float | None:
+        measured = None if result.conduct is None else getattr(result.conduct, name)
+        return None if measured is None else float(measured)
+
+    return value
 
 
 def _reaching_s(result: EpisodeResult, time_limit_s: float) -> float:
@@ -62,6 +68,25 @@ def _intrusion(result: EpisodeResult, _: float) -> float | None:
     if result.conduct is None:
         return None
     return result.conduct.intrusion_s / result.duration_s if result.duration_s > 0 else 0.0
+
+
+def _compliance(result: EpisodeResult, _: float) -> float | None:
+    if result.conduct is None or result.conduct.too_close_s is None:
+        return None
+    return 1.0 - result.conduct.too_close_s / result.duration_s if result.duration_s > 0 else 1.0
+
+
+def _collision_time(result: EpisodeResult, _: float) -> float | None:
+    shortest_s = None if result.conduct is None else result.conduct.collision_time_min_s
+    return None if shortest_s is None else min(shortest_s, COLLISION_TIME_MAX_S)
+
+
+def _total(result: EpisodeResult, time_limit_s: float) -> float | None:
+    """Falcon's total of success, path efficiency and compliance. Source: Gong et al., arXiv:2409.13244."""
+    compliance = _compliance(result, time_limit_s)
+    if compliance is None:
+        return None
+    return 0.4 * float(result.outcome is Outcome.SUCCESS) + 0.3 * spl_of(result) + 0.3 * compliance
 
 
 def _contact(name: str) -> Value:
@@ -94,6 +119,15 @@ MEASURES = (
     Measure(name="not_at_fault", title="Not its fault", unit="%", better="low", value=_fault(False)),
     Measure(name="timeout", title="Too late", unit="%", better="low", value=_share_ending(Outcome.TIMEOUT)),
     Measure(name="intrusion", title="Personal space", unit="% of time", better="low", value=_intrusion),
+    Measure(name="compliance", title="PSC", unit="% of time", better="high", value=_compliance),
+    Measure(name="total", title="Total", unit="", better="high", value=_total),
+    Measure(
+        name="collision_time_min_s",
+        title="Least time to collision",
+        unit="s",
+        better="high",
+        value=_collision_time,
+    ),
     Measure(name="near_misses", title="Near misses", unit="", better="low", value=_conduct("near_misses")),
     Measure(name="jerk_mps3", title="Jerk", unit="m/s3", better="low", value=_conduct("jerk_mps3")),
     Measure(
@@ -123,7 +157,7 @@ class Score:
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """Two methods on the same episodes of a task."""
+    """Two methods on the same episodes of a task, one run of each."""
 
     task: Task
     method: str
@@ -142,17 +176,23 @@ class Comparison:
     """Mean time over the reference's, of the episodes in which both succeeded."""
 
 
-COMPARED = ("success", "art_s", "spl", "human_collision", "static_collision", "intrusion")
+COMPARED = (
+    *("success", "art_s", "spl", "human_collision", "static_collision", "intrusion"),
+    *("compliance", "total", "collision_time_min_s", "jerk_mps3"),
+)
 """Measures whose differences are told."""
 
 
 def scores_of(records: Sequence[EpisodeRecord], *, time_limit_s: float) -> dict[Group, dict[str, Score]]:
-    """All measures by task and method; those that no episode has are left out."""
+    """All measures by task and method; those that no episode has are left out.
+
+    Several records of an episode, by policies of several training seeds under one name, count as their mean.
+    """
     return {
         group: {
             measure.name: score
             for measure in MEASURES
-            if (score := _score(measure, [record.result for record in of_group], time_limit_s)) is not None
+            if (score := _score(measure, _runs_by_episode(of_group), time_limit_s)) is not None
         }
         for group, of_group in group_records(records).items()
     }
@@ -208,12 +248,23 @@ def comparison_mapping(comparison: Comparison) -> dict[str, Any]:
     }
 
 
-def _score(measure: Measure, results: Sequence[EpisodeResult], time_limit_s: float) -> Score | None:
-    found = [value for result in results if (value := measure.value(result, time_limit_s)) is not None]
+def _runs_by_episode(records: Sequence[EpisodeRecord]) -> list[list[EpisodeResult]]:
+    """The results of each episode."""
+    runs: dict[EpisodeKey, list[EpisodeResult]] = {}
+    for record in records:
+        runs.setdefault(record.episode, []).append(record.result)
+    return list(runs.values())
+
+
+def _score(measure: Measure, episodes: Sequence[Sequence[EpisodeResult]], time_limit_s: float) -> Score | None:
+    by_episode = [
+        [value for result in runs if (value := measure.value(result, time_limit_s)) is not None] for runs in episodes
+    ]
+    found = [math.fsum(values) / len(values) for values in by_episode if values]
     if not found:
         return None
     mean = math.fsum(found) / len(found)
-    if measure.unit == "%":
+    if measure.unit == "%" and all(len(runs) == 1 for runs in episodes):
         low, high = wilson_interval(round(math.fsum(found)), len(found))
     else:
         low, high = bootstrap_interval(np.array(found)[:, None])

@@ -16,7 +16,7 @@ from tests.common.dataset.episodes import write_shard
 
 ROOT = Path(__file__).resolve().parents[2]
 TOPS = ("apps", "benchmarks", "common", "runs", "services")
-SHIPPED = {".css", ".html", ".json", ".md", ".npz", ".proto", ".py", ".pyi"}
+SHIPPED = {".css", ".html", ".json", ".md", ".npz", ".proto", ".py", ".pyi", ".toml"}
 # Of somebody who uses readygo from a project with packages of the same names as the folders of ours.
 JOB = """
 import sys
@@ -152,8 +152,9 @@ def test_wheel_works_beside_packages_of_the_same_names(wheel: Path, environment:
     _run(command, "coverage", "data", "--out", "page", cwd=project)
     assert "</html>" in (project / "page" / "coverage.html").read_text()
     pytest.importorskip("gymnasium", reason="gymnasium (extra gym) is not installed")
-    (project / "environments.py").write_text(GYMNASIUM)
-    _run(environment / "bin" / "python", "-W", "error", "environments.py", cwd=project)
+    for example in (GYMNASIUM, GYMNASIUM.replace("readygo.gym:", "readygo:")):
+        (project / "environments.py").write_text(example)
+        _run(environment / "bin" / "python", "-W", "error", "environments.py", cwd=project)
 
 
 @pytest.mark.slow

@@ -1,11 +1,12 @@
 import dataclasses
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
 from readygo.common.camera import CameraConfig
 from readygo.common.errors import PolicyError
-from readygo.common.messages import RobotPlanRequest, Split
+from readygo.common.messages import Outcome, RobotPlanRequest, Split
 from readygo.common.policy import load_policy
 from readygo.runs.config import load_run_config
 from readygo.runs.evaluation import evaluation_world, make_evaluator, make_request
@@ -41,6 +42,23 @@ def test_expert_drives_as_it_does_for_data(world):
     assert record.result.duration_s == pytest.approx(planned.duration_s)
     assert record.result.outcome is planned.outcome
     assert record.human_distance_min_m == pytest.approx(planned.human_distance_m.min(), abs=1e-6)
+
+
+def test_experts_of_other_recipes_see_nobody_or_know_all(world):
+    drivers = {
+        name: make_evaluator(world).driver(name) for name in ("expert-blind", "expert-oracle", "expert-paper", "expert")
+    }
+    request = make_request(4, ("dynamic",), tuple(drivers), Split.TEST, 0)
+    records = handle_evaluate(make_evaluator(world), request).records
+    reached = Counter(record.method for record in records if record.result.outcome is Outcome.SUCCESS)
+    assert reached["expert-blind"] < reached["expert-oracle"] == 4
+    alone = [
+        r
+        for r in handle_evaluate(
+            make_evaluator(world), make_request(1, ("static",), ("expert", "expert-blind"), Split.TEST, 0)
+        ).records
+    ]
+    assert alone[0].result == alone[1].result, "nobody to see"
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,8 @@ REVERSE_COST = 1.0
 """Extra cost of a metre backwards, for a robot that reverses: it does not see where it drives."""
 GEAR_COST_M = 0.3
 """Cost of a change between driving forwards and backwards [m]."""
+BLIND_RANGE_M = 0.001
+"""Range of an expert that perceives no human: robot and human touch long before [m]."""
 GOAL_TOLERANCE_M = 0.25
 """A plan ends this near to the goal [m]."""
 
@@ -49,7 +51,7 @@ class ExpertConfig:
 
 
 def expert_recipe(name: str) -> ExpertConfig:
-    """The settings of a named expert: "paper", "spacetime", "near_field" or "oracle".
+    """The settings of a named expert: "paper", "spacetime", "near_field", "oracle" or "blind".
 
     Raises:
         ConfigError: If there is no such recipe.
@@ -59,6 +61,7 @@ def expert_recipe(name: str) -> ExpertConfig:
         "spacetime": ExpertConfig(),
         "near_field": ExpertConfig(near_field_m=2.0),
         "oracle": ExpertConfig(oracle=True),
+        "blind": ExpertConfig(range_m=BLIND_RANGE_M),
     }
     if name not in recipes:
         raise ConfigError(f"Unknown expert {name!r}; known: {', '.join(recipes)}.")

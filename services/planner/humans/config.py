@@ -114,6 +114,10 @@ EFFORTS = {
 """Quick: cheap draws often, costly ones seldom, 15 ms a scenario at most on average."""
 
 
+STANDING_MAX = 4
+"""Most humans who stand in the way of one episode."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class HumanPlannerConfig:
     """Start, goal and the humans' trajectories (stage 1)."""
@@ -126,6 +130,12 @@ class HumanPlannerConfig:
     """Episodes of a smaller index have no humans either: a policy in training meets the place first, then people."""
     reactive: bool = False
     """True lets humans yield to the robot that they see: planned against the expert, see the README."""
+    yielding: float = 1.0
+    """Share of the humans who yield where humans react to the robot, 0..1; the others keep to their trajectories."""
+    standing_min: int = 0
+    """Fewest humans who stand in the robot's way or beside it for the whole episode, besides those who walk."""
+    standing_max: int = 0
+    """Most humans who stand there; 0 for none. They never yield: to the robot they are obstacles."""
     slope_max: float = 0.0
     """Steeper floor is not walked on, nor are steps (rise over run across 0.3 m); 0 does not look at the floor."""
     fewer_humans: bool = False
@@ -141,6 +151,13 @@ class HumanPlannerConfig:
             raise ValueError(f"absent must be 0..1, got {self.absent}.")
         if self.absent_first < 0:
             raise ValueError(f"absent_first must be at least 0, got {self.absent_first}.")
+        if not 0 <= self.yielding <= 1:
+            raise ValueError(f"yielding must be 0..1, got {self.yielding}.")
+        if not 0 <= self.standing_min <= self.standing_max <= STANDING_MAX:
+            raise ValueError(
+                f"standing humans must be 0 <= min <= max <= {STANDING_MAX}, got {self.standing_min}.."
+                f"{self.standing_max}."
+            )
         if not self.slope_max >= 0:
             raise ValueError(f"slope_max must be at least 0, got {self.slope_max}.")
         for name, known in (("spacing", SPACINGS), ("effort", EFFORTS)):

@@ -13,7 +13,7 @@ from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.planner.expert.interface import Expert, ExpertDriver
 from readygo.services.planner.humans.config import HumanPlannerConfig
 from readygo.services.planner.humans.reactive import ReactiveHumans, ReactiveSimulation, walked_scenario
-from readygo.services.planner.humans.sampler import IN_THE_WAY, RejectedError, ScenarioSampler
+from readygo.services.planner.humans.sampler import IN_THE_WAY, STANDING, RejectedError, ScenarioSampler
 from readygo.services.planner.humans.scenario_file import ScenarioFile
 from readygo.services.planner.humans.script import Script, ScriptMaps
 from readygo.services.planner.humans.slopes import without_slopes
@@ -89,9 +89,16 @@ class HumanPlanner:
         )
 
     def reacts(self, scenario: Scenario) -> list[bool]:
-        """Who of a scenario's humans yields; the others keep to their trajectories, as a file of scenarios may say."""
+        """Who of a scenario's humans yields; the others keep to their trajectories, as a file of scenarios may say.
+
+        Each human is drawn to yield or not, the same one in the same episode for every driver.
+        """
         if self.script is None:
-            return [True] * len(scenario.humans)
+            drawn = episode_rng(scenario.episode, Purpose.REACTION).random(len(scenario.humans)) < self.config.yielding
+            return [
+                bool(yields) and human.encounter != STANDING
+                for yields, human in zip(drawn, scenario.humans, strict=True)
+            ]
         return self.script.scenario(scenario.episode, static=not scenario.humans)[1]
 
 

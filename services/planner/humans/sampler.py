@@ -1,7 +1,7 @@
 """Draws scenarios: where the robot starts and goes, and which humans meet it on the way."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 
 import numpy as np
@@ -20,14 +20,14 @@ from readygo.services.planner.humans.config import EFFORTS, SPACINGS, FamilyMix,
 from readygo.services.planner.humans.families import FAMILIES, Encounter, Site
 from readygo.services.planner.humans.paths import HumanPathPlanner, keeps_clear
 from readygo.services.planner.humans.polyline import length_m, resample
-from readygo.services.planner.humans.robot_task import SPACING_M, ExpectedDrive, Point, RobotTask
-from readygo.services.planner.humans.timing import nearest_m
+from readygo.services.planner.humans.robot_task import SPACING_M, ExpectedDrive, Point, RobotTask, offset_point
+from readygo.services.planner.humans.timing import Walk, nearest_m
 from readygo.services.planner.humans.window_search import WindowSearch
 
 PARKED_GAP_M = 0.05
 """Room beyond its planning radius that the robot keeps to a human who has arrived [m]."""
 GROUP_GAP_M = 0.25
-"""Room beyond its planning radius that the robot keeps to a group that stands from the beginning [m]."""
+"""Room beyond its planning radius that the robot keeps to humans who stand from the beginning [m]."""
 
 _ROBOT_SPEED_FRACTION = 0.85
 """Mean speed that crossings are timed for, as a share of v_max."""
@@ -41,6 +41,13 @@ _FAMILIES_TRIED = 4
 """Families that are tried for a human before there is no room."""
 _NEARBY_M = 4.0
 """Ways around humans are looked for this near first [m]."""
+
+STANDING = "standing"
+"""Encounter of humans who stand in the robot's way or beside it for the whole episode."""
+_STANDING_FRACTIONS = (0.2, 0.8)
+"""Shares of the robot's way between which they stand."""
+_STANDING_OFFSET_M = 0.6
+"""Farthest from the way that they stand [m]."""
 
 NO_WAY = "no way from start to goal"
 NO_ROOM = "no room for a human"
@@ -110,32 +117,66 @@ class ScenarioSampler:
         """
         task = self.draw_task(rng)
         count = int(rng.integers(self._episode.human_count_min, self._episode.human_count_max + 1))
-        humans: list[HumanTrajectory] = []
-        if not static and count > 0:
+        met: list[tuple[str, Walk]] = []
+        if not static and (count > 0 or self._config.standing_max > 0):
             if not avatar_names:
                 raise AvatarError("Humans are asked for but there are no avatars; add one or set human counts to 0.")
-            # A separate random stream: the choice of avatars does not change the trajectories.
-            avatar_rng = episode_rng(episode, Purpose.AVATAR)
-            order = [avatar_names[int(k)] for k in avatar_rng.permutation(len(avatar_names))]
-            while len(humans) < count:
-                drawn = self._draw_encounter(rng, task, count - len(humans), [human.xy_m for human in humans])
-                if drawn is None:
-                    if self._config.fewer_humans and len(humans) >= self._episode.human_count_min:
-                        break
-                    raise RejectedError(NO_ROOM)
-                family, walks = drawn
-                for walk in walks:
-                    avatar = order[len(humans) % len(order)]
-                    humans.append(
-                        HumanTrajectory(avatar=avatar, encounter=family, speed_mps=walk.speed_mps, xy_m=walk.xy_m)
-                    )
+            met = self._draw_walking(rng, task, count)
+            met += self._draw_standing(episode_rng(episode, Purpose.STANDING), task, [walk.xy_m for _, walk in met])
+        # A separate random stream: the choice of avatars does not change the trajectories.
+        order = episode_rng(episode, Purpose.AVATAR).permutation(len(avatar_names)).tolist()
         (x, y), (goal_x, goal_y) = task.start_m, task.goal_m
         return Scenario(
             episode=episode,
             start_xyyaw=np.array([x, y, math.atan2(goal_y - y, goal_x - x)]),
             goal_xy_m=np.array([goal_x, goal_y]),
-            humans=tuple(humans),
+            humans=tuple(
+                HumanTrajectory(
+                    avatar=avatar_names[order[k % len(order)]],
+                    encounter=encounter,
+                    speed_mps=walk.speed_mps,
+                    xy_m=walk.xy_m,
+                )
+                for k, (encounter, walk) in enumerate(met)
+            ),
         )
+
+    def _draw_walking(self, rng: np.random.Generator, task: RobotTask, count: int) -> list[tuple[str, Walk]]:
+        """Humans from the families of the mix, each with its family's name."""
+        met: list[tuple[str, Walk]] = []
+        while len(met) < count:
+            drawn = self._draw_encounter(rng, task, count - len(met), [walk.xy_m for _, walk in met])
+            if drawn is None:
+                if self._config.fewer_humans and len(met) >= self._episode.human_count_min:
+                    break
+                raise RejectedError(NO_ROOM)
+            family, walks = drawn
+            met += [(family, walk) for walk in walks]
+        return met
+
+    def _draw_standing(
+        self, rng: np.random.Generator, task: RobotTask, tracks: Sequence[Float64Array]
+    ) -> list[tuple[str, Walk]]:
+        """Humans who stand in the way or beside it; fewer than drawn where there is no room, at least `standing_min`.
+
+        Args:
+            rng: A separate stream: those who walk are the same with and without them.
+            task: Start, goal and way of the robot.
+            tracks: Trajectories of those who walk [m], shape (T, 2) each.
+        """
+        count = int(rng.integers(self._config.standing_min, self._config.standing_max + 1))
+        standing: list[tuple[str, Walk]] = []
+        for _ in range(EFFORTS[self._config.effort].attempts if count else 0):
+            place, along = task.at(rng.uniform(*_STANDING_FRACTIONS))
+            aside_m = rng.uniform(-_STANDING_OFFSET_M, _STANDING_OFFSET_M)
+            walk = Walk(speed_mps=0.0, xy_m=np.array([offset_point(place, along, 0.0, aside_m)]))
+            if self._fit((walk,), task, [*tracks, *(other.xy_m for _, other in standing)], GROUP_GAP_M):
+                standing.append((STANDING, walk))
+            if len(standing) == count:
+                break
+        if len(standing) < self._config.standing_min:
+            raise RejectedError(NO_ROOM)
+        return standing
 
     def draw_task(self, rng: np.random.Generator) -> RobotTask:
         """Start and goal in one region, the distance drawn evenly from the config's range.
@@ -190,19 +231,20 @@ class ScenarioSampler:
                 if paths.searches >= last:
                     break
                 encounter = FAMILIES[family](self.site, rng, task, wanted)
-                if encounter and self._fit(encounter, task, others):
+                # Humans in conversation do not leave: the robot shall pass without touching their arms.
+                gap_m = PARKED_GAP_M if len(encounter) == 1 else GROUP_GAP_M
+                if encounter and self._fit(encounter, task, others, gap_m):
                     return family, encounter
         return None
 
-    def _fit(self, encounter: Encounter, task: RobotTask, others: list[Float64Array]) -> bool:
-        """True if humans who come together can join the others."""
+    def _fit(self, encounter: Encounter, task: RobotTask, others: list[Float64Array], gap_m: float) -> bool:
+        """True if humans who come together can join the others, and the robot can pass all with a gap [m]."""
         tracks = list(others)
         for walk in encounter:
             if not self._is_fair(walk.xy_m, task) or not self._fits(walk.xy_m, task, tracks):
                 return False
             tracks.append(walk.xy_m)
-        # Humans in conversation do not leave: the robot shall pass without touching their arms.
-        return self._leave_a_way(task, tracks, PARKED_GAP_M if len(encounter) == 1 else GROUP_GAP_M)
+        return self._leave_a_way(task, tracks, gap_m)
 
     def _is_fair(self, xy_m: Float64Array, task: RobotTask) -> bool:
         (x0, y0), (x1, y1) = xy_m[[0, -1]].tolist()

@@ -1,3 +1,6 @@
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -29,3 +32,23 @@ def test_pictures_come_as_often_as_the_robots_steps(tmp_path):
     assert PointNavEnv(humans=0, config=config).metadata["render_fps"] == 30
     assert PointNavVectorEnv(humans=0, config=config).metadata["render_fps"] == 30
     assert PointNavEnv.metadata["render_fps"] == 20
+
+
+@pytest.mark.parametrize("prefix", ["readygo", "readygo.gym"])
+def test_both_environments_are_found_by_their_module_in_a_fresh_process(prefix: str):
+    code = f"""
+import gymnasium, sys
+for name in ("PointNav", "StateNav"):
+    try:
+        gymnasium.make("{prefix}:ReadyGo/" + name + "-v0", scene="nowhere")
+    except Exception as error:
+        print(type(error).__name__)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["SceneError", "SceneError"], done.stderr
+
+
+def test_readygo_loads_no_gymnasium_by_itself():
+    code = "import readygo, sys; print('gymnasium' in sys.modules, 'numpy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "False"]

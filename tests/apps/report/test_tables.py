@@ -57,8 +57,13 @@ def test_latex_is_a_table_with_a_row_per_method():
 def crooked():
     """A task alone with one method, and one among humans with two."""
     alone = [
-        dataclasses.replace(record, task=Task.STATIC, method="straight_line")
-        for record in RECORDS
+        dataclasses.replace(
+            record,
+            task=Task.STATIC,
+            method="straight_line",
+            episode=dataclasses.replace(record.episode, index=index),
+        )
+        for index, record in enumerate(RECORDS)
         if record.result.outcome is not Outcome.HUMAN_COLLISION
     ]
     return [*alone, *RECORDS]

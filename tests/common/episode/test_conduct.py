@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from readygo.common.episode.conduct import NEAR_MISS_M, PERSONAL_SPACE_M, Contact, conduct_of
+from readygo.common.episode.conduct import NEAR_MISS_M, PERSONAL_SPACE_M, Contact, conduct_of, shortest_collision_time_s
 
 CONTACT_M = 0.5
 
@@ -111,3 +111,23 @@ def test_start_beside_somebody_is_no_time_in_their_space_and_limits_are_sharp():
 def test_fault_needs_a_robot_that_moves_and_a_second_of_sight(robot_mps, seen_s, moved, at_fault):
     contact = Contact(robot_mps=robot_mps, in_view=True, seen_s=seen_s)
     assert (contact.robot_moved, contact.at_fault) == (moved, at_fault)
+
+
+def test_time_too_close_counts_the_distance_of_the_centres():
+    conduct = measured(np.zeros(6), np.array([2.0, 1.2, 1.0, 0.99, 0.8, 1.3]))
+    assert conduct.too_close_s == pytest.approx(2 * 0.05)
+
+
+def test_shortest_time_to_collision_is_that_of_discs_that_keep_their_velocities():
+    # 1 m/s towards somebody who stands 3 m ahead: nearest after the last step, 1 m before, contact at 0.5 m.
+    assert measured(np.linspace(0.0, 2.0, 41), 3.0).collision_time_min_s == pytest.approx(0.5)
+    assert measured(np.linspace(0.0, 2.6, 53), 3.0).collision_time_min_s == 0.0, "in contact"
+    assert measured(np.linspace(0.0, -2.0, 41), 3.0).collision_time_min_s is None, "apart"
+    robot = np.stack([np.linspace(0.0, 2.0, 41), np.zeros(41)], axis=1)
+    beside = np.tile([[[3.0, 0.51]]], (41, 1, 1))
+    assert shortest_collision_time_s(robot, beside, dt_s=0.05, contact_m=0.5) is None, "passes by"
+    at_an_angle = np.tile([[[3.0, 0.3]]], (41, 1, 1))
+    assert shortest_collision_time_s(robot, at_an_angle, dt_s=0.05, contact_m=0.5) == pytest.approx(1.0 - 0.4)
+    both = np.concatenate([beside, at_an_angle], axis=1)
+    assert shortest_collision_time_s(robot, both, dt_s=0.05, contact_m=0.5) == pytest.approx(0.6)
+    assert shortest_collision_time_s(robot, np.zeros((41, 0, 2)), dt_s=0.05, contact_m=0.5) is None

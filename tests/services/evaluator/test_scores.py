@@ -1,3 +1,4 @@
+import dataclasses
 import json
 
 import pytest
@@ -7,6 +8,7 @@ from readygo.common.episode.metrics import EpisodeResult
 from readygo.common.messages import EpisodeKey, Outcome, Split
 from readygo.services.evaluator import Category, EpisodeRecord, Task
 from readygo.services.evaluator.scores import (
+    COLLISION_TIME_MAX_S,
     compare_all,
     comparison_mapping,
     failure_counts,
@@ -143,3 +145,33 @@ def test_comparison_is_paired_and_signed():
     mapping = comparison_mapping(compared)
     assert mapping["only_method"] == 2
     assert mapping["time_ratio"]["mean"] == pytest.approx(33 / 27)
+
+
+def measured(method, index, too_close_s, collision_time_min_s=None, outcome=Outcome.SUCCESS):
+    made = record(method, index, outcome)
+    conduct = dataclasses.replace(
+        made.result.conduct, too_close_s=too_close_s, collision_time_min_s=collision_time_min_s
+    )
+    return dataclasses.replace(made, result=dataclasses.replace(made.result, conduct=conduct))
+
+
+def test_compliance_and_total_are_falcons():
+    records = [measured("policy", 0, 2.0, 1.5), measured("policy", 1, 10.0, outcome=Outcome.TIMEOUT)]
+    scores = scores_of(records, time_limit_s=50.0)[Task.DYNAMIC, "policy"]
+    assert scores["compliance"].mean == pytest.approx((0.8 + 0.0) / 2)
+    assert scores["total"].mean == pytest.approx((0.4 + 0.3 * 0.8 + 0.3 * 0.8) / 2)
+    assert (scores["collision_time_min_s"].mean, scores["collision_time_min_s"].count) == (1.5, 1)
+    slow = scores_of([measured("policy", 0, 2.0, 300.0)], time_limit_s=50.0)[Task.DYNAMIC, "policy"]
+    assert slow["collision_time_min_s"].mean == COLLISION_TIME_MAX_S
+    assert "compliance" not in scores_of(RECORDS, time_limit_s=50.0)[Task.DYNAMIC, "policy"], "not measured there"
+
+
+def test_runs_of_one_episode_count_as_their_mean():
+    """Policies of two training seeds under one name."""
+    records = [
+        *(record("policy", index, Outcome.SUCCESS) for index in range(3)),
+        *(record("policy", index, Outcome.TIMEOUT) for index in range(2)),
+    ]
+    success = scores_of(records, time_limit_s=50.0)[Task.DYNAMIC, "policy"]["success"]
+    assert (success.mean, success.count) == (pytest.approx(2 / 3), 3)
+    assert 0.5 <= success.low < success.high <= 1.0

@@ -63,3 +63,21 @@ def test_nobody_walks_in_the_first_episodes_and_all_others_stay_what_they_are():
     assert any(scenario is not None and scenario.humans for scenario in scenarios[4:])
     with pytest.raises(ValueError, match="absent_first must be at least 0, got -1"):
         HumanPlannerConfig(absent_first=-1)
+
+
+def test_each_human_yields_by_a_probability_and_those_who_stand_never_do():
+    some = make_human_planner(config=HumanPlannerConfig(yielding=0.3, standing_min=1, standing_max=1))
+    everybody = make_human_planner(config=HumanPlannerConfig(standing_min=1, standing_max=1))
+    drawn, standing = [], []
+    for index in range(60):
+        scenario = handle_human_plan(some, HumanPlanRequest(episode=key(index))).scenario
+        if scenario is None:
+            continue
+        yields = some.reacts(scenario)
+        assert some.reacts(scenario) == yields, "drawn by the episode"
+        stands = [human.encounter == "standing" for human in scenario.humans]
+        assert everybody.reacts(scenario) == [not one for one in stands]
+        drawn += [one for one, still in zip(yields, stands, strict=True) if not still]
+        standing += [one for one, still in zip(yields, stands, strict=True) if still]
+    assert not any(standing)
+    assert 0.15 < np.mean(drawn) < 0.45

@@ -5,12 +5,12 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from readygo.common.episode import meets_obstacle
+from readygo.common.episode import EpisodeConfig, meets_obstacle
 from readygo.common.errors import AvatarError, SceneError
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import HumanPlanRequest, encode
-from readygo.services.planner import FamilyMix, handle_human_plan
-from readygo.services.planner.humans.sampler import drawn_order
+from readygo.services.planner import FamilyMix, HumanPlannerConfig, handle_human_plan
+from readygo.services.planner.humans.sampler import STANDING, drawn_order
 from tests.services.planner.worlds import FRAME, hall, key, make_human_planner, maps_of, planner_of
 
 
@@ -170,3 +170,50 @@ def test_scenarios_of_a_seed_are_as_they_were(replies, scenarios, golden_figures
     golden_figures(
         "humans/people", [[human.speed_mps, len(human.xy_m), *map(ord, human.encounter[:2])] for human in people]
     )
+
+
+def test_people_who_stand_are_in_the_way_or_beside_it_and_leave_one():
+    config = HumanPlannerConfig(standing_min=1, standing_max=3)
+    planner, walking = make_human_planner(config=config), make_human_planner()
+    counts = Counter()
+    for index in range(20):
+        reply = handle_human_plan(planner, HumanPlanRequest(episode=key(index)))
+        without = handle_human_plan(walking, HumanPlanRequest(episode=key(index)))
+        if reply.scenario is None or without.scenario is None:
+            continue
+        standing = [human for human in reply.scenario.humans if human.encounter == STANDING]
+        walkers = [human for human in reply.scenario.humans if human.encounter != STANDING]
+        assert [human.xy_m.tolist() for human in walkers] == [h.xy_m.tolist() for h in without.scenario.humans]
+        counts[len(standing)] += 1
+        for human in standing:
+            (place,) = human.xy_m
+            assert not meets_obstacle(planner.maps.human, *place, 0.25)
+            assert np.hypot(*(place - reply.scenario.start_xyyaw[:2])) >= 1.5
+            for other in walkers:
+                assert np.hypot(*(other.xy_m - place).T).min() >= 0.5
+    assert set(counts) == {1, 2, 3}
+
+
+def test_obstacles_alone_are_people_who_stand_and_need_room():
+    nobody = EpisodeConfig(human_count_min=0, human_count_max=0)
+    alone = make_human_planner(episode=nobody, config=HumanPlannerConfig(standing_min=2, standing_max=2))
+    scenario = handle_human_plan(alone, HumanPlanRequest(episode=key(1))).scenario
+    assert [human.encounter for human in scenario.humans] == [STANDING] * 2
+    narrow = np.ones((80, 200), np.bool_)
+    narrow[30:50, 10:190] = False
+    corridor = make_human_planner(
+        maps=maps_of(OccupancyMap(frame=FRAME, occupied=narrow)),
+        episode=nobody,
+        config=HumanPlannerConfig(standing_min=1, standing_max=1, effort="quick"),
+    )
+    assert handle_human_plan(corridor, HumanPlanRequest(episode=key(0))).rejected == "no room for a human"
+
+
+def test_people_who_stand_need_avatars_too():
+    alone = make_human_planner(
+        avatar_names=(),
+        episode=EpisodeConfig(human_count_min=0, human_count_max=0),
+        config=HumanPlannerConfig(standing_max=1),
+    )
+    with pytest.raises(AvatarError, match="Humans are asked for but there are no avatars"):
+        handle_human_plan(alone, HumanPlanRequest(episode=key(0)))

@@ -1,0 +1,301 @@
+"""The table of drivers: rows of several folders of one suite, as a page and as Markdown."""
+
+import dataclasses
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from readygo.apps.evaluation.watch import badness
+from readygo.apps.report.page import Block, Estimate, MediaFigure, PageTable, Subheading, page, small_print
+from readygo.apps.report.tables import measure_cell, measure_title
+from readygo.common.errors import RunError
+from readygo.runs.benchmark.folder import BenchmarkedDriver, check_suite, read_cells, read_manifest
+from readygo.runs.benchmark.inputs import row_of
+from readygo.runs.benchmark.suite import OpenSuite
+from readygo.services.evaluator import (
+    EXPERT,
+    MEASURES,
+    Comparison,
+    EpisodeRecord,
+    Measure,
+    Score,
+    compare_all,
+    scores_of,
+    short_name,
+)
+
+SHOWN = (
+    *("total", "success", "spl", "compliance", "art_s", "human_collision", "static_collision"),
+    *("intrusion", "collision_time_min_s", "jerk_mps3"),
+)
+"""Measures of the tables, in their order."""
+_SUCCESS = next(measure for measure in MEASURES if measure.name == "success")
+_NOTE = (
+    "SR: share of the episodes in which the robot comes within 1 m of the goal, without collision, in 50 s. SPL: "
+    "success weighted by path length. PSC: share of the time with 1.0 m or more between the centres of robot and "
+    "everybody. Total: 0.4 SR + 0.3 SPL + 0.3 PSC. ART: mean reaching time, a failure counts the time limit. Personal "
+    "space: share of the time within 0.5 m of a side. Least time to collision: if robot and human kept their "
+    "velocities, at most 10 s. In brackets: 95 % intervals, Wilson's of rates of one policy, else of 2,000 resamples "
+    "of the episodes; they say nothing about other seeds of a training."
+)
+
+_INPUTS_NOTE = (
+    "All are given the goal. Map: it knows the scene's map and its place on it. People: which people it is told of. "
+    "Scenes seen: scenes of the suite among the data of its training. Training seeds: policies behind the row."
+)
+_COMPARISON_NOTE = (
+    "The same episodes for both: p of McNemar's exact test of the successes, differences with paired bootstrap "
+    "intervals of 95 %. No correction for many comparisons."
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LeaderboardRow:
+    """One row: a driver, or policies of several training seeds."""
+
+    name: str
+    driver: BenchmarkedDriver
+    """The first of its drivers."""
+    seeds: int
+    """Policies behind the row; 0 for drivers that learn nothing."""
+    cells: Mapping[str, Sequence[EpisodeRecord]]
+    """Records by cell, under the names of their drivers."""
+
+    @property
+    def episodes(self) -> int:
+        """Fewest episodes of a cell."""
+        return min(len({record.episode for record in records}) for records in self.cells.values())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Leaderboard:
+    """All rows of a suite."""
+
+    suite: OpenSuite
+    rows: Sequence[LeaderboardRow]
+    reference: str
+    """Driver that all others are compared with."""
+    made_by: Mapping[str, str]
+    """Versions of the first folder."""
+    episodes: int
+    """Fewest episodes of a cell."""
+    folders: Mapping[str, Path]
+    """Folder of each driver's records."""
+
+    def scores(self, cell: str) -> dict[str, Mapping[str, Score]]:
+        """Measures of a cell, by row."""
+        records = [dataclasses.replace(record, method=row.name) for row in self.rows for record in row.cells[cell]]
+        limit_s = self.suite.config(cell).episode.time_limit_s
+        return {row: scores for (_, row), scores in scores_of(records, time_limit_s=limit_s).items()}
+
+    def comparisons(self, cell: str) -> list[Comparison]:
+        """Every driver beside the reference, policies of several seeds one by one."""
+        records = [record for row in self.rows for record in row.cells[cell]]
+        return compare_all(records, self.reference, time_limit_s=self.suite.config(cell).episode.time_limit_s)
+
+
+def read_leaderboard(folders: Sequence[Path], suite: OpenSuite, reference: str = "") -> Leaderboard:
+    """Join folders of results.
+
+    Args:
+        folders: One or more folders; a driver that several have counts once.
+        suite: Suite that all of them are of.
+        reference: Driver that the others are compared with; by default the expert, else the first one.
+
+    Returns:
+        The leaderboard, its rows by their total in the paper's cell.
+
+    Raises:
+        RunError: If a folder is of another suite, two have different drivers of one name, or there is no reference.
+    """
+    drivers: dict[str, BenchmarkedDriver] = {}
+    places: dict[str, Path] = {}
+    cells: dict[str, list[EpisodeRecord]] = {cell: [] for cell in suite.suite.cells}
+    manifests = [read_manifest(folder) for folder in folders]
+    for folder, manifest in zip(folders, manifests, strict=True):
+        check_suite(manifest, suite, folder)
+        for name, driver in manifest.drivers.items():
+            if drivers.get(name, driver).sha256 != driver.sha256:
+                raise RunError(
+                    f"{folder} has another driver {name} than a folder before it: give one of them another name."
+                )
+        new = manifest.drivers.keys() - drivers.keys()
+        places |= dict.fromkeys(new, folder)
+        for cell, records in read_cells(folder, suite, new).items():
+            cells[cell] += records
+        drivers |= {name: manifest.drivers[name] for name in manifest.drivers if name in new}
+    reference = reference or (EXPERT if EXPERT in drivers else next(iter(drivers)))
+    if reference not in drivers:
+        raise RunError(f"There is no driver {reference!r} to compare with; there are {', '.join(drivers)}.")
+    board = Leaderboard(
+        suite=suite,
+        rows=_rows(drivers, cells),
+        reference=reference,
+        made_by=manifests[0].made_by,
+        episodes=min(manifest.episodes for manifest in manifests),
+        folders=places,
+    )
+    totals = {row: scores["total"].mean for row, scores in board.scores(suite.suite.paper_cell).items()}
+    return dataclasses.replace(board, rows=sorted(board.rows, key=lambda row: -totals[row.name]))
+
+
+def _rows(
+    drivers: Mapping[str, BenchmarkedDriver], cells: Mapping[str, Sequence[EpisodeRecord]]
+) -> list[LeaderboardRow]:
+    groups: dict[str, list[str]] = {}
+    for name in drivers:
+        groups.setdefault(row_of(name), []).append(name)
+    return [
+        LeaderboardRow(
+            name=row,
+            driver=drivers[names[0]],
+            seeds=len(names) if drivers[names[0]].inputs.trained_on else 0,
+            cells={cell: [record for record in records if record.method in names] for cell, records in cells.items()},
+        )
+        for row, names in groups.items()
+    ]
+
+
+def leaderboard_tables(board: Leaderboard) -> dict[str, list[Block]]:
+    """The tables of a leaderboard, by heading."""
+    cells = board.suite.suite.cells
+    scores = {cell: board.scores(cell) for cell in cells}
+    paper = board.suite.suite.paper_cell
+    return {
+        "Drivers": [_driver_table(board), small_print(_INPUTS_NOTE)],
+        "Success by cell": [
+            PageTable(
+                ("Cell", *(short_name(row.name) for row in board.rows)),
+                [[cell, *(_success(scores[cell].get(row.name, {})) for row in board.rows)] for cell in cells],
+            ),
+            small_print(" ".join(f"{name}: {cell.words}." for name, cell in cells.items())),
+        ],
+        f"All measures in {paper}": [_measure_table(board.rows, scores[paper]), small_print(_NOTE)],
+        "All measures elsewhere": list(
+            itertools.chain.from_iterable(
+                (Subheading(cell), _measure_table(board.rows, scores[cell])) for cell in cells if cell != paper
+            )
+        ),
+        f"Beside {short_name(board.reference)}": [_comparison_table(board), small_print(_COMPARISON_NOTE)],
+    }
+
+
+def leaderboard_html(board: Leaderboard, films: Sequence[MediaFigure] = ()) -> str:
+    """The page of a leaderboard.
+
+    Args:
+        board: Its rows.
+        films: Videos of the median and the worst episodes.
+    """
+    suite = board.suite.suite
+    best = board.rows[0].name
+    total = board.scores(suite.paper_cell)[best]["total"].mean
+    return page(
+        f"Leaderboard of {suite.name}",
+        f"{len(board.rows)} drivers in the same {board.episodes} episodes of each of {len(suite.cells)} cells. Figures "
+        f"of the ReaDy-Go paper are comparable with those of the cell {suite.paper_cell} alone.",
+        tiles=[
+            (str(len(board.rows)), "drivers"),
+            (str(board.episodes), "episodes per cell"),
+            (f"{total:.2f}", f"best total, {short_name(best)}"),
+        ],
+        sections={**leaderboard_tables(board), "Median and worst episodes": list(films)},
+        facts={"suite": f"{suite.name} {board.suite.sha256[:12]}", **board.made_by},
+    )
+
+
+def leaderboard_markdown(board: Leaderboard) -> str:
+    """The tables of a leaderboard in Markdown."""
+    suite = board.suite.suite
+    lines = [f"# Leaderboard of {suite.name}", "", f"Suite {board.suite.sha256}; {board.episodes} episodes per cell."]
+    for heading, blocks in leaderboard_tables(board).items():
+        lines += ["", f"## {heading}"]
+        for block in blocks:
+            lines += ["", *_markdown(block)]
+    return "\n".join([*lines, ""])
+
+
+def films_to_show(board: Leaderboard) -> list[tuple[LeaderboardRow, str, EpisodeRecord]]:
+    """The median and the worst episode of each row in the paper's cell, with a word for which it is."""
+    chosen = []
+    for row in board.rows:
+        ranked = sorted(row.cells[board.suite.suite.paper_cell], key=badness)
+        chosen += [(row, "median", ranked[len(ranked) // 2]), (row, "worst", ranked[0])] if ranked else []
+    return chosen
+
+
+def _driver_table(board: Leaderboard) -> PageTable:
+    columns = ("Driver", "Map", "People", "Images", "Trained on", "Scenes seen", "Training seeds", "Episodes per cell")
+    cells = [
+        [
+            short_name(row.name),
+            "yes" if row.driver.inputs.map else "no",
+            row.driver.inputs.people or "no",
+            ", ".join(row.driver.inputs.images) or "no",
+            row.driver.inputs.trained_on or "nothing",
+            ", ".join(row.driver.inputs.seen) or "none",
+            str(row.seeds or ""),
+            str(row.episodes) + ("" if row.episodes == board.suite.suite.episodes else ", incomplete"),
+        ]
+        for row in board.rows
+    ]
+    return PageTable(columns, cells, text_columns=6)
+
+
+def _measure_table(rows: Iterable[LeaderboardRow], scores: Mapping[str, Mapping[str, Score]]) -> PageTable:
+    measures = [measure for name in SHOWN for measure in MEASURES if measure.name == name]
+    cells = [
+        [
+            short_name(row.name),
+            *(measure_cell(measure, scores.get(row.name, {}).get(measure.name)) for measure in measures),
+        ]
+        for row in rows
+    ]
+    return PageTable(("Driver", *map(measure_title, measures)), cells)
+
+
+def _comparison_table(board: Leaderboard) -> PageTable:
+    compared = ("success", "total", "compliance")
+    measures = [measure for name in compared for measure in MEASURES if measure.name == name]
+    cells: list[list[str | Block]] = []
+    for cell in board.suite.suite.cells:
+        for pair in board.comparisons(cell):
+            won = f"+{pair.only_method} -{pair.only_reference}"
+            differences = [_signed(measure, pair.differences.get(measure.name)) for measure in measures]
+            cells.append([cell, short_name(pair.method), won, f"{pair.mcnemar_p:.2g}", *differences])
+    columns = ("Cell", "Driver", "Only one reaches", "p", *(f"Difference of {m.title}" for m in measures))
+    return PageTable(columns, cells, text_columns=2)
+
+
+def _success(scores: Mapping[str, Score]) -> str | Block:
+    return measure_cell(_SUCCESS, scores.get(_SUCCESS.name))
+
+
+def _signed(measure: Measure, score: Score | None) -> str | Block:
+    if score is None:
+        return ""
+    scale, digits = (100, 0) if measure.unit.startswith("%") else (1, 2)
+    mean, low, high = (f"{scale * value:+.{digits}f}" for value in (score.mean, score.low, score.high))
+    return Estimate(mean, f"{low} to {high}")
+
+
+def _markdown(block: Block) -> list[str]:
+    """A block of a leaderboard as lines of Markdown."""
+    if isinstance(block, PageTable):
+        align = [" --- " if k < block.text_columns else " ---: " for k in range(len(block.columns))]
+        rows = [[_plain(cell) for cell in row] for row in block.rows]
+        return [_line(block.columns), f"|{'|'.join(align)}|", *map(_line, rows)]
+    if isinstance(block, Subheading):
+        return [f"### {block.text}"]
+    return [getattr(block, "text", "")]
+
+
+def _line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _plain(cell: str | Block) -> str:
+    if isinstance(cell, Estimate):
+        return f"{cell.value} ({cell.interval})" if cell.interval else cell.value
+    return str(cell)

@@ -1,0 +1,154 @@
+"""Verifies a folder of results: nothing was edited or left out, and a drawn share drives again to the same records."""
+
+import math
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from readygo.apps.benchmark.drive import cell_evaluator
+from readygo.common.arrays import Float64Array
+from readygo.common.errors import RunError
+from readygo.runs.benchmark.folder import (
+    BenchmarkManifest,
+    cell_folder,
+    check_suite,
+    defects,
+    read_cells,
+    read_manifest,
+)
+from readygo.runs.benchmark.suite import OpenSuite
+from readygo.runs.evaluation import evaluation_settings
+from readygo.runs.method_files import method_hashes
+from readygo.services.evaluator import (
+    EpisodeRecord,
+    Evaluator,
+    MatchedEpisode,
+    RecordKey,
+    Results,
+    drive,
+    is_of,
+    read_results,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verification:
+    """How a folder of results is verified."""
+
+    suite: OpenSuite
+    folder: Path
+    checkpoints: Path
+    """Folder of the weights and policies of its drivers."""
+    share: float = 0.05
+    """Share of each cell's records that is driven again, at least one; 0 drives none."""
+    seed: int = 0
+    """Seed of the draw."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.share <= 1:
+            raise RunError(f"--share must be 0..1, got {self.share:g}.")
+        if self.seed < 0:
+            raise RunError(f"--seed must be at least 0, got {self.seed}.")
+
+
+def verify_folder(verification: Verification) -> tuple[list[str], int]:
+    """Look for what does not hold in a folder.
+
+    Args:
+        verification: What to verify, and how.
+
+    Returns:
+        A line for every mismatch, and how many records were driven again.
+
+    Raises:
+        ReadygoError: If the folder is of another suite or cannot be read, or a scene, an avatar or a driver is missing.
+    """
+    suite, folder = verification.suite, verification.folder
+    manifest = read_manifest(folder)
+    check_suite(manifest, suite, folder)
+    if verification.share:
+        _check_drivers(manifest, verification.checkpoints)
+    lines, driven = defects(folder, suite, manifest), 0
+    for number, (cell, records) in enumerate(read_cells(folder, suite, manifest.drivers).items()):
+        drawn = _draw_records(verification, number, records)
+        driven += len(drawn)
+        for scene in suite.suite.scenes:
+            found = _mismatches(verification, manifest, cell, scene, drawn)
+            lines += [f"{cell}, {scene}: {line}" for line in found]
+    return lines, driven
+
+
+def _check_drivers(manifest: BenchmarkManifest, checkpoints: Path) -> None:
+    """Raise RunError unless the files of the drivers are here, the same to the byte."""
+    here = method_hashes(tuple(manifest.drivers), checkpoints)
+    for name, driver in manifest.drivers.items():
+        if driver.sha256 != here.get(name, ""):
+            words = "is another one here" if name in here else f"is not in {checkpoints}"
+            raise RunError(
+                f"The driver {name} {words} (SHA-256 {driver.sha256[:12]}...): get it from who drove it, and name its "
+                "folder with --checkpoints."
+            )
+
+
+def _draw_records(verification: Verification, number: int, records: Sequence[EpisodeRecord]) -> set[RecordKey]:
+    """The records of a cell that are driven again."""
+    if not verification.share or not records:
+        return set()
+    rng = np.random.Generator(np.random.Philox(np.random.SeedSequence((verification.seed, number))))
+    count = max(1, math.ceil(verification.share * len(records)))
+    return {records[k].key for k in rng.permutation(len(records))[:count].tolist()}
+
+
+def _mismatches(
+    verification: Verification, manifest: BenchmarkManifest, cell: str, scene: str, drawn: Collection[RecordKey]
+) -> Iterator[str]:
+    """What does not hold in a cell and scene: settings, missing episodes, records that drive again to others."""
+    names = tuple(manifest.drivers)
+    world = verification.suite.world(cell, scene)
+    request = verification.suite.request(cell, scene, names, manifest.episodes)
+    hashes = {name: driver.sha256 for name, driver in manifest.drivers.items() if driver.sha256}
+    settings = evaluation_settings(world, request, policy="", camera="policy", methods=hashes)
+    folder = cell_folder(verification.folder, cell, scene)
+    if not is_of(folder, settings):
+        yield "the settings are not those of the suite"
+        return
+    used = [name for name in names if any(method == name for _, method, _ in drawn)]
+    evaluator = cell_evaluator(world, request, used, verification.checkpoints)
+    episodes, _ = evaluator.source().draw(
+        seed=request.seed, split=request.split, count=request.episodes, tasks=request.tasks
+    )
+    with read_results(folder) as results:
+        for name in names:
+            if missing := sum(_key(episode, name) not in results.records for episode in episodes):
+                yield f"{missing} episodes of {name} are missing"
+        for name in used:
+            chosen = [episode for episode in episodes if _key(episode, name) in drawn]
+            yield from _drive_again(evaluator, results, name, chosen, request.hold_steps(world.config.robot.clock))
+
+
+def _drive_again(
+    evaluator: Evaluator, results: Results, name: str, episodes: Sequence[MatchedEpisode], hold_steps: int
+) -> Iterator[str]:
+    kept = results.actions([_key(episode, name) for episode in episodes])
+    for record, trajectory in drive(evaluator, name, evaluator.driver(name, hold_steps), episodes):
+        line = _difference(results.records[record.key], record, kept.get(record.key), trajectory.actions)
+        if line:
+            yield f"{name} in {record.episode.episode_id} {line}"
+
+
+def _difference(
+    kept: EpisodeRecord, again: EpisodeRecord, kept_actions: Float64Array | None, actions: Float64Array
+) -> str:
+    """How a record differs from the one that was driven again; empty if it does not."""
+    theirs, ours = kept.to_mapping(), again.to_mapping()
+    for key in {**theirs, **ours}:
+        if theirs.get(key) != ours.get(key):
+            return f"has {key} {theirs.get(key)!r}, driven again {ours.get(key)!r}"
+    same = kept_actions is not None and np.array_equal(kept_actions, actions)
+    return "" if same else "has other commands than when it is driven again"
+
+
+def _key(episode: MatchedEpisode, driver: str) -> RecordKey:
+    return episode.task, driver, episode.scenario.episode

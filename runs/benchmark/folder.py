@@ -1,0 +1,182 @@
+"""The folder of a benchmark's results: records of every cell and scene, and a manifest that says how they came.
+
+benchmark.json                      suite, drivers, versions, scores, and the SHA-256 of every file of records
+suite.toml                          the suite as it was driven
+cells/CELL/SCENE/episodes.jsonl     results of an evaluation, see `services/evaluator/README.md`
+"""
+
+import hashlib
+import json
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from readygo.common.config import section_from_mapping, section_to_mapping
+from readygo.common.documents import read_json
+from readygo.common.errors import ConfigError, RunError
+from readygo.common.files import read_regular, write_whole
+from readygo.runs.benchmark.inputs import DriverInputs
+from readygo.runs.benchmark.suite import OpenSuite
+from readygo.services.evaluator import EpisodeRecord, read_results, score_mapping, scores_of
+
+RESULTS_FORMAT = "readygo-benchmark/1"
+MANIFEST_FILE, SUITE_FILE, CELLS_FOLDER = "benchmark.json", "suite.toml", "cells"
+RECORD_FILES = ("episodes.jsonl", "trajectories.jsonl", "settings.json")
+"""Files of an evaluation that a result consists of."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchmarkedDriver:
+    """One driver of a benchmark."""
+
+    sha256: str = ""
+    """SHA-256 of its policy, weights or source; empty for the drivers of readygo."""
+    inputs: DriverInputs = field(default_factory=DriverInputs)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchmarkManifest:
+    """How the records of a folder came, and what follows from them."""
+
+    format: str
+    suite: str
+    """Name of the suite."""
+    suite_sha256: str
+    episodes: int
+    """Episodes of a cell that every driver drove."""
+    complete: bool
+    """True if these are all episodes of the suite."""
+    drivers: Mapping[str, BenchmarkedDriver]
+    made_by: Mapping[str, str]
+    """Version and commit of readygo, and the numeric class of the machine."""
+    files: Mapping[str, str]
+    """SHA-256 of each file of records, by its path in the folder."""
+    scores: Mapping[str, Any]
+    """Measures with intervals: cell -> driver -> measure."""
+
+
+def cell_folder(folder: Path, cell: str, scene: str) -> Path:
+    """The folder with the evaluation of a cell in a scene."""
+    return folder / CELLS_FOLDER / cell / scene
+
+
+def read_cells(folder: Path, suite: OpenSuite, drivers: Collection[str]) -> dict[str, list[EpisodeRecord]]:
+    """Records by cell.
+
+    Args:
+        folder: Folder of results.
+        suite: Their suite.
+        drivers: Drivers whose records are read; others may have been interrupted.
+
+    Raises:
+        RunError: If a cell is missing, or its records cannot be read.
+    """
+    cells: dict[str, list[EpisodeRecord]] = {cell: [] for cell in suite.suite.cells}
+    for cell, scene in suite.places:
+        with read_results(cell_folder(folder, cell, scene)) as results:
+            cells[cell] += [record for record in results.records.values() if record.method in drivers]
+    return cells
+
+
+def scores_by_cell(
+    suite: OpenSuite, cells: Mapping[str, Sequence[EpisodeRecord]]
+) -> dict[str, dict[str, dict[str, Any]]]:
+    """All measures with their intervals, as plain values: cell -> driver -> measure."""
+    return {
+        cell: score_mapping(scores_of(records, time_limit_s=suite.config(cell).episode.time_limit_s)).get(
+            suite.suite.cells[cell].task, {}
+        )
+        for cell, records in cells.items()
+    }
+
+
+def write_manifest(
+    folder: Path, suite: OpenSuite, drivers: Mapping[str, BenchmarkedDriver], made_by: Mapping[str, str]
+) -> BenchmarkManifest:
+    """Write what the records of a folder are, beside them.
+
+    Args:
+        folder: Folder with the records.
+        suite: The suite.
+        drivers: Drivers of this run; those of earlier runs into the folder stay.
+        made_by: Versions and numeric class.
+
+    Raises:
+        ReadygoError: If records cannot be read or the files cannot be written.
+    """
+    earlier = read_manifest(folder).drivers if (folder / MANIFEST_FILE).exists() else {}
+    known = {**earlier, **drivers}
+    cells = read_cells(folder, suite, known)
+    counts = [sum(record.method == name for record in records) for records in cells.values() for name in known]
+    manifest = BenchmarkManifest(
+        format=RESULTS_FORMAT,
+        suite=suite.suite.name,
+        suite_sha256=suite.sha256,
+        episodes=min(counts),
+        complete=set(counts) == {suite.suite.episodes},
+        drivers=known,
+        made_by=made_by,
+        files=dict(_digests(folder, suite)),
+        scores=scores_by_cell(suite, cells),
+    )
+    write_whole(folder / SUITE_FILE, suite.text, raises=RunError)
+    write_whole(folder / MANIFEST_FILE, json.dumps(section_to_mapping(manifest), indent=2) + "\n", raises=RunError)
+    return manifest
+
+
+def read_manifest(folder: Path) -> BenchmarkManifest:
+    """The manifest of a folder.
+
+    Raises:
+        RunError: If there is none, or it is broken.
+    """
+    path = folder / MANIFEST_FILE
+    try:
+        manifest = section_from_mapping(BenchmarkManifest, read_json(path))
+    except FileNotFoundError as error:
+        raise RunError(f"{folder} holds no finished benchmark: let `readygo benchmark run` end into it.") from error
+    except (OSError, ValueError, ConfigError) as error:
+        raise RunError(f"{path} cannot be read: {error}") from error
+    if manifest.format != RESULTS_FORMAT:
+        raise RunError(f"{path} is of the format {manifest.format!r}, this version reads {RESULTS_FORMAT}.")
+    return manifest
+
+
+def check_suite(manifest: BenchmarkManifest, suite: OpenSuite, folder: Path) -> None:
+    """Raise RunError unless a folder is of this suite, to the byte."""
+    if manifest.suite_sha256 != suite.sha256:
+        raise RunError(
+            f"{folder} is of the suite {manifest.suite} with the hash {manifest.suite_sha256[:12]}..., not of "
+            f"{suite.suite.name} with {suite.sha256[:12]}...: use the version of readygo or the file that it names."
+        )
+
+
+def defects(folder: Path, suite: OpenSuite, manifest: BenchmarkManifest) -> list[str]:
+    """What was changed in a folder since its manifest was written, a line each, without driving anything.
+
+    Raises:
+        RunError: If records cannot be read.
+    """
+    found = dict(_digests(folder, suite))
+    lines = [
+        f"{name}: {'is missing' if name not in found else 'was edited'}"
+        for name, sha256 in manifest.files.items()
+        if found.get(name) != sha256
+    ]
+    lines += [f"{name}: is not in {MANIFEST_FILE}" for name in found if name not in manifest.files]
+    scores = json.loads(json.dumps(scores_by_cell(suite, read_cells(folder, suite, manifest.drivers))))
+    return lines + [
+        f"{MANIFEST_FILE}: the scores of {cell} do not follow from its records"
+        for cell in suite.suite.cells
+        if manifest.scores.get(cell) != scores[cell]
+    ]
+
+
+def _digests(folder: Path, suite: OpenSuite) -> Iterator[tuple[str, str]]:
+    """SHA-256 of each file of records, by its path in the folder."""
+    for cell, scene in suite.places:
+        for name in RECORD_FILES:
+            path = cell_folder(folder, cell, scene) / name
+            if path.is_file():
+                yield path.relative_to(folder).as_posix(), hashlib.sha256(read_regular(path)).hexdigest()

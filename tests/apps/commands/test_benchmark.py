@@ -1,0 +1,68 @@
+import sys
+from pathlib import Path
+
+import pytest
+
+from readygo.__main__ import main
+from tests.runs.benchmark.suites import small_suite
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch, capsys):
+    """Runs a command of `readygo benchmark`; returns its exit code and what it printed."""
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["readygo", "benchmark", *map(str, arguments)])
+        code = 0
+        try:
+            main()
+        except SystemExit as end:
+            code = int(end.code or 0)
+        said = capsys.readouterr()
+        return code, said.out, said.err
+
+    return run
+
+
+def test_suite_is_driven_verified_packed_and_made_a_table(command, tmp_path: Path):
+    small_suite(tmp_path)
+    suite, out = tmp_path / "small.toml", tmp_path / "out"
+    code, said, _ = command("run", suite, "straight-line", "--out", out, "--episodes", 1)
+    assert code == 0
+    assert "Incomplete: 1 of 4 episodes" in said
+    assert command("run", suite, "straight-line", "--out", out)[0] == 0
+    code, said, _ = command("verify", out, "--suite", suite)
+    assert (code, said.split(": ")[1]) == (0, "2 records driven again are the same.\n")
+    assert command("submit", out, "--suite", suite, "--out", tmp_path / "mine.zip")[0] == 0
+    assert (tmp_path / "mine.zip").exists()
+    assert command("table", out, "--suite", suite, "--out", tmp_path / "page")[0] == 0
+    assert "straight-line" in (tmp_path / "page" / "leaderboard.md").read_text()
+    assert "</html>" in (tmp_path / "page" / "leaderboard.html").read_text()
+    records = out / "cells" / "people" / "flat" / "episodes.jsonl"
+    records.write_text(records.read_text().replace('"seed": 3', '"seed": 3 '))
+    code, said, error = command("verify", out, "--suite", suite)
+    assert (code, said) == (2, "cells/people/flat/episodes.jsonl: was edited\n")
+    assert error.startswith(f"readygo: {out} does not verify: 1 mismatches")
+    code, _, error = command("verify", out)
+    assert (code, "is of the suite 'small/1', which does not come with readygo" in error) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("run", "walks/1", "expert", "--out", "out"), "There is no suite 'walks/1'"),
+        (("run", "pedestrian-nav/1", "--out", "out"), "Name a driver"),
+        (("run", "pedestrian-nav/1", "nobody", "--out", "out"), "There is no method 'nobody'"),
+        (("verify", "nowhere"), "nowhere holds no finished benchmark"),
+        (("submit", "nowhere", "--out", "out.zip"), "nowhere holds no finished benchmark"),
+        (("table", "nowhere", "--out", "page"), "nowhere holds no finished benchmark"),
+        (("weights", "--checkpoints", "nowhere"), "gnm, vint, nomad cannot drive with what is in nowhere"),
+    ],
+)
+def test_mistakes_are_one_line(command, monkeypatch, tmp_path: Path, arguments, said):
+    monkeypatch.chdir(tmp_path)
+    code, _, error = command(*arguments)
+    assert code == 2
+    # Progress may stand before it.
+    assert said in error.splitlines()[-1]
+    assert error.splitlines()[-1].startswith("readygo: ")
