@@ -63,9 +63,8 @@ def true_masks(work: Path, masks: Path, scratch: Path) -> Path:
     found = read_json(work / FRAMES / "stage.json")["found"]
     prepare_masks(masks, work / FRAMES, found["names"], {}, scratch / "used")
     (scratch / "sparse").symlink_to((work / POSED / "sparse").resolve())
-    model = colmap.find_model(work / MAP)
-    assert model is not None
-    colmap.write_undistorted_masks(model, scratch / "used", scratch)
+    model = read_json(work / MAP / "stage.json")["found"]["model"]
+    colmap.write_undistorted_masks(work / MAP / model, scratch / "used", scratch)
     return scratch / "masks"
 
 
