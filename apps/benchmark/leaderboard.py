@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,8 +65,8 @@ class LeaderboardRow:
 
     @property
     def episodes(self) -> int:
-        """Fewest episodes of a cell."""
-        return min(len({record.episode for record in records}) for records in self.cells.values())
+        """Fewest episodes of a cell and driver."""
+        return min(min(Counter(record.method for record in records).values()) for records in self.cells.values())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,10 +79,13 @@ class Leaderboard:
     """Driver that all others are compared with."""
     made_by: Mapping[str, str]
     """Versions of the first folder."""
-    episodes: int
-    """Fewest episodes of a cell."""
     folders: Mapping[str, Path]
     """Folder of each driver's records."""
+
+    @property
+    def episodes(self) -> int:
+        """Fewest episodes of a cell and row."""
+        return min(row.episodes for row in self.rows)
 
     def scores(self, cell: str) -> dict[str, Mapping[str, Score]]:
         """Measures of a cell, by row."""
@@ -107,7 +111,8 @@ def read_leaderboard(folders: Sequence[Path], suite: OpenSuite, reference: str =
         The leaderboard, its rows by their total in the paper's cell.
 
     Raises:
-        RunError: If a folder is of another suite, two have different drivers of one name, or there is no reference.
+        RunError: If a folder is of another suite or lacks records, two have different drivers of one name, or there is
+            no reference.
     """
     drivers: dict[str, BenchmarkedDriver] = {}
     places: dict[str, Path] = {}
@@ -125,6 +130,10 @@ def read_leaderboard(folders: Sequence[Path], suite: OpenSuite, reference: str =
         for cell, records in read_cells(folder, suite, new).items():
             cells[cell] += records
         drivers |= {name: manifest.drivers[name] for name in manifest.drivers if name in new}
+    for cell, records in cells.items():
+        if missing := drivers.keys() - {record.method for record in records}:
+            name = min(missing)
+            raise RunError(f"{places[name]} has no records of {name} in the cell {cell}: let the run end into it.")
     reference = reference or (EXPERT if EXPERT in drivers else next(iter(drivers)))
     if reference not in drivers:
         raise RunError(f"There is no driver {reference!r} to compare with; there are {', '.join(drivers)}.")
@@ -133,7 +142,6 @@ def read_leaderboard(folders: Sequence[Path], suite: OpenSuite, reference: str =
         rows=_rows(drivers, cells),
         reference=reference,
         made_by=manifests[0].made_by,
-        episodes=min(manifest.episodes for manifest in manifests),
         folders=places,
     )
     totals = {row: scores["total"].mean for row, scores in board.scores(suite.suite.paper_cell).items()}
