@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from onnx import helper
+from onnx import TensorProto, helper
 
 from readygo.common.errors import AvatarError
 from readygo.services.reconstructor.avatars.detectors import (
@@ -95,6 +95,16 @@ def test_other_networks_are_refused(tmp_path: Path) -> None:
         KeypointNetwork(
             write_network(path, [helper.make_node("Flatten", ["image"], ["flat"])], (64, 64), ["flat"], {})
         ).find(_image(), _mask())
+    text = helper.make_tensor_value_info("out", TensorProto.STRING, None)
+    arrays = helper.make_tensor_sequence_value_info("out", TensorProto.FLOAT, None)
+    for node, output in (
+        (helper.make_node("Cast", ["image"], ["out"], to=TensorProto.STRING), text),
+        (helper.make_node("SequenceConstruct", ["image"], ["out"]), arrays),
+        (helper.make_node("Slice", ["image", "zero", "zero"], ["out"]), "out"),
+    ):
+        write_network(path, [node], (64, 64), [output], {"zero": np.array([0])})
+        with pytest.raises(AvatarError, match="must give arrays of numbers, none of them empty"):
+            MaskNetwork(path).find(_image())
     with pytest.raises(AvatarError, match="not finite"):
         MaskNetwork(write_network(path, [helper.make_node("Log", ["image"], ["out"])], (64, 64), ["out"], {})).find(
             _image()

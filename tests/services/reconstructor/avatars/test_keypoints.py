@@ -60,9 +60,17 @@ def test_other_counts_frames_and_confidences_are_refused(tmp_path: Path) -> None
         read_keypoints(path, IMAGES)
 
 
-def test_what_is_not_finite_is_not_seen(tmp_path: Path) -> None:
+def test_text_is_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "keypoints.npz", keypoints=np.full((8, 17, 3), "a"))
+    with pytest.raises(AvatarError, match="keypoints must hold numbers, got values of <U1"):
+        read_keypoints(tmp_path / "keypoints.npz", IMAGES)
+
+
+@pytest.mark.parametrize("far_px", [np.nan, np.inf, -1e200, 1e6])
+def test_what_is_not_finite_or_far_from_images_is_not_seen(tmp_path: Path, far_px: float) -> None:
     rows = np.full((8, 17, 3), 0.5)
-    rows[3, 2, 0] = np.nan
+    rows[..., 0] = 9000.0
+    rows[3, 2, 0] = far_px
     np.savez(tmp_path / "keypoints.npz", keypoints=rows)
     seen = read_keypoints(tmp_path / "keypoints.npz", IMAGES).seen
     assert not seen[3, 2]
