@@ -104,6 +104,17 @@ def test_persons_who_do_not_fit_the_masks_are_refused() -> None:
         check_keypoints(keypoints, _masks(), IMAGES, source)
 
 
+def test_keypoints_beside_the_mask_by_a_small_share_of_its_height_are_of_the_same_person() -> None:
+    keypoints, source = _keypoints(), Path("keypoints.npz")
+    for offset_px, fits in ((2.0, True), (6.0, False)):
+        keypoints.uv_px[..., 0], keypoints.uv_px[..., 1] = 50.0, 85.0 + offset_px
+        if fits:
+            assert check_keypoints(keypoints, _masks(), IMAGES, source) == []
+        else:
+            with pytest.raises(AvatarError, match="covers less than 60 %"):
+                check_keypoints(keypoints, _masks(), IMAGES, source)
+
+
 def test_videos_without_ankles_are_refused_and_without_toes_told() -> None:
     keypoints, source = _keypoints(), Path("keypoints.npz")
     keypoints.confidence[:, 20:] = 0.0
