@@ -33,8 +33,8 @@ SHOWN = (
 """Measures of the tables, in their order."""
 _SUCCESS = next(measure for measure in MEASURES if measure.name == "success")
 _NOTE = (
-    "SR: share of the episodes in which the robot comes within 1 m of the goal, without collision, in 50 s. SPL: "
-    "success weighted by path length. PSC: share of the time with 1.0 m or more between the centres of robot and "
+    "SR: share of the episodes in which the robot comes within {radius_m:g} m of the goal, without collision, in "
+    "{limit_s:g} s. SPL: success weighted by path length. PSC: share of the time with 1.0 m or more between the centres of robot and "
     "everybody. Total: 0.4 SR + 0.3 SPL + 0.3 PSC. ART: mean reaching time, a failure counts the time limit. Personal "
     "space: share of the time within 0.5 m of a side. Least time to collision: if robot and human kept their "
     "velocities, at most 10 s. In brackets: 95 % intervals, Wilson's of rates of one policy, else of 2,000 resamples "
@@ -170,6 +170,8 @@ def leaderboard_tables(board: Leaderboard) -> dict[str, list[Block]]:
     cells = board.suite.suite.cells
     scores = {cell: board.scores(cell) for cell in cells}
     paper = board.suite.suite.paper_cell
+    episode = board.suite.config(paper).episode
+    note = _NOTE.format(radius_m=episode.success_radius_m, limit_s=episode.time_limit_s)
     return {
         "Drivers": [_driver_table(board), small_print(_INPUTS_NOTE)],
         "Success by cell": [
@@ -179,7 +181,7 @@ def leaderboard_tables(board: Leaderboard) -> dict[str, list[Block]]:
             ),
             small_print(" ".join(f"{name}: {cell.words}." for name, cell in cells.items())),
         ],
-        f"All measures in {paper}": [_measure_table(board.rows, scores[paper]), small_print(_NOTE)],
+        f"All measures in {paper}": [_measure_table(board.rows, scores[paper]), small_print(note)],
         "All measures elsewhere": list(
             itertools.chain.from_iterable(
                 (Subheading(cell), _measure_table(board.rows, scores[cell])) for cell in cells if cell != paper

@@ -64,6 +64,7 @@ def test_page_and_markdown_say_what_drivers_are_given_and_how_they_did(driven: P
         assert words in html
         assert words in markdown
     assert "films/x.webm" in html
+    assert "within 1 m of the goal, without collision, in 8 s" in html, "as the suite has it"
     assert (
         "| Driver | Map | People | Images | Trained on | Scenes seen | Training seeds | Episodes per cell |" in markdown
     )
