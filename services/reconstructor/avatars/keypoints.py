@@ -162,8 +162,8 @@ def keypoints_of(rows: Float64Array, source: Path) -> Keypoints:
     Raises:
         AvatarError: If confidences are none.
     """
-    broken = ~(np.abs(rows) < _FAR_PX).all(axis=2)
-    rows = np.where(broken[..., None], 0.0, rows)
+    near = np.all(np.abs(rows) < _FAR_PX, axis=2, keepdims=True)
+    rows = np.where(near, rows, 0.0)
     if rows[..., 2].min(initial=0.0) < 0.0 or rows[..., 2].max(initial=0.0) > CONFIDENCE_MAX:
         raise AvatarError(
             f"{source}: confidences must be 0..1, got {rows[..., 2].min():.3g}..{rows[..., 2].max():.3g}; "
