@@ -18,7 +18,7 @@ from typing import IO, Any, NamedTuple
 
 import numpy as np
 
-from readygo.common.arrays import AnyArray
+from readygo.common.arrays import AnyArray, Float64Array
 from readygo.common.errors import ReadygoError
 from readygo.common.files import open_regular, open_zip
 
@@ -95,6 +95,17 @@ def load_npy(path: Path, *, bytes_max: int, raises: type[ReadygoError], remedy: 
         if size > bytes_max:
             raise ValueError(f"it has {size} bytes, {bytes_max} are read at most")
         return _read_array(stream, size, ())
+
+
+def as_float64(array: AnyArray, name: str, *, raises: type[ReadygoError]) -> Float64Array:
+    """An array that was read, as float64.
+
+    Raises:
+        ReadygoError: If it holds no numbers; `name` says in the message what it is.
+    """
+    if array.dtype.kind not in "biuf":
+        raise raises(f"{name} must hold numbers, got values of {array.dtype}.")
+    return array.astype(np.float64)
 
 
 def map_npy(path: Path, *, raises: type[ReadygoError]) -> AnyArray:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from readygo.common.errors import RunError
+from readygo.common.files import open_regular
 from readygo.common.perception.artifact import GRAPH_FILE
 from readygo.common.state_policy.state_policy import ACTOR_FILE, STATE_POLICY_FILE
 from readygo.runs.methods import (
@@ -93,5 +94,5 @@ def _files_hash(paths: Sequence[Path]) -> str:
 
 
 def _file_hash(path: Path) -> str:
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

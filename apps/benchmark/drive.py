@@ -80,7 +80,7 @@ def drive_suite(drive: SuiteDrive, *, report: Report) -> BenchmarkManifest:
     if (drive.folder / MANIFEST_FILE).exists():
         check_suite(read_manifest(drive.folder), drive.suite, drive.folder)
     hashes = method_hashes(drive.drivers, drive.checkpoints)
-    scenes = {name: scene.sha256 for name, scene in drive.suite.suite.scenes.items()}
+    scenes = drive.suite.scene_hashes
     drivers = {
         name: BenchmarkedDriver(sha256=hashes.get(name, ""), inputs=inputs_of(name, drive.checkpoints, scenes))
         for name in drive.drivers

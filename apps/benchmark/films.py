@@ -1,5 +1,8 @@
 """Films of a leaderboard: the median and the worst episode of each row, from the kept commands."""
 
+import hashlib
+import json
+import re
 from pathlib import Path
 
 from readygo.apps.benchmark.leaderboard import Leaderboard, films_to_show
@@ -26,7 +29,7 @@ def film_leaderboard(board: Leaderboard, out: Path) -> list[MediaFigure]:
     """
     figures = []
     for row, word, record in films_to_show(board):
-        path = out / FILMS_FOLDER / f"{short_name(row.name).replace('/', '-')}-{word}{FILM_ENDING}"
+        path = out / FILMS_FOLDER / film_name(board.suite, record)
         if not path.exists():
             path.parent.mkdir(parents=True, exist_ok=True)
             _film(board.suite, board.folders[record.method], record, path)
@@ -35,6 +38,18 @@ def film_leaderboard(board: Leaderboard, out: Path) -> list[MediaFigure]:
             MediaFigure(video=f"{FILMS_FOLDER}/{path.name}", caption=f"{said} after {record.result.duration_s:.1f} s.")
         )
     return figures
+
+
+def film_name(suite: OpenSuite, record: EpisodeRecord) -> str:
+    """A name that no other record has, as a page may be written again into a folder.
+
+    Args:
+        suite: Suite of the record.
+        record: What is filmed.
+    """
+    digest = hashlib.sha256(f"{suite.sha256} {json.dumps(record.to_mapping())}".encode()).hexdigest()
+    driver = re.sub(r"[^\w.-]", "-", record.method)
+    return f"{driver}-{record.episode.episode_id}-{digest[:8]}{FILM_ENDING}"
 
 
 def _film(suite: OpenSuite, folder: Path, record: EpisodeRecord, path: Path) -> None:

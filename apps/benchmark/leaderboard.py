@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,14 +33,13 @@ SHOWN = (
 """Measures of the tables, in their order."""
 _SUCCESS = next(measure for measure in MEASURES if measure.name == "success")
 _NOTE = (
-    "SR: share of the episodes in which the robot comes within 1 m of the goal, without collision, in 50 s. SPL: "
-    "success weighted by path length. PSC: share of the time with 1.0 m or more between the centres of robot and "
-    "everybody. Total: 0.4 SR + 0.3 SPL + 0.3 PSC. ART: mean reaching time, a failure counts the time limit. Personal "
-    "space: share of the time within 0.5 m of a side. Least time to collision: if robot and human kept their "
-    "velocities, at most 10 s. In brackets: 95 % intervals, Wilson's of rates of one policy, else of 2,000 resamples "
-    "of the episodes; they say nothing about other seeds of a training."
+    "SR: share of the episodes in which the robot comes within {radius_m:g} m of the goal, without collision, in "
+    "{limit_s:g} s. SPL: success weighted by path length. PSC: share of the time with 1.0 m or more between the "
+    "centres of robot and everybody. Total: 0.4 SR + 0.3 SPL + 0.3 PSC. ART: mean reaching time, a failure counts the "
+    "time limit. Personal space: share of the time within 0.5 m of a side. Least time to collision: if robot and human "
+    "kept their velocities, at most 10 s. In brackets: 95 % intervals, Wilson's of rates of one policy, else of 2,000 "
+    "resamples of the episodes; they say nothing about other seeds of a training."
 )
-
 _INPUTS_NOTE = (
     "All are given the goal. Map: it knows the scene's map and its place on it. People: which people it is told of. "
     "Scenes seen: scenes of the suite among the data of its training. Training seeds: policies behind the row."
@@ -64,8 +64,8 @@ class LeaderboardRow:
 
     @property
     def episodes(self) -> int:
-        """Fewest episodes of a cell."""
-        return min(len({record.episode for record in records}) for records in self.cells.values())
+        """Fewest episodes of a cell and driver."""
+        return min(min(Counter(record.method for record in records).values()) for records in self.cells.values())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,10 +78,13 @@ class Leaderboard:
     """Driver that all others are compared with."""
     made_by: Mapping[str, str]
     """Versions of the first folder."""
-    episodes: int
-    """Fewest episodes of a cell."""
     folders: Mapping[str, Path]
     """Folder of each driver's records."""
+
+    @property
+    def episodes(self) -> int:
+        """Fewest episodes of a cell and row."""
+        return min(row.episodes for row in self.rows)
 
     def scores(self, cell: str) -> dict[str, Mapping[str, Score]]:
         """Measures of a cell, by row."""
@@ -107,7 +110,8 @@ def read_leaderboard(folders: Sequence[Path], suite: OpenSuite, reference: str =
         The leaderboard, its rows by their total in the paper's cell.
 
     Raises:
-        RunError: If a folder is of another suite, two have different drivers of one name, or there is no reference.
+        RunError: If a folder is of another suite or lacks records, two have different drivers of one name, or there is
+            no reference.
     """
     drivers: dict[str, BenchmarkedDriver] = {}
     places: dict[str, Path] = {}
@@ -125,6 +129,10 @@ def read_leaderboard(folders: Sequence[Path], suite: OpenSuite, reference: str =
         for cell, records in read_cells(folder, suite, new).items():
             cells[cell] += records
         drivers |= {name: manifest.drivers[name] for name in manifest.drivers if name in new}
+    for cell, records in cells.items():
+        if missing := drivers.keys() - {record.method for record in records}:
+            name = min(missing)
+            raise RunError(f"{places[name]} has no records of {name} in the cell {cell}: let the run end into it.")
     reference = reference or (EXPERT if EXPERT in drivers else next(iter(drivers)))
     if reference not in drivers:
         raise RunError(f"There is no driver {reference!r} to compare with; there are {', '.join(drivers)}.")
@@ -133,7 +141,6 @@ def read_leaderboard(folders: Sequence[Path], suite: OpenSuite, reference: str =
         rows=_rows(drivers, cells),
         reference=reference,
         made_by=manifests[0].made_by,
-        episodes=min(manifest.episodes for manifest in manifests),
         folders=places,
     )
     totals = {row: scores["total"].mean for row, scores in board.scores(suite.suite.paper_cell).items()}
@@ -162,6 +169,8 @@ def leaderboard_tables(board: Leaderboard) -> dict[str, list[Block]]:
     cells = board.suite.suite.cells
     scores = {cell: board.scores(cell) for cell in cells}
     paper = board.suite.suite.paper_cell
+    episode = board.suite.config(paper).episode
+    note = _NOTE.format(radius_m=episode.success_radius_m, limit_s=episode.time_limit_s)
     return {
         "Drivers": [_driver_table(board), small_print(_INPUTS_NOTE)],
         "Success by cell": [
@@ -171,7 +180,7 @@ def leaderboard_tables(board: Leaderboard) -> dict[str, list[Block]]:
             ),
             small_print(" ".join(f"{name}: {cell.words}." for name, cell in cells.items())),
         ],
-        f"All measures in {paper}": [_measure_table(board.rows, scores[paper]), small_print(_NOTE)],
+        f"All measures in {paper}": [_measure_table(board.rows, scores[paper]), small_print(note)],
         "All measures elsewhere": list(
             itertools.chain.from_iterable(
                 (Subheading(cell), _measure_table(board.rows, scores[cell])) for cell in cells if cell != paper

@@ -1,11 +1,10 @@
 """Packs a folder of results into one file that others verify."""
 
-import io
 import zipfile
 from pathlib import Path
 
 from readygo.common.errors import RunError
-from readygo.common.files import read_regular, write_whole
+from readygo.common.files import read_regular, write_then_rename
 from readygo.runs.benchmark.folder import MANIFEST_FILE, SUITE_FILE, check_suite, defects, read_manifest
 from readygo.runs.benchmark.suite import OpenSuite
 
@@ -36,10 +35,8 @@ def pack_results(folder: Path, suite: OpenSuite, out: Path) -> int:
     if lines := defects(folder, suite, manifest):
         raise RunError(f"{folder} is not as it was driven: {lines[0]}{'' if len(lines) == 1 else ', and more'}.")
     names = sorted([MANIFEST_FILE, SUITE_FILE, *manifest.files])
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
+    with write_then_rename(out, raises=RunError) as part, zipfile.ZipFile(part, "w") as archive:
         for name in names:
             info = zipfile.ZipInfo(name, _EPOCH)
             archive.writestr(info, read_regular(folder / name), zipfile.ZIP_DEFLATED)
-    write_whole(out, stream.getvalue(), raises=RunError)
     return len(names)

@@ -11,6 +11,7 @@ from readygo.apps.benchmark.drive import cell_evaluator
 from readygo.common.arrays import Float64Array
 from readygo.common.errors import RunError
 from readygo.runs.benchmark.folder import (
+    MANIFEST_FILE,
     BenchmarkManifest,
     cell_folder,
     check_suite,
@@ -18,6 +19,7 @@ from readygo.runs.benchmark.folder import (
     read_cells,
     read_manifest,
 )
+from readygo.runs.benchmark.inputs import inputs_of
 from readygo.runs.benchmark.suite import OpenSuite
 from readygo.runs.evaluation import evaluation_settings
 from readygo.runs.method_files import method_hashes
@@ -68,9 +70,10 @@ def verify_folder(verification: Verification) -> tuple[list[str], int]:
     suite, folder = verification.suite, verification.folder
     manifest = read_manifest(folder)
     check_suite(manifest, suite, folder)
+    lines, driven = defects(folder, suite, manifest), 0
     if verification.share:
         _check_drivers(manifest, verification.checkpoints)
-    lines, driven = defects(folder, suite, manifest), 0
+        lines += _wrong_inputs(manifest, verification)
     for number, (cell, records) in enumerate(read_cells(folder, suite, manifest.drivers).items()):
         drawn = _draw_records(verification, number, records)
         driven += len(drawn)
@@ -92,6 +95,16 @@ def _check_drivers(manifest: BenchmarkManifest, checkpoints: Path) -> None:
             )
 
 
+def _wrong_inputs(manifest: BenchmarkManifest, verification: Verification) -> list[str]:
+    """A line for every driver that is given, or has learned from, something else than the manifest says."""
+    scenes = verification.suite.scene_hashes
+    return [
+        f"{MANIFEST_FILE}: {name} is not given what it says"
+        for name, driver in manifest.drivers.items()
+        if driver.inputs != inputs_of(name, verification.checkpoints, scenes)
+    ]
+
+
 def _draw_records(verification: Verification, number: int, records: Sequence[EpisodeRecord]) -> set[RecordKey]:
     """The records of a cell that are driven again."""
     if not verification.share or not records:
@@ -104,10 +117,10 @@ def _draw_records(verification: Verification, number: int, records: Sequence[Epi
 def _mismatches(
     verification: Verification, manifest: BenchmarkManifest, cell: str, scene: str, drawn: Collection[RecordKey]
 ) -> Iterator[str]:
-    """What does not hold in a cell and scene: settings, missing episodes, records that drive again to others."""
+    """What does not hold in a cell and scene: settings, episodes, records that drive again to others."""
     names = tuple(manifest.drivers)
     world = verification.suite.world(cell, scene)
-    request = verification.suite.request(cell, scene, names, manifest.episodes)
+    request = verification.suite.request(cell, scene, names)
     hashes = {name: driver.sha256 for name, driver in manifest.drivers.items() if driver.sha256}
     settings = evaluation_settings(world, request, policy="", camera="policy", methods=hashes)
     folder = cell_folder(verification.folder, cell, scene)
@@ -119,10 +132,14 @@ def _mismatches(
     episodes, _ = evaluator.source().draw(
         seed=request.seed, split=request.split, count=request.episodes, tasks=request.tasks
     )
+    begun = episodes[: verification.suite.episodes_of(scene, manifest.episodes)]
     with read_results(folder) as results:
         for name in names:
-            if missing := sum(_key(episode, name) not in results.records for episode in episodes):
+            if missing := sum(_key(episode, name) not in results.records for episode in begun):
                 yield f"{missing} episodes of {name} are missing"
+            known = {_key(episode, name) for episode in episodes}
+            if foreign := sum(key not in known for key, record in results.records.items() if record.method == name):
+                yield f"{foreign} records of {name} are of no episode of the suite"
         for name in used:
             chosen = [episode for episode in episodes if _key(episode, name) in drawn]
             yield from _drive_again(evaluator, results, name, chosen, request.hold_steps(world.config.robot.clock))

@@ -15,10 +15,10 @@ import numpy as np
 from readygo.common.arrays import BoolArray, Float32Array, Float64Array, UInt8Array
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.images.images import FIELDS, Images
+from readygo.common.images.light import LIGHT_ONE, byte_of_light, light_of_byte
 from readygo.common.maps import FloorMap
 from readygo.common.rasterizer.interface import PinholeCamera, Rasterizer, View
 from readygo.services.reconstructor import PrintedSheet
-from readygo.services.renderer import LIGHT_ONE, byte_of_light, light_of_byte
 
 PAPER, INK = 0.72, 0.03
 """Linear reflectance of white paper and of black ink, 0..1."""

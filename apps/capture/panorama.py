@@ -9,8 +9,8 @@ import numpy as np
 
 from readygo.common.arrays import Float32Array, Float64Array, UInt8Array
 from readygo.common.camera import CameraConfig
+from readygo.common.images.light import byte_of_light, light_of_byte
 from readygo.services.reconstructor import panorama_rays
-from readygo.services.renderer import byte_of_light, light_of_byte
 
 _TURNS = (
     ((1, 0, 0), (0, 1, 0), (0, 0, 1)),

@@ -108,13 +108,13 @@ def write_manifest(
     earlier = read_manifest(folder).drivers if (folder / MANIFEST_FILE).exists() else {}
     known = {**earlier, **drivers}
     cells = read_cells(folder, suite, known)
-    counts = [sum(record.method == name for record in records) for records in cells.values() for name in known]
+    episodes, complete = _progress(suite, cells, known)
     manifest = BenchmarkManifest(
         format=RESULTS_FORMAT,
         suite=suite.suite.name,
         suite_sha256=suite.sha256,
-        episodes=min(counts),
-        complete=set(counts) == {suite.suite.episodes},
+        episodes=episodes,
+        complete=complete,
         drivers=known,
         made_by=made_by,
         files=dict(_digests(folder, suite)),
@@ -140,6 +140,8 @@ def read_manifest(folder: Path) -> BenchmarkManifest:
         raise RunError(f"{path} cannot be read: {error}") from error
     if manifest.format != RESULTS_FORMAT:
         raise RunError(f"{path} is of the format {manifest.format!r}, this version reads {RESULTS_FORMAT}.")
+    if not manifest.drivers:
+        raise RunError(f"{path} names no driver: let `readygo benchmark run` end into {folder}.")
     return manifest
 
 
@@ -158,14 +160,18 @@ def defects(folder: Path, suite: OpenSuite, manifest: BenchmarkManifest) -> list
     Raises:
         RunError: If records cannot be read.
     """
-    found = dict(_digests(folder, suite))
+    wanted = {**manifest.files, SUITE_FILE: suite.sha256}
+    found = dict(_digests(folder, suite, SUITE_FILE))
     lines = [
         f"{name}: {'is missing' if name not in found else 'was edited'}"
-        for name, sha256 in manifest.files.items()
+        for name, sha256 in wanted.items()
         if found.get(name) != sha256
     ]
-    lines += [f"{name}: is not in {MANIFEST_FILE}" for name in found if name not in manifest.files]
-    scores = json.loads(json.dumps(scores_by_cell(suite, read_cells(folder, suite, manifest.drivers))))
+    lines += [f"{name}: is not in {MANIFEST_FILE}" for name in found if name not in wanted]
+    cells = read_cells(folder, suite, manifest.drivers)
+    if (manifest.episodes, manifest.complete) != _progress(suite, cells, manifest.drivers):
+        lines.append(f"{MANIFEST_FILE}: the number of episodes does not follow from its records")
+    scores = json.loads(json.dumps(scores_by_cell(suite, cells)))
     return lines + [
         f"{MANIFEST_FILE}: the scores of {cell} do not follow from its records"
         for cell in suite.suite.cells
@@ -173,10 +179,17 @@ def defects(folder: Path, suite: OpenSuite, manifest: BenchmarkManifest) -> list
     ]
 
 
-def _digests(folder: Path, suite: OpenSuite) -> Iterator[tuple[str, str]]:
-    """SHA-256 of each file of records, by its path in the folder."""
-    for cell, scene in suite.places:
-        for name in RECORD_FILES:
-            path = cell_folder(folder, cell, scene) / name
-            if path.is_file():
-                yield path.relative_to(folder).as_posix(), hashlib.sha256(read_regular(path)).hexdigest()
+def _progress(
+    suite: OpenSuite, cells: Mapping[str, Sequence[EpisodeRecord]], drivers: Collection[str]
+) -> tuple[int, bool]:
+    """Episodes of a cell that every driver drove, and whether these are all of the suite's."""
+    counts = [sum(record.method == name for record in records) for records in cells.values() for name in drivers]
+    return min(counts), set(counts) == {suite.suite.episodes}
+
+
+def _digests(folder: Path, suite: OpenSuite, *more: str) -> Iterator[tuple[str, str]]:
+    """SHA-256 of each file of records, and of more files, by its path in the folder."""
+    names = [(cell_folder(folder, *place) / name) for place in suite.places for name in RECORD_FILES]
+    for path in (*names, *(folder / name for name in more)):
+        if path.is_file():
+            yield path.relative_to(folder).as_posix(), hashlib.sha256(read_regular(path)).hexdigest()

@@ -119,6 +119,11 @@ class OpenSuite:
         return hashlib.sha256(self.text).hexdigest()
 
     @property
+    def scene_hashes(self) -> dict[str, str]:
+        """Content hash of each scene, by name."""
+        return {name: scene.sha256 for name, scene in self.suite.scenes.items()}
+
+    @property
     def places(self) -> list[tuple[str, str]]:
         """All pairs of a cell and a scene, by name."""
         return [(cell, scene) for cell in self.suite.cells for scene in self.suite.scenes]
@@ -206,9 +211,14 @@ def parse_suite(text: bytes, name: str, folder: Path) -> OpenSuite:
         folder: Folder that its paths start from.
 
     Raises:
-        ConfigError: If it describes no suite.
+        ConfigError: If it describes no suite, or a cell has an unknown or wrong setting.
     """
     try:
-        return OpenSuite(suite=section_from_mapping(Suite, parse_toml(text.decode())), text=text, folder=folder)
+        suite = OpenSuite(
+            suite=section_from_mapping(Suite, parse_toml(text.decode("utf-8-sig"))), text=text, folder=folder
+        )
     except (ValueError, ReadygoError) as error:
         raise ConfigError(f"Suite {name}: {error}") from error
+    for cell in suite.suite.cells:
+        suite.config(cell)
+    return suite

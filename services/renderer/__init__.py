@@ -12,9 +12,6 @@ if TYPE_CHECKING:
     from readygo.services.renderer.config import RendererConfig as RendererConfig
     from readygo.services.renderer.config import SensorName as SensorName
     from readygo.services.renderer.handlers import handle_render as handle_render
-    from readygo.services.renderer.light import LIGHT_ONE as LIGHT_ONE
-    from readygo.services.renderer.light import byte_of_light as byte_of_light
-    from readygo.services.renderer.light import light_of_byte as light_of_byte
     from readygo.services.renderer.live import LiveCamera as LiveCamera
     from readygo.services.renderer.looks import Look as Look
     from readygo.services.renderer.looks import goal_picture as goal_picture
@@ -45,11 +42,7 @@ else:
             "SensorName",
         ),
         ".handlers": ("handle_render",),
-        ".light": (
-            "LIGHT_ONE",
-            "byte_of_light",
-            "light_of_byte",
-        ),
+        ".light": (),
         ".live": ("LiveCamera",),
         ".looks": (
             "Look",

@@ -1,7 +1,7 @@
 """Development: the light of drawn images, added up over time and through a lens, exposed, made noisy, and sRGB again.
 
-sRGB bytes become light by a table of 16-bit numbers and light becomes bytes by another one, both made with scalar
-functions; what lies between rounds alike on every CPU.
+sRGB bytes become light and bytes again by the tables of `common/images/light.py`; what lies between rounds alike on
+every CPU.
 """
 
 import dataclasses
@@ -15,30 +15,12 @@ import numpy as np
 from readygo.common.arrays import BoolArray, Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
 from readygo.common.camera import CameraConfig
 from readygo.common.images.images import Images
+from readygo.common.images.light import LIGHT_ONE, byte_of_light, light_of_byte
 from readygo.common.kernels import kernel_with_cache
 from readygo.services.renderer.camera import TIME_ONE, EpisodeCamera, Shot, SubFrame, exposure_gain, sensor_rng
 from readygo.services.renderer.faces import WEIGHT_ONE, Remap, look_up
 
-LIGHT_ONE = 65535
-"""White in the tables."""
 _NORMALS = 1 << 16
-
-
-@cache
-def light_of_byte() -> Int64Array:
-    """Light of each sRGB byte, in 1/65535 of white, shape (256,). Source: IEC 61966-2-1."""
-    light = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (byte / 255 for byte in range(256))]
-    return np.array([math.floor(value * LIGHT_ONE + 0.5) for value in light], dtype=np.int64)
-
-
-@cache
-def byte_of_light() -> UInt8Array:
-    """The sRGB byte of each light, shape (65536,)."""
-    codes = [
-        12.92 * light if light <= 0.0031308 else 1.055 * light ** (1 / 2.4) - 0.055
-        for light in (number / LIGHT_ONE for number in range(LIGHT_ONE + 1))
-    ]
-    return np.array([math.floor(code * 255 + 0.5) for code in codes], dtype=np.uint8)
 
 
 @cache

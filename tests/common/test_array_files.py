@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from readygo.common.array_files import NUMBERS, load_npy, load_npz, map_npy
+from readygo.common.array_files import NUMBERS, as_float64, load_npy, load_npz, map_npy
 from readygo.common.errors import AvatarError
 
 MB = 2**20
@@ -180,6 +180,15 @@ def test_single_array_is_read_up_to_a_size_and_mapped(tmp_path: Path) -> None:
     mapped = map_npy(path, raises=AvatarError)
     np.testing.assert_array_equal(mapped, array)
     assert not mapped.flags.writeable
+
+
+def test_arrays_of_numbers_become_float64_and_others_are_refused() -> None:
+    for array in (np.array([True]), np.array([1], np.uint8), np.array([1.0], ">f4")):
+        numbers = as_float64(array, "x", raises=AvatarError)
+        assert (numbers.dtype, numbers.tolist()) == (np.float64, [1.0])
+    for array in (np.array(["1"]), np.zeros(1, ROW)):
+        with pytest.raises(AvatarError, match="x must hold numbers, got values of"):
+            as_float64(array, "x", raises=AvatarError)
 
 
 def test_text_of_characters_that_do_not_exist_is_refused(tmp_path: Path) -> None:

@@ -169,7 +169,9 @@ def _find_poses(
         write_poses(stage / POSES_FILE, found.root_m, found.pose_axis_angle)
         return {"miss_px": round(found.miss_px, 2), "notes": list(found.notes)}
 
-    digest = hashlib.sha256("".join(sorted(bodies)).encode())
+    digest = hashlib.sha256()
+    for name in sorted(bodies):
+        digest.update(bodies[name].joints_tpose_m.tobytes())
     for array in (keypoints.uv_px, keypoints.confidence, views.K_px, views.T_world_camera):
         digest.update(array.tobytes())
     settings = {

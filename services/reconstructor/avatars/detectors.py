@@ -192,6 +192,8 @@ def _run(path: Path, session: Any, name: str, image: UInt8Array) -> list[AnyArra
         outputs: list[AnyArray] = session.run(None, {name: np.ascontiguousarray(values.transpose(2, 0, 1))[None]})
     except Exception as error:  # onnxruntime raises many unrelated types
         raise AvatarError(f"{path} cannot be run: {str(error).splitlines()[0]}.") from error
+    if not all(isinstance(output, np.ndarray) and output.dtype.kind in "biuf" and output.size for output in outputs):
+        raise AvatarError(f"{path} must give arrays of numbers, none of them empty.")
     if not all(np.isfinite(output).all() for output in outputs):
         raise AvatarError(f"{path} gives numbers that are not finite.")
     return outputs

@@ -23,13 +23,13 @@ Both layouts have pixel centres at +0.5.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from readygo.common.array_files import load_npz
+from readygo.common.array_files import as_float64, load_npz
 from readygo.common.arrays import AnyArray, Float64Array, Int64Array
 from readygo.common.avatars.posing import nearest_rotation
 from readygo.common.camera.captured import CapturedViews, load_views, views_text
@@ -240,7 +240,7 @@ def _read_neuman(folder: Path, masks: Path | None) -> Footage:
     missing = [key for key in ("global_orient", "body_pose", "transl") if key not in arrays]
     if missing:
         raise AvatarError(f"{path} lacks {', '.join(missing)}; it needs SMPL's parameters of every frame.")
-    body = np.atleast_1d(arrays["body_pose"])
+    body = np.atleast_1d(_numbers(path, arrays, "body_pose"))
     body = body.reshape(len(body), math.prod(body.shape[1:]))
     if body.shape[1] != 69:
         raise AvatarError(
@@ -249,9 +249,9 @@ def _read_neuman(folder: Path, masks: Path | None) -> Footage:
         )
     views = _colmap_views(folder)
     count = len(body)
-    orient = _fit_rows(path, "global_orient", arrays["global_orient"], count, 3)
-    transl = _fit_rows(path, "transl", arrays["transl"], count, 3)
-    scales = arrays["scale"].astype(np.float64).reshape(-1) if "scale" in arrays else np.ones(1)
+    orient = _fit_rows(path, arrays, "global_orient", count, 3)
+    transl = _fit_rows(path, arrays, "transl", count, 3)
+    scales = _numbers(path, arrays, "scale").reshape(-1) if "scale" in arrays else np.ones(1)
     scale = float(np.median(scales)) if len(scales) else 0.0
     if not (np.isfinite(scale) and scale > 0.0):
         raise AvatarError(f"{path}: scale must be positive, got {scale}.")
@@ -264,23 +264,29 @@ def _read_neuman(folder: Path, masks: Path | None) -> Footage:
         views,
         T,
         zup_from_yup(transl / scale + SMPL_PELVIS_M),
-        np.concatenate([orient, body.astype(np.float64)], axis=1).reshape(count, 24, 3),
+        np.concatenate([orient, body], axis=1).reshape(count, 24, 3),
         path,
         masks,
     )
-    # One person has one shape; files hold a row for each frame.
-    betas = arrays["betas"].astype(np.float64).reshape(len(arrays["betas"]), -1) if "betas" in arrays else None
-    return replace(footage, betas=np.zeros(0) if betas is None or not betas.size else np.median(betas, axis=0))
+    return replace(footage, betas=_shape_of(path, arrays))
+
+
+def _shape_of(path: Path, arrays: Mapping[str, AnyArray]) -> Float64Array:
+    """Coefficients of SMPL's shape, shape (B,): one person has one shape, files hold it once or for each frame."""
+    rows = np.atleast_2d(_numbers(path, arrays, "betas")) if "betas" in arrays else np.zeros((0, 0))
+    if not np.isfinite(rows).all():
+        raise AvatarError(f"{path}: betas hold values that are not finite.")
+    return np.median(rows.reshape(len(rows), math.prod(rows.shape[1:])), axis=0) if rows.size else np.zeros(0)
 
 
 def _read_plain(folder: Path, masks: Path | None, path: Path) -> Footage:
     arrays = load_npz(path, ("root_m", "pose_axis_angle"), bytes_max=_BYTES_MAX, raises=AvatarError)
     if set(arrays) != {"root_m", "pose_axis_angle"}:
         raise AvatarError(f"{path} needs root_m (F, 3) and pose_axis_angle (F, 24, 3), it has {sorted(arrays)}.")
-    pose = arrays["pose_axis_angle"].astype(np.float64)
+    pose = _numbers(path, arrays, "pose_axis_angle")
     if pose.shape[1:] != (24, 3):
         raise AvatarError(f"{path}: pose_axis_angle must be (F, 24, 3) for the joints of SMPL, got {pose.shape}.")
-    root = _fit_rows(path, "root_m", arrays["root_m"], len(pose), 3)
+    root = _fit_rows(path, arrays, "root_m", len(pose), 3)
     views = read_views(folder)
     return _footage(folder, views, views.T_world_camera, root, pose, path, masks)
 
@@ -302,10 +308,15 @@ def _colmap_views(folder: Path) -> CapturedViews:
         raise AvatarError(f"{model} cannot be read: {error}") from error
 
 
-def _fit_rows(path: Path, key: str, array: AnyArray, count: int, width: int) -> Float64Array:
+def _numbers(path: Path, arrays: Mapping[str, AnyArray], key: str) -> Float64Array:
+    return as_float64(arrays[key], f"{path}: {key}", raises=AvatarError)
+
+
+def _fit_rows(path: Path, arrays: Mapping[str, AnyArray], key: str, count: int, width: int) -> Float64Array:
+    array = _numbers(path, arrays, key)
     if array.shape != (count, width):
         raise AvatarError(f"{path}: {key} must have shape ({count}, {width}), a row for each frame, got {array.shape}.")
-    return array.astype(np.float64)
+    return array
 
 
 def _footage(

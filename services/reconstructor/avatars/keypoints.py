@@ -14,7 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from readygo.common.array_files import load_npz
+from readygo.common.array_files import as_float64, load_npz
 from readygo.common.arrays import BoolArray, Float64Array, Int64Array
 from readygo.common.errors import AvatarError
 from readygo.common.files import write_then_rename
@@ -37,7 +37,7 @@ CONFIDENCE_MAX = 1.5
 """Networks overshoot 1 a little; beyond this, numbers are no confidences."""
 _SEEN_MIN, _EMPTY_FRAMES, _FEET_FRAMES_MIN = 5, 0.2, 0.2
 _COVER_MIN, _COVER_MARGIN = 0.6, 0.05
-_BYTES_MAX = 2**26
+_BYTES_MAX, _FAR_PX = 2**26, 1e5
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def read_keypoints(path: Path, images: Sequence[str]) -> Keypoints:
     arrays = load_npz(path, ("keypoints", "images"), bytes_max=_BYTES_MAX, raises=AvatarError)
     if "keypoints" not in arrays:
         raise AvatarError(f"{path} lacks keypoints (F, K, 3): u, v [px] and confidence of each keypoint.")
-    rows = arrays["keypoints"].astype(np.float64)
+    rows = as_float64(arrays["keypoints"], f"{path}: keypoints", raises=AvatarError)
     counts = " or ".join(str(count) for count in SETS)
     if rows.ndim != 3 or rows.shape[2] != 3 or rows.shape[1] not in SETS:
         raise AvatarError(
@@ -157,13 +157,13 @@ def read_keypoints(path: Path, images: Sequence[str]) -> Keypoints:
 
 
 def keypoints_of(rows: Float64Array, source: Path) -> Keypoints:
-    """Keypoints of rows (F, K, 3) of u, v, confidence; what is not finite counts as not seen.
+    """Keypoints of rows (F, K, 3) of u, v, confidence; what is not finite, or far from any image, counts as not seen.
 
     Raises:
         AvatarError: If confidences are none.
     """
-    broken = np.isfinite(rows).min(axis=2) == 0
-    rows = np.where(broken[..., None], 0.0, rows)
+    near = np.all(np.abs(rows) < _FAR_PX, axis=2, keepdims=True)
+    rows = np.where(near, rows, 0.0)
     if rows[..., 2].min(initial=0.0) < 0.0 or rows[..., 2].max(initial=0.0) > CONFIDENCE_MAX:
         raise AvatarError(
             f"{source}: confidences must be 0..1, got {rows[..., 2].min():.3g}..{rows[..., 2].max():.3g}; "

@@ -1,5 +1,6 @@
 """Which capture with poses a path holds, and the images of it that are used."""
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -95,7 +96,8 @@ def _names(paths: list[Path]) -> list[str]:
     stems = [path.stem for path in paths]
     if len(set(stems)) == len(stems):
         return [f"{stem}.jpg" for stem in stems]
-    nested = [f"{path.parent.name}/{path.stem}" for path in paths]
+    # Without "..", with which an image would be written elsewhere.
+    nested = [f"{Path(os.path.normpath(path)).parent.name}/{path.stem}" for path in paths]
     if len(set(nested)) < len(nested):
         raise SceneError(f"{paths[0].parent} holds images whose names differ in their endings only; rename them.")
     return [f"{name}.jpg" for name in nested]

@@ -11,11 +11,11 @@ import numpy as np
 from readygo.common.arrays import Float64Array, UInt8Array
 from readygo.common.errors import ConfigError
 from readygo.common.images.encoded import read_pixels
-from readygo.services.reconstructor.frames.light import GAMMA
+from readygo.common.images.light import LIGHT_ONE, light_of_byte
 
 DEFAULT_DICTIONARY = "4X4_50"
 _PREFIX = "DICT_"
-_LIGHT = np.rint(255.0 * (np.arange(256) / 255.0) ** GAMMA).astype(np.uint8)
+_LIGHT = np.rint(255.0 * light_of_byte() / LIGHT_ONE).astype(np.uint8)
 """Light of the grey values of an image as cameras encode it."""
 
 

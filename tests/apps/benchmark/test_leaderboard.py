@@ -12,7 +12,7 @@ from readygo.apps.benchmark.leaderboard import (
 )
 from readygo.apps.report.page import MediaFigure
 from readygo.common.errors import RunError
-from readygo.runs.benchmark.folder import BenchmarkedDriver, read_manifest, write_manifest
+from readygo.runs.benchmark.folder import MANIFEST_FILE, BenchmarkedDriver, read_manifest, write_manifest
 from readygo.runs.benchmark.inputs import DriverInputs
 from readygo.runs.benchmark.suite import OpenSuite
 from tests.runs.benchmark.suites import small_suite
@@ -21,6 +21,7 @@ from tests.runs.benchmark.suites import small_suite
 def renamed(driven: Path, folder: Path, suite: OpenSuite, *names: str, sha256: str = "ab") -> Path:
     """A folder with the records of the two drivers under other names, as of policies."""
     shutil.copytree(driven, folder)
+    (folder / MANIFEST_FILE).unlink()
     for path in folder.rglob("*.jsonl"):
         text = path.read_text()
         for old, new in zip(("straight-line", "expert-oracle"), names, strict=True):
@@ -63,6 +64,7 @@ def test_page_and_markdown_say_what_drivers_are_given_and_how_they_did(driven: P
         assert words in html
         assert words in markdown
     assert "films/x.webm" in html
+    assert "within 1 m of the goal, without collision, in 8 s" in html, "as the suite has it"
     assert (
         "| Driver | Map | People | Images | Trained on | Scenes seen | Training seeds | Episodes per cell |" in markdown
     )
@@ -75,6 +77,27 @@ def test_row_of_fewer_episodes_is_marked(suite: OpenSuite, tmp_path: Path):
     few = SuiteDrive(suite=suite, drivers=("straight-line",), folder=tmp_path, checkpoints=tmp_path, episodes=2)
     drive_suite(few, report=lambda _: None)
     assert "| 2, incomplete |" in leaderboard_markdown(read_leaderboard([tmp_path], suite))
+
+
+def test_seed_of_fewer_episodes_marks_its_row(driven: Path, suite: OpenSuite, tmp_path: Path):
+    theirs = renamed(driven, tmp_path / "theirs", suite, "mine/0", "mine/1")
+    path = theirs / "cells" / "people" / "flat" / "episodes.jsonl"
+    path.write_text(
+        "".join(
+            line
+            for line in path.read_text().splitlines(keepends=True)
+            if not ("mine/1" in line and '"index": 0' in line)
+        )
+    )
+    board = read_leaderboard([theirs], suite)
+    assert (board.rows[0].episodes, board.episodes) == (3, 3)
+
+
+def test_folder_without_records_of_a_driver_is_refused(driven: Path, suite: OpenSuite, tmp_path: Path):
+    copy = Path(shutil.copytree(driven, tmp_path / "copy"))
+    (copy / "cells" / "people" / "flat" / "episodes.jsonl").write_bytes(b"")
+    with pytest.raises(RunError, match="copy has no records of expert-oracle in the cell people: let the run end"):
+        read_leaderboard([copy], suite)
 
 
 def test_median_and_worst_episode_of_each_row_are_filmed(driven: Path, suite: OpenSuite):

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from readygo.apps.benchmark.drive import SuiteDrive, drive_suite
 from readygo.apps.benchmark.verify import Verification, verify_folder
 from readygo.common.errors import RunError
 from readygo.runs.benchmark.folder import MANIFEST_FILE, read_manifest, write_manifest
@@ -72,7 +73,33 @@ def test_left_out_episode_is_found(copy: Path, suite: OpenSuite):
     manifest = json.loads((copy / MANIFEST_FILE).read_text())
     (copy / MANIFEST_FILE).write_text(json.dumps(manifest | {"episodes": 4, "complete": True}))
     lines, _ = verify(suite, copy, share=0.0)
-    assert lines == [f"people, flat: 1 episodes of {name} are missing" for name in manifest["drivers"]]
+    assert lines == [
+        "benchmark.json: the number of episodes does not follow from its records",
+        *(f"people, flat: 1 episodes of {name} are missing" for name in manifest["drivers"]),
+    ]
+
+
+def test_record_of_no_episode_of_the_suite_is_found(copy: Path, suite: OpenSuite):
+    edit(copy, "episodes.jsonl", lambda record: record.update(index=1000))
+    hashed_again(copy, suite)
+    assert verify(suite, copy, share=0.0)[0] == [
+        "people, flat: 1 episodes of straight-line are missing",
+        "people, flat: 1 records of straight-line are of no episode of the suite",
+    ]
+
+
+def test_driver_that_drove_more_than_the_others_verifies(suite: OpenSuite, tmp_path: Path):
+    for driver, episodes in (("straight-line", 3), ("expert-oracle", 1)):
+        few = SuiteDrive(suite=suite, drivers=(driver,), folder=tmp_path, checkpoints=tmp_path, episodes=episodes)
+        drive_suite(few, report=lambda _: None)
+    assert verify(suite, tmp_path, share=1.0) == ([], 8)
+
+
+def test_wrong_inputs_of_a_driver_are_found(copy: Path, suite: OpenSuite):
+    manifest = json.loads((copy / MANIFEST_FILE).read_text())
+    manifest["drivers"]["expert-oracle"]["inputs"]["people"] = ""
+    (copy / MANIFEST_FILE).write_text(json.dumps(manifest))
+    assert verify(suite, copy)[0] == ["benchmark.json: expert-oracle is not given what it says"]
 
 
 def test_other_settings_are_found(copy: Path, suite: OpenSuite):

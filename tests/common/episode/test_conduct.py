@@ -131,3 +131,5 @@ def test_shortest_time_to_collision_is_that_of_discs_that_keep_their_velocities(
     both = np.concatenate([beside, at_an_angle], axis=1)
     assert shortest_collision_time_s(robot, both, dt_s=0.05, contact_m=0.5) == pytest.approx(0.6)
     assert shortest_collision_time_s(robot, np.zeros((41, 0, 2)), dt_s=0.05, contact_m=0.5) is None
+    leaving = robot[:, None] + np.linspace(0.1, 3.0, 41)[:, None, None] * (0.0, 1.0)
+    assert shortest_collision_time_s(robot, leaving, dt_s=0.05, contact_m=0.5) == 0.0, "in contact, and moving apart"

@@ -10,6 +10,7 @@ from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeKey, Outcome, Split
 from readygo.runs.benchmark.folder import (
     MANIFEST_FILE,
+    SUITE_FILE,
     BenchmarkedDriver,
     cell_folder,
     check_suite,
@@ -80,6 +81,20 @@ def test_scores_that_do_not_follow_are_found(folder: Path, suite: OpenSuite):
     assert lines == [f"{MANIFEST_FILE}: the scores of people do not follow from its records"]
 
 
+def test_numbers_of_episodes_that_do_not_follow_are_found(folder: Path, suite: OpenSuite):
+    manifest = read_manifest(folder)
+    for changes in ({"complete": False}, {"episodes": 3}):
+        lines = defects(folder, suite, dataclasses.replace(manifest, **changes))
+        assert lines == [f"{MANIFEST_FILE}: the number of episodes does not follow from its records"]
+
+
+def test_edited_or_missing_suite_is_found(folder: Path, suite: OpenSuite):
+    (folder / SUITE_FILE).write_text("edited")
+    assert defects(folder, suite, read_manifest(folder)) == [f"{SUITE_FILE}: was edited"]
+    (folder / SUITE_FILE).unlink()
+    assert defects(folder, suite, read_manifest(folder)) == [f"{SUITE_FILE}: is missing"]
+
+
 def test_fewer_episodes_are_marked_as_incomplete(suite: OpenSuite, tmp_path: Path):
     for cell, scene in suite.places:
         with open_results(cell_folder(tmp_path / "few", cell, scene), {}) as results:
@@ -112,6 +127,13 @@ def test_folder_of_another_suite_is_refused(folder: Path, tmp_path: Path):
     other = small_suite(tmp_path / "other", **{"seed = 3": "seed = 4"})
     with pytest.raises(RunError, match=r"is of the suite small/1 with the hash \w{12}\.\.\., not of small/1 with"):
         check_suite(read_manifest(folder), other, folder)
+
+
+def test_folder_without_drivers_is_refused(folder: Path):
+    manifest = json.loads((folder / MANIFEST_FILE).read_text())
+    (folder / MANIFEST_FILE).write_text(json.dumps(manifest | {"drivers": {}}))
+    with pytest.raises(RunError, match="names no driver: let `readygo benchmark run` end into"):
+        read_manifest(folder)
 
 
 @pytest.mark.parametrize(

@@ -83,10 +83,13 @@ def test_what_is_wrong_with_a_file_is_one_line(old: str, new: str, said: str):
     assert "\n" not in str(caught.value)
 
 
-def test_wrong_setting_is_named_with_suite_and_cell(tmp_path: Path):
-    suite = small_suite(tmp_path, **{"yielding = 0.5": "yielding = 2.0"})
+def test_wrong_setting_is_named_with_suite_and_cell_before_anything_is_driven(tmp_path: Path):
     with pytest.raises(ConfigError, match=r"Suite small/1, cell people: .*yielding must be 0\.\.1"):
-        suite.config("people")
+        small_suite(tmp_path, **{"yielding = 0.5": "yielding = 2.0"})
+
+
+def test_file_with_a_byte_order_mark_is_read():
+    assert parse_suite(b"\xef\xbb\xbf" + suite_text().encode(), "mine", Path()).suite.name == "small/1"
 
 
 def test_unknown_suites_are_refused_with_those_that_there_are(tmp_path: Path):

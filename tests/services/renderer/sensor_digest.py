@@ -7,13 +7,14 @@ import numpy as np
 
 from readygo.common.camera import CameraConfig
 from readygo.common.camera.lens import make_lens
+from readygo.common.images.light import light_of_byte
 from readygo.common.messages import HumanMotion, Motion
 from readygo.services.renderer import RendererConfig
 from readygo.services.renderer.camera import TIME_ONE, arc, exposure_gain, make_shutter, sensor_rng
 from readygo.services.renderer.config import sensor_phone_like
 from readygo.services.renderer.faces import make_remap, plan_faces
 from readygo.services.renderer.humans import pose_humans
-from readygo.services.renderer.light import add_light, light_of_byte, to_srgb
+from readygo.services.renderer.light import add_light, to_srgb
 
 HEIGHT, WIDTH = 40, 64
 

@@ -5,6 +5,7 @@ import pytest
 
 from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.camera.lens import make_lens
+from readygo.common.images.light import byte_of_light, light_of_byte
 from readygo.services.renderer import RendererConfig
 from readygo.services.renderer.camera import TIME_ONE
 from readygo.services.renderer.config import sensor_phone_like
@@ -16,7 +17,7 @@ from readygo.services.renderer.faces import (
     make_remap,
     plan_faces,
 )
-from readygo.services.renderer.light import add_light, byte_of_light, light_of_byte, to_srgb
+from readygo.services.renderer.light import add_light, to_srgb
 
 CAMERA = CameraConfig(height_px=72, width_px=128)
 WIDE = replace(CAMERA, distortion="fisheye", k1=0.02, horizontal_fov_deg=145.0)

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from readygo.common.camera import CameraConfig
+from readygo.common.images.light import byte_of_light, light_of_byte
 from readygo.services.renderer.camera import TIME_ONE, exposure_gain, sensor_rng
-from readygo.services.renderer.light import add_light, byte_of_light, light_of_byte, normal_of_word, to_srgb
+from readygo.services.renderer.light import add_light, normal_of_word, to_srgb
 
 H, W = 64, 96
 KEY = (1, 2)

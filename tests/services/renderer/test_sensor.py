@@ -13,6 +13,7 @@ from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.camera.lens import make_lens
 from readygo.common.errors import ConfigError
 from readygo.common.images.images import OUTPUTS, Images
+from readygo.common.images.light import byte_of_light, light_of_byte
 from readygo.common.maps import FloorMap, GridFrame, OccupancyMap
 from readygo.common.messages import (
     EpisodeKey,
@@ -29,11 +30,9 @@ from readygo.services.renderer import (
     Renderer,
     RendererConfig,
     Shot,
-    byte_of_light,
     episode_header,
     episode_samples,
     handle_render,
-    light_of_byte,
 )
 from readygo.services.renderer import renderer as renderer_module
 from readygo.services.renderer.config import sensor_phone_like

@@ -13,16 +13,16 @@ def write_network(
     path: Path,
     nodes: Sequence[onnx.NodeProto],
     size: tuple[int | str, int | str],
-    outputs: Sequence[str],
+    outputs: Sequence[str | onnx.ValueInfoProto],
     constants: Mapping[str, npt.ArrayLike],
 ) -> Path:
-    """A network of some nodes from `image` (1, 3, H, W) to outputs of any shape."""
+    """A network of some nodes from `image` (1, 3, H, W) to outputs of any shape, named ones of float32."""
     value = helper.make_tensor_value_info
     graph = helper.make_graph(
         nodes,
         "network",
         [value("image", TensorProto.FLOAT, (1, 3, *size))],
-        [value(name, TensorProto.FLOAT, None) for name in outputs],
+        [value(each, TensorProto.FLOAT, None) if isinstance(each, str) else each for each in outputs],
         [numpy_helper.from_array(np.asarray(array), name) for name, array in constants.items()],
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)])

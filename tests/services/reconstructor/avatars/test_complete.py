@@ -58,6 +58,9 @@ def test_poses_are_found_from_keypoints_once(keypoint_film: Path, coarse_body: A
     again = _complete(keypoint_film, tmp_path / "work", coarse_body, heard=heard)
     assert heard == ["poses"]
     np.testing.assert_array_equal(first.footage.pose_axis_angle, again.footage.pose_axis_angle)
+    longer = dataclasses.replace(coarse_body, joints_tpose_m=coarse_body.joints_tpose_m * np.float32(1.05))
+    _complete(keypoint_film, tmp_path / "work", longer, heard=heard)
+    assert heard == ["poses", "poses"], "of other bodies they are others"
     assert first.poses_found
     truth = np.load(keypoint_film / "truth.npz")
     assert np.linalg.norm(first.footage.root_m - truth["root_m"], axis=1).mean() < 0.2

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from onnx import helper
+from onnx import TensorProto, helper
 
 from readygo.common.errors import AvatarError
 from readygo.services.reconstructor.avatars.detectors import (
@@ -13,6 +13,8 @@ from readygo.services.reconstructor.avatars.detectors import (
     MaskNetwork,
     box_of_mask,
     crop_box,
+    decode_heatmaps,
+    decode_simcc,
     person_share,
 )
 from tests.services.reconstructor.avatars.networks import write_brightest, write_brightness, write_network
@@ -41,6 +43,19 @@ def test_keypoints_are_where_the_network_sees_them(tmp_path: Path, simcc: bool, 
     # The spot is 12 px wide in the input: its first pixel is as bright as its middle.
     np.testing.assert_allclose(found[:, :2], np.tile(SPOT, (count, 1)), atol=3.5)
     assert (found[:, 2] > 0.8).all()
+
+
+def test_classes_and_peaks_are_decoded_to_pixel_centres() -> None:
+    x, y = np.zeros((1, 30)), np.zeros((1, 80))
+    x[0, 12], y[0, 60] = 0.9, 0.7
+    np.testing.assert_allclose(decode_simcc(x, y, 10, 20), [[12 / 3 + 0.5, 60 / 4 + 0.5, 0.7]])
+    maps = np.zeros((2, 4, 5))
+    maps[0, 2, 3], maps[0, 2, 4], maps[0, 1, 3] = 0.8, 0.4, 0.2
+    maps[1, 0, 0], maps[1, 0, 1] = 0.6, 0.1
+    found = decode_heatmaps(maps, 10, 16)
+    np.testing.assert_allclose(found[0], (2 * (3.5 + 0.25), 4 * (2.5 - 0.25), 0.8))
+    assert (found[1, :2] >= 0.0).all(), "at the border"
+    assert (found[1, :2] < (2.0, 4.0)).all()
 
 
 def test_box_has_the_aspect_of_the_input_and_a_margin() -> None:
@@ -95,6 +110,16 @@ def test_other_networks_are_refused(tmp_path: Path) -> None:
         KeypointNetwork(
             write_network(path, [helper.make_node("Flatten", ["image"], ["flat"])], (64, 64), ["flat"], {})
         ).find(_image(), _mask())
+    text = helper.make_tensor_value_info("out", TensorProto.STRING, None)
+    arrays = helper.make_tensor_sequence_value_info("out", TensorProto.FLOAT, None)
+    for node, output in (
+        (helper.make_node("Cast", ["image"], ["out"], to=TensorProto.STRING), text),
+        (helper.make_node("SequenceConstruct", ["image"], ["out"]), arrays),
+        (helper.make_node("Slice", ["image", "zero", "zero"], ["out"]), "out"),
+    ):
+        write_network(path, [node], (64, 64), [output], {"zero": np.array([0])})
+        with pytest.raises(AvatarError, match="must give arrays of numbers, none of them empty"):
+            MaskNetwork(path).find(_image())
     with pytest.raises(AvatarError, match="not finite"):
         MaskNetwork(write_network(path, [helper.make_node("Log", ["image"], ["out"])], (64, 64), ["out"], {})).find(
             _image()

@@ -84,11 +84,30 @@ def test_other_counts_and_models_are_refused(own_film: Path, neuman_film: Path, 
         read_footage(folder)
 
 
+def test_shape_of_a_person_is_given_once_or_for_each_frame(neuman_film: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(neuman_film, tmp_path / "shaped"))
+    arrays = dict(np.load(folder / SMPL_FILE))
+    betas = np.arange(10.0)
+    for given in (betas, np.tile(betas, (12, 1)), np.tile(betas, (12, 1, 1))):
+        np.savez(folder / SMPL_FILE, **arrays | {"betas": given})
+        np.testing.assert_array_equal(read_footage(folder).betas, betas)
+    for given in (np.zeros((0, 10)), np.zeros((12, 0))):
+        np.savez(folder / SMPL_FILE, **arrays | {"betas": given})
+        assert read_footage(folder).betas.shape == (0,)
+    for given, said in ((np.full(10, np.nan), "betas hold values that are not finite"), (np.array("a"), "must hold")):
+        np.savez(folder / SMPL_FILE, **arrays | {"betas": given})
+        with pytest.raises(AvatarError, match=said):
+            read_footage(folder)
+
+
 def test_numbers_that_are_not_finite_are_refused(own_film: Path) -> None:
     poses = dict(np.load(own_film / "poses.npz"))
     poses["root_m"][2] = np.nan
     np.savez(own_film / "poses.npz", **poses)
     with pytest.raises(AvatarError, match="not finite"):
+        read_footage(own_film)
+    np.savez(own_film / "poses.npz", **poses | {"root_m": np.full((12, 3), "a")})
+    with pytest.raises(AvatarError, match="root_m must hold numbers"):
         read_footage(own_film)
 
 

@@ -60,9 +60,17 @@ def test_other_counts_frames_and_confidences_are_refused(tmp_path: Path) -> None
         read_keypoints(path, IMAGES)
 
 
-def test_what_is_not_finite_is_not_seen(tmp_path: Path) -> None:
+def test_text_is_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "keypoints.npz", keypoints=np.full((8, 17, 3), "a"))
+    with pytest.raises(AvatarError, match="keypoints must hold numbers, got values of <U1"):
+        read_keypoints(tmp_path / "keypoints.npz", IMAGES)
+
+
+@pytest.mark.parametrize("far_px", [np.nan, np.inf, -1e200, 1e6])
+def test_what_is_not_finite_or_far_from_images_is_not_seen(tmp_path: Path, far_px: float) -> None:
     rows = np.full((8, 17, 3), 0.5)
-    rows[3, 2, 0] = np.nan
+    rows[..., 0] = 9000.0
+    rows[3, 2, 0] = far_px
     np.savez(tmp_path / "keypoints.npz", keypoints=rows)
     seen = read_keypoints(tmp_path / "keypoints.npz", IMAGES).seen
     assert not seen[3, 2]
@@ -94,6 +102,17 @@ def test_persons_who_do_not_fit_the_masks_are_refused() -> None:
     keypoints.confidence[:3] = 0.1
     with pytest.raises(AvatarError, match="3 of 8 frames have fewer than 5 keypoints"):
         check_keypoints(keypoints, _masks(), IMAGES, source)
+
+
+def test_keypoints_beside_the_mask_by_a_small_share_of_its_height_are_of_the_same_person() -> None:
+    keypoints, source = _keypoints(), Path("keypoints.npz")
+    for offset_px, fits in ((2.0, True), (6.0, False)):
+        keypoints.uv_px[..., 0], keypoints.uv_px[..., 1] = 50.0, 85.0 + offset_px
+        if fits:
+            assert check_keypoints(keypoints, _masks(), IMAGES, source) == []
+        else:
+            with pytest.raises(AvatarError, match="covers less than 60 %"):
+                check_keypoints(keypoints, _masks(), IMAGES, source)
 
 
 def test_videos_without_ankles_are_refused_and_without_toes_told() -> None:

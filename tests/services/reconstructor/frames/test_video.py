@@ -52,6 +52,14 @@ def test_frames_of_a_moving_video_are_kept_and_made_smaller(tmp_path: Path) -> N
     assert found["size_px"] == [160, 120]
 
 
+def test_movement_of_360_degree_images_is_measured_by_the_width_of_a_view(tmp_path: Path) -> None:
+    film(tmp_path / "v.mp4", frames=40, step_px=1)
+    with pytest.raises(SceneError, match="the picture moves by"):
+        extract_frames(tmp_path / "v.mp4", tmp_path / "out", FramesConfig())
+    found = extract_frames(tmp_path / "v.mp4", tmp_path / "out", FramesConfig(projection="equirectangular"))
+    assert found["kept"] >= 10
+
+
 def held_upright(path: Path) -> None:
     """Let a video say that it is to be turned clockwise by a quarter, as phones write it."""
     data = bytearray(path.read_bytes())

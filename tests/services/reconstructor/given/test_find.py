@@ -91,3 +91,16 @@ def test_names_that_repeat_take_their_folder_along(tmp_path: Path) -> None:
     found = prepare_capture(given, tmp_path / "out", FramesConfig())
     assert sorted(found["lens"]) == ["cam0/0.jpg", "cam0/1.jpg", "cam1/0.jpg", "cam1/1.jpg"]
     assert (tmp_path / "out" / "cam1" / "0.jpg").is_file()
+
+
+def test_images_of_a_folder_above_are_written_below_the_output(tmp_path: Path) -> None:
+    places = [f"cam{row % 2}/more/../{row // 2}.png" for row in range(len(FRAMES))]
+    frames = [{**frame, "file_path": place} for frame, place in zip(FRAMES, places, strict=True)]
+    for camera in range(2):
+        write_images(tmp_path / f"cam{camera}", ["0.png", "1.png"])
+        (tmp_path / f"cam{camera}" / "more").mkdir()
+    written(tmp_path, {**LENS, "frames": frames})
+    given = read_capture(tmp_path)
+    assert given is not None
+    found = prepare_capture(given, tmp_path / "out", FramesConfig())
+    assert sorted(found["lens"]) == ["cam0/0.jpg", "cam0/1.jpg", "cam1/0.jpg", "cam1/1.jpg"]
