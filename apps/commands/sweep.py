@@ -77,14 +77,15 @@ def sweep(options: SweepOptions) -> None:
     waiting = _unfinished(folder, plan)
     if waiting:
         _check_place(options)
-        write_whole(folder.plan(plan), plan.text, raises=RunError)
         with _kept(folder):
             _launch(options, folder, plan, waiting)
-    _tell(options, folder, join_results(folder, plan))
-    if left := [point for point in _unfinished(folder, plan) if options.on != "slurm"]:
+    records = join_results(folder, plan)
+    _tell(options, folder, records)
+    left = len(plan.points) - sum(record.state == "done" for record in records)
+    if left and options.on != "slurm":
         raise RunError(
-            f"{len(left)} of {len(plan.points)} points are not done; the same command runs them again. "
-            f"Logs: {folder.log(left[0]).parent}"
+            f"{left} of {len(plan.points)} points are not done; the same command runs them again. Their logs lie in "
+            f"{folder.points}."
         )
 
 

@@ -35,7 +35,7 @@ def submit_array(
     if jobs := call_slurm("squeue", "--noheader", "--me", f"--name={name}", "--format=%A").split():
         return f"Slurm still has jobs of this sweep, {', '.join(dict.fromkeys(jobs))}: nothing is submitted."
     folder.logs.mkdir(parents=True, exist_ok=True)
-    *command, _ = point_command(folder.plan(sweep).resolve(), folder.path.resolve(), TASK)
+    *command, _ = point_command(folder.keep_plan(sweep), folder.path.resolve(), TASK)
     throttle = f"%{workers}" if workers else ""
     job = call_slurm(
         "sbatch",

@@ -65,6 +65,11 @@ class SweepFolder:
         """Folder of the logs of Slurm's jobs."""
         return self.state / "logs"
 
+    @property
+    def points(self) -> Path:
+        """Folder of the records and logs of the points."""
+        return self.state / "points"
+
     def out(self, point: SweepPoint) -> Path:
         """Folder that the command of a point writes into."""
         return self.path / point.name
@@ -80,6 +85,12 @@ class SweepFolder:
     def plan(self, sweep: Sweep) -> Path:
         """The copy of a sweep's file."""
         return self.state / "plans" / f"{sweep.sha256[:16]}.toml"
+
+    def keep_plan(self, sweep: Sweep) -> Path:
+        """Write the copy of a sweep's file, and return its absolute path."""
+        path = self.plan(sweep).resolve()
+        write_whole(path, sweep.text, raises=RunError)
+        return path
 
     def check_free(self) -> None:
         """Raise RunError if the folder holds files of something else."""
@@ -109,7 +120,8 @@ class SweepFolder:
         record = self.record(point)
         if record is None or record.sha256 == sha256:
             return record
-        if not self.out(point).exists():
+        # What failed may be put right; the command checks whether it can use what lies there.
+        if record.state == "failed" or not self.out(point).exists():
             return None
         raise RunError(
             f"{self.out(point)} is of another sweep: its options, inputs or version of readygo differ; choose another "
@@ -141,7 +153,7 @@ class SweepFolder:
             return not held
 
     def _beside(self, point: SweepPoint, ending: str) -> Path:
-        place = self.state / "points" / point.name
+        place = self.points / point.name
         return place.with_name(place.name + ending)
 
 

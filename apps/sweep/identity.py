@@ -20,8 +20,6 @@ from readygo.runs.scene_argument import open_scene
 WHOLE_BYTES_MAX = 64 * 2**20
 """Of larger files in folders, such as shards, size, begin and end are hashed."""
 ENDS_BYTES = 2**20
-NOT_INPUTS = ("out", "checkpoints")
-"""Paths of options that are no inputs: the drivers in `checkpoints` have hashes of their files."""
 
 
 def point_sha256(sweep: Sweep, point: SweepPoint) -> str:
@@ -34,7 +32,7 @@ def point_sha256(sweep: Sweep, point: SweepPoint) -> str:
     inputs = dict(_inputs(options))
     what = {
         "command": sweep.file.command,
-        "options": [inputs.get(word, word) for word in point.words],
+        "options": [inputs.get(str(Path(word)), word) for word in point.words],
         "drivers": dict(_drivers(options)),
         "readygo": importlib.metadata.version("readygo"),
     }
@@ -49,11 +47,15 @@ def _inputs(options: Any) -> Iterator[tuple[str, str]]:
             yield from _inputs(value)
         for each in value if isinstance(value, tuple) else (value,):
             if name in SCENE_FIELDS and each:
-                yield str(each), open_scene(str(each)).content_hash
+                yield str(Path(each)), _scene_sha256(str(each))
             elif name == "suite":
                 yield each, open_suite(each).sha256
-            elif isinstance(each, Path) and name not in NOT_INPUTS and not _is_embedded(each):
-                yield str(each), content_sha256(_without_part(each))
+            elif name == "checkpoints":
+                # The drivers in it have hashes of their files.
+                yield str(each), name
+            elif isinstance(each, Path) and name != "out" and not _is_embedded(each):
+                whole = _without_part(each)
+                yield str(each), content_sha256(whole) + str(each).removeprefix(str(whole))
 
 
 def _drivers(options: Any) -> Mapping[str, str]:
@@ -70,6 +72,11 @@ def _is_embedded(path: Path) -> bool:
 def _without_part(path: Path) -> Path:
     """Avatars without the part that is chosen: "people:train" is the folder people."""
     return path if path.exists() else Path(str(path).rpartition(":")[0] or path)
+
+
+@functools.cache
+def _scene_sha256(scene: str) -> str:
+    return open_scene(scene).content_hash
 
 
 @functools.cache

@@ -24,13 +24,13 @@ def run_here(folder: SweepFolder, sweep: Sweep, points: Sequence[SweepPoint], *,
         workers: Points at a time.
         ended: Told about each point that ends.
     """
-    waiting = list(points)
+    plan, waiting = folder.keep_plan(sweep), list(points)
     running: dict[SweepPoint, subprocess.Popen[bytes]] = {}
     try:
         while waiting or running:
             while waiting and len(running) < workers:
                 point = waiting.pop(0)
-                command = point_command(folder.plan(sweep), folder.path, str(point.index))
+                command = point_command(plan, folder.path, str(point.index))
                 running[point] = start_job(command, folder.log(point))
             for point in [point for point, child in running.items() if child.poll() is not None]:
                 del running[point]

@@ -219,7 +219,8 @@ def _key(option: Option) -> str:
 
 def _typed_option(option: Option | None, name: str, value: Any) -> Iterator[str]:
     """An option, or a key of the configuration, as words of the command line."""
-    if option is None:
+    # A name may be both, as --robot FILE and [robot]: a table has keys.
+    if option is None or isinstance(value, Mapping):
         yield from _typed_keys(f"--{name.replace('_', '-')}", value)
     elif option.value:
         yield from (option.flag, *map(key_text, _items(value)))

@@ -22,6 +22,7 @@ from readygo.common.files import write_whole
 
 RETRIES = 3
 """How often a point starts again when its node or Ray's worker dies."""
+ANSWER_S = 5.0
 Ended = Callable[[SweepPoint], None]
 
 
@@ -53,12 +54,12 @@ def run_on_ray(
     ray = import_ray()
     with _connected(ray, address), _token(folder) as token:
         run = ray.remote(num_cpus=cpus, max_retries=RETRIES)(run_command)
-        waiting = list(points)
+        plan, waiting = folder.keep_plan(sweep), list(points)
         running: dict[Any, SweepPoint] = {}
         while waiting or running:
             while waiting and len(running) < (workers or len(points)):
                 point = waiting.pop(0)
-                command = point_command(folder.plan(sweep).resolve(), folder.path.resolve(), str(point.index))
+                command = point_command(plan, folder.path.resolve(), str(point.index))
                 running[run.remote(command, str(folder.log(point).resolve()), str(Path.cwd()), str(token))] = point
             (done, *_), _ = ray.wait(list(running), num_returns=1)
             try:
@@ -114,14 +115,22 @@ def import_ray() -> Any:
 def _connected(ray: Any, address: str) -> Iterator[None]:
     """A connection to a cluster, which must be there: Ray would otherwise start one."""
     try:
+        _check_answer(address)
         ray.init(address=address, logging_level=logging.ERROR, log_to_driver=False)
-    except (ConnectionError, ValueError, RuntimeError, TimeoutError) as error:
+    except (OSError, ValueError, RuntimeError) as error:
         line = " ".join(str(error).split())[:200]
         raise RunError(f"No Ray cluster answers at {address!r}: {line}") from error
     try:
         yield
     finally:
         ray.shutdown()
+
+
+def _check_answer(address: str) -> None:
+    """Raise OSError if nothing answers at HOST:PORT: Ray itself tries for minutes."""
+    host, colon, port = address.rpartition(":")
+    if colon and port.isdecimal() and "/" not in host:
+        socket.create_connection((host, int(port)), timeout=ANSWER_S).close()
 
 
 @contextmanager

@@ -31,6 +31,8 @@ SHOWN = (
     *("recorded", "learned", "episodes", "samples"),
 )
 """Columns of the table, of the measures that the results have; sweep.json has all of them."""
+_FRACTIONS = ("spl", "total")
+"""Measures in 0..1 that are not shown in percent."""
 _LARGE = 1000
 _BY_NAME = {measure.name: measure for measure in MEASURES}
 _NOTE = (
@@ -165,7 +167,9 @@ def _numbers(result: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
 def _scores(by_seed: Sequence[Values]) -> dict[str, Score]:
     names = dict.fromkeys(name for values in by_seed for name in values)
     return {
-        name: mean_over_seeds([values[name] for values in by_seed if name in values], share=_is_share(name))
+        name: mean_over_seeds(
+            [values[name] for values in by_seed if name in values], share=_is_share(name) or name in _FRACTIONS
+        )
         for name in names
     }
 

@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 
 from readygo.apps.sweep.folder import PointRecord, SweepFolder
+from readygo.apps.sweep.plan import open_sweep
 from readygo.common.errors import RunError
 from readygo.common.locks import hold
 from tests.apps.sweep.sweeps import read_sweep
@@ -40,6 +41,16 @@ def test_point_of_another_run_is_refused_once_it_has_written(tmp_path: Path) -> 
     folder.out(point).mkdir(parents=True)
     with pytest.raises(RunError, match="of another sweep"):
         folder.record_of(point, "b")
+    folder.write(point, _record(state="failed"))
+    assert folder.record_of(point, "b") is None
+
+
+def test_plan_is_a_copy_by_its_hash(tmp_path: Path) -> None:
+    folder, sweep = SweepFolder(path=tmp_path / "out"), read_sweep(tmp_path)
+    path = folder.keep_plan(sweep)
+    assert path == folder.plan(sweep)
+    assert path.name == f"{sweep.sha256[:16]}.toml"
+    assert open_sweep(path) == sweep
 
 
 def test_folder_of_something_else_is_refused(tmp_path: Path) -> None:

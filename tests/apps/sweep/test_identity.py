@@ -49,6 +49,11 @@ def test_hash_follows_the_drivers_files(tmp_path: Path) -> None:
     assert _hash(tmp_path, text) != first
 
 
+def test_place_of_checkpoints_does_not_count(tmp_path: Path) -> None:
+    text = 'command = "evaluate"\nscenes = ["embedded"]\n[options]\nmethods = ["expert"]\ncheckpoints = "a"'
+    assert _hash(tmp_path, text) == _hash(tmp_path, text.replace('"a"', '"b/c/"'))
+
+
 def test_suite_is_hashed(tmp_path: Path) -> None:
     text = 'command = "benchmark run"\n[options]\nsuite = "SUITE"\ndrivers = ["expert"]'
     suite = Path(identity.open_suite.__code__.co_filename).parent / "suites" / "pedestrian-nav-1.toml"
@@ -70,6 +75,7 @@ def test_part_of_avatars_is_no_part_of_the_path(tmp_path: Path) -> None:
     people = _data(tmp_path / "people")
     text = f'command = "rl"\nscenes = ["embedded"]\n[options]\navatars = "{people}:train"'
     first = _hash(tmp_path, text)
+    assert _hash(tmp_path, text.replace(":train", ":test")) != first
     (people / "shard").write_text("two")
     assert _hash(tmp_path, text) != first
     assert _hash(tmp_path, 'command = "rl"\nscenes = ["embedded"]\n[options]\navatars = "embedded:train"')

@@ -64,6 +64,11 @@ def test_given_seed_and_scene_stay_and_switches_are_words(tmp_path: Path) -> Non
     assert words == ("embedded", "--seed", "0", "--static", "--policy", "p/3")
 
 
+def test_table_is_of_keys_where_an_option_has_its_name(tmp_path: Path) -> None:
+    text = 'command = "generate"\nscenes = ["embedded"]\n[options.robot.camera]\nwidth_px = 64'
+    assert read_sweep(tmp_path, text).points[0].words[-2:] == ("--robot.camera.width_px", "64")
+
+
 def test_several_scenes_are_one_point_in_an_inner_array(tmp_path: Path) -> None:
     text = 'command = "learn"\nscenes = ["embedded", ["embedded", "my/lobby hall"]]'
     points = read_sweep(tmp_path, text).points

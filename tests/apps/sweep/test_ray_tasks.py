@@ -141,6 +141,8 @@ def _run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, answer: Any, **given: 
     try:
         run_on_ray(folder, plan, plan.points[:3], **settings)
     finally:
+        # Without a cluster nothing is written.
+        assert folder.path.exists() == bool(ray.asked)
         assert not list(folder.state.glob("token-*"))
     return ray, ended
 
@@ -162,6 +164,7 @@ def test_tasks_reserve_cores_and_are_told_the_token(monkeypatch: pytest.MonkeyPa
     [
         ("node7", {}, "The node node7 does not see .*out: --out must be on a file system that all nodes share"),
         (Ray.exceptions.RayError("It died.\nmore"), {}, "Ray cannot run the point calm/embedded/0: It died.$"),
+        ("", {"address": "127.0.0.1:1"}, "No Ray cluster answers at '127.0.0.1:1': .*Connection refused"),
         ("", {"address": "nowhere"}, "No Ray cluster answers at 'nowhere': Could not find any running Ray instance"),
     ],
 )
