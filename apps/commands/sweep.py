@@ -17,7 +17,7 @@ from readygo.apps.sweep.folder import JOINED_FILE, PointRecord, SweepFolder
 from readygo.apps.sweep.identity import point_sha256
 from readygo.apps.sweep.kubernetes import PodOptions, job_manifest
 from readygo.apps.sweep.local import run_here
-from readygo.apps.sweep.plan import Sweep, SweepPoint, open_sweep
+from readygo.apps.sweep.plan import PointNeeds, Sweep, SweepPoint, open_sweep
 from readygo.apps.sweep.point import run_point
 from readygo.apps.sweep.ray_tasks import import_ray, run_on_ray
 from readygo.apps.sweep.results import MARKDOWN_FILE, PAGE_FILE, join_results
@@ -50,6 +50,8 @@ class SweepOptions:
     """Points at a time; 0 is 1 on this machine, and no limit elsewhere."""
     cpus: int = 1
     """Cores of a point, which Slurm, Kubernetes and Ray reserve."""
+    gpus: int = 0
+    """GPUs of a point, likewise."""
     slurm: str = ""
     """Options of sbatch, such as "--partition=short --time=2:00:00"."""
     ray_address: str = AUTO
@@ -91,15 +93,20 @@ def sweep(options: SweepOptions) -> None:
 
 def _check(options: SweepOptions) -> None:
     """Raise RunError for options that do not go together."""
-    if options.workers < 0 or options.cpus < 1:
-        raise RunError(f"--workers must be at least 0 and --cpus at least 1, got {options.workers} and {options.cpus}.")
+    for flag, value, least in (
+        ("--workers", options.workers, 0),
+        ("--cpus", options.cpus, 1),
+        ("--gpus", options.gpus, 0),
+    ):
+        if value < least:
+            raise RunError(f"{flag} must be at least {least}, got {value}.")
     given = {
-        "slurm": ("--slurm", options.slurm),
+        "slurm": ("--slurm", options.slurm != ""),
         "ray": ("--ray-address", options.ray_address != AUTO),
-        "kubernetes": ("--manifest", options.manifest),
+        "kubernetes": ("--manifest", options.manifest is not None),
     }
-    for place, (flag, value) in given.items():
-        if value and options.on != place:
+    for place, (flag, is_given) in given.items():
+        if is_given and options.on != place:
             raise RunError(f"{flag} has no effect without --on {place}.")
     if options.point is not None and options.on != "local":
         raise RunError("--point runs here: leave --on out.")
@@ -124,19 +131,23 @@ def _unfinished(folder: SweepFolder, plan: Sweep) -> list[SweepPoint]:
 
 
 def _launch(options: SweepOptions, folder: SweepFolder, plan: Sweep, points: Sequence[SweepPoint]) -> None:
-    console, cpus = PlainConsole(stderr=True, soft_wrap=True), options.cpus
+    console, needs = PlainConsole(stderr=True, soft_wrap=True), _needs(options)
 
     def ended(point: SweepPoint) -> None:
         console.print(_ending(folder, point))
 
     if options.on == "slurm":
-        said = submit_array(folder, plan, points, workers=options.workers, cpus=cpus, options=options.slurm)
+        said = submit_array(folder, plan, points, workers=options.workers, needs=needs, options=options.slurm)
         console.print(f"{said} Run the same command again for the results, and for what is left.")
     elif options.on == "ray":
         address = options.ray_address
-        run_on_ray(folder, plan, points, address=address, workers=options.workers, cpus=cpus, ended=ended)
+        run_on_ray(folder, plan, points, address=address, workers=options.workers, needs=needs, ended=ended)
     else:
         run_here(folder, plan, points, workers=options.workers or 1, ended=ended)
+
+
+def _needs(options: SweepOptions) -> PointNeeds:
+    return PointNeeds(cpus=options.cpus, gpus=options.gpus)
 
 
 def _run_alone(folder: SweepFolder, plan: Sweep, index: int) -> None:
@@ -164,7 +175,7 @@ def _ending(folder: SweepFolder, point: SweepPoint) -> str:
 
 
 def _write_manifest(options: SweepOptions, plan: Sweep) -> None:
-    text = job_manifest(plan, str(options.out), options.pods, workers=options.workers, cpus=options.cpus)
+    text = job_manifest(plan, str(options.out), options.pods, workers=options.workers, needs=_needs(options))
     if options.manifest is None:
         sys.stdout.write(text)
         return

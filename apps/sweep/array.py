@@ -6,14 +6,14 @@ from pathlib import Path
 
 from readygo.apps.fleet.slurm import call_slurm, one_thread_script, sbatch_options
 from readygo.apps.sweep.folder import SweepFolder
-from readygo.apps.sweep.plan import Sweep, SweepPoint
+from readygo.apps.sweep.plan import PointNeeds, Sweep, SweepPoint
 from readygo.apps.sweep.point import point_command
 
 TASK = "$SLURM_ARRAY_TASK_ID"
 
 
 def submit_array(
-    folder: SweepFolder, sweep: Sweep, points: Sequence[SweepPoint], *, workers: int, cpus: int, options: str
+    folder: SweepFolder, sweep: Sweep, points: Sequence[SweepPoint], *, workers: int, needs: PointNeeds, options: str
 ) -> str:
     """Submit an array of a job per point, unless one of this sweep still waits or runs.
 
@@ -22,7 +22,7 @@ def submit_array(
         sweep: The sweep.
         points: Points to run.
         workers: Most jobs at a time; 0 leaves it to Slurm.
-        cpus: Cores of a job.
+        needs: Cores and GPUs of a job.
         options: Further options of sbatch.
 
     Returns:
@@ -43,7 +43,8 @@ def submit_array(
         f"--array={index_ranges([point.index for point in points])}{throttle}",
         "--requeue",
         "--open-mode=append",
-        f"--cpus-per-task={cpus}",
+        f"--cpus-per-task={needs.cpus}",
+        *([f"--gpus-per-task={needs.gpus}"] if needs.gpus else []),
         f"--job-name={name}",
         f"--output={folder.logs.resolve()}/slurm-%A_%a.log",
         f"--chdir={Path.cwd()}",

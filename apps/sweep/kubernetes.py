@@ -6,13 +6,14 @@ from typing import Any
 import yaml
 
 from readygo.apps.cli import USER_MISTAKE
-from readygo.apps.sweep.plan import Sweep
+from readygo.apps.sweep.plan import PointNeeds, Sweep
 
 INDEX = "$(JOB_COMPLETION_INDEX)"
 """What the kubelet replaces by the number of a pod's point."""
 PLAN_FOLDER, PLAN_FILE = "/plan", "sweep.toml"
 USER = 10001
 """User of the images in deploy/docker."""
+GPU = "nvidia.com/gpu"
 RETRIES = 3
 """How often a point starts again after a crash or a lost node."""
 
@@ -30,7 +31,7 @@ class PodOptions:
     """Where the volume is mounted in the pods."""
 
 
-def job_manifest(sweep: Sweep, out: str, pods: PodOptions, *, workers: int, cpus: int) -> str:
+def job_manifest(sweep: Sweep, out: str, pods: PodOptions, *, workers: int, needs: PointNeeds) -> str:
     """The manifest of a sweep: a ConfigMap with its file, and a Job with a pod per point, as YAML.
 
     Args:
@@ -38,7 +39,7 @@ def job_manifest(sweep: Sweep, out: str, pods: PodOptions, *, workers: int, cpus
         out: Its folder, as the pods see it.
         pods: Image and volume.
         workers: Most pods at a time; 0 for as many as there are points.
-        cpus: Cores of a pod.
+        needs: Cores and GPUs of a pod.
     """
     name = f"readygo-sweep-{sweep.sha256[:12]}"
     plan = {
@@ -68,13 +69,14 @@ def job_manifest(sweep: Sweep, out: str, pods: PodOptions, *, workers: int, cpus
                     },
                 ]
             },
-            "template": {"spec": _pod(name, out, pods, cpus)},
+            "template": {"spec": _pod(name, out, pods, needs)},
         },
     }
     return str(yaml.safe_dump_all([plan, job], sort_keys=False))
 
 
-def _pod(name: str, out: str, pods: PodOptions, cpus: int) -> dict[str, Any]:
+def _pod(name: str, out: str, pods: PodOptions, needs: PointNeeds) -> dict[str, Any]:
+    reserved = {"cpu": str(needs.cpus)} | ({GPU: str(needs.gpus)} if needs.gpus else {})
     return {
         "restartPolicy": "Never",
         "automountServiceAccountToken": False,
@@ -92,7 +94,7 @@ def _pod(name: str, out: str, pods: PodOptions, cpus: int) -> dict[str, Any]:
                 "image": pods.image,
                 "workingDir": pods.mount,
                 "args": ["sweep", f"{PLAN_FOLDER}/{PLAN_FILE}", "--out", out, "--point", INDEX],
-                "resources": {"requests": {"cpu": str(cpus)}, "limits": {"cpu": str(cpus)}},
+                "resources": {"requests": dict(reserved), "limits": dict(reserved)},
                 "securityContext": {
                     "allowPrivilegeEscalation": False,
                     "readOnlyRootFilesystem": True,

@@ -107,6 +107,15 @@ class SweepPoint:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PointNeeds:
+    """What a scheduler reserves for each point."""
+
+    cpus: int = 1
+    """Cores."""
+    gpus: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
 class Sweep:
     """A sweep that was read from its file."""
 

@@ -5,6 +5,7 @@ a process, so that nothing of Ray reaches into it.
 """
 
 import logging
+import os
 import secrets
 import socket
 from collections.abc import Callable, Iterator, Sequence
@@ -12,9 +13,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from readygo.apps.fleet.slurm import ONE_THREAD
 from readygo.apps.sweep.child import end_child, start_job
 from readygo.apps.sweep.folder import SweepFolder
-from readygo.apps.sweep.plan import Sweep, SweepPoint
+from readygo.apps.sweep.plan import PointNeeds, Sweep, SweepPoint
 from readygo.apps.sweep.point import point_command
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.extras import install_command
@@ -33,7 +35,7 @@ def run_on_ray(
     *,
     address: str,
     workers: int,
-    cpus: int,
+    needs: PointNeeds,
     ended: Ended,
 ) -> None:
     """Run points on a Ray cluster.
@@ -44,7 +46,7 @@ def run_on_ray(
         points: Points to run.
         address: Address of the cluster, "auto" for that of this machine.
         workers: Most points at a time; 0 leaves it to Ray.
-        cpus: Cores of a task, `num_cpus`.
+        needs: Cores and GPUs of a task.
         ended: Told about each point that ends.
 
     Raises:
@@ -53,7 +55,7 @@ def run_on_ray(
     """
     ray = import_ray()
     with _connected(ray, address), _token(folder) as token:
-        run = ray.remote(num_cpus=cpus, max_retries=RETRIES)(run_command)
+        run = ray.remote(num_cpus=needs.cpus, num_gpus=needs.gpus, max_retries=RETRIES)(run_command)
         plan, waiting = folder.keep_plan(sweep), list(points)
         running: dict[Any, SweepPoint] = {}
         while waiting or running:
@@ -89,6 +91,8 @@ def run_command(command: list[str], log: str, cwd: str, token: str) -> str:
     """
     if not (Path(token).is_file() and Path(cwd).is_dir()):
         return socket.gethostname()
+    # Ray sets the first of these to the task's cores; the other places have one thread, on which results may depend.
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     child = start_job(command, Path(log), cwd=Path(cwd))
     try:
         child.wait()

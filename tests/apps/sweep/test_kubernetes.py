@@ -7,6 +7,7 @@ import yaml
 from readygo.apps.cli import read_options
 from readygo.apps.commands.sweep import SweepOptions
 from readygo.apps.sweep.kubernetes import PodOptions, job_manifest
+from readygo.apps.sweep.plan import PointNeeds
 from tests.apps.sweep.sweeps import EVALUATE, read_sweep
 
 VERSION = "1.31"
@@ -14,7 +15,9 @@ VERSION = "1.31"
 
 def _manifest(folder: Path, workers: int = 0) -> tuple[dict[str, Any], dict[str, Any]]:
     pods = PodOptions(image="lab/readygo:1", claim="shared", mount="/work")
-    plan, job = yaml.safe_load_all(job_manifest(read_sweep(folder), "out", pods, workers=workers, cpus=2))
+    plan, job = yaml.safe_load_all(
+        job_manifest(read_sweep(folder), "out", pods, workers=workers, needs=PointNeeds(cpus=2, gpus=1))
+    )
     return plan, job
 
 
@@ -49,6 +52,6 @@ def test_pods_run_a_point_of_the_same_plan_in_the_shared_volume(tmp_path: Path) 
     assert set(mounts.values()) == set(volumes)
     assert volumes[mounts["/work"]]["persistentVolumeClaim"]["claimName"] == "shared"
     assert volumes[mounts["/plan"]]["configMap"]["name"] == plan["metadata"]["name"]
-    assert container["resources"]["requests"] == {"cpu": "2"}
+    assert container["resources"]["requests"] == {"cpu": "2", "nvidia.com/gpu": "1"}
     assert container["securityContext"]["readOnlyRootFilesystem"]
     assert pod["securityContext"]["runAsNonRoot"]

@@ -14,6 +14,7 @@ import pytest
 from readygo.apps.commands.sweep import SweepOptions, sweep
 from readygo.apps.sweep import ray_tasks
 from readygo.apps.sweep.folder import SweepFolder
+from readygo.apps.sweep.plan import PointNeeds
 from readygo.apps.sweep.ray_tasks import import_ray, run_command, run_on_ray
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.extras import is_installed
@@ -137,7 +138,13 @@ def _run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, answer: Any, **given: 
     ray, ended = Ray(answer), list[str]()
     monkeypatch.setattr(ray_tasks, "import_ray", lambda: ray)
     plan, folder = read_sweep(tmp_path), SweepFolder(path=tmp_path / "out")
-    settings = {"address": "auto", "workers": 0, "cpus": 2, "ended": lambda point: ended.append(point.name), **given}
+    settings = {
+        "address": "auto",
+        "workers": 0,
+        "needs": PointNeeds(cpus=2, gpus=1),
+        "ended": lambda point: ended.append(point.name),
+        **given,
+    }
     try:
         run_on_ray(folder, plan, plan.points[:3], **settings)
     finally:
@@ -149,7 +156,7 @@ def _run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, answer: Any, **given: 
 
 def test_tasks_reserve_cores_and_are_told_the_token(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     ray, ended = _run(monkeypatch, tmp_path, "")
-    assert ray.settings == {"num_cpus": 2, "max_retries": 3}
+    assert ray.settings == {"num_cpus": 2, "num_gpus": 1, "max_retries": 3}
     assert ray.most == 3
     assert ended == ["calm/embedded/0", "calm/embedded/1", "calm/embedded-1/0"]
     command, log, cwd, token = ray.asked[0]
