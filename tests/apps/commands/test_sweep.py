@@ -18,22 +18,22 @@ from tests.apps.sweep.sweeps import EVALUATE, write_sweep
 SMALL = EVALUATE.replace('["embedded", "embedded:1"]', '["embedded"]').replace('["straight-line", "expert"]',
                                                                              '["straight-line"]')  # fmt: skip
 SBATCH = """#!{python}
-# Slurm that runs an array on this machine, and loses each of its nodes once.
-import os, pathlib, re, subprocess, sys
+# Slurm that runs an array on this machine; each node dies once, when the point of its job has begun.
+import os, pathlib, subprocess, sys, time
 words = sys.argv[1:]
+lost, records = pathlib.Path({lost!r}), pathlib.Path({records!r})
 array = next(word for word in words if word.startswith("--array=")).partition("=")[2].partition("%")[0]
 for part in array.split(","):
     low, _, high = part.partition("-")
     for index in range(int(low), int(high or low) + 1):
-        lost = pathlib.Path({lost!r}) / str(index)
         environment = dict(os.environ, SLURM_ARRAY_TASK_ID=str(index))
+        begun = len(list(records.rglob("*.json")))
         job = subprocess.Popen(["sh", "-c", words[-1]], env=environment, stdout=2)
-        if not lost.exists():
-            lost.touch()
-            try:
-                job.wait({lost_after_s})
-            except subprocess.TimeoutExpired:
-                job.kill()
+        if not (lost / str(index)).exists():
+            (lost / str(index)).touch()
+            while job.poll() is None and len(list(records.rglob("*.json"))) == begun:
+                time.sleep(0.02)
+            job.kill()
         job.wait()
 print("17")
 """
@@ -48,11 +48,11 @@ def _run(words: list[str], monkeypatch: pytest.MonkeyPatch) -> int:
     return 0
 
 
-def _fake_slurm(folder: Path, monkeypatch: pytest.MonkeyPatch, *, lost_after_s: float) -> None:
+def _fake_slurm(folder: Path, out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     programs, lost = folder / "bin", folder / "lost"
     programs.mkdir()
     lost.mkdir()
-    sbatch = SBATCH.format(python=sys.executable, lost=str(lost), lost_after_s=lost_after_s)
+    sbatch = SBATCH.format(python=sys.executable, lost=str(lost), records=str(SweepFolder(path=out).points))
     for name, text in (("sbatch", sbatch), ("squeue", "#!/bin/sh\n")):
         (programs / name).write_text(text)
         (programs / name).chmod(0o755)
@@ -86,12 +86,12 @@ def test_killed_sweep_and_one_on_slurm_that_loses_nodes_have_the_same_records(
     said = capsys.readouterr()
     assert "calm/embedded/0" not in said.err
     assert "| paper | embedded | dynamic | straight-line | 2 |" in said.out
-    # The node of each job dies after a moment, when its command has begun at the most.
-    _fake_slurm(tmp_path, monkeypatch, lost_after_s=5.0)
+    _fake_slurm(tmp_path, array, monkeypatch)
     for _ in range(2):
         assert _run([str(path), "--out", str(array), "--on", "slurm"], monkeypatch) == 0
     assert _records(array) == _records(killed)
-    assert sum(_attempts(array)) > 4
+    assert _attempts(array) == [2, 2, 2, 2]
+    assert _attempts(killed) == [1, 2, 1, 1]
 
 
 def _quick(monkeypatch: pytest.MonkeyPatch, ending: dict[int, dict[str, Any]]) -> None:
