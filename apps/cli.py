@@ -13,7 +13,10 @@ import sys
 import threading
 import typing
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple, NoReturn, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeVar
+
+if TYPE_CHECKING:
+    from readygo.apps.options import Option
 
 # One numba and BLAS thread per process: the fleet is parallel by processes. Set before NumPy is imported.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
@@ -189,8 +192,23 @@ def read_options(kind: type[Options], argv: Sequence[str], *, prog: str) -> Opti
         except ConfigError as error:
             raise ConfigError(f"{error}; see `{prog} --help-all`.") from None
     with errors_in_one_line(options, found[1] if found else None):
-        read = tyro.cli(kind, prog=prog, args=argv, config=(tyro.conf.OmitArgPrefixes,), add_help=False)
+        read = tyro.cli(
+            kind, prog=prog, args=_join_values(argv, options), config=(tyro.conf.OmitArgPrefixes,), add_help=False
+        )
     return dataclasses.replace(read, **{found[0]: keys}) if found and keys else read  # type: ignore[type-var]
+
+
+def _join_values(argv: Sequence[str], options: "Sequence[Option]") -> list[str]:
+    """Arguments in which --slurm "--time=1:00:00 -n 2" is one word: the value would be taken for an option."""
+    flags, valued = {option.flag for option in options}, {option.flag for option in options if option.value}
+    joined: list[str] = []
+    for word in argv:
+        is_text = word.startswith("-") and " " in word and word.partition("=")[0] not in flags
+        if is_text and joined and joined[-1] in valued:
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
 
 
 def _mend_streams() -> None:

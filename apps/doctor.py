@@ -26,6 +26,7 @@ EXTRAS: dict[Extra, tuple[str, str]] = {
     "export": ("pyarrow", "export to LeRobot and Parquet"),
     "robot-logs": ("rosbags", "import of robot logs"),
     "metrics": ("prometheus_client", "--metrics"),
+    "ray": ("ray", "sweeps on a Ray cluster"),
 }
 """For each extra: a package that shows whether it is installed, and its purpose."""
 FREE_MIN_GB = 2.0

@@ -19,6 +19,7 @@ Extra = Literal[
     "foxglove",
     "rerun",
     "metrics",
+    "ray",
 ]
 """Names of the extras, as in pyproject.toml."""
 

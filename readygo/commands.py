@@ -127,6 +127,9 @@ COMMANDS = {
     "benchmark weights": CliCommand(
         "readygo.apps.commands.benchmark:benchmark_weights", "check the weight files of GNM, ViNT and NoMaD"
     ),
+    "sweep": CliCommand(
+        "readygo.apps.commands.sweep:sweep", "run a command in arms x scenes x seeds: here, on Slurm, Kubernetes or Ray"
+    ),
     "monitor": CliCommand(
         "readygo.apps.commands.monitor:monitor", "show a run on a web page: scene, robots, pedestrians, images, metrics"
     ),

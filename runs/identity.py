@@ -126,7 +126,7 @@ def run_metadata(
     """Metadata of the data besides settings and seed, as plain values."""
     made = Provenance(
         readygo_version=importlib.metadata.version("readygo"),
-        commit=_commit(),
+        commit=sources_commit(),
         numeric_class=numeric_class(config),
         scene=scene,
         avatars=avatars,
@@ -135,7 +135,8 @@ def run_metadata(
     return made.to_mapping()
 
 
-def _commit() -> str:
+def sources_commit() -> str:
+    """Commit of the sources; empty for an installed package."""
     if not (ROOT / ".git").exists():
         return ""
     done = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False)

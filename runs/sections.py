@@ -179,14 +179,15 @@ def _typed(hint: Any, keys: Keys, prefix: str) -> Iterator[tuple[str, str]]:
         if isinstance(value, Mapping):
             yield from _typed(known.get(name, known.get("*")), value, f"{flag}.")
         else:
-            yield flag, _key_text(value)
+            yield flag, key_text(value)
 
 
-def _key_text(value: Any) -> str:
+def key_text(value: Any) -> str:
+    """The value of a key as text of the command line, which `read_value` reads."""
     if value is None:
         return NONE
     if isinstance(value, (list, tuple)):
-        return ",".join(map(_key_text, value))
+        return ",".join(map(key_text, value))
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 

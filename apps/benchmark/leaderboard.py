@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from readygo.apps.evaluation.watch import badness
+from readygo.apps.report.markdown import markdown_lines
 from readygo.apps.report.page import Block, Estimate, MediaFigure, PageTable, Subheading, page, small_print
 from readygo.apps.report.tables import measure_cell, measure_title
 from readygo.common.errors import RunError
@@ -221,7 +222,7 @@ def leaderboard_markdown(board: Leaderboard) -> str:
     for heading, blocks in leaderboard_tables(board).items():
         lines += ["", f"## {heading}"]
         for block in blocks:
-            lines += ["", *_markdown(block)]
+            lines += ["", *markdown_lines(block)]
     return "\n".join([*lines, ""])
 
 
@@ -287,24 +288,3 @@ def _signed(measure: Measure, score: Score | None) -> str | Block:
     scale, digits = (100, 0) if measure.unit.startswith("%") else (1, 2)
     mean, low, high = (f"{scale * value:+.{digits}f}" for value in (score.mean, score.low, score.high))
     return Estimate(mean, f"{low} to {high}")
-
-
-def _markdown(block: Block) -> list[str]:
-    """A block of a leaderboard as lines of Markdown."""
-    if isinstance(block, PageTable):
-        align = [" --- " if k < block.text_columns else " ---: " for k in range(len(block.columns))]
-        rows = [[_plain(cell) for cell in row] for row in block.rows]
-        return [_line(block.columns), f"|{'|'.join(align)}|", *map(_line, rows)]
-    if isinstance(block, Subheading):
-        return [f"### {block.text}"]
-    return [getattr(block, "text", "")]
-
-
-def _line(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cells)} |"
-
-
-def _plain(cell: str | Block) -> str:
-    if isinstance(cell, Estimate):
-        return f"{cell.value} ({cell.interval})" if cell.interval else cell.value
-    return str(cell)

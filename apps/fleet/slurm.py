@@ -10,7 +10,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import readygo
@@ -47,12 +47,7 @@ class SlurmWorkers:
         Raises:
             RunError: If Slurm is not installed here, or `options` cannot be split.
         """
-        if shutil.which("sbatch") is None:
-            raise RunError("--on slurm needs sbatch, squeue and scancel on this machine; they are not on the PATH.")
-        try:
-            self._options = shlex.split(options)
-        except ValueError as error:
-            raise RunError(f"--slurm {options!r} cannot be split into options: {error}.") from error
+        self._options = sbatch_options(options)
         self._connect, self._run, self._logs = connect, run, logs
         self._shown = ["--certs", str(certs.resolve())] if certs else []
         self._environment = with_token(token)
@@ -80,7 +75,7 @@ class SlurmWorkers:
         arguments += [f"--job-name=readygo-{self._run}", f"--output={self._logs.resolve()}/slurm-%A_%a.log"]
         arguments += [f"--chdir={Path(readygo.__file__).resolve().parents[1]}"]
         arguments += [*self._options, "--wrap", self._script()]
-        self._jobs.append(_slurm("sbatch", *arguments, environment=self._environment).partition(";")[0])
+        self._jobs.append(call_slurm("sbatch", *arguments, environment=self._environment).partition(";")[0])
 
     def check(self) -> None:
         """Submit the array again if no job waits or runs; call it only while the run is not over.
@@ -94,7 +89,7 @@ class SlurmWorkers:
             return
         self._checked_s = time.monotonic()
         try:
-            left = _slurm("squeue", "--noheader", "--me", f"--name=readygo-{self._run}", "--format=%T")
+            left = call_slurm("squeue", "--noheader", "--me", f"--name=readygo-{self._run}", "--format=%T")
             again = not left and len(self._jobs) <= RESTARTS_MAX
             if again:
                 self.submit(self._workers)
@@ -125,15 +120,34 @@ class SlurmWorkers:
         name = "slurm-$SLURM_ARRAY_JOB_ID-$SLURM_ARRAY_TASK_ID-${SLURM_RESTART_COUNT:-0}"
         command = [sys.executable, "-m", "readygo", "worker", ALL, "--connect", self._connect, "--run", self._run]
         command += self._shown
-        settings = " ".join(f"{variable}=1" for variable in ONE_THREAD)
-        return f"exec env {settings} {shlex.join(command)} --name {name}"
+        return f"{one_thread_script(command)} --name {name}"
 
     def _last_words(self) -> str:
         logs = sorted(self._logs.glob(f"slurm-{self._jobs[-1]}_*.log"))
         return last_words(logs[-1]) if logs else "they left no log."
 
 
-def _slurm(command: str, *arguments: str, environment: Mapping[str, str] | None = None) -> str:
+def sbatch_options(options: str) -> list[str]:
+    """The user's options of sbatch as words.
+
+    Raises:
+        RunError: If Slurm is not installed here, or `options` cannot be split.
+    """
+    if shutil.which("sbatch") is None:
+        raise RunError("--on slurm needs sbatch, squeue and scancel on this machine; they are not on the PATH.")
+    try:
+        return shlex.split(options)
+    except ValueError as error:
+        raise RunError(f"--slurm {options!r} cannot be split into options: {error}.") from error
+
+
+def one_thread_script(command: Sequence[str]) -> str:
+    """Batch script of a job that runs a command whose libraries use one thread each."""
+    settings = " ".join(f"{variable}=1" for variable in ONE_THREAD)
+    return f"exec env {settings} {shlex.join(command)}"
+
+
+def call_slurm(command: str, *arguments: str, environment: Mapping[str, str] | None = None) -> str:
     """Run a command of Slurm, and return its output.
 
     Raises:

@@ -15,7 +15,7 @@ import pytest
 import tyro
 from tyro.conf import Positional
 
-from readygo.apps.cli import CliCommand, function_of, options_of, parse, run_command
+from readygo.apps.cli import CliCommand, function_of, options_of, parse, read_options, run_command
 from readygo.apps.options import SHORT_MAX, describe_options, option_name, section_groups
 from readygo.commands import COMMANDS
 from readygo.common.errors import ConfigError, RunError
@@ -351,3 +351,19 @@ def test_option_may_be_called_by_a_word_of_the_language(capsys: pytest.CaptureFi
     assert parse(commands, ["choose", "here", "--from", "a", "--to-there", "b"])() == ("here", "a", "b")
     parse(commands, ["choose", "--help"])()
     assert "--from FROM" in capsys.readouterr().out
+
+
+def test_value_of_several_options_is_one_value() -> None:
+    @dataclass(frozen=True, kw_only=True)
+    class Options:
+        slurm: str = ""
+        out: str = ""
+        watch: bool = False
+
+    def read(*words: str) -> tuple[str, str, bool]:
+        read = read_options(Options, words, prog="x")
+        return read.slurm, read.out, read.watch
+
+    assert read("--slurm", "--time=1:00 -n 2", "--watch") == ("--time=1:00 -n 2", "", True)
+    assert read("--slurm", "-p x y", "--out", "a b") == ("-p x y", "a b", False)
+    assert read("--watch", "--out=a b") == ("", "a b", True)

@@ -82,7 +82,7 @@ def test_array_is_asked_for_with_the_users_options(asked: Path) -> None:
 def test_jobs_are_asked_for_with_all_that_a_worker_needs(asked: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     given = []
     monkeypatch.setattr(
-        slurm, "_slurm", lambda *words, environment=None: given.append((words, environment)) or "17;cluster"
+        slurm, "call_slurm", lambda *words, environment=None: given.append((words, environment)) or "17;cluster"
     )
     logs, certs = asked.parent / "logs", asked.parent / "certs"
     workers = SlurmWorkers(
@@ -109,7 +109,9 @@ def test_slurm_is_asked_every_5_seconds_and_workers_are_submitted_ten_times_agai
     monkeypatch.setattr(slurm, "CHECK_S", 5.0)
     monkeypatch.setattr(slurm, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
     monkeypatch.setattr(
-        slurm, "_slurm", lambda *words, environment=None: calls.append(words[0]) or {"sbatch": "17"}.get(words[0], "")
+        slurm,
+        "call_slurm",
+        lambda *words, environment=None: calls.append(words[0]) or {"sbatch": "17"}.get(words[0], ""),
     )
     workers = _workers(asked)
     workers.submit(3)

@@ -1,0 +1,1 @@
+"""Sweeps: arms x scenes x seeds of a command, on this machine, Slurm, Kubernetes or Ray."""
