@@ -4,6 +4,7 @@ import ctypes
 import os
 import signal
 import subprocess
+import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -18,11 +19,12 @@ _LIBC = ctypes.CDLL(None)
 def start_child(
     command: Sequence[str], *, stdout: IO[bytes] | None = None, stderr: IO[bytes] | None = None, cwd: Path | None = None
 ) -> "subprocess.Popen[bytes]":
-    """Start a process that gets SIGTERM when the thread that started it ends."""
+    """Start a process that gets SIGTERM when the thread that started it ends; on Linux alone."""
     parent = os.getpid()
 
     def bind() -> None:
-        _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+        if sys.platform == "linux":
+            _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
         if os.getppid() != parent:
             os._exit(1)
 
