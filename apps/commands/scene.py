@@ -66,7 +66,7 @@ class SceneImportOptions:
     name: str = ""
     """Name of the scene; the folder's by default."""
     sky: Path | None = None
-    """Gaussians of the distant surroundings, in the same frame as the source."""
+    """Gaussians of the distant surroundings, in the same frame as the source; sky.ply of a folder by default."""
     up: str = "+z"
     """Axis of the file that points up: +x, +y, +z, -x, -y or -z, written with the equals sign, as in --up=-y; a
     direction such as --up=0.1,-0.99,0.05; "cameras", the mean up direction of the cameras; or "auto", which

@@ -106,7 +106,7 @@ def import_scene(
         source: File or folder of one of `readygo.common.gaussians.files.FORMATS`.
         out: Folder to make; must not exist.
         name: Name of the scene; the folder's by default.
-        sky: Gaussians of the far surroundings, in the frame of `source`.
+        sky: Gaussians of the far surroundings, in the frame of `source`; by default `sky.ply` of a folder that has one.
         up: Axis of the file that points up: +x, -x, +y, -y, +z or -z; three numbers with commas for a direction;
             "cameras", the mean up of those that it was filmed with; or "auto", which finds it where that is clear.
         scale: Metres per unit of the file.
@@ -139,6 +139,8 @@ def import_scene(
         close_coarse=close_coarse,
         close_unfilmed=close_unfilmed,
     )
+    if sky is None and (source / SKY_FILE).is_file():
+        sky = source / SKY_FILE
     held = read_source(source)
     up = _resolved_up(up, held)
     R = R_from_up(up)

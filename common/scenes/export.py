@@ -15,13 +15,13 @@ from readygo.common.files import unfinished_folder
 from readygo.common.gaussians import GaussianCloud, save_ply
 from readygo.common.gaussians.output_folder import CAMERAS_FILE
 from readygo.common.gaussians.spherical_harmonics import SH_C0
-from readygo.common.scenes.scene import Scene
+from readygo.common.scenes.scene import SKY_FILE, Scene
 
 SceneFormat = Literal["3dgs", "colmap", "transforms"]
 POINTS_MAX = 100_000
 """Most points of a COLMAP model; of more Gaussians so many are taken, evenly."""
 _OPACITY_MIN = 0.5
-CLOUD_FILE, SKY_FILE = "point_cloud/iteration_{steps}/point_cloud.ply", "sky.ply"
+CLOUD_FILE = "point_cloud/iteration_{steps}/point_cloud.ply"
 
 
 def export_scene(scene: Scene, kind: SceneFormat, out: Path, images: Path | None = None) -> list[str]:

@@ -37,7 +37,7 @@ def test_3dgs_comes_back_by_import(filmed, tmp_path):
     for name in ("means_m", "quats_wxyz", "scales_m", "opacities", "sh"):
         there = getattr(load_gaussians(tmp_path / "out" / files[0]), name)
         np.testing.assert_allclose(there, getattr(filmed.cloud, name), rtol=1e-4, atol=1e-5)
-    again = import_scene(tmp_path / "out", tmp_path / "again", sky=tmp_path / "out" / "sky.ply")
+    again = import_scene(tmp_path / "out", tmp_path / "again")
     same_views(again.views, filmed.views)
     assert (len(again.cloud), len(again.sky)) == (len(filmed.cloud), 5)
 
