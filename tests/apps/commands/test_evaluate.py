@@ -203,7 +203,7 @@ def test_methods_without_a_policy_and_those_that_fail_are_told() -> None:
 
 def test_success_rate_of_each_method_is_shown_as_it_drives() -> None:
     console = PlainConsole(file=io.StringIO(), width=200)
-    with evaluate_command._progress(console, 8, quiet=False) as (show, say):
+    with evaluate_command.episode_progress(console, 8, quiet=False) as (show, say):
         say("More workers <can> join.")
         for record in RECORDS[4:7]:
             show(record)
