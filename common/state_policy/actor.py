@@ -15,7 +15,7 @@ from readygo.common.state_policy.commands import StateCommands
 from readygo.common.state_policy.state_policy import StatePolicy
 from readygo.common.state_simulation.goal_distances import GoalDistances
 from readygo.common.state_simulation.observe import observe, told_count
-from readygo.common.state_simulation.tracks import Tracks, is_visible, make_tracks, tracker_numbers
+from readygo.common.state_simulation.tracks import Tracks, has_no_tracks, is_visible, make_tracks, tracker_numbers
 from readygo.common.state_simulation.world import StateWorld
 
 SLOTS = 6
@@ -119,8 +119,9 @@ class StateActor:
         self._tell_tracks(robot)
         state = (robot.x_m, robot.y_m, robot.yaw_rad, robot.v_mps, robot.w_radps)
         observe(self._world, self._numbers, self.tracks, 0, robot.step, state, self._goal, self._field_cm, self.told[0])
-        alone = not (self.tracks.seen_step[0] >= 0).any()
-        self._command = self._commands.decide(self.told, robot.step * self._dt_s, (robot.x_m, robot.y_m), alone=alone)
+        time_s, xy_m = np.array([robot.step * self._dt_s]), np.array([[robot.x_m, robot.y_m]])
+        v, w = self._commands.decide(self.told, time_s, xy_m, has_no_tracks(self.tracks))[0].tolist()
+        self._command = v, w
 
     def _tell_tracks(self, robot: RobotState) -> None:
         """Fill the tracks with those of the tracker, the nearest ones first."""

@@ -1,16 +1,13 @@
-"""The commands of a state policy over one episode: the best one, or the best that moves where the robot stands still.
+"""The commands of a state policy over an episode: the best one, or the best that moves where the robot stands still.
 
 Where a policy is unsure which way to go, its best command can be to wait, or to turn back and forth. Then nothing that
 it is told changes, and it stays there until the time is up. During training commands are drawn from its distribution,
 which ends that after a moment.
 """
 
-import math
-
 import numpy as np
 
-from readygo.common.arrays import Float32Array
-from readygo.common.episode.loop import Command
+from readygo.common.arrays import BoolArray, Float32Array, Float64Array
 from readygo.common.state_policy.state_policy import StatePolicy
 
 STAND_S = 4.0
@@ -22,27 +19,31 @@ STAND_M = 0.3
 
 
 class StateCommands:
-    """Decides over one episode; remembers where the robot has been standing."""
+    """Decides for some robots, each over one episode; remembers where they have been standing."""
 
-    def __init__(self, policy: StatePolicy) -> None:
-        """Begin."""
-        self._policy = policy
-        self._xy_m = (math.inf, math.inf)
-        self._since_s = 0.0
-
-    def decide(self, told: Float32Array, time_s: float, xy_m: tuple[float, float], *, alone: bool) -> Command:
-        """The command now: v [m/s], w [rad/s].
+    def __init__(self, policy: StatePolicy, count: int = 1) -> None:
+        """Begin.
 
         Args:
-            told: What the policy is told, shape (1, told_count).
-            time_s: Time since the episode began [s].
-            xy_m: Position of the robot [m].
-            alone: True if no person is tracked.
+            policy: Decides.
+            count: Number of robots N.
         """
-        if math.dist(xy_m, self._xy_m) > STAND_M:
-            self._xy_m, self._since_s = xy_m, time_s
-        commands, scores = self._policy.commands, self._policy.logits(told)[0]
-        if time_s - self._since_s >= (STAND_S if alone else WAIT_S):
-            scores = np.where(commands[:, 0] == 0.0, -np.inf, scores)
-        v, w = commands[scores.argmax()].tolist()
-        return v, w
+        self._policy = policy
+        self._xy_m, self._since_s = np.full((count, 2), np.inf), np.zeros(count)
+
+    def decide(self, told: Float32Array, time_s: Float64Array, xy_m: Float64Array, alone: BoolArray) -> Float64Array:
+        """The commands now: v [m/s], w [rad/s], shape (N, 2).
+
+        Args:
+            told: What the policy is told, shape (N, told_count).
+            time_s: Time since the robots' episodes began [s], shape (N,).
+            xy_m: Positions of the robots [m], shape (N, 2).
+            alone: True where no person is tracked, shape (N,).
+        """
+        moved = np.hypot(*(xy_m - self._xy_m).T) > STAND_M
+        self._xy_m[moved], self._since_s[moved] = xy_m[moved], time_s[moved]
+        stands = time_s - self._since_s >= np.where(alone, STAND_S, WAIT_S)
+        commands, scores = self._policy.commands, self._policy.logits(told)
+        scores = np.where(stands[:, None] & (commands[:, 0] == 0.0), -np.inf, scores)
+        chosen: Float64Array = commands[scores.argmax(axis=1)]
+        return chosen

@@ -17,6 +17,7 @@ from readygo.common.state_simulation.observe import observe, told_count
 from readygo.common.state_simulation.tracks import (
     Tracks,
     begin_tracks,
+    has_no_tracks,
     is_visible,
     look,
     make_tracks,
@@ -96,9 +97,10 @@ class StateDriver:
 
     def decide(self, simulation: EpisodeSimulation, episode: StateEpisode) -> Command:
         """The policy's command at the present state, which was perceived before: v [m/s], w [rad/s]."""
-        time_s, xy_m = simulation.step * self._dt_s, (simulation.x_m, simulation.y_m)
-        alone = not (episode.tracks.seen_step[0] >= 0).any()
-        return episode.commands.decide(self.told(simulation, episode), time_s, xy_m, alone=alone)
+        one, told, alone = simulation, self.told(simulation, episode), has_no_tracks(episode.tracks)
+        time_s, xy_m = np.array([one.step * self._dt_s]), np.array([[one.x_m, one.y_m]])
+        v, w = episode.commands.decide(told, time_s, xy_m, alone)[0].tolist()
+        return v, w
 
     def sees_human(self, simulation: EpisodeSimulation) -> bool:
         """True if one of the robot's cameras shows a human now."""

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from readygo.common.arrays import Float64Array, Int64Array, UInt64Array
+from readygo.common.arrays import BoolArray, Float64Array, Int64Array, UInt64Array
 from readygo.common.camera.config import mounted_at
 from readygo.common.camera.view import FieldOfView, in_view
 from readygo.common.kernels import kernel_with_cache
@@ -93,6 +93,12 @@ def make_tracks(robot_count: int, human_count: int) -> Tracks:
         before=np.zeros((robot_count, human_count, 2)),
         random=np.zeros((robot_count, 1), np.uint64),
     )
+
+
+def has_no_tracks(tracks: Tracks) -> BoolArray:
+    """True for robots to whom no person is told, shape (N,)."""
+    free: BoolArray = np.all(tracks.seen_step < 0, axis=1)
+    return free
 
 
 def tracker_numbers(noise: PerceptionNoise, clock: Clock) -> TrackerNumbers:

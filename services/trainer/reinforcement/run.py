@@ -22,6 +22,7 @@ from readygo.common.config import section_to_mapping
 from readygo.common.drawing.charts import Curve, line_chart, write_chart
 from readygo.common.errors import PolicyError
 from readygo.common.files import write_then_rename, write_whole
+from readygo.common.state_policy.commands import StateCommands
 from readygo.common.state_policy.state_policy import StatePolicy, StatePolicySpec, grid_weights
 from readygo.common.state_simulation.bank import EpisodeBank
 from readygo.common.state_simulation.simulation import (
@@ -33,7 +34,7 @@ from readygo.common.state_simulation.simulation import (
     StateSimulation,
     StateSimulationConfig,
 )
-from readygo.common.state_simulation.tracks import tracker_numbers
+from readygo.common.state_simulation.tracks import has_no_tracks, tracker_numbers
 from readygo.common.state_simulation.world import StateWorld
 from readygo.services.trainer.reinforcement.config import ReinforcementConfig
 from readygo.services.trainer.reinforcement.networks import layers_of
@@ -256,8 +257,10 @@ def play(policy: StatePolicy, simulation: StateSimulation, *, dynamic: bool) -> 
     """Codes of the outcomes of a bank's episodes, shape (E,), see `success_rate`."""
     count = len(simulation)
     simulation.begin(np.arange(count), np.full(count, dynamic), seeds=np.arange(count) + 1)
+    commands, dt_s = StateCommands(policy, count), simulation.world.dt_s
     while (simulation.last.outcome == RUNNING).any():
-        simulation.advance(policy.choose(simulation.told), again=False)
+        time_s, alone = dt_s * simulation.step.astype(np.float64), has_no_tracks(simulation.tracks)
+        simulation.advance(commands.decide(simulation.told, time_s, simulation.state[:, :2], alone), again=False)
     return simulation.last.outcome.copy()
 
 

@@ -26,7 +26,9 @@ def told(policy: StatePolicy) -> np.ndarray:
 
 
 def decided(commands: StateCommands, told: np.ndarray, times_s, xy_m=HERE, *, alone: bool = True) -> set:
-    return {commands.decide(told, time_s, xy_m, alone=alone) for time_s in times_s}
+    return {
+        tuple(commands.decide(told, np.array([time_s]), np.array([xy_m]), np.array([alone]))[0]) for time_s in times_s
+    }
 
 
 def test_robot_that_stands_too_long_takes_the_best_command_that_moves(policy: StatePolicy, told: np.ndarray) -> None:
@@ -47,8 +49,9 @@ def test_turning_on_the_spot_is_standing(policy: StatePolicy, told: np.ndarray) 
 
 
 def test_robot_that_moves_keeps_the_best_command(policy: StatePolicy, told: np.ndarray) -> None:
-    commands, times_s = StateCommands(policy), np.arange(0.0, LATE_S, 0.2)
-    assert {commands.decide(told, t, (0.2 * t, 0.0), alone=True) for t in times_s} == {WAIT}
+    commands = StateCommands(policy)
+    for time_s in np.arange(0.0, LATE_S, 0.2):
+        assert decided(commands, told, [time_s], (0.2 * time_s, 0.0)) == {WAIT}
 
 
 def test_robot_waits_longer_for_a_person(policy: StatePolicy, told: np.ndarray) -> None:
@@ -61,3 +64,12 @@ def test_leaving_the_place_ends_it(policy: StatePolicy, told: np.ndarray) -> Non
     commands, away = StateCommands(policy), (HERE[0] + STAND_M + 0.01, HERE[1])
     assert len(decided(commands, told, [0.0, LATE_S])) == 2
     assert decided(commands, told, LATE_S + np.arange(0.0, STAND_S - 0.1, 0.2), away) == {WAIT}
+
+
+def test_robots_stand_for_themselves(policy: StatePolicy, told: np.ndarray) -> None:
+    commands, alone = StateCommands(policy, 3), np.array([True, True, False])
+    places = np.array([HERE, HERE, HERE])
+    commands.decide(told.repeat(3, axis=0), np.zeros(3), places, alone)
+    places[1] += 1.0
+    later = commands.decide(told.repeat(3, axis=0), np.full(3, STAND_S), places, alone)
+    assert (later[:, 0] != 0.0).tolist() == [True, False, False]

@@ -3,9 +3,10 @@ import pytest
 
 from readygo.common.episode.loop import Observer, run_episode
 from readygo.common.perception.noise import PerceptionNoise
+from readygo.common.state_policy.commands import StateCommands
 from readygo.common.state_policy.state_driver import StateDriver, detection_seed
 from readygo.common.state_simulation.simulation import OUTCOMES, RUNNING, StateSimulation
-from readygo.common.state_simulation.tracks import tracker_numbers
+from readygo.common.state_simulation.tracks import has_no_tracks, tracker_numbers
 from tests.common.state_policy.state_policies import make_state_policy
 from tests.common.state_simulation.episodes import Drawn, draw
 
@@ -37,10 +38,13 @@ def test_robot_is_told_the_same_numbers_as_in_the_state_simulation(drawn: Drawn)
     exact = [drawn.simulation(k) for k in range(8)]
     fast.begin(np.arange(8), np.ones(8, bool), [detection_seed(one) for one in exact])
     told: list[list[np.ndarray]] = [[] for _ in exact]
+    commands = StateCommands(policy, 8)
     while (running := fast.last.outcome == RUNNING).any():
         for k in np.flatnonzero(running):
             told[k].append(fast.told[k].copy())
-        fast.advance(policy.choose(fast.told), again=False)
+        alone = has_no_tracks(fast.tracks)
+        wanted = commands.decide(fast.told, fast.step * clock.dt_s, fast.state[:, :2], alone)
+        fast.advance(wanted, again=False)
     people = 0.0
     for k, one in enumerate(exact):
         driver = StateDriver(policy, drawn.state_world, drawn.distances)

@@ -12,6 +12,7 @@ from readygo.common.state_simulation.tracks import (
     MEMORY_S,
     UNCONFIRMED_S,
     begin_tracks,
+    has_no_tracks,
     is_visible,
     look,
     make_tracks,
@@ -105,3 +106,9 @@ def test_false_alarms_come_at_their_rate_and_lie_in_the_view(world) -> None:
             assert abs(math.degrees(math.atan2(y, x))) <= 50.0
             assert 1.0 <= math.hypot(x, y) <= 6.0
     assert 150 < count < 250
+
+
+def test_robots_without_tracks_are_known() -> None:
+    tracks = make_tracks(3, 2)
+    tracks.seen_step[1, 1] = 0
+    assert has_no_tracks(tracks).tolist() == [True, False, True]

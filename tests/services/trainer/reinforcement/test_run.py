@@ -1,14 +1,20 @@
+import dataclasses
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from readygo.common.episode import EpisodeSimulation
+from readygo.common.episode.loop import run_episode
 from readygo.common.errors import PolicyError
 from readygo.common.perception.noise import PERCEIVED
+from readygo.common.state_policy.state_driver import StateDriver
 from readygo.common.state_policy.state_policy import StatePolicySpec, load_state_policy
+from readygo.common.state_simulation.simulation import OUTCOMES, TIMEOUT, StateSimulation
+from readygo.common.state_simulation.tracks import tracker_numbers
 from readygo.services.trainer.reinforcement.config import PpoConfig, ReinforcementConfig
-from tests.common.state_policy.state_policies import TOLD_COUNT
+from tests.common.state_policy.state_policies import TOLD_COUNT, make_state_policy
 from tests.common.state_simulation.episodes import Drawn, draw
 
 torch = pytest.importorskip("torch", reason="torch (extra train) is not installed")
@@ -50,6 +56,25 @@ def test_resumed_training_ends_as_one_without_interruption(drawn: Drawn, tmp_pat
     one, two = (load_state_policy(tmp_path / name) for name in ("whole", "parts"))
     assert np.array_equal(one.logits(told), two.logits(told))
     assert one.spec.training["chosen"] == two.spec.training["chosen"]
+
+
+def test_validation_drives_as_the_drivers_do_which_do_not_wait_forever(drawn: Drawn) -> None:
+    from readygo.services.trainer.reinforcement.run import play
+
+    policy = make_state_policy()
+    waits = (policy.commands == 0.0).all(axis=1)
+    policy.layers[-1][1][:] = np.where(waits, np.float32(1e6), np.float32(0.0))
+    numbers = tracker_numbers(PERCEIVED, drawn.world.config.robot.clock)
+    fast = StateSimulation(drawn.state_world, drawn.bank, numbers, len(drawn.bank), knows_truth=False)
+    outcomes = play(policy, fast, dynamic=False)
+    config, robot_map = drawn.world.config, drawn.world.scene.maps.robot
+    for code, (scenario, motions) in zip(outcomes, drawn.pairs, strict=True):
+        alone = dataclasses.replace(scenario, humans=())
+        still = dataclasses.replace(motions, humans=())
+        one = EpisodeSimulation(alone, still, robot_map, config.robot, config.episode)
+        run_episode(one, StateDriver(policy, drawn.state_world, drawn.distances))
+        assert OUTCOMES[code] is one.outcome
+    assert TIMEOUT not in outcomes
 
 
 def test_folder_has_policy_metrics_curve_and_chart(drawn: Drawn, tmp_path: Path) -> None:
