@@ -3,6 +3,7 @@
 import errno
 import io
 import os
+import re
 import shutil
 import stat
 import sys
@@ -14,6 +15,7 @@ from pathlib import Path
 
 from readygo.common.errors import ReadygoError
 
+_FOLDER_NAME = re.compile(r"\w[\w.+-]*")
 _ZIP_DIRECTORY_BYTES_MAX = 2**20
 """A table of contents of 1 MB lists some 15,000 files; Python spends 20 times its size on it."""
 
@@ -168,6 +170,12 @@ def write_whole(path: str | Path, data: bytes | str, *, raises: type[ReadygoErro
     """
     with write_then_rename(path, raises=raises) as part:
         part.write_bytes(data.encode() if isinstance(data, str) else data)
+
+
+def check_folder_name(name: str) -> None:
+    """Raise ValueError for a name that is not fit for a folder on every system, such as "..", "a/b" or an empty one."""
+    if not _FOLDER_NAME.fullmatch(name):
+        raise ValueError(f"{name!r} is no name of letters, digits, -, +, _ and points; a folder is named so.")
 
 
 def disk_space(path: Path) -> tuple[int, int]:

@@ -13,7 +13,7 @@ from tyro.conf import Fixed, Positional
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.terminal import PlainConsole
 from readygo.common.avatars import save_avatar
-from readygo.common.errors import AvatarError, ConfigError, RunError
+from readygo.common.errors import AvatarError, ConfigError
 from readygo.common.extras import install_command
 from readygo.common.files import write_then_rename, write_whole
 from readygo.runs.sections import Keys, Sections, with_file, with_keys
@@ -120,7 +120,7 @@ def _extract(options: AvatarExtractOptions, config: AvatarFitConfig, work: Path)
                 smpl=options.body,
             )
         except KeyboardInterrupt:
-            raise RunError(f"Interrupted; the same command resumes from the state in {work}.") from None
+            raise KeyboardInterrupt(f"the same command resumes from the state in {work}.") from None
 
 
 def _write_poses(path: Path, extraction: Extraction) -> None:

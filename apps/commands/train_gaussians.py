@@ -10,7 +10,7 @@ from rich.table import Table
 from tyro.conf import Fixed, Positional
 
 from readygo.apps.terminal import PlainConsole
-from readygo.common.errors import ConfigError, RunError
+from readygo.common.errors import ConfigError
 from readygo.common.extras import install_command
 from readygo.runs.sections import Keys, Sections, with_file, with_keys
 from readygo.services.reconstructor import GaussiansConfig, Preset, preset, weak_texture
@@ -70,7 +70,7 @@ def _train(posed: Path, out: Path, config: GaussiansConfig, notes: PlainConsole)
         try:
             return train_gaussians(posed, out, config, tell)
         except KeyboardInterrupt:
-            raise RunError(f"Interrupted; the same command resumes from the state in {out}.") from None
+            raise KeyboardInterrupt(f"the same command resumes from the state in {out}.") from None
 
 
 def _rows(report: dict[str, Any]) -> list[tuple[str, str]]:

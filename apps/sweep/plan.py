@@ -30,7 +30,7 @@ from readygo.apps.options import CommandOptions, Option, describe_options
 from readygo.common.config import section_from_mapping
 from readygo.common.documents import TOML_BYTES_MAX, parse_toml
 from readygo.common.errors import ConfigError, ReadygoError
-from readygo.common.files import read_regular
+from readygo.common.files import check_folder_name, read_regular
 from readygo.runs.sections import key_text, merge_tables
 
 SWEPT = {
@@ -51,7 +51,6 @@ SCENE_FIELDS = ("scene", "scenes")
 ONLY_ARM = "base"
 """Name of the arm of a sweep that names none."""
 POINTS_MAX = 10_000
-_NAME = re.compile(r"[A-Za-z0-9][\w.+-]*")
 _BEHIND_SCENE = re.compile(r"[^\w.+-]+")
 
 
@@ -77,9 +76,8 @@ class SweepFile:
             raise ValueError(f"{self.command!r} cannot be swept; {_swept()}.")
         if not self.arms or not self.seeds:
             raise ValueError("a sweep needs at least one arm and one seed.")
-        for name in self.arms:
-            if not _NAME.fullmatch(name):
-                raise ValueError(f"{name!r} is no name of letters, digits, - and _; a folder is named so.")
+        for name in (*self.arms, *map(scene_name, self.scenes)):
+            check_folder_name(name)
         for names, what in (([*map(scene_name, self.scenes)], "scenes"), ([*map(str, self.seeds)], "seeds")):
             if twice := {name for name in names if names.count(name) > 1}:
                 raise ValueError(f"two {what} are named {min(twice)}, and would share a folder.")

@@ -35,7 +35,7 @@ from readygo.common.avatars.cast import EMBEDDED
 from readygo.common.config import section_from_mapping
 from readygo.common.documents import TOML_BYTES_MAX, parse_toml
 from readygo.common.errors import ConfigError, ReadygoError, SceneError
-from readygo.common.files import read_regular
+from readygo.common.files import check_folder_name, read_regular
 from readygo.common.messages import Split
 from readygo.runs.config import RunConfig, merge_sections
 from readygo.runs.evaluation import evaluation_world, make_request
@@ -100,8 +100,7 @@ class Suite:
         if len({scene.seed for scene in self.scenes.values()}) < len(self.scenes):
             raise ValueError("scenes of a suite need different seeds: episodes are told apart by them.")
         for name in (*self.scenes, *self.cells):
-            if not name.replace("-", "").replace("_", "").isalnum():
-                raise ValueError(f"{name!r} is no name of letters, digits, - and _; a folder is named so.")
+            check_folder_name(name)
 
 
 @dataclass(frozen=True, kw_only=True)

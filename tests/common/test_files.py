@@ -12,6 +12,7 @@ import pytest
 from readygo.common.errors import ReadygoError, SceneError
 from readygo.common.files import (
     cache_root,
+    check_folder_name,
     disk_space,
     make_cache_folder,
     open_regular,
@@ -208,3 +209,14 @@ def test_folder_is_replaced_again_and_again_until_it_is_good(tmp_path: Path) -> 
         (part / "text").write_text("new")
     assert asked == ["old"]
     assert (tmp_path / "pack" / "text").read_text() == "new"
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "a/b", "a b", "-a", "a\n", "a\\b"])
+def test_names_that_no_folder_should_have(name: str) -> None:
+    with pytest.raises(ValueError, match="is no name of letters"):
+        check_folder_name(name)
+
+
+@pytest.mark.parametrize("name", ["a", "embedded-1", "lobby_2.v1", "a+b", "été"])
+def test_names_of_folders(name: str) -> None:
+    check_folder_name(name)

@@ -87,6 +87,7 @@ def test_several_scenes_are_one_point_in_an_inner_array(tmp_path: Path) -> None:
         ('command = "rl"\nscenes = ["embedded"]\nseeds = [1, 1]', "two seeds are named 1"),
         ('command = "rl"\nscenes = ["a/x", "b/x"]', "two scenes are named x"),
         ('command = "rl"\nscenes = ["embedded"]\n[arms."a b"]', "'a b' is no name"),
+        ('command = "rl"\nscenes = ["scenes/.."]', "'..' is no name"),
         ('command = "rl"\nscenes = ["embedded"]\n[arms.a]\nout = "x"', "the option out is none of a sweep's"),
         ('command = "rl"\nscenes = ["embedded"]\n[arms.a]\nnois = "exact"', "arm a: unknown option '--nois'"),
         ('command = "rl"\nscenes = ["embedded"]\n[arms.a]\nnoise = "loud"', "arm a: --noise must be exact or"),
