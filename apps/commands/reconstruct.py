@@ -215,8 +215,6 @@ def _print_scene(source: Path, job: Job, report: dict[str, Any]) -> None:
     left = f"unseen: {training['unseen']:,}, {report['removed']}"
     table.add_row("Gaussians", f"{made}; left out: {left}; kept as sky: {report['sky']:,}")
     table.add_row("held-out images", quality)
-    if training["rejected"] is not None:
-        table.add_row("left out of photos", f"{100 * training['rejected']:.1f} %, black in previews/rejected")
     for note in training["notes"]:
         table.add_row("note", note)
     for stage, seconds in report["seconds"].items():

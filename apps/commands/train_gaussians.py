@@ -79,8 +79,6 @@ def _rows(report: dict[str, Any]) -> list[tuple[str, str]]:
     if report["psnr_db"] is not None:
         rows.append(("held out", _quality(report)))
         rows += [(row["image"], _quality(row)) for row in report["held_out"]]
-    if report["rejected"] is not None:
-        rows.append(("left out of photos", f"{100 * report['rejected']:.1f} % (black in previews/rejected)"))
     rows += [("note", note) for note in report["notes"]]
     rows += [(name, f"{spent_s:.1f} s") for name, spent_s in report["seconds"].items()]
     rows.append(("in all", f"{total_s:.1f} s"))

@@ -82,7 +82,6 @@ def static_scores(posed: Posed, training: Path) -> dict[str, Any]:
         **{name: round(float(value), 3) for name, value in means.items()},
         "held_out": len(scores),
         "gaussians": len(gaussians),
-        "rejected": report["rejected"],
     }
 
 

@@ -89,9 +89,6 @@ class GaussiansConfig:
     """Degree of the spherical harmonics of the colours."""
     seed: int = 0
     """Seed of the training."""
-    trim: Annotated[float, Range(low=0.0, high=0.5)] = 0.0
-    """At most this share of each photo is left out of the losses, where it differs most from what is drawn: people who
-    walk through and have no mask; 0: nothing is left out."""
     density: DensityConfig = field(default_factory=DensityConfig)
     geometry: GeometryConfig = field(default_factory=GeometryConfig)
 

@@ -61,7 +61,7 @@ class CpuEngine:
                 neighbour = None if task.neighbour is None else photos[task.neighbour]
                 geometry = Geometry(neighbour=neighbour, rng=task.rng)
             photo = photos[task.number]
-            return view_gradients(leaves, photo, task.exposure, sh_degree, self._settings, geometry, trim=task.trim)
+            return view_gradients(leaves, photo, task.exposure, sh_degree, self._settings, geometry)
 
         self._views = list(self._pool.map(one, tasks))
         return [ViewLoss(loss=view.loss, exposure=view.exposure) for view in self._views]

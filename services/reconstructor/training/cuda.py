@@ -23,7 +23,6 @@ from readygo.services.reconstructor.training.parameters import PARAMETERS, SHAPE
 from readygo.services.reconstructor.training.photometric import SSIM_WEIGHT, photometric_loss
 from readygo.services.reconstructor.training.photos import BRIGHTNESS, PhotoStore
 from readygo.services.reconstructor.training.planes import plane_features
-from readygo.services.reconstructor.training.robust import trusted_pixels
 from readygo.services.reconstructor.training.surfaces import between, normals_within, side_of
 
 Tensor = torch.Tensor
@@ -197,10 +196,6 @@ class CudaEngine:
         shown = drawn.values[..., :3].permute(2, 0, 1)
         image = shown * exposure[0, :, None, None].exp() + exposure[1, :, None, None]
         mask = view.mask
-        if task.trim:
-            known = None if mask is None else mask.cpu().numpy()
-            trusted = trusted_pixels(_array(image), _array(rgb), task.trim, known)
-            mask = torch.from_numpy(trusted).to(self._device)
         if mask is not None:
             # What is ignored shows what is drawn there, without a derivative.
             rgb, image = (torch.where(mask, each, image.detach()) for each in (rgb, image))

@@ -1,7 +1,7 @@
 """One view of the Gaussians in training: the loss and its gradients, or the picture alone."""
 
 import threading
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -14,7 +14,6 @@ from readygo.services.reconstructor.training.parameters import Gaussians
 from readygo.services.reconstructor.training.photometric import SSIM_WEIGHT, Photometric
 from readygo.services.reconstructor.training.photos import Photo
 from readygo.services.reconstructor.training.plane_kernels import add_feature_slopes, write_features
-from readygo.services.reconstructor.training.robust import trusted_pixels
 from readygo.services.reconstructor.training.surface_slopes import PlaneView, surface_slopes
 
 Leaves = dict[str, torch.Tensor]
@@ -105,8 +104,6 @@ def view_gradients(
     sh_degree: int,
     settings: GaussiansConfig,
     geometry: Geometry | None = None,
-    *,
-    trim: float = 0.0,
 ) -> ViewGradients:
     """Loss and gradients of one view, and of the neighbour that it is compared with.
 
@@ -117,7 +114,6 @@ def view_gradients(
         sh_degree: Higher degrees are left out.
         settings: Weights of the losses.
         geometry: What normals and depths are compared with, if they are.
-        trim: At most this share of the photo is left out, see `robust`.
     """
     leaves = {name: leaf.detach().requires_grad_() for name, leaf in leaves.items()}
     if geometry is not None:
@@ -127,8 +123,6 @@ def view_gradients(
     planes = planes_of(rendered)
     gains, offsets = np.exp(exposure[0])[:, None, None], exposure[1][:, None, None]
     shown = planes * gains + offsets
-    if trim:
-        photo = replace(photo, mask=trusted_pixels(shown, photo.rgb, trim, photo.mask))
     wanted = photo.rgb if photo.mask is None else np.where(photo.mask, photo.rgb, shown)
     loss, _, slope = _LOSSES.of(planes.shape[1:])(shown, wanted, SSIM_WEIGHT)
     if photo.mask is not None:

@@ -23,8 +23,6 @@ class ViewTask:
     """Chooses patches of surfaces; None: surfaces are not compared in this step."""
     neighbour: int | None
     """Number of the view that surfaces are compared with; None: there is none, only normals within the view count."""
-    trim: float = 0.0
-    """At most this share of the photo is left out, see `robust`."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

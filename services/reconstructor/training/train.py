@@ -16,7 +16,6 @@ import torch
 from readygo.common.arrays import BoolArray, Float64Array, UInt8Array
 from readygo.common.config import section_to_mapping
 from readygo.common.documents import read_json
-from readygo.common.drawing.files import write_png
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.common.gaussians.ply import save_ply
@@ -33,7 +32,7 @@ from readygo.services.reconstructor.training.density import (
     make_faint,
     reset_opacities,
 )
-from readygo.services.reconstructor.training.drawing import OBSERVED_PX, draw, leaves_of, planes_of, quantise
+from readygo.services.reconstructor.training.drawing import OBSERVED_PX
 from readygo.services.reconstructor.training.engine import Engine, ViewTask
 from readygo.services.reconstructor.training.exposures import Exposures
 from readygo.services.reconstructor.training.interruption import interruption
@@ -41,7 +40,6 @@ from readygo.services.reconstructor.training.memory import check_memory, gpu_mem
 from readygo.services.reconstructor.training.neighbours import choose_neighbours, neighbour_distances
 from readygo.services.reconstructor.training.parameters import Gaussians, initial_gaussians
 from readygo.services.reconstructor.training.photos import PhotoStore, Posed, open_posed, split_views
-from readygo.services.reconstructor.training.robust import trusted_pixels
 from readygo.services.reconstructor.training.schedule import TrainingSchedule
 from readygo.services.reconstructor.training.score import HeldOut, measure, write_picture
 
@@ -54,8 +52,6 @@ _SURFACES_BEGIN = 0.23
 """Share of the training after which normals and neighbours are compared; Gaussians are flattened from the start."""
 _NEIGHBOURS, _NEIGHBOUR_ANGLE_MAX_DEG, _NEIGHBOUR_DISTANCE_MIN_M = 8, 30.0, 0.01
 """Views that a view is compared with (as PGSR): most of them, largest angle [deg], least distance [m]."""
-_TRIM_BEGIN = 0.15
-"""Share of the training after which pixels are left out: before, all differ."""
 _ALONE_MAX = 0.1
 """A larger share of images without a neighbour is worth a note."""
 _TRIM_VIEWS = 2
@@ -98,7 +94,6 @@ def train_gaussians(posed_folder: Path, out_folder: Path, settings: GaussiansCon
         The report: `psnr_db`, `psnr_fitted_db` (after an affine fit of each image's colours) and `ssim` (means of the
         held-out images, None without any), `held_out` (by image),
         `gaussians`, `unseen` (how many were left out in the end as no training image shows them), `images`,
-        `rejected` (mean share of the training images that is left out by `trim`, None without it),
         `without_neighbour` (training images whose surfaces are compared with no other image), `notes` (in words),
         `seconds` (by stage), `gpu_bytes` (most memory of a GPU that tensors held since the last start), `settings`.
 
@@ -247,13 +242,12 @@ class _Training:
     def _task(self, number: int, slot: int) -> ViewTask:
         """What the view at a place of this step's batch is asked."""
         exposure = self._exposures.values[number]
-        trim = self._settings.trim if self._step >= _TRIM_BEGIN * self._settings.steps else 0.0
         if not self._settings.geometry.enabled or self._step < _SURFACES_BEGIN * self._settings.steps:
-            return ViewTask(number=number, exposure=exposure, rng=None, neighbour=None, trim=trim)
+            return ViewTask(number=number, exposure=exposure, rng=None, neighbour=None)
         rng = np.random.default_rng((self._settings.seed, self._step, 2, slot))
         others = self._neighbours[number]
         neighbour = others[rng.integers(len(others))] if others else None
-        return ViewTask(number=number, exposure=exposure, rng=rng, neighbour=neighbour, trim=trim)
+        return ViewTask(number=number, exposure=exposure, rng=rng, neighbour=neighbour)
 
     def _photos_of(self, fraction: int) -> PhotoStore:
         if self._photos is None or fraction != self._fraction:
@@ -343,33 +337,13 @@ class _Training:
                     self._folder / PREVIEWS / "held_out" / f"{score.image.rpartition('.')[0].replace('/', '_')}.png",
                     score,
                 )
-            rejected = self._rejected(gaussians)
         save_ply(gaussians.cloud(), self._folder / CLOUD_FILE)
-        report = self._report(scores, rejected)
+        report = self._report(scores)
         write_whole(self._folder / REPORT_FILE, json.dumps(report, indent=1) + "\n", raises=RunError)
         (self._folder / CHECKPOINT_FILE).unlink(missing_ok=True)
         return report
 
-    def _rejected(self, gaussians: Gaussians) -> float | None:
-        """Mean share of the training images that is left out in the end, drawn to `previews/rejected`; None if none is.
-
-        What is left out is black there.
-        """
-        if not self._settings.trim:
-            return None
-        leaves, photos, shares = leaves_of(gaussians), self._photos_of(1), []
-        for number in self._train:
-            photo, exposure = photos[number], self._exposures.values[number]
-            shown = planes_of(draw(leaves, photo, self._settings.sh_degree))
-            shown = shown * np.exp(exposure[0])[:, None, None] + exposure[1][:, None, None]
-            trusted = trusted_pixels(shown, photo.rgb, self._settings.trim, photo.mask)
-            counts = photo.mask if photo.mask is not None else np.ones_like(trusted)
-            shares.append(float((counts & ~trusted).mean()))
-            name = Path(self._posed.views.images[number]).stem
-            write_png(self._folder / PREVIEWS / "rejected" / f"{name}.png", quantise(photo.rgb * trusted))
-        return float(np.mean(shares))
-
-    def _report(self, scores: list[HeldOut], rejected: float | None) -> dict[str, Any]:
+    def _report(self, scores: list[HeldOut]) -> dict[str, Any]:
         names = ("psnr_db", "psnr_fitted_db", "ssim")
         rows = [{"image": score.image, **{name: getattr(score, name) for name in names}} for score in scores]
         return {
@@ -378,7 +352,6 @@ class _Training:
             "gaussians": len(self._engine),
             "unseen": self._unseen,
             "images": len(self._train),
-            "rejected": rejected,
             "without_neighbour": sum(not others for others in self._neighbours.values()),
             "notes": _neighbour_notes(self._neighbours),
             "seconds": {name: round(spent_s, 2) for name, spent_s in self._seconds.items()},

@@ -69,7 +69,7 @@ REPORT = {
     "up": "+y", "markers": [{"marker": 3, "side_m": 0.19996, "views": 17, "residual_px": 0.346}],
     "notes": ["it <leans>"], "removed": "floaters: 12", "sky": 3456,
     "training": {
-        "psnr_db": 25.678, "psnr_fitted_db": 27.1, "notes": ["9 of 35 are <alone>"], "rejected": None, "ssim": 0.8126,
+        "psnr_db": 25.678, "psnr_fitted_db": 27.1, "notes": ["9 of 35 are <alone>"], "ssim": 0.8126,
         "held_out": [1, 2, 3], "gaussians": 98765, "images": 35, "unseen": 4321
     },
     "seconds": {"poses": 61.4, "gaussians": 300.6},

@@ -36,7 +36,7 @@ def test_mistakes_end_in_one_line(
 REPORT = {
     "seconds": {"images": 1.26, "steps": 30.5}, "gaussians": 98765, "images": 40,
     "psnr_db": 25.678, "psnr_fitted_db": 26.5, "ssim": 0.8126, "notes": ["9 alone"],
-    "rejected": 0.0123, "gpu_bytes": 2_340_000_000,
+    "gpu_bytes": 2_340_000_000,
     "held_out": [{"image": "9.jpg", "psnr_db": 19.996, "psnr_fitted_db": 20.25, "ssim": 0.7}],
 }  # fmt: skip
 
@@ -66,10 +66,9 @@ def test_report_is_told_in_rows() -> None:
         ("Gaussians", "98,765 of 40 images"),
         ("held out", "25.68 dB (26.50 dB with fitted colours), SSIM 0.813"),
         ("9.jpg", "20.00 dB (20.25 dB with fitted colours), SSIM 0.700"),
-        ("left out of photos", "1.2 % (black in previews/rejected)"),
         ("note", "9 alone"), *seconds, ("memory of the GPU", "2.3 GB"),
     ]  # fmt: skip
-    assert command._rows({**REPORT, "psnr_db": None, "gpu_bytes": 0, "notes": [], "rejected": None}) == [
+    assert command._rows({**REPORT, "psnr_db": None, "gpu_bytes": 0, "notes": []}) == [
         ("Gaussians", "98,765 of 40 images"),
         *seconds,
     ]

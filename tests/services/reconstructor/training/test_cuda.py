@@ -89,18 +89,16 @@ def test_steps_are_those_of_the_cpu(photos: PhotoStore, settings: GaussiansConfi
         assert np.mean(np.abs(found.values[name] - value) > 0.02 * moved) < 0.01, name
 
 
-@pytest.mark.parametrize("trim", [0.0, 0.2])
-def test_masks_and_trimming_are_those_of_the_cpu(write_posed: Write, tmp_path: Path, trim: float) -> None:
+def test_masks_are_those_of_the_cpu(write_posed: Write, tmp_path: Path) -> None:
     folder, mask = write_posed(tmp_path / "posed"), np.full(SIZE_PX, 255, np.uint8)
     mask[5:25, 10:30] = 0
     (folder / "masks").mkdir()
     for number in range(VIEWS):
         cv2.imwrite(str(folder / "masks" / f"{number}.png.png"), mask)
     photos = PhotoStore(open_posed(folder, tmp_path / "undistorted"), tuple(range(VIEWS)), 1000, 1)
-    some = [replace(task, trim=trim) for task in tasks(SURFACES)]
     engines = [loaded(CpuEngine(SURFACES)), loaded(in_cuda(SURFACES))]
-    one = engines[0].views(photos, some, 0)
-    other = engines[1].views(photos, [replace(task, trim=trim) for task in tasks(SURFACES)], 0)
+    one = engines[0].views(photos, tasks(SURFACES), 0)
+    other = engines[1].views(photos, tasks(SURFACES), 0)
     for a, b in zip(one, other, strict=True):
         assert b.loss == pytest.approx(a.loss, rel=1e-4)
         np.testing.assert_allclose(b.exposure, a.exposure, atol=2e-4 * float(np.abs(a.exposure).max()))

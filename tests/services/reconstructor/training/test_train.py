@@ -192,10 +192,3 @@ def test_what_is_masked_has_no_influence_at_all(write_posed: Write, tmp_path: Pa
         train_gaussians(posed, tmp_path / f"out{value}", settings, silent)
         files.append((tmp_path / f"out{value}" / "gaussians.ply").read_bytes())
     assert files[0] == files[1]
-
-
-def test_trimmed_loss_tells_what_it_left_out(write_posed: Write, tmp_path: Path) -> None:
-    posed = show_intruder(write_posed(tmp_path / "posed"), 255)
-    report = train_gaussians(posed, tmp_path / "out", replace(SETTINGS, steps=6, hold_out=0, trim=0.3), silent)
-    assert 0.02 < report["rejected"] < 0.4
-    assert len(list((tmp_path / "out" / "previews" / "rejected").iterdir())) == 6
