@@ -30,6 +30,9 @@
 The graph's output `action` is float32 (1, 2), v [m/s] and w [rad/s]; what exceeds the robot's limits is cut off. Types and
 shapes of states are the graph's; dimensions that it leaves open are 1.
 
+**Moving.** A graph may have a further output of that form, which `moving` of `[graph]` names: its best command that moves. A
+robot that has stood for `readygo.common.robot.standing.WAIT_S` follows that one.
+
 **Cache.** A graph with a cache encodes each frame once. Its images are then only the N frames of the window that it was not
 given before, N = 0, 1, ..., each for itself: (N, H, W, 3) or (N, 3, H, W). Its cache inputs have a row for each of the K
 frames of the window that it was given before, its cache outputs one for each of the N new ones. `window` numbers the rows of
@@ -81,6 +84,8 @@ class GraphSpec:
     """Inputs that are given an output's rows of earlier frames, by their names in the graph."""
     action: str = "action"
     """Name of the output that is the command."""
+    moving: str = ""
+    """Name of the output that is the best command that moves; empty: there is none."""
     rate_hz: float | None = None
     """How often it decides [Hz], by the times of its images; None decides whenever it is asked."""
 
@@ -120,6 +125,7 @@ class GraphSpec:
             **names,
             frame_count=int(mapping.get("frame_count", 1)),
             action=str(mapping.get("action", "action")),
+            moving=str(mapping.get("moving", "")),
             rate_hz=None if rate_hz is None else float(rate_hz),
         )
 
@@ -128,11 +134,17 @@ class GraphSpec:
         return {
             "frame_count": self.frame_count,
             "action": self.action,
+            **({"moving": self.moving} if self.moving else {}),
             "rate_hz": self.rate_hz,
             "inputs": dict(self.inputs),
             "state": dict(self.state),
             "cache": dict(self.cache),
         }
+
+    @property
+    def outputs(self) -> list[str]:
+        """Its outputs: command, the one that moves, state, cache."""
+        return [self.action, *filter(None, [self.moving]), *self.state.values(), *self.cache.values()]
 
     @property
     def images(self) -> tuple[str, ...]:

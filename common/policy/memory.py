@@ -9,6 +9,7 @@ from readygo.common.arrays import AnyArray, Float32Array, UInt8Array
 from readygo.common.policy.motion import own_motion
 from readygo.common.policy.windows import FRAME_COUNT, window_at
 from readygo.common.robot import Clock, step_unicycle
+from readygo.common.robot.standing import WAIT_S, Standing
 
 Pose = tuple[float, float, float]
 
@@ -35,6 +36,8 @@ class Kept:
     """Simulated time of its next decision [ns]."""
     goal: SeenFrame | None = None
     """What the robot would see at the goal; None where it is not known."""
+    standing: Standing = field(default_factory=Standing)
+    """How long the robot has stood."""
 
 
 class PolicyMemory:
@@ -129,6 +132,11 @@ class PolicyMemory:
         self._steps += 1
         pose = step_unicycle(*self._poses[-1], v_mps, w_radps, self._clock.dt_s)
         self.move(self._clock.time_ns(self._steps), pose)
+
+    def must_move(self) -> bool:
+        """True if the robot has stood too long; ask at each decision."""
+        time_ns, (x_m, y_m, _) = self.newest_pose
+        return bool(self.kept.standing.seconds(np.array([time_ns / 1e9]), np.array([[x_m, y_m]]))[0] >= WAIT_S)
 
     def own_motion(self, command: Float32Array) -> Float32Array:
         """Ego-motion of the window, see `readygo.common.policy.motion.own_motion`, shape (3 (frame_count - 1) + 2,).

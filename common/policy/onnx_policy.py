@@ -66,7 +66,6 @@ class OnnxPolicy(Policy):
         super().__init__(spec)
         self._graph, self._session = spec.graph, session
         self._ports = _ports(self._graph, session)
-        self._outputs = [self._graph.action, *self._graph.state.values(), *self._graph.cache.values()]
         self._channels = {name: slice(of[0], of[-1] + 1) for name, of in channels_by_image(spec.images).items()}
 
     def decide(
@@ -125,7 +124,10 @@ class OnnxPolicy(Policy):
                 fed[name] = np.asarray(memory.own_motion(command), port.dtype)[None]
             else:
                 fed[name] = np.asarray(numbers[Given(given)], port.dtype)[None]
-        action, *after = self._session.run(self._outputs, fed)
+        action, *after = self._session.run(graph.outputs, fed)
+        if graph.moving:
+            moving, *after = after
+            action = moving if memory.must_move() else action
         kept.state = dict(zip(graph.state, after, strict=False))
         for name, cached in zip(graph.cache, after[len(graph.state) :], strict=True):
             for frame, row in zip(new, cached, strict=True):
@@ -220,8 +222,7 @@ def _ports(graph: GraphSpec, session: Any) -> dict[str, Port]:
     if set(inputs) != named:
         found, wanted = ", ".join(sorted(inputs)), ", ".join(sorted(named))
         raise PolicyError(f"The policy's graph has the inputs {found}; its policy.toml names {wanted}.")
-    wanted_outputs = (graph.action, *graph.state.values(), *graph.cache.values())
-    if missing := [name for name in wanted_outputs if name not in outputs]:
+    if missing := [name for name in graph.outputs if name not in outputs]:
         raise PolicyError(f"The policy's graph has no output {missing[0]!r}; it has {', '.join(sorted(outputs))}.")
     unknown = [item for item in inputs.values() if item.type not in _TYPES]
     if unknown:

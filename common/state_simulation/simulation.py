@@ -53,6 +53,10 @@ class RewardConfig:
     """At contact with a person; falls to 0 at `near_m`."""
     near_m: float = 0.3
     """Distance of the borders of robot and person [m]."""
+    wall: float = 0.0
+    """At contact with an obstacle; falls to 0 at `wall_m`."""
+    wall_m: float = 0.15
+    """Distance of the border of the robot and an obstacle [m]."""
     turned: float = -0.01
     """Per rad/s of change of the yaw rate."""
 
@@ -71,6 +75,8 @@ class RewardNumbers(NamedTuple):
     collision: float
     near: float
     near_m: float
+    wall: float
+    wall_m: float
     turned: float
 
 
@@ -330,16 +336,23 @@ def _begin_all(
 
 
 @kernel_with_cache
+def _clearance_m(world: StateWorld, x: float, y: float) -> float:
+    """Distance of the centre of a place's cell to the nearest obstacle [m]; 0 outside of the map."""
+    origin_x, origin_y, cell = world.place
+    i, j = math.floor((y - origin_y) / cell), math.floor((x - origin_x) / cell)
+    inside = 0 <= i < world.clearance_m.shape[0] and 0 <= j < world.clearance_m.shape[1]
+    return world.clearance_m[i, j] if inside else 0.0
+
+
+@kernel_with_cache
 def _judge(
     world: StateWorld, x: float, y: float, goal_x: float, goal_y: float, step: int, humans_m: Float64Array
 ) -> int:
     """Code of the outcome of a step, as `EpisodeSimulation` judges it."""
     origin_x, origin_y, cell = world.place
-    radius, clearance = world.robot.radius_m, world.clearance_m
-    i, j = math.floor((y - origin_y) / cell), math.floor((x - origin_x) / cell)
-    inside = 0 <= i < clearance.shape[0] and 0 <= j < clearance.shape[1]
+    radius = world.robot.radius_m
     # Most places are far from anything: that needs no exact answer.
-    near = not (inside and clearance[i, j] > radius + 0.71 * cell)
+    near = _clearance_m(world, x, y) <= radius + 0.71 * cell
     if near and disc_meets_cells(world.occupied, origin_x, origin_y, cell, x, y, radius):
         return STATIC_COLLISION
     if point_meets_humans(x, y, humans_m, world.contact_m):
@@ -391,11 +404,14 @@ def _earn(
     time_s: float,
     turned: float,
     gap_m: float,
+    wall_gap_m: float,
 ) -> float:
     """What a decision earns, see `RewardConfig`."""
     earned = reward.progress * progress_m + reward.second * time_s + reward.turned * turned
     if gap_m < reward.near_m:
         earned += reward.near * (1.0 - max(gap_m, 0.0) / reward.near_m)
+    if wall_gap_m < reward.wall_m:
+        earned += reward.wall * (1.0 - max(wall_gap_m, 0.0) / reward.wall_m)
     if outcome == SUCCESS:
         earned += reward.success
     elif outcome in (STATIC_COLLISION, HUMAN_COLLISION):
@@ -434,7 +450,8 @@ def _advance_all(
         remaining = remaining_m(episodes.fields_cm[e], world.coarse, state[0], state[1])
         progress, robots.remaining_m[n] = robots.remaining_m[n] - remaining, remaining
         time_s, turned = (robots.step[n] - step_before) * world.dt_s, abs(state[4] - turn_before)
-        last.reward[n] = _earn(world, reward, outcome, progress, time_s, turned, gap)
+        wall_gap = _clearance_m(world, state[0], state[1]) - world.robot.radius_m
+        last.reward[n] = _earn(world, reward, outcome, progress, time_s, turned, gap, wall_gap)
         last.ended[n], last.outcome[n] = outcome != RUNNING, outcome
         last.length[n], last.dynamic[n] = robots.step[n], robots.humans[n] > 0
         if outcome != RUNNING and again:

@@ -23,12 +23,12 @@ from readygo.common.policy.traits import TRAIT_COUNT
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.trainer.graph_file import graph_bytes
-from readygo.services.trainer.inputs import Fusion, GoalForm, MotionInput, PolicyInputs
+from readygo.services.trainer.inputs import Fusion, GoalForm, MotionInput
 from readygo.services.trainer.model import Encoder, PolicyNet, ResidualBlock
 from readygo.services.trainer.pretrained import PretrainedEncoder
 
-MEMORY = "memory"
-"""Name of the graph's state."""
+MEMORY, MOVING = "memory", "moving"
+"""Names of the graph's state, and of its best command that moves."""
 
 
 class InferenceModule(nn.Module):
@@ -56,8 +56,9 @@ class InferenceModule(nn.Module):
             *values: What `GraphSpec.inputs`, then `GraphSpec.state` and then `GraphSpec.cache` name.
 
         Returns:
-            v [m/s] and w [rad/s], shape (1, 2), then the memory, shape (1, R), if there is one, and with late fusion
-            the latents of the N new frames, shape (N, L).
+            v [m/s] and w [rad/s], shape (1, 2); the same of the best command that moves, if the network weighs
+            commands; the memory, shape (1, R), if there is one; with late fusion the latents of the N new frames,
+            shape (N, L).
         """
         net, given = self.net, dict(zip(self._names, values, strict=True))
         # With early fusion shape (1, F, H, W, C) each, else (N, H, W, C).
@@ -79,8 +80,9 @@ class InferenceModule(nn.Module):
             kept.append(remembered)
         if net.inputs.fusion is Fusion.LATE:
             kept.append(new)
-        action = net.clip(net.decide(net.act(latents, told, goal_xy_m, traits, remembered)), traits)
-        return (action, *kept)
+        answers = net.act(latents, told, goal_xy_m, traits, remembered)
+        decided = [net.decide(answers)] if net.bins is None else [net.decide(answers), net.decide(answers, moves=True)]
+        return (*(net.clip(command, traits) for command in decided), *kept)
 
     def _pixels(self, image: Tensor, name: str) -> Tensor:
         """Bytes of an image -> numbers in [-1, 1], pooled as training pools them, shape (N, C, h, w)."""
@@ -109,13 +111,14 @@ def _fold(conv: nn.Conv2d, norm: nn.BatchNorm2d) -> tuple[nn.Conv2d, Any]:
     return fused, nn.Identity()
 
 
-def graph_spec(inputs: PolicyInputs, frame_spacing_s: float) -> GraphSpec:
+def graph_spec(net: PolicyNet, frame_spacing_s: float) -> GraphSpec:
     """What the graph of a policy is given and gives: with late fusion it keeps the latents of its frames.
 
     Args:
-        inputs: Of the policy.
+        net: The network.
         frame_spacing_s: Time between its frames [s], in which its memory advances.
     """
+    inputs = net.inputs
     late = inputs.fusion is Fusion.LATE
     named = {
         Given.WINDOW: late,
@@ -135,6 +138,7 @@ def graph_spec(inputs: PolicyInputs, frame_spacing_s: float) -> GraphSpec:
         inputs={name: name for name in given},
         state={MEMORY: f"{MEMORY}_next"} if inputs.memory_count else {},
         cache=cache,
+        moving="" if net.bins is None else MOVING,
         frame_count=inputs.frame_count,
         rate_hz=rate_hz,
     )
@@ -142,7 +146,7 @@ def graph_spec(inputs: PolicyInputs, frame_spacing_s: float) -> GraphSpec:
 
 def policy_graph(net: PolicyNet, robot: RobotConfig, frame_spacing_s: float) -> bytes:
     """The graph of a policy as an ONNX file; arguments as for `graph_spec`."""
-    spec, inputs = graph_spec(net.inputs, frame_spacing_s), net.inputs
+    spec, inputs = graph_spec(net, frame_spacing_s), net.inputs
     size_px = robot.camera.height_px, robot.camera.width_px
     frames = (1, inputs.frame_count) if inputs.fusion is Fusion.EARLY else (2,)
     examples = {
@@ -165,7 +169,7 @@ def policy_graph(net: PolicyNet, robot: RobotConfig, frame_spacing_s: float) -> 
         InferenceModule(net, spec),
         values,
         inputs=[*spec.inputs, *spec.state, *spec.cache],
-        outputs=[spec.action, *spec.state.values(), *spec.cache.values()],
+        outputs=spec.outputs,
         free=free,
     )
 
@@ -188,4 +192,4 @@ def export_policy(net: PolicyNet, spec: PolicySpec, folder: Path) -> None:
     (folder / SPEC_FILE).unlink(missing_ok=True)
     write_whole(folder / GRAPH_FILE, graph, raises=PolicyError)
     write_whole(folder / WEIGHTS_FILE, safetensors.torch.save(weights), raises=PolicyError)
-    save_spec(dataclasses.replace(spec, graph=graph_spec(net.inputs, spec.frame_spacing_s)), folder)
+    save_spec(dataclasses.replace(spec, graph=graph_spec(net, spec.frame_spacing_s)), folder)

@@ -35,8 +35,10 @@ def load_network(folder: Path) -> PolicyNet:
     except Exception as error:  # a missing file, or safetensors' errors for a broken one
         raise PolicyError(f"{path} cannot be read: {error}; export the policy again.") from error
     shapes = {name: value.shape for name, value in net.driving_weights().items()}
+    graph = graph_spec(net, spec.frame_spacing_s)
+    # Older graphs do not say which command moves.
     if (
-        graph_spec(net.inputs, spec.frame_spacing_s) != spec.graph
+        spec.graph not in (graph, dataclasses.replace(graph, moving=""))
         or {name: value.shape for name, value in weights.items()} != shapes
     ):
         raise PolicyError(f"{path} is not of the network that {SPEC_FILE} names; train it again.")

@@ -112,10 +112,13 @@ class Bins:
         apart = (self.centres[:, None] - self.centres).abs() / self.steps
         self.beside = torch.where((apart < 1.5).all(dim=2), 0.0, OFF)
         """0 for every bin and its neighbours, `OFF` elsewhere, shape (N, N)."""
+        self.standing = torch.where(self.centres[:, 0].abs() < 1e-6, OFF, 0.0)
+        """`OFF` for bins in which the robot stands, 0 for the others, shape (N,)."""
 
     def to(self, device: torch.device) -> "Bins":
         """Move the grid to a device."""
-        self.steps, self.centres, self.beside = (t.to(device) for t in (self.steps, self.centres, self.beside))
+        self.steps, self.centres = self.steps.to(device), self.centres.to(device)
+        self.beside, self.standing = self.beside.to(device), self.standing.to(device)
         return self
 
     def weights(self, actions: Tensor) -> Tensor:
@@ -281,11 +284,17 @@ class PolicyNet(nn.Module):
         answers: Tensor = self.head(torch.cat(features, dim=1))
         return answers
 
-    def decide(self, answers: Tensor) -> Tensor:
-        """Actions of the head's answers: (v / v_max, w / w_max), not clipped, shape (B, 2)."""
+    def decide(self, answers: Tensor, *, moves: bool = False) -> Tensor:
+        """Actions of the head's answers: (v / v_max, w / w_max), not clipped, shape (B, 2).
+
+        Args:
+            answers: From `act`.
+            moves: True for the best one that moves, of a network that chooses among commands.
+        """
         if self.bins is None:
             return answers
-        return self.bins.mode(answers if self.caution is None else weigh(answers, self.caution))
+        scores = answers if self.caution is None else weigh(answers, self.caution)
+        return self.bins.mode(scores + self.bins.standing if moves else scores)
 
     def normalise_motion(self, motion: Tensor, traits: Tensor | None = None) -> Tensor:
         """Features of own motion in SI units -> numbers around [-1, 1]; traits as for `act`."""

@@ -12,6 +12,7 @@ from readygo.common.images.names import RGB
 from readygo.common.policy import PolicySpec, load_policy, load_spec, save_spec
 from readygo.common.policy.graph import GRAPH_FILE, Given, GraphSpec
 from readygo.common.robot import CameraConfig, RobotConfig, RobotRanges
+from readygo.common.robot.standing import WAIT_S
 from tests.common.policy.artifacts import ROBOT, write_goal_policy, write_graph, write_policy
 
 NO_COMMAND, AHEAD = np.zeros((1, 2), np.float32), np.array([[3.0, 0.5]], np.float32)
@@ -93,6 +94,43 @@ def test_policy_decides_at_its_own_rate_whatever_the_cameras_is(tmp_path):
         assert memory.kept.state["count"].item() == 10
 
 
+def test_robot_that_stood_too_long_follows_the_command_that_moves(tmp_path):
+    """The command that moves is here the state, (0.1, 0.1) times the number of decisions so far."""
+    nodes = [
+        helper.make_node("Sum", ["count", "one"], ["count_next"]),
+        helper.make_node("Mul", ["count_next", "tenth"], ["go"]),
+        helper.make_node("ReduceMean", ["pixels"], ["light"], axes=[1, 2, 3], keepdims=0),
+        helper.make_node("Mul", ["light", "none"], ["command"]),
+    ]
+    graph = GraphSpec(
+        inputs={"pixels": "rgb"}, state={"count": "count_next"}, cache={}, frame_count=1, rate_hz=10.0,
+        action="command", moving="go",
+    )  # fmt: skip
+    write_graph(
+        tmp_path,
+        PolicySpec(robot=ROBOT, graph=graph),
+        nodes,
+        {"pixels": (TensorProto.FLOAT, (1, 3, 8, 10)), "count": (TensorProto.FLOAT, (1, 2))},
+        {"command": (1, 2), "count_next": (1, 2), "go": (1, 2)},
+        {"one": np.float32([[1.0, 1.0]]), "tenth": np.float32([[0.001, 0.001]]), "none": np.float32([[0.0, 0.0]])},
+    )
+    policy = load_policy(tmp_path)
+    assert policy.spec.graph == graph
+
+    def drive(speed_mps: float) -> list[list[float]]:
+        memory, commands = policy.start(), []
+        for step in range(round(10 * WAIT_S) + 2):
+            memory.move(step * 10**8, (0.1 * speed_mps * step, 0.0, 0.0))
+            policy.see([memory], sight()[..., :3], [step * 10**8])
+            commands += policy.decide([memory], NO_COMMAND, AHEAD).tolist()
+        return commands
+
+    stood = drive(0.0)
+    assert stood[:-2] == [[0.0, 0.0]] * round(10 * WAIT_S)
+    assert stood[-2:] == [pytest.approx([0.001 * count] * 2) for count in (101, 102)]
+    assert drive(0.1) == [[0.0, 0.0]] * len(stood)
+
+
 def test_spec_is_read_as_it_was_written(tmp_path):
     spec = load_spec(write_recurrent(tmp_path))
     assert (spec.graph, spec.images) == (GRAPH, ("rgb", "depth"))
@@ -105,6 +143,7 @@ def test_spec_is_read_as_it_was_written(tmp_path):
         ({"inputs": {**GRAPH.inputs, "extra": Given.COMMAND}}, r"has the inputs count, near, pixels, where; .*extra"),
         ({"state": {"count": "nothing"}}, "has no output 'nothing'; it has command, count_next"),
         ({"action": "missing"}, "has no output 'missing'"),
+        ({"moving": "missing"}, "has no output 'missing'"),
     ],
 )
 def test_graph_that_does_not_fit_its_names_is_refused(tmp_path, change, words):

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from readygo.common.state_policy.commands import STAND_M, STAND_S, WAIT_S, StateCommands
+from readygo.common.robot.standing import STAND_M, STAND_S, WAIT_S
+from readygo.common.state_policy.commands import StateCommands
 from readygo.common.state_policy.state_policy import StatePolicy
 from tests.common.state_policy.state_policies import make_state_policy
 

@@ -105,6 +105,32 @@ def test_rewards_of_an_episode_are_its_progress_time_and_end(drawn: Drawn) -> No
     assert earned == pytest.approx(expected, abs=1e-3)
 
 
+def test_reward_falls_beside_an_obstacle(drawn: Drawn) -> None:
+    def drive(wall: float) -> tuple[np.ndarray, np.ndarray]:
+        """Rewards and places of the decisions of 24 robots, until their episodes end."""
+        config = StateSimulationConfig(reward=RewardConfig(wall=wall, wall_m=0.4))
+        fast, rng, rewards, places = make(drawn, 24, config=config), np.random.default_rng(2), [], []
+        fast.begin(np.arange(24), np.zeros(24, bool))
+        for _ in range(40):
+            running = fast.last.outcome == RUNNING
+            earned = fast.advance(towards_path(fast.told, rng), again=False).reward
+            rewards.append(earned[running].copy())
+            places.append(fast.state[running, :2].copy())
+        return np.concatenate(rewards), np.concatenate(places)
+
+    rewards, places_xy_m = drive(-1.0)
+    lost = drive(0.0)[0] - rewards
+    robot_map, radius_m = drawn.world.scene.maps.robot, drawn.world.config.robot.radius_m
+    i, j = np.nonzero(robot_map.occupied)
+    frame = robot_map.frame
+    blocked_xy_m = (frame.origin_x_m, frame.origin_y_m) + (np.stack([j, i], axis=1) + 0.5) * frame.resolution_m
+    gaps_m = np.hypot(*(places_xy_m[:, None] - blocked_xy_m).transpose(2, 0, 1)).min(axis=1) - radius_m
+    # Both are measured from the centres of cells.
+    assert lost == pytest.approx(np.clip(1.0 - gaps_m / 0.4, 0.0, 1.0), abs=1.5 * frame.resolution_m / 0.4)
+    assert lost.max() > 0.8
+    assert (lost == 0).any()
+
+
 def test_robots_that_collided_with_people_try_again(drawn: Drawn) -> None:
     fast = make(drawn, 64, config=StateSimulationConfig(repeats=1.0, static_share=0.0))
     fast.begin_anywhere()

@@ -74,6 +74,28 @@ def test_actions_stay_within_the_limits(output):
     assert actions[:, 0].max() <= 1
 
 
+@pytest.mark.parametrize("output", ["bins", "weighed"])
+def test_graph_tells_its_best_command_that_moves(output):
+    robot = RobotConfig(camera=CameraConfig(height_px=16, width_px=16))
+    model = trained_looking_model(robot, output=output)
+    with torch.no_grad():
+        model.head.layer3.bias[: len(model.bins.centres)] += torch.where(model.bins.centres[:, 0] == 0.0, 2.0, 0.0)
+    session = onnxruntime.InferenceSession(policy_graph(model, robot, 0.5), providers=["CPUExecutionProvider"])
+    given = {"rgb": np.empty((0, 16, 16, 3), np.uint8), "window": np.arange(3)}
+    given |= {name: np.zeros((1, 2), np.float32) for name in ("command", "goal")}
+    drawn = np.random.default_rng(0).normal(0, 3, (100, 3, 20)).astype(np.float32)
+    told = [session.run(["action", "moving"], {**given, "latents": latents}) for latents in drawn]
+    action, moving = np.concatenate(told, axis=1)
+    slowest = float(model.bins.steps[0]) * robot.v_max_mps
+    stands = action[:, 0] < 0.5 * slowest
+    assert stands.sum() > 10
+    assert moving[:, 0].min() >= slowest - 1e-6
+    # A command far from standing is the same: no neighbour of it stands.
+    fast = action[:, 0] > 1.9 * slowest
+    assert fast.sum() > 3
+    assert moving[fast] == pytest.approx(action[fast], abs=1e-5)
+
+
 def test_equal_weights_give_equal_files(tmp_path):
     robot = RobotConfig(camera=CameraConfig(height_px=16, width_px=16))
     for name, layout in (("a", torch.contiguous_format), ("b", torch.channels_last)):
