@@ -121,6 +121,8 @@ def cell_evaluator(
 def _drive_cell(drive: SuiteDrive, world: World, cell: str, scene: str, hashes: dict[str, str], report: Report) -> None:
     request = drive.suite.request(cell, scene, drive.drivers, drive.episodes)
     settings = evaluation_settings(world, request, policy="", camera="policy", methods=hashes)
+    evaluator = cell_evaluator(world, request, drive.drivers, drive.checkpoints, renders=not drive.workers)
+    evaluator.check_drivers(request)
     with ExitStack() as files:
         results = files.enter_context(open_results(cell_folder(drive.folder, cell, scene), settings))
         fleet = None
@@ -136,7 +138,7 @@ def _drive_cell(drive: SuiteDrive, world: World, cell: str, scene: str, hashes: 
                 report=report,
             )
         handle_evaluate(
-            cell_evaluator(world, request, drive.drivers, drive.checkpoints, renders=fleet is None),
+            evaluator,
             request,
             report=report,
             results=results,

@@ -1,7 +1,8 @@
 """Verifies a folder of results: nothing was edited or left out, and a drawn share drives again to the same records."""
 
+import itertools
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,14 +26,15 @@ from readygo.runs.evaluation import evaluation_settings
 from readygo.runs.method_files import method_hashes
 from readygo.services.evaluator import (
     EpisodeRecord,
-    Evaluator,
     MatchedEpisode,
     RecordKey,
-    Results,
     drive,
     is_of,
     read_results,
 )
+
+Show = Callable[[int, int], None]
+"""Told how many of how many drawn records are driven again."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,11 +57,12 @@ class Verification:
             raise RunError(f"--seed must be at least 0, got {self.seed}.")
 
 
-def verify_folder(verification: Verification) -> tuple[list[str], int]:
+def verify_folder(verification: Verification, show: Show = lambda done, total: None) -> tuple[list[str], int]:
     """Look for what does not hold in a folder.
 
     Args:
         verification: What to verify, and how.
+        show: Told of every record that was driven again.
 
     Returns:
         A line for every mismatch, and how many records were driven again.
@@ -70,17 +73,18 @@ def verify_folder(verification: Verification) -> tuple[list[str], int]:
     suite, folder = verification.suite, verification.folder
     manifest = read_manifest(folder)
     check_suite(manifest, suite, folder)
-    lines, driven = defects(folder, suite, manifest), 0
+    lines = defects(folder, suite, manifest)
     if verification.share:
         _check_drivers(manifest, verification.checkpoints)
         lines += _wrong_inputs(manifest, verification)
-    for number, (cell, records) in enumerate(read_cells(folder, suite, manifest.drivers).items()):
-        drawn = _draw_records(verification, number, records)
-        driven += len(drawn)
+    cells = read_cells(folder, suite, manifest.drivers)
+    drawn = {cell: _draw_records(verification, k, records) for k, (cell, records) in enumerate(cells.items())}
+    total, done = sum(map(len, drawn.values())), itertools.count(1)
+    for cell in cells:
         for scene in suite.suite.scenes:
-            found = _mismatches(verification, manifest, cell, scene, drawn)
+            found = _mismatches(verification, manifest, cell, scene, drawn[cell], lambda: show(next(done), total))
             lines += [f"{cell}, {scene}: {line}" for line in found]
-    return lines, driven
+    return lines, total
 
 
 def _check_drivers(manifest: BenchmarkManifest, checkpoints: Path) -> None:
@@ -115,9 +119,17 @@ def _draw_records(verification: Verification, number: int, records: Sequence[Epi
 
 
 def _mismatches(
-    verification: Verification, manifest: BenchmarkManifest, cell: str, scene: str, drawn: Collection[RecordKey]
+    verification: Verification,
+    manifest: BenchmarkManifest,
+    cell: str,
+    scene: str,
+    drawn: Collection[RecordKey],
+    driven: Callable[[], None],
 ) -> Iterator[str]:
-    """What does not hold in a cell and scene: settings, episodes, records that drive again to others."""
+    """What does not hold in a cell and scene: settings, episodes, records that drive again to others.
+
+    `driven` is called after each of those.
+    """
     names = tuple(manifest.drivers)
     world = verification.suite.world(cell, scene)
     request = verification.suite.request(cell, scene, names)
@@ -142,17 +154,12 @@ def _mismatches(
                 yield f"{foreign} records of {name} are of no episode of the suite"
         for name in used:
             chosen = [episode for episode in episodes if _key(episode, name) in drawn]
-            yield from _drive_again(evaluator, results, name, chosen, request.hold_steps(world.config.robot.clock))
-
-
-def _drive_again(
-    evaluator: Evaluator, results: Results, name: str, episodes: Sequence[MatchedEpisode], hold_steps: int
-) -> Iterator[str]:
-    kept = results.actions([_key(episode, name) for episode in episodes])
-    for record, trajectory in drive(evaluator, name, evaluator.driver(name, hold_steps), episodes):
-        line = _difference(results.records[record.key], record, kept.get(record.key), trajectory.actions)
-        if line:
-            yield f"{name} in {record.episode.episode_id} {line}"
+            hold_steps, kept = request.hold_steps(world.config.robot.clock), results.actions(drawn)
+            for record, trajectory in drive(evaluator, name, evaluator.driver(name, hold_steps), chosen):
+                driven()
+                old = results.records[record.key]
+                if line := _difference(old, record, kept.get(record.key), trajectory.actions):
+                    yield f"{name} in {record.episode.episode_id} {line}"
 
 
 def _difference(

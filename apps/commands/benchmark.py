@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from tyro.conf import Positional
 
@@ -14,6 +15,7 @@ from readygo.apps.benchmark.leaderboard import leaderboard_html, leaderboard_mar
 from readygo.apps.benchmark.submission import pack_results
 from readygo.apps.benchmark.verify import Verification, verify_folder
 from readygo.apps.commands.evaluate import episode_progress
+from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.terminal import PlainConsole
 from readygo.common.errors import ConfigError, PolicyError, RunError
 from readygo.common.files import write_whole
@@ -96,7 +98,13 @@ def benchmark_verify(options: BenchmarkVerifyOptions) -> None:
         share=options.share,
         seed=options.seed,
     )
-    lines, driven = verify_folder(verification)
+    with SteadyProgress(
+        TextColumn("driven again"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    ) as progress:
+        task = progress.add_task("", total=None)
+        lines, driven = verify_folder(
+            verification, lambda done, total: progress.update(task, completed=done, total=total)
+        )
     console = PlainConsole(soft_wrap=True)
     for line in lines[:MISMATCHES_SHOWN]:
         console.print(line, markup=False)

@@ -163,21 +163,19 @@ def evaluate(options: EvaluateOptions) -> None:
     hashes = method_hashes(request.methods, trials.checkpoints) if out else {}
     identity = evaluation_settings(world, request, policy=sha256, camera=trials.camera, methods=hashes)
     total = len(request.tasks) * len(request.methods) * request.episodes
+    looks = needs_renderer(request.methods, trials.checkpoints) and not options.workers
+    renderer = world.renderer() if looks else None
+    evaluator = make_evaluator(
+        world,
+        renderer=renderer,
+        policy=policy,
+        evaluator_config=settings,
+        camera=trials.camera,
+        methods=named_methods(world, request.methods, trials.checkpoints, request.hold_steps(world.config.robot.clock)),
+    )
+    evaluator.check_drivers(request)
     folder = open_results(out, identity) if out else nullcontext()
     with folder as results, _report_saved(results, request, total):
-        renderer = (
-            world.renderer() if needs_renderer(request.methods, trials.checkpoints) and not options.workers else None
-        )
-        evaluator = make_evaluator(
-            world,
-            renderer=renderer,
-            policy=policy,
-            evaluator_config=settings,
-            camera=trials.camera,
-            methods=named_methods(
-                world, request.methods, trials.checkpoints, request.hold_steps(world.config.robot.clock)
-            ),
-        )
         with episode_progress(PlainConsole(stderr=True), total, quiet=options.json) as (show, say):
             fleet = _fleet(options, world, request, results, hashes, show, say) if options.workers and results else None
             elsewhere = by_fleet(fleet) if fleet else None

@@ -168,6 +168,11 @@ class Evaluator:
             )
         return self.drivers[method](self)
 
+    def check_drivers(self, request: EvaluateRequest) -> None:
+        """Raise what `driver` raises for a method of a request, before anything is written."""
+        for method in request.methods:
+            self.driver(method, request.hold_steps(self.robot.clock))
+
 
 def handle_evaluate(
     evaluator: Evaluator,

@@ -68,7 +68,8 @@ def test_folder_of_another_suite_is_refused_before_driving(driven: Path, tmp_pat
 )
 def test_unknown_and_missing_drivers_are_refused(suite: OpenSuite, tmp_path: Path, driver, error, said):
     with pytest.raises(error, match=said):
-        drive_suite(drive_of(suite, tmp_path, driver), report=lambda _: None)
+        drive_suite(drive_of(suite, tmp_path / "out", driver), report=lambda _: None)
+    assert not (tmp_path / "out").exists()
 
 
 def test_numbers_that_make_no_run_are_refused(suite: OpenSuite, tmp_path: Path):

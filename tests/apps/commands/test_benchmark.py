@@ -42,7 +42,7 @@ def test_suite_is_driven_verified_packed_and_made_a_table(command, tmp_path: Pat
     records.write_text(records.read_text().replace('"seed": 3', '"seed": 3 '))
     code, said, error = command("verify", out, "--suite", suite)
     assert (code, said) == (2, "cells/people/flat/episodes.jsonl: was edited\n")
-    assert error.startswith(f"readygo: {out} does not verify: 1 mismatches")
+    assert f"readygo: {out} does not verify: 1 mismatches" in error
     code, _, error = command("verify", out)
     assert (code, "is of the suite 'small/1', which does not come with readygo" in error) == (2, True)
 
