@@ -1,49 +1,65 @@
-"""What photoreal people and people who move are worth in training: policies of equal budget, tried among unseen people.
+"""What people in training are worth: policies of equal budget and several seeds, tried among unseen photoreal people.
 
-    python -m experiments.policy.realism SCENE --out FOLDER [--samples 400000] [--test 100]
-        [--methods straight-line gnm]
+    python -m experiments.policy.realism SCENE --out FOLDER [--seeds 3] [--episodes 300] [--test 100]
 
-Each arm learns by `readygo learn`, with its own states in its data, from as many samples as the others. The same
-command resumes where it was stopped; in a folder of another scene, other people or another budget it ends in a line:
+The arms differ in who walks in their data:
 
-- photoreal: among six avatars as they are
-- mesh: people as simple assets of a game engine ([renderer] human_look = "mesh"), as in Vid2Sim
-- static: without people
+- photoreal: varied avatars (`readygo avatar vary embedded:train`) who walk
+- mesh: the same people as simple assets of a game engine ([renderer] human_look = "mesh"), as in Vid2Sim
+- standing: the same photoreal people, who stand
+- absent: no people
 
-All of them are tried in the same episodes of the split test, among photoreal people of whom no data have one
-(`--unseen avatars`), beside the expert and what else `--methods` names: gnm, vint and nomad are trained on the data of
-photoreal, `--network-samples` of them. Prints one line of JSON for every arm and task, then one for every comparison
-with "photoreal": rates and means with 95 % intervals, McNemar's p. `--json FILE` writes all of it.
+Walkers come as a crowd in half of the data. One policy on states (`readygo rl`) labels all data, and drives, pushed
+off its way. From the data of an arm each seed trains perception and then a policy from three images whose encoder that
+is; the policy of seed 0 drives another `--episodes` episodes (DAgger), and the policies of all seeds learn from both.
+All of them are tried in the same episodes of the split test, among the two avatars of whom no data have one, beside the
+expert. The same command resumes where it was stopped; in a folder of another scene or budget it ends in a line. Prints
+one line of JSON for every policy and task, then one for every arm over its seeds, with 95 % intervals, and one for
+every comparison with "photoreal"; `--json FILE` writes all of it.
 """
 
 import argparse
-import dataclasses
 import json
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from readygo.benchmarks.rasterizer.render import machine
 from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import ReadygoError, RunError
 from readygo.common.files import write_whole
-from readygo.runs.methods import CHECKPOINTS, NETWORKS
-from readygo.services.evaluator import EXPERT, POLICY, EpisodeRecord
+from readygo.common.messages import Outcome
+from readygo.services.evaluator import EXPERT, EpisodeRecord
 from readygo.services.evaluator.records import record_of_mapping
 from readygo.services.evaluator.results import RECORDS_FILE
 from readygo.services.evaluator.scores import compare_all, comparison_mapping, score_mapping, scores_of
 
 ARMS: Mapping[str, str] = {
-    "photoreal": '[renderer]\nhuman_look = "photoreal"\n',
+    "photoreal": "",
     "mesh": '[renderer]\nhuman_look = "mesh"\n',
-    "static": "[human_planner]\nabsent = 1.0\n",
+    "standing": (
+        "[episode]\nhuman_count_min = 0\nhuman_count_max = 0\n\n[human_planner]\nstanding_min = 2\nstanding_max = 4\n"
+    ),
+    "absent": "[human_planner]\nabsent = 1.0\n",
 }
-"""Settings of `readygo learn`, by arm."""
+"""Settings of the data, by arm."""
+CROWDED = ("photoreal", "mesh")
+"""Arms of which a part of the data has the mix "crowd"."""
+PARTS = ("crowd", "paper", "driven")
+"""Parts of an arm's data; a policy drives the last one."""
+CAMERA = "[camera]\nheight_px = 72\nwidth_px = 128\n"
 TASKS = ("static", "dynamic")
-JOB_FILE = "comparison.json"
+Chain = Sequence[Sequence[object]]
+"""Arguments of commands of readygo that follow each other."""
+JOB_FILE, CAMERA_FILE = "comparison.json", "robot.toml"
+RESAMPLES = 10_000
+"""Resamples of episodes and seeds behind an interval of an arm."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,116 +68,191 @@ class Job:
 
     scene: str
     out: Path
-    avatars: str
-    """Folder of avatars, or "embedded"."""
-    samples: int
-    """Samples that each policy is shown, some of them more than once."""
+    seeds: int
+    """Trainings of each arm."""
+    episodes: int
+    """Episodes of each part of an arm's data."""
+    decisions: int
+    """Decisions from which the policy on states learns."""
+    perception_samples: int
+    """Samples that each perception is shown."""
+    policy_samples: int
+    """Samples that each policy is shown."""
     test: int
     """Episodes per task."""
-    test_scenes: Sequence[str]
-    """Scenes in which policies are tested."""
-    methods: Sequence[str]
-    """Methods that also drive, by the names of `readygo evaluate`."""
-    network_samples: int
-    """Samples that each published network is shown."""
     workers: int
-    seed: int
+
+    @property
+    def budget(self) -> dict[str, Any]:
+        """What results depend on."""
+        return {name: value for name, value in asdict(self).items() if name not in ("out", "workers")}
 
 
 def prepare(job: Job) -> None:
-    """Write what is compared, and the settings of the arms: a small camera, people as photographs or as assets.
+    """Write what is compared, the robot, and the settings of the arms.
 
     Raises:
         RunError: If the folder is that of another comparison.
     """
-    path = job.out / JOB_FILE
-    found = {name: str(getattr(job, name)) for name in ("scene", "avatars", "samples", "seed")}
-    before = json.loads(path.read_text()) if path.is_file() else found
-    if changed := [f"{name} {before.get(name)}" for name in found if before.get(name) != found[name]]:
+    path, wanted = job.out / JOB_FILE, job.budget
+    before = json.loads(path.read_text()) if path.is_file() else wanted
+    if changed := [f"{name} {before.get(name)}" for name in wanted if before.get(name) != wanted[name]]:
         raise RunError(f"{job.out} was begun with {', '.join(changed)}; give another --out.")
-    write_whole(path, json.dumps(found, indent=1) + "\n")
+    write_whole(path, json.dumps(wanted, indent=1) + "\n")
+    write_whole(job.out / CAMERA_FILE, CAMERA)
     for arm, settings in ARMS.items():
-        write_whole(_settings_file(job, arm), settings)
+        write_whole(job.out / f"{arm}.toml", settings)
 
 
-def _settings_file(job: Job, arm: str) -> Path:
-    return job.out / f"{arm}.toml"
+def commands(job: Job) -> Iterator[list[Chain]]:
+    """What is run: steps, each of chains that may run side by side, each of commands that follow each other."""
+    out, robot = job.out, ("--robot", job.out / CAMERA_FILE)
+    people, teacher = out / "people", out / "teacher"
+    yield [
+        [["avatar", "vary", "embedded:train", "--count", 56, "--out", people]],
+        [["rl", job.scene, *robot, "--decisions", job.decisions, "--out", teacher]],
+    ]
+    for arm in ARMS:
+        crowd = ("--people", "crowd") if arm in CROWDED else ()
+        yield [[_record(job, arm, "crowd", *crowd), _record(job, arm, "paper")]]
+    # The first policy is that of seed 0.
+    yield [
+        [_perceive(job, arm, seed), *(_learn(job, arm, 0, first=True) if seed == 0 else ())]
+        for seed, arm in _trained(job)
+    ]
+    for arm in ARMS:
+        yield [[_record(job, arm, "driven", "--policy", _first(job, arm), "--mix", 0.8)]]
+    yield [_learn(job, arm, seed) for seed, arm in _trained(job)]
 
 
-def make_policy(job: Job, arm: str) -> None:
-    """Learn an arm's policy, or resume; does nothing if it has finished."""
-    budget = ("--samples", job.samples, "--seed", job.seed, "--episodes", 0)
-    people = ("--avatars", f"{job.avatars}:train")
-    _readygo("learn", job.scene, "--out", job.out / arm, "--config", _settings_file(job, arm), *people, *budget)
-
-
-def train_networks(job: Job) -> None:
-    """Train the networks that are asked for on what the expert drove for the arm photoreal, unless that is done."""
-    data = next((job.out / "photoreal" / "data").iterdir())
-    for network in (name for name in job.methods if name in NETWORKS):
-        if not (job.out / CHECKPOINTS / NETWORKS[network]).is_file():
-            budget = ("--samples", job.network_samples, "--seed", job.seed)
-            _readygo("train", data, "--recipe", network, "--out", job.out / CHECKPOINTS, *budget)
-
-
-def evaluate(job: Job, arm: str, scene: str) -> list[EpisodeRecord]:
-    """An arm's policy among photoreal people that it never saw; the records carry the arm's name."""
-    out = job.out / f"{arm}-in-{Path(scene).name.replace(':', '-')}"
-    methods = (POLICY, EXPERT, *job.methods) if arm == "photoreal" else (POLICY,)
+def run(job: Job) -> dict[str, Any]:
+    """Do all of it; measures by arm, seed and task, and comparisons."""
+    prepare(job)
+    for chains in commands(job):
+        with ThreadPoolExecutor(job.workers) as pool:
+            list(pool.map(_run_chain, chains))
+    names = [_name(arm, seed) for seed, arm in _trained(job)]
     _readygo(
-        *("evaluate", scene, job.out / arm / "policy", "--out", out, "--episodes", job.test, "--tasks", *TASKS),
-        *(
-            "--methods",
-            *methods,
-            "--config",
-            _settings_file(job, "photoreal"),
-            "--seed",
-            job.seed,
-            "--workers",
-            job.workers,
-        ),
-        *("--avatars", f"{job.avatars}:test", "--unseen", "avatars", "--checkpoints", job.out / CHECKPOINTS),
+        *("evaluate", job.scene, "--out", job.out / "test", "--checkpoints", job.out / "policies"),
+        *("--episodes", job.test, "--tasks", *TASKS, "--methods", *names, EXPERT, "--workers", job.workers),
+        *("--robot", job.out / CAMERA_FILE, "--avatars", "embedded:test", "--renderer.detail", "lod"),
     )
-    lines = (out / RECORDS_FILE).read_text().splitlines()
-    records = [record_of_mapping(json.loads(line)) for line in lines]
-    named = [dataclasses.replace(r, method=arm) if r.method == POLICY else r for r in records]
-    return sorted(named, key=lambda record: (TASKS.index(record.task.value), record.method, record.episode.index))
+    lines = (job.out / "test" / RECORDS_FILE).read_text().splitlines()
+    return tables([record_of_mapping(json.loads(line)) for line in lines], job.seeds)
 
 
-def tables(records: Sequence[EpisodeRecord]) -> dict[str, Any]:
-    """Scores of the arms, and each beside "photoreal"."""
+def tables(records: Sequence[EpisodeRecord], seeds: int) -> dict[str, Any]:
+    """Scores of every policy, of the arms over their seeds, and of each arm beside "photoreal"."""
     limit_s = EpisodeConfig().time_limit_s
-    compared = compare_all(records, "photoreal", time_limit_s=limit_s)
+    ordered = sorted(records, key=lambda r: (TASKS.index(r.task.value), r.method, r.episode.index))
+    arms = {}
+    for task in dict.fromkeys(record.task.value for record in ordered):
+        won = {arm: _won(ordered, task, arm, seeds) for arm in ARMS}
+        arms[task] = {arm: _arm_row(won[arm], won["photoreal"]) for arm in ARMS}
+    compared = compare_all(ordered, _name("photoreal", 0), time_limit_s=limit_s)
     return {
-        "measures": score_mapping(scores_of(records, time_limit_s=limit_s)),
+        "measures": score_mapping(scores_of(ordered, time_limit_s=limit_s)),
+        "arms": arms,
         "comparisons": [comparison_mapping(comparison) for comparison in compared],
     }
+
+
+def _won(records: Sequence[EpisodeRecord], task: str, arm: str, seeds: int) -> np.ndarray:
+    """Which episodes the policies of an arm solved, shape (seeds, episodes)."""
+    rows = [
+        [r.result.outcome is Outcome.SUCCESS for r in records if (r.task.value, r.method) == (task, _name(arm, seed))]
+        for seed in range(seeds)
+    ]
+    return np.array(rows, float)
+
+
+def _arm_row(won: np.ndarray, reference: np.ndarray) -> dict[str, Any]:
+    """Mean success of an arm [%], and how much less it is than the reference's, both over seeds and episodes.
+
+    Intervals are of means over seeds and episodes drawn with replacement, the episodes the same for both.
+    """
+    rng, (seeds, episodes) = np.random.default_rng(0), won.shape
+    means = np.empty((RESAMPLES, 2))
+    for k in range(RESAMPLES):
+        columns = rng.integers(episodes, size=episodes)
+        ours, theirs = rng.integers(seeds, size=(2, seeds))
+        means[k] = won[ours][:, columns].mean(), reference[theirs][:, columns].mean()
+    low, high = 100 * np.quantile(means[:, 0], (0.025, 0.975))
+    lost_low, lost_high = 100 * np.quantile(means[:, 1] - means[:, 0], (0.025, 0.975))
+    return {
+        "success": {"mean": 100 * won.mean(), "low": low, "high": high},
+        "of_seeds": (100 * won.mean(axis=1)).tolist(),
+        "less_than_photoreal": {"mean": 100 * (reference.mean() - won.mean()), "low": lost_low, "high": lost_high},
+    }
+
+
+def _trained(job: Job) -> list[tuple[int, str]]:
+    """Seed and arm of every training: all arms of a seed before the next seed."""
+    return [(seed, arm) for seed in range(job.seeds) for arm in ARMS]
+
+
+def _name(arm: str, seed: int) -> str:
+    return f"{arm}/{seed}"
+
+
+def _first(job: Job, arm: str) -> Path:
+    """The policy that drives an arm's last data."""
+    return job.out / "first" / arm
+
+
+def _perception(job: Job, arm: str, seed: int) -> Path:
+    return job.out / "perception" / arm / str(seed)
+
+
+def _record(job: Job, arm: str, part: str, *more: object) -> list[object]:
+    """Record a part of an arm's data."""
+    return [
+        *("generate", job.scene, "--out", job.out / "data" / arm / part, "--episodes", job.episodes, *more),
+        *("--seed", PARTS.index(part), "--config", job.out / f"{arm}.toml", "--robot", job.out / CAMERA_FILE),
+        *("--avatars", job.out / "people", "--teacher", job.out / "teacher", "--workers", job.workers),
+        *("--driver.camera-hz", 5, "--driver.disturbed", 0.7, "--renderer.detail", "lod", "--renderer.labels", "false"),
+    ]
+
+
+def _perceive(job: Job, arm: str, seed: int) -> list[object]:
+    """Train an arm's perception."""
+    data = job.out / "data" / arm
+    return [
+        *("train", *(data / part for part in PARTS[:2]), "--recipe", "perception", "--samples", job.perception_samples),
+        *("--seed", seed, "--threads", 1, "--out", _perception(job, arm, seed)),
+    ]
+
+
+def _learn(job: Job, arm: str, seed: int, first: bool = False) -> Chain:
+    """Train an arm's policy: from what the teacher drove, or from all data."""
+    data, out = job.out / "data" / arm, _first(job, arm) if first else job.out / "policies" / arm / str(seed)
+    parts = PARTS[:2] if first else PARTS
+    return [
+        [
+            *("train", *(data / part for part in parts), "--recipe", "pretrained", "--samples", job.policy_samples),
+            *("--perception", _perception(job, arm, seed), "--seed", seed, "--threads", 1, "--out", out),
+        ]
+    ]
+
+
+def _run_chain(chain: Chain) -> None:
+    for command in chain:
+        _readygo(*command)
 
 
 def _readygo(*arguments: object) -> None:
     subprocess.run([sys.executable, "-m", "readygo", *map(str, arguments)], check=True, stdout=sys.stderr)
 
 
-def _print_table(scene: str, found: Mapping[str, Any]) -> None:
+def _print_table(found: Mapping[str, Any]) -> None:
     for task, methods in found["measures"].items():
         for method, scores in methods.items():
-            print(json.dumps({"scene": scene, "task": task, "method": method, **scores}))
+            print(json.dumps({"task": task, "method": method, **scores}))
+    for task, arms in found["arms"].items():
+        for arm, row in arms.items():
+            print(json.dumps({"task": task, "arm": arm, **row}))
     for comparison in found["comparisons"]:
-        print(json.dumps({"scene": scene, **comparison}))
-
-
-def compare(job: Job) -> dict[str, Any]:
-    """Do all of it; the tables by scene."""
-    prepare(job)
-    for arm in ARMS:
-        make_policy(job, arm)
-    train_networks(job)
-    found = {}
-    for scene in (job.scene, *job.test_scenes):
-        name = Path(scene).name
-        found[name] = tables([record for arm in ARMS for record in evaluate(job, arm, scene)])
-        _print_table(name, found[name])
-    return found
+        print(json.dumps(comparison))
 
 
 def main() -> None:
@@ -169,29 +260,28 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene")
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--avatars", default="embedded")
-    parser.add_argument("--samples", type=int, default=400_000)
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--episodes", type=int, default=300)
+    parser.add_argument("--decisions", type=int, default=12_582_912)
+    parser.add_argument("--perception-samples", type=int, default=250_000)
+    parser.add_argument("--policy-samples", type=int, default=4_000_000)
     parser.add_argument("--test", type=int, default=100)
-    parser.add_argument("--test-scenes", nargs="*", default=[])
-    parser.add_argument("--methods", nargs="*", default=[])
-    parser.add_argument("--network-samples", type=int, default=40_000)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path)
     arguments = vars(parser.parse_args())
     file = arguments.pop("json")
     job = Job(**arguments)
     try:
-        found = compare(job)
+        found = run(job)
     except ReadygoError as error:
         sys.exit(str(error))
     except subprocess.CalledProcessError as error:
         # The command has said why.
         sys.exit(error.returncode)
+    _print_table(found)
     if file is not None:
-        budget = {name: getattr(job, name) for name in ("samples", "network_samples", "test", "seed")}
         command = f"python -m experiments.policy.realism {Path(job.scene).name}"
-        kept = {"machine": machine(), "command": command, **budget, "scenes": found}
+        kept = {"machine": machine(), "command": command, **job.budget, "scene": Path(job.scene).name, **found}
         write_whole(file, json.dumps(kept, indent=1) + "\n")
 
 
