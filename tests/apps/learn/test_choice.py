@@ -34,6 +34,18 @@ def test_it_ends_when_the_rate_has_not_risen_for_long_and_in_several_measurement
     assert not has_stopped_rising([*risen, *flat, measured(0.65, 0.9)], 0.9, 0.5)
 
 
+def test_few_episodes_do_not_tell_that_the_rate_has_stopped_rising() -> None:
+    # What `learn` measured in the showroom: 9 episodes, and then 5 or 6 of better policies.
+    best = [measured(0.1, 8 / 9, 3 / 9, episodes=9)]
+    later = [measured(0.2 + 0.1 * k, 1.0, 0.2, episodes=5) for k in range(5)]
+    assert best_of(best + later) == 0
+    assert not has_stopped_rising(best + later, 0.7, 0.5)
+    worse = [measured(0.2 + 0.1 * k, 0.6, 0.0, episodes=5) for k in range(5)]
+    assert has_stopped_rising(best + worse, 0.7, 0.5)
+    many = [measured(0.1, 0.9, 0.4, episodes=90), *(measured(0.2 + 0.1 * k, 0.9, 0.38, episodes=90) for k in range(5))]
+    assert has_stopped_rising(many, 0.7, 0.5)
+
+
 def test_measurement_takes_its_share_of_time_and_never_less_than_says_something() -> None:
     assert episodes_to_measure(60.0, 1.5, 50) == 20
     assert episodes_to_measure(1.0, 1.5, 50) == 4
