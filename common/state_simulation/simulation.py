@@ -53,7 +53,7 @@ class RewardConfig:
     """At contact with a person; falls to 0 at `near_m`."""
     near_m: float = 0.3
     """Distance of the borders of robot and person [m]."""
-    wall: float = 0.0
+    wall: float = -0.03
     """At contact with an obstacle; falls to 0 at `wall_m`."""
     wall_m: float = 0.15
     """Distance of the border of the robot and an obstacle [m]."""
