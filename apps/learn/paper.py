@@ -1,4 +1,4 @@
-"""`readygo learn` in the form "paper": a policy from three images to commands, without a map, in two parts.
+"""`readygo learn` in the form "paper": a policy from images to commands, without a map, in two parts.
 
 RUN/perceive/   a run of the form "perceive" without a test: varied avatars, perception, and a policy on states
 RUN/            a run of the form "policy" among these avatars: that perception is the encoder, that policy the teacher

@@ -197,13 +197,17 @@ def best_recipe() -> TrainConfig:
 
 
 def pretrained_recipe() -> TrainConfig:
-    """`best` with the network of perception as its encoder: only what reads from it learns, from images as they are."""
+    """`best` with the network of perception as its encoder, and a memory: only what reads from it learns.
+
+    It learns from images as they are.
+    """
     best = best_recipe()
     network = dataclasses.replace(
         best.network,
         encoder="perception",
         fusion="early",
         latent_count=128,
+        memory_count=64,
         widths=PERCEPTION_WIDTHS,
     )
     sampling = dataclasses.replace(best.sampling, frame_spacing_s=PERCEPTION_SPACING_S, humans_weight=0.0, shift_px=0)

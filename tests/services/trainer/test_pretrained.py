@@ -113,10 +113,13 @@ def test_exported_graph_answers_what_torch_answers(tmp_path: Path) -> None:
         action = policy.step([memory], images[step : step + 1], still, goal)
     frames = torch.from_numpy(images / np.float32(127.5) - 1).permute(0, 3, 1, 2)
     pose = np.zeros((1, 3))
-    motion = torch.from_numpy(own_motion(pose[:, None].repeat(2, axis=1), pose, still))
+    motion = torch.from_numpy(own_motion(pose[:, None].repeat(2, axis=1), pose, still)).repeat(3, 1)
+    # It decides every 0.2 s, four steps, and remembers its earlier decisions.
+    windows = torch.tensor([[0, 0, 0], [0, 0, 4], [0, 4, 8]])
     with torch.inference_mode():
-        latents = model.encoder(frames[[0, 4, 8]].flatten(0, 1)[None], motion)
-        answers = model.act(latents, model.normalise_motion(motion), torch.from_numpy(goal))
+        latents, told = model.encoder(frames[windows].flatten(1, 2), motion), model.normalise_motion(motion)
+        remembered = model.remember(latents, told, torch.tensor([[0, 1, 2]]))
+        answers = model.act(latents[2:], told[2:], torch.from_numpy(goal), None, remembered[2:])
         assert np.abs(model.clip(model.decide(answers)).numpy() - action).max() < 1e-4
 
 
