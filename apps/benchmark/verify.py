@@ -152,9 +152,9 @@ def _mismatches(
             known = {_key(episode, name) for episode in episodes}
             if foreign := sum(key not in known for key, record in results.records.items() if record.method == name):
                 yield f"{foreign} records of {name} are of no episode of the suite"
+        hold_steps, kept = request.hold_steps(world.config.robot.clock), results.actions(drawn)
         for name in used:
             chosen = [episode for episode in episodes if _key(episode, name) in drawn]
-            hold_steps, kept = request.hold_steps(world.config.robot.clock), results.actions(drawn)
             for record, trajectory in drive(evaluator, name, evaluator.driver(name, hold_steps), chosen):
                 driven()
                 old = results.records[record.key]

@@ -9,13 +9,13 @@ The arms differ in who walks in their data:
 - standing: the same photoreal people, who stand
 - absent: no people
 
-Walkers come as a crowd in half of the data. One policy on states (`readygo rl`) labels all data, and drives, pushed
-off its way. From the data of an arm each seed trains perception and then a policy from three images whose encoder that
-is; the policy of seed 0 drives another `--episodes` episodes (DAgger), and the policies of all seeds learn from both.
-All of them are tried in the same episodes of the split test, among the two avatars of whom no data have one, beside the
-expert. The same command resumes where it was stopped; in a folder of another scene or budget it ends in a line. Prints
-one line of JSON for every policy and task, then one for every arm over its seeds, with 95 % intervals, and one for
-every comparison with "photoreal"; `--json FILE` writes all of it.
+Walkers come as a crowd in half of the data. One policy on states (`readygo rl`) labels all data, and drives, pushed off
+its way. From the data of an arm each seed trains perception and then a policy whose encoder that is (recipe
+`pretrained`); the policy of seed 0 drives another `--episodes` episodes (DAgger), and the policies of all seeds learn
+from both. All of them are tried in the same episodes of the split test, among the two avatars of whom no data have one,
+beside the expert. The same command resumes where it was stopped; in a folder of another scene or budget it ends in a
+line. Prints one line of JSON for every policy and task, then one for every arm over its seeds, with 95 % intervals, and
+one for every comparison with "photoreal"; `--json FILE` writes all of it.
 """
 
 import argparse
