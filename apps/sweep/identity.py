@@ -17,10 +17,6 @@ from readygo.runs.benchmark.suite import open_suite
 from readygo.runs.method_files import method_hashes
 from readygo.runs.scene_argument import open_scene
 
-WHOLE_BYTES_MAX = 64 * 2**20
-"""Of larger files in folders, such as shards, size, begin and end are hashed."""
-ENDS_BYTES = 2**20
-
 
 def point_sha256(sweep: Sweep, point: SweepPoint) -> str:
     """The hash of what a point runs: equal hashes are equal runs, wherever their inputs lie.
@@ -103,13 +99,5 @@ def _files(folder: Path) -> Iterator[Path]:
 
 
 def _file_sha256(path: Path) -> str:
-    size = path.stat().st_size
-    digest = hashlib.sha256(f"{size}\n".encode())
     with path.open("rb") as stream:
-        if size <= WHOLE_BYTES_MAX:
-            digest.update(stream.read())
-        else:
-            digest.update(stream.read(ENDS_BYTES))
-            stream.seek(-ENDS_BYTES, os.SEEK_END)
-            digest.update(stream.read())
-    return digest.hexdigest()
+        return hashlib.file_digest(stream, "sha256").hexdigest()

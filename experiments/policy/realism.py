@@ -54,7 +54,6 @@ CROWDED = ("photoreal", "mesh")
 PARTS = ("crowd", "paper", "driven")
 """Parts of an arm's data; a policy drives the last one."""
 CAMERA = "[camera]\nheight_px = 72\nwidth_px = 128\n"
-TASKS = ("static", "dynamic")
 Chain = Sequence[Sequence[object]]
 """Arguments of commands of readygo that follow each other."""
 JOB_FILE, CAMERA_FILE = "comparison.json", "robot.toml"
@@ -80,12 +79,14 @@ class Job:
     """Samples that each policy is shown."""
     test: int
     """Episodes per task."""
+    tasks: tuple[str, ...]
+    """Tasks that are driven."""
     workers: int
 
     @property
     def budget(self) -> dict[str, Any]:
-        """What results depend on."""
-        return {name: value for name, value in asdict(self).items() if name not in ("out", "workers")}
+        """What networks and records depend on."""
+        return {name: value for name, value in asdict(self).items() if name not in ("out", "tasks", "workers")}
 
 
 def prepare(job: Job) -> None:
@@ -134,7 +135,7 @@ def run(job: Job) -> dict[str, Any]:
     names = [_name(arm, seed) for seed, arm in _trained(job)]
     _readygo(
         *("evaluate", job.scene, "--out", job.out / "test", "--checkpoints", job.out / "policies"),
-        *("--episodes", job.test, "--tasks", *TASKS, "--methods", *names, EXPERT, "--workers", job.workers),
+        *("--episodes", job.test, "--tasks", *job.tasks, "--methods", *names, EXPERT, "--workers", job.workers),
         *("--robot", job.out / CAMERA_FILE, "--avatars", "embedded:test", "--renderer.detail", "lod"),
     )
     lines = (job.out / "test" / RECORDS_FILE).read_text().splitlines()
@@ -144,7 +145,7 @@ def run(job: Job) -> dict[str, Any]:
 def tables(records: Sequence[EpisodeRecord], seeds: int) -> dict[str, Any]:
     """Scores of every policy, of the arms over their seeds, and of each arm beside "photoreal"."""
     limit_s = EpisodeConfig().time_limit_s
-    ordered = sorted(records, key=lambda r: (TASKS.index(r.task.value), r.method, r.episode.index))
+    ordered = sorted(records, key=lambda r: (r.task.value, r.method, r.episode.index))
     arms = {}
     for task in dict.fromkeys(record.task.value for record in ordered):
         won = {arm: _won(ordered, task, arm, seeds) for arm in ARMS}
@@ -266,11 +267,12 @@ def main() -> None:
     parser.add_argument("--perception-samples", type=int, default=250_000)
     parser.add_argument("--policy-samples", type=int, default=4_000_000)
     parser.add_argument("--test", type=int, default=100)
+    parser.add_argument("--tasks", nargs="+", default=["static", "dynamic"])
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--json", type=Path)
     arguments = vars(parser.parse_args())
     file = arguments.pop("json")
-    job = Job(**arguments)
+    job = Job(**arguments | {"tasks": tuple(arguments["tasks"])})
     try:
         found = run(job)
     except ReadygoError as error:

@@ -4,7 +4,6 @@ import itertools
 import math
 from collections.abc import Sequence
 
-import torch
 from torch import nn
 
 from readygo.common.arrays import Float32Array
@@ -36,12 +35,3 @@ def layers_of(network: nn.Sequential) -> list[tuple[Float32Array, Float32Array]]
         for layer in network
         if isinstance(layer, nn.Linear)
     ]
-
-
-def load_layers(network: nn.Sequential, layers: Sequence[tuple[Float32Array, Float32Array]]) -> None:
-    """Give a network the weights of `layers_of`."""
-    linear = [layer for layer in network if isinstance(layer, nn.Linear)]
-    with torch.no_grad():
-        for layer, (weight, bias) in zip(linear, layers, strict=True):
-            layer.weight.copy_(torch.from_numpy(weight))
-            layer.bias.copy_(torch.from_numpy(bias))

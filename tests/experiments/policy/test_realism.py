@@ -25,6 +25,7 @@ def job(tmp_path: Path) -> realism.Job:
         perception_samples=100,
         policy_samples=200,
         test=2,
+        tasks=("dynamic",),
         workers=1,
     )
 
