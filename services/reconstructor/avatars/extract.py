@@ -31,7 +31,7 @@ from readygo.services.reconstructor.avatars.export import avatar_of_fit, without
 from readygo.services.reconstructor.avatars.fit import PersonFit
 from readygo.services.reconstructor.avatars.footage import SMPL_PELVIS_M, Footage, smooth_poses
 from readygo.services.reconstructor.avatars.hugs import HugsFit
-from readygo.services.reconstructor.avatars.smpl_body import read_smpl_body
+from readygo.services.reconstructor.avatars.smpl_body import check_smpl_body, read_smpl_body
 from readygo.services.reconstructor.avatars.views import FilmedPerson, PersonView, read_person, view_at
 from readygo.services.reconstructor.stages import Stages, word_errors
 from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
@@ -128,6 +128,8 @@ def extract_avatar(
     torch.set_num_threads(1)
     try:
         with stages.alone(), word_errors(work):
+            if smpl is not None:
+                check_smpl_body(smpl)
             complete = complete_footage(folder, stages, networks or PersonNetworks(), bodies, config)
             fit, footage, overlap = _begin_fit(complete, bodies, smpl, config)
             seconds = _run(fit, work, _identity(footage, fit.config, fit.body), tell)

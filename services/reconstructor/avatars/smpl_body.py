@@ -15,6 +15,11 @@ GAUSSIANS = 40_000
 """Gaussians of the body, about as many as the embedded avatars have."""
 
 
+def check_smpl_body(path: Path) -> None:
+    """Raise AvatarError if `read_smpl_body` could not read a file, whatever the footage."""
+    smpl_human(load_smpl_model(path), count=GAUSSIANS)
+
+
 def read_smpl_body(path: Path, footage: Footage) -> tuple[Avatar, Footage, Float64Array]:
     """The body, the footage with the pelvis where this body has it, and the pelvis in SMPL's frame [m], shape (3,).
 

@@ -73,12 +73,24 @@ def test_fit_begins_with_the_body_of_the_file(tmp_path: Path, neuman_film: Path)
     assert found.avatar.name == "someone"
 
 
-def test_other_versions_are_named(tmp_path: Path, plain_film: Path) -> None:
-    entries = smpl_entries() | {"kintree_table": np.zeros((2, 55), np.int64), "J_regressor": np.zeros((24, 1))}
-    np.savez(tmp_path / "SMPLX_NEUTRAL.npz", **entries)
-    with pytest.raises(AvatarError, match="has 55 joints: it is SMPL-X") as error:
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        (
+            {"kintree_table": np.zeros((2, 55), np.int64), "J_regressor": np.zeros((24, 1))},
+            "has 55 joints: it is SMPL-X",
+        ),
+        ({"f": np.zeros((0, 3), np.int64)}, "has no faces"),
+    ],
+)
+def test_a_body_that_cannot_be_read_is_told_before_footage_is(
+    tmp_path: Path, changed: dict[str, np.ndarray], told: str
+) -> None:
+    with np.load(smpl_file(tmp_path / "SMPL_NEUTRAL.npz")) as entries:
+        np.savez(tmp_path / "SMPLX_NEUTRAL.npz", **dict(entries) | changed)
+    with pytest.raises(AvatarError, match=told) as error:
         extract_avatar(
-            plain_film,
+            tmp_path / "footage that is missing",
             tmp_path / "work",
             AvatarFitConfig(),
             lambda _: None,
