@@ -13,12 +13,14 @@ from readygo.services.planner import PlanningMaps
 
 LARGEST_SEED = 2**31 - 1
 """Largest seed of an embedded flat."""
+OWN_PLAN = "plan-"
+"""Stands before the seed of a flat whose plan is drawn."""
 
 
 def open_scene(scene: str) -> Scene:
     """Open the scene of a command-line argument.
 
-    "embedded" and "embedded:SEED" are made once and stored in the user's cache.
+    "embedded", "embedded:SEED" and "embedded:plan-SEED" are made once and stored in the user's cache.
 
     Raises:
         SceneError: If the argument names no scene bundle.
@@ -26,12 +28,16 @@ def open_scene(scene: str) -> Scene:
     name, colon, seed = scene.partition(":")
     if name != "embedded":
         return load_scene(Path(scene))
-    if colon and not (seed.isdecimal() and int(seed) <= LARGEST_SEED):
-        raise SceneError(f"{scene}: give a whole number up to {LARGEST_SEED} as the seed, as in embedded:1.")
+    own_plan, number = seed.startswith(OWN_PLAN), seed.removeprefix(OWN_PLAN)
+    if colon and not (number.isdecimal() and int(number) <= LARGEST_SEED):
+        raise SceneError(
+            f"{scene}: give a whole number up to {LARGEST_SEED} as the seed, as in embedded:1 or embedded:{OWN_PLAN}1."
+        )
     from readygo.common.scenes.embedded import ensure_embedded_scene, scene_name
 
-    number = int(seed or 0)
-    return ensure_embedded_scene(cache_folder("scenes") / scene_name(number), number)
+    flat = int(number or 0)
+    folder = cache_folder("scenes") / scene_name(flat, own_plan=own_plan)
+    return ensure_embedded_scene(folder, flat, own_plan=own_plan)
 
 
 class FlatMaps:

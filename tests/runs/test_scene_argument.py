@@ -36,11 +36,21 @@ def test_scene_that_is_none_is_refused(tmp_path: Path) -> None:
 
 
 def test_seed_of_an_embedded_flat_is_checked_before_anything_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
-    made: list[tuple[str, int]] = []
-    monkeypatch.setattr(embedded, "ensure_embedded_scene", lambda folder, seed: made.append((folder.name, seed)))
-    for name in ("embedded", "embedded:0", "embedded:12"):
+    made: list[tuple[str, int, bool]] = []
+
+    def make(folder: Path, seed: int, *, own_plan: bool) -> None:
+        made.append((folder.name, seed, own_plan))
+
+    monkeypatch.setattr(embedded, "ensure_embedded_scene", make)
+    for name in ("embedded", "embedded:0", "embedded:12", "embedded:plan-12"):
         open_scene(name)
-    assert made == [("embedded", 0), ("embedded", 0), ("embedded-12", 12)]
-    for name in ("embedded:", "embedded:-1", "embedded:1.5", "embedded:4294967296", "embedded:flat"):
+    assert made == [
+        ("embedded", 0, False),
+        ("embedded", 0, False),
+        ("embedded-12", 12, False),
+        ("embedded-plan-12", 12, True),
+    ]
+    for name in ("", "-1", "1.5", "4294967296", "flat", "plan-", "plan--1", "plan-x", "plan-plan-1"):
+        name = f"embedded:{name}"
         with pytest.raises(SceneError, match="whole number"):
             open_scene(name)

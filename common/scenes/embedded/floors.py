@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from readygo.common.arrays import Float64Array
-from readygo.common.scenes.embedded.plan import ROOMS, Room
+from readygo.common.scenes.embedded.plan import FloorPlan, Room
 from readygo.common.scenes.embedded.surfaces import THICKNESS_M, Surfaces
 from readygo.common.scenes.embedded.textures import Colour, lattice_noise, value_noise
 
@@ -15,9 +15,9 @@ _OAK = (0.70, 0.52, 0.35)
 _WALNUT = (0.48, 0.33, 0.22)
 
 
-def build_floors(build: Surfaces) -> None:
+def build_floors(build: Surfaces, plan: FloorPlan) -> None:
     """The floors of all rooms."""
-    for seed, room in enumerate(ROOMS):
+    for seed, room in enumerate(plan.rooms):
         floor = build.at(0, 0)
         if room.floor == "oak":
             _planks(floor, room, _OAK, seed)

@@ -1,13 +1,9 @@
-"""What stands where in the flat."""
+"""What stands where in the embedded flat."""
 
 from readygo.common.scenes.embedded import decor, seating, storage
-from readygo.common.scenes.embedded.plan import NORTH_M, ROOMS, SOUTH_M
+from readygo.common.scenes.embedded.plan import FLAT, NORTH_M, PENDANT_M, SOUTH_M, FloorPlan
 from readygo.common.scenes.embedded.shell import facing_wall
 from readygo.common.scenes.embedded.surfaces import Surfaces
-
-LAMPS_M = ((-2.35, 2.7), (2.9, 1.75), (-3.4, -0.3), (0.0, -0.3), (3.4, -0.3), (-2.7, -3.0), (2.6, -2.7))
-"""Ceiling and hanging lamps, x and y."""
-LAMP_HEIGHT_M = 2.42
 
 _OAK = (0.66, 0.48, 0.31)
 _DARK = (0.36, 0.25, 0.17)
@@ -21,16 +17,21 @@ def furnish(build: Surfaces) -> None:
     _hall(build)
     _bedroom(build)
     _study(build)
-    for x, y in LAMPS_M:
-        if (x, y) == LAMPS_M[1]:
-            decor.pendant(build.at(x, y), 1.65)
+    hang_lamps(build, FLAT)
+
+
+def hang_lamps(build: Surfaces, plan: FloorPlan) -> None:
+    """The lamps below a flat's ceilings."""
+    for x, y, z in plan.lamps_m:
+        if z <= PENDANT_M:
+            decor.pendant(build.at(x, y), z + 0.03)
         else:
             decor.ceiling_lamp(build.at(x, y))
 
 
 def _on_wall(build: Surfaces, room: str, side: str, along_m: float) -> Surfaces:
     """A placement on a wall, `along_m` from its left corner."""
-    wall, _ = facing_wall(build, next(r for r in ROOMS if r.name == room), side)
+    wall, _ = facing_wall(build, next(r for r in FLAT.rooms if r.name == room), side)
     return wall.at(along_m, 0.0)
 
 

@@ -1,6 +1,8 @@
-"""The flat's floor plan: four rooms around a corridor, with doorways and windows."""
+"""Floor plans: rooms between walls, with doorways and windows; and the plan of the embedded flat."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
 
 from readygo.common.scenes.embedded.textures import Colour
 
@@ -36,6 +38,23 @@ class Opening:
         return self.bottom_m > 0
 
 
+class Finish(Enum):
+    """What a wall is covered with."""
+
+    PAINT = "paint"
+    STRIPES = "stripes"
+    BRICKS = "bricks"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Covering:
+    """Finish of a wall of a room that differs from the room's paint."""
+
+    finish: Finish = Finish.PAINT
+    colours: tuple[Colour, ...] = ()
+    """One of paint, two of stripes; bricks have their own."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Room:
     """A rectangle of floor between four walls."""
@@ -48,9 +67,38 @@ class Room:
     paint: Colour
     floor: str
     """One of oak, walnut, tiles, carpet."""
+    coverings: Mapping[str, Covering] = field(default_factory=dict)
+    """Walls that are not in the room's paint, by side."""
+    panelled: bool = False
+    """True for wooden panels along the walls."""
 
 
-WALLS = {
+@dataclass(frozen=True, kw_only=True)
+class FloorPlan:
+    """A flat's walls, openings and rooms; the walls "west", "east", "south" and "north" are the outer ones."""
+
+    walls: Mapping[str, Wall]
+    openings: tuple[Opening, ...]
+    rooms: tuple[Room, ...]
+    lamps_m: tuple[tuple[float, float, float], ...]
+    """Where lamps below the ceiling shine: x, y, z."""
+
+    @property
+    def low_m(self) -> tuple[float, float]:
+        """Least x and y between the outer walls [m]."""
+        return self.walls["west"].high_m, self.walls["south"].high_m
+
+    @property
+    def high_m(self) -> tuple[float, float]:
+        """Largest x and y between the outer walls [m]."""
+        return self.walls["east"].low_m, self.walls["north"].low_m
+
+    def openings_of(self, wall: str) -> list[Opening]:
+        """The openings of one wall, sorted along it."""
+        return sorted((o for o in self.openings if o.wall == wall), key=lambda o: o.begin_m)
+
+
+_WALLS = {
     "west": Wall(axis="x", low_m=WEST_M - OUTER_WALL_M, high_m=WEST_M, begin_m=-5.0, end_m=5.0),
     "east": Wall(axis="x", low_m=EAST_M, high_m=EAST_M + OUTER_WALL_M, begin_m=-5.0, end_m=5.0),
     "south": Wall(axis="y", low_m=SOUTH_M - OUTER_WALL_M, high_m=SOUTH_M, begin_m=WEST_M, end_m=EAST_M),
@@ -61,7 +109,7 @@ WALLS = {
     "middle_south": Wall(axis="x", low_m=-0.2, high_m=-0.1, begin_m=SOUTH_M, end_m=-1.2),
 }
 
-OPENINGS = (
+_OPENINGS = (
     Opening(wall="hall_north", begin_m=-2.8, end_m=-0.9),
     Opening(wall="hall_north", begin_m=3.2, end_m=4.6),
     Opening(wall="hall_south", begin_m=-2.5, end_m=-1.2),
@@ -79,7 +127,7 @@ OPENINGS = (
     Opening(wall="south", begin_m=1.9, end_m=3.7, bottom_m=0.8, top_m=2.2),
 )
 
-ROOMS = (
+_ROOMS = (
     Room(
         name="living room",
         x_m=(WEST_M, 0.5),
@@ -87,6 +135,7 @@ ROOMS = (
         walls={"north": "north", "east": "middle_north", "south": "hall_north", "west": "west"},
         paint=(0.90, 0.87, 0.80),
         floor="oak",
+        coverings={"west": Covering(colours=((0.50, 0.60, 0.53),))},
     ),
     Room(
         name="kitchen",
@@ -95,6 +144,7 @@ ROOMS = (
         walls={"north": "north", "east": "east", "south": "hall_north", "west": "middle_north"},
         paint=(0.93, 0.91, 0.86),
         floor="tiles",
+        coverings={"west": Covering(colours=((0.88, 0.72, 0.45),))},
     ),
     Room(
         name="hall",
@@ -103,6 +153,7 @@ ROOMS = (
         walls={"north": "hall_north", "east": "east", "south": "hall_south", "west": "west"},
         paint=(0.80, 0.85, 0.87),
         floor="oak",
+        panelled=True,
     ),
     Room(
         name="bedroom",
@@ -111,6 +162,7 @@ ROOMS = (
         walls={"north": "hall_south", "east": "middle_south", "south": "south", "west": "west"},
         paint=(0.78, 0.83, 0.88),
         floor="carpet",
+        coverings={"west": Covering(finish=Finish.STRIPES, colours=((0.62, 0.70, 0.80), (0.86, 0.87, 0.86)))},
     ),
     Room(
         name="study",
@@ -119,13 +171,28 @@ ROOMS = (
         walls={"north": "hall_south", "east": "east", "south": "south", "west": "middle_south"},
         paint=(0.89, 0.84, 0.76),
         floor="walnut",
+        coverings={"east": Covering(finish=Finish.BRICKS)},
     ),
 )
 
+PENDANT_M, CEILING_LAMP_M = 1.62, 2.42
+"""Heights of lamps: over a table, below the ceiling."""
 
-def openings_of(wall: str) -> list[Opening]:
-    """The openings of one wall, sorted along it."""
-    return sorted((o for o in OPENINGS if o.wall == wall), key=lambda o: o.begin_m)
+FLAT = FloorPlan(
+    walls=_WALLS,
+    openings=_OPENINGS,
+    rooms=_ROOMS,
+    lamps_m=(
+        (-2.35, 2.7, CEILING_LAMP_M),
+        (2.9, 1.75, PENDANT_M),
+        (-3.4, -0.3, CEILING_LAMP_M),
+        (0.0, -0.3, CEILING_LAMP_M),
+        (3.4, -0.3, CEILING_LAMP_M),
+        (-2.7, -3.0, CEILING_LAMP_M),
+        (2.6, -2.7, CEILING_LAMP_M),
+    ),
+)
+"""The embedded flat: four rooms around a corridor."""
 
 
 def pieces(begin_m: float, end_m: float, openings: list[Opening]) -> list[tuple[float, float, float, float]]:

@@ -4,20 +4,18 @@ import numpy as np
 
 from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.gaussians import GaussianCloud, sh_of_rgb
+from readygo.common.scenes.embedded.drawn_furniture import furnish_drawn
+from readygo.common.scenes.embedded.drawn_plan import draw_plan
 from readygo.common.scenes.embedded.floors import build_floors
-from readygo.common.scenes.embedded.furnishing import LAMP_HEIGHT_M, LAMPS_M, furnish
+from readygo.common.scenes.embedded.furnishing import furnish
+from readygo.common.scenes.embedded.light import Light, draw_light, lights_of
 from readygo.common.scenes.embedded.lighting import Lights, lit_colours, voxelise
 from readygo.common.scenes.embedded.outdoors import build_outdoors
-from readygo.common.scenes.embedded.plan import CEILING_M, EAST_M, NORTH_M, OPENINGS, SOUTH_M, WALLS, WEST_M
+from readygo.common.scenes.embedded.plan import CEILING_M, FLAT, FloorPlan
 from readygo.common.scenes.embedded.shell import build_shell
 from readygo.common.scenes.embedded.surfaces import OPACITY, Surfaces, UnlitPoints
 from readygo.common.scenes.embedded.textures import value_noise
-from readygo.common.scenes.embedded.variation import Variation
-
-_SKY_LIGHT = np.array([5.6, 6.3, 7.2])
-_LAMP_LIGHT = np.array([1.15, 1.02, 0.80])
-_SUN_LIGHT = np.array([5.2, 4.6, 3.6])
-_SUN_DIRECTION = np.array([-0.45, -0.70, 0.55])
+from readygo.common.scenes.embedded.variation import Variation, tints
 
 
 def embedded_scene_cloud(seed: int = 0) -> GaussianCloud:
@@ -31,15 +29,21 @@ def embedded_scene_cloud(seed: int = 0) -> GaussianCloud:
     """
     variation = Variation(seed=seed)
     build = variation.surfaces()
-    build_shell(build)
-    build_floors(build)
+    build_shell(build, FLAT)
+    build_floors(build, FLAT)
     furnish(build)
     variation.add_pieces(build)
-    samples = build.samples()
-    low = np.array([WEST_M - 0.25, SOUTH_M - 0.25, -0.05])
-    high = np.array([EAST_M + 0.25, NORTH_M + 0.25, CEILING_M + 0.05])
-    grid = voxelise(build.solid_points_m(), low, high)
-    return _cloud(samples, lit_colours(samples, grid, _lights(variation.mirror)), settle=True)
+    return _lit_cloud(build, FLAT, lights_of(FLAT, Light(), variation.mirror))
+
+
+def drawn_scene_cloud(seed: int) -> GaussianCloud:
+    """A flat whose plan, furniture, colours and light are drawn, up to 10.4 m x 9.6 m; as `embedded_scene_cloud`."""
+    rng = np.random.Generator(np.random.PCG64([seed, *b"plan"]))
+    build, plan = Surfaces(rng, tints=tints(rng)), draw_plan(rng)
+    build_shell(build, plan)
+    build_floors(build, plan)
+    furnish_drawn(build, plan, rng)
+    return _lit_cloud(build, plan, lights_of(plan, draw_light(rng), np.ones(2)))
 
 
 def embedded_sky() -> GaussianCloud:
@@ -76,32 +80,7 @@ def _round_values(values: Float64Array) -> Float32Array:
     return np.round(values + 1.3e-7, 5).astype(np.float32)
 
 
-def _lights(mirror: Float64Array) -> Lights:
-    position, direction, power = [], [], []
-    for opening in OPENINGS:
-        wall = WALLS[opening.wall]
-        if not opening.is_window:
-            continue
-        inward = np.array([1.0, 0, 0]) if wall.axis == "x" else np.array([0, 1.0, 0])
-        inward = inward if opening.wall in ("west", "south") else -inward
-        width, height = opening.end_m - opening.begin_m, opening.top_m - opening.bottom_m
-        for a in (1 / 6, 1 / 2, 5 / 6):
-            for b in (1 / 4, 3 / 4):
-                along, z = opening.begin_m + a * width, opening.bottom_m + b * height
-                across = (wall.low_m + wall.high_m) / 2
-                position.append((across, along, z) if wall.axis == "x" else (along, across, z))
-                direction.append(inward)
-                power.append(_SKY_LIGHT * width * height / 6 / np.pi)
-    for x, y in LAMPS_M:
-        position.append((x, y, LAMP_HEIGHT_M if (x, y) != LAMPS_M[1] else 1.62))
-        direction.append(np.zeros(3))
-        power.append(_LAMP_LIGHT)
-    sun = _SUN_DIRECTION / np.sqrt(_SUN_DIRECTION @ _SUN_DIRECTION)
-    flip = np.array([*mirror, 1.0])
-    return Lights(
-        position_m=np.array(position) * flip,
-        direction=np.array(direction) * flip,
-        power=np.array(power),
-        sun_direction=sun,
-        sun_power=_SUN_LIGHT,
-    )
+def _lit_cloud(build: Surfaces, plan: FloorPlan, lights: Lights) -> GaussianCloud:
+    samples, (low, high) = build.samples(), (np.array(plan.low_m), np.array(plan.high_m))
+    grid = voxelise(build.solid_points_m(), np.append(low - 0.25, -0.05), np.append(high + 0.25, CEILING_M + 0.05))
+    return _cloud(samples, lit_colours(samples, grid, lights), settle=True)

@@ -6,17 +6,12 @@ import numpy as np
 
 from readygo.common.scenes.embedded.plan import (
     CEILING_M,
-    EAST_M,
-    NORTH_M,
-    OPENINGS,
     OUTER_WALL_M,
-    ROOMS,
-    SOUTH_M,
-    WALLS,
-    WEST_M,
+    Finish,
+    FloorPlan,
     Opening,
     Room,
-    openings_of,
+    Wall,
     pieces,
 )
 from readygo.common.scenes.embedded.surfaces import Surfaces, Vector
@@ -29,17 +24,18 @@ _WALL_CELL_M = 0.15
 _TRIM_M = 0.02
 
 
-def build_shell(build: Surfaces) -> None:
+def build_shell(build: Surfaces, plan: FloorPlan) -> None:
     """Everything that does not stand on the floor by itself."""
-    _solids(build)
-    for room in ROOMS:
+    _solids(build, plan)
+    for room in plan.rooms:
         for side in room.walls:
-            _wall_face(build, room, side)
+            _wall_face(build, plan, room, side)
         _ceiling(build, room)
-    for opening in OPENINGS:
-        _reveal(build, opening)
-        (_window_frame if opening.is_window else _door_casing)(build, opening)
-    _wall_cores(build)
+    for opening in plan.openings:
+        wall = plan.walls[opening.wall]
+        _reveal(build, wall, opening)
+        (_window_frame if opening.is_window else _door_casing)(build, wall, opening)
+    _wall_cores(build, plan)
 
 
 def facing_wall(build: Surfaces, room: Room, side: str) -> tuple[Surfaces, float]:
@@ -62,31 +58,31 @@ def along_wall(room: Room, side: str, opening: Opening) -> tuple[float, float]:
     return start - opening.end_m, start - opening.begin_m
 
 
-def _local_openings(room: Room, side: str) -> list[Opening]:
+def local_openings(plan: FloorPlan, room: Room, side: str) -> list[Opening]:
     """The openings of a room's wall, measured from its left corner and sorted along it."""
     length = room.x_m[1] - room.x_m[0] if side in ("north", "south") else room.y_m[1] - room.y_m[0]
     local = []
-    for opening in openings_of(room.walls[side]):
+    for opening in plan.openings_of(room.walls[side]):
         begin, end = along_wall(room, side, opening)
         if end > 0 and begin < length:
             local.append(replace(opening, begin_m=begin, end_m=end))
     return sorted(local, key=lambda cut: cut.begin_m)
 
 
-def _wall_face(build: Surfaces, room: Room, side: str) -> None:
+def _wall_face(build: Surfaces, plan: FloorPlan, room: Room, side: str) -> None:
     wall, length = facing_wall(build, room, side)
-    local = _local_openings(room, side)
-    paint = _paint(room, side)
+    local = local_openings(plan, room, side)
+    paint, finish = _paint(room, side), _finish(room, side)
     for begin, end, bottom, top in pieces(0.0, length, local):
         if bottom == 0.0:
-            bottom = 0.93 if room.name == "hall" and top > 0.95 else 0.08
-        if (room.name, side) == ("study", "east"):
+            bottom = 0.93 if room.panelled and top > 0.95 else 0.08
+        if finish is Finish.BRICKS:
             _bricks(wall, begin, end, bottom, top)
             continue
         if top - bottom < 0.02:
             continue
         texture = _shift_texture(paint, begin, bottom)
-        cell = (0.06, 0.2) if (room.name, side) == ("bedroom", "west") else _WALL_CELL_M
+        cell = (0.06, 0.2) if finish is Finish.STRIPES else _WALL_CELL_M
         wall.patch(
             (begin, 0, bottom), (end - begin, 0, 0), (0, 0, top - bottom), cell, texture, jitter=0.3, softness=0.74
         )
@@ -94,19 +90,23 @@ def _wall_face(build: Surfaces, room: Room, side: str) -> None:
     for begin, end, bottom, _ in pieces(0.0, length, doors):
         if bottom == 0.0:
             _skirting(wall, begin, end)
-            if room.name == "hall":
+            if room.panelled:
                 _panelling(wall, begin, end, [cut for cut in local if cut.is_window])
 
 
+def _finish(room: Room, side: str) -> Finish:
+    covering = room.coverings.get(side)
+    return Finish.PAINT if covering is None else covering.finish
+
+
 def _paint(room: Room, side: str) -> Texture:
-    seed = len(room.name) * 10 + len(side)
-    if (room.name, side) == ("living room", "west"):
-        return plain((0.50, 0.60, 0.53), variation=0.05, seed=seed)
-    if (room.name, side) == ("bedroom", "west"):
-        return stripes((0.62, 0.70, 0.80), (0.86, 0.87, 0.86), 0.12, seed=seed)
-    if (room.name, side) == ("kitchen", "west"):
-        return plain((0.88, 0.72, 0.45), variation=0.05, seed=seed)
-    return plain(room.paint, variation=0.05, seed=seed)
+    seed, covering = len(room.name) * 10 + len(side), room.coverings.get(side)
+    if covering is None or covering.finish is Finish.BRICKS:
+        return plain(room.paint, variation=0.05, seed=seed)
+    if covering.finish is Finish.STRIPES:
+        first, second = covering.colours
+        return stripes(first, second, 0.12, seed=seed)
+    return plain(covering.colours[0], variation=0.05, seed=seed)
 
 
 def _shift_texture(texture: Texture, begin: float, bottom: float) -> Texture:
@@ -182,34 +182,32 @@ def _ceiling(build: Surfaces, room: Room) -> None:
     )
 
 
-def _box_of(wall_name: str, begin: float, end: float, bottom: float, top: float) -> tuple[Vector, Vector]:
-    wall = WALLS[wall_name]
+def _box_of(wall: Wall, begin: float, end: float, bottom: float, top: float) -> tuple[Vector, Vector]:
     if wall.axis == "y":
         return (begin, wall.low_m, bottom), (end, wall.high_m, top)
     return (wall.low_m, begin, bottom), (wall.high_m, end, top)
 
 
-def _solids(build: Surfaces) -> None:
-    for name, wall in WALLS.items():
-        for begin, end, bottom, top in pieces(wall.begin_m, wall.end_m, openings_of(name)):
-            build.solid(*_box_of(name, begin, end, bottom, top))
-    edge = OUTER_WALL_M
-    build.solid((WEST_M - edge, SOUTH_M - edge, -0.05), (EAST_M + edge, NORTH_M + edge, 0.0))
-    build.solid((WEST_M - edge, SOUTH_M - edge, CEILING_M), (EAST_M + edge, NORTH_M + edge, CEILING_M + 0.05))
+def _solids(build: Surfaces, plan: FloorPlan) -> None:
+    for name, wall in plan.walls.items():
+        for begin, end, bottom, top in pieces(wall.begin_m, wall.end_m, plan.openings_of(name)):
+            build.solid(*_box_of(wall, begin, end, bottom, top))
+    (west, south), (east, north), edge = plan.low_m, plan.high_m, OUTER_WALL_M
+    build.solid((west - edge, south - edge, -0.05), (east + edge, north + edge, 0.0))
+    build.solid((west - edge, south - edge, CEILING_M), (east + edge, north + edge, CEILING_M + 0.05))
 
 
-def _through(build: Surfaces, opening: Opening) -> tuple[Surfaces, float, float]:
+def _through(build: Surfaces, wall: Wall, opening: Opening) -> tuple[Surfaces, float, float]:
     """A placement at an opening's left jamb seen from its low side: x along it, y through the wall; width, depth."""
-    wall = WALLS[opening.wall]
     width, depth = opening.end_m - opening.begin_m, wall.high_m - wall.low_m
     if wall.axis == "y":
         return build.at(opening.begin_m, wall.low_m), width, depth
     return build.at(wall.low_m, opening.end_m, yaw_deg=-90), width, depth
 
 
-def _reveal(build: Surfaces, opening: Opening) -> None:
+def _reveal(build: Surfaces, wall: Wall, opening: Opening) -> None:
     """The four inner faces of an opening."""
-    part, width, depth = _through(build, opening)
+    part, width, depth = _through(build, wall, opening)
     low, high = opening.bottom_m, opening.top_m
     tall = (0.0, 0.0, high - low)
     part.patch((0, 0, low), (0, depth, 0), tall, (0.07, 0.15), _WHITE)
@@ -219,8 +217,8 @@ def _reveal(build: Surfaces, opening: Opening) -> None:
         part.patch((0, 0, low), (width, 0, 0), (0, depth, 0), (0.12, 0.07), _WHITE)
 
 
-def _door_casing(build: Surfaces, opening: Opening) -> None:
-    part, width, depth = _through(build, opening)
+def _door_casing(build: Surfaces, wall: Wall, opening: Opening) -> None:
+    part, width, depth = _through(build, wall, opening)
     brown = wood((0.90, 0.89, 0.86), along_u=False, contrast=0.06)
     for y0, y1, face in ((-_TRIM_M, 0.0, "front"), (depth, depth + _TRIM_M, "back")):
         for x0, x1 in ((-0.08, 0.0), (width, width + 0.08)):
@@ -238,8 +236,8 @@ def _door_casing(build: Surfaces, opening: Opening) -> None:
     part.patch((0, 0, 0.004), (width, 0, 0), (0, depth, 0), (0.15, 0.05), wood((0.50, 0.36, 0.23)))
 
 
-def _window_frame(build: Surfaces, opening: Opening) -> None:
-    part, width, depth = _through(build, opening)
+def _window_frame(build: Surfaces, wall: Wall, opening: Opening) -> None:
+    part, width, depth = _through(build, wall, opening)
     low, high = opening.bottom_m, opening.top_m
     outer_low = opening.wall in ("west", "south")
     y0, y1 = (0.04, 0.09) if outer_low else (depth - 0.09, depth - 0.04)
@@ -252,10 +250,10 @@ def _window_frame(build: Surfaces, opening: Opening) -> None:
     part.box((-0.05, inner, low - 0.03), (width + 0.05, inner + 0.07, low), (0.12, 0.04), _WHITE, solid=False)
 
 
-def _wall_cores(build: Surfaces) -> None:
+def _wall_cores(build: Surfaces, plan: FloorPlan) -> None:
     """A dark layer inside the walls, hidden from the rooms: it fills the walls in maps and in views from above."""
-    for name, wall in WALLS.items():
-        for begin, end, bottom, top in pieces(wall.begin_m, wall.end_m, openings_of(name)):
+    for name, wall in plan.walls.items():
+        for begin, end, bottom, top in pieces(wall.begin_m, wall.end_m, plan.openings_of(name)):
             if bottom < _CORE_Z_M < top:
                 count = max(1, round((end - begin) / 0.1))
                 step = (end - begin) / count

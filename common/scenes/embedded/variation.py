@@ -5,11 +5,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 
-from readygo.common.arrays import BoolArray, Float64Array
+from readygo.common.arrays import Float64Array
 from readygo.common.scenes.embedded import decor, seating
-from readygo.common.scenes.embedded.plan import EAST_M, NORTH_M, ROOMS, SOUTH_M, WEST_M
+from readygo.common.scenes.embedded.free_floor import FreeFloor
+from readygo.common.scenes.embedded.plan import FLAT
 from readygo.common.scenes.embedded.surfaces import Surfaces
 from readygo.common.scenes.embedded.textures import Colour
 
@@ -18,13 +18,7 @@ _SATURATION = (0.5, 1.4)
 _LIGHTNESS = (0.65, 1.15)
 _PIECES = 6
 _DRAWS = 200
-_PIECE_RADIUS_M = 0.35
-_ROBOT_RADIUS_M = 0.35
-_LOST_M2 = 0.1
-"""What a piece may cut off from the rest of the floor."""
-_CELL_M = 0.05
-_STANDING_M = (0.06, 1.8)
-"""Heights between which something is in the way; rugs lie below."""
+PIECE_RADIUS_M = 0.35
 _GREY = np.array([0.30, 0.59, 0.11])
 
 
@@ -44,21 +38,19 @@ class Variation:
         rng = np.random.Generator(np.random.PCG64(self.seed))
         if self.seed == 0:
             return Surfaces(rng)
-        return Surfaces(rng, mirror=self.mirror, tints=self._tints())
+        return Surfaces(rng, mirror=self.mirror, tints=tints(self._rng("tints")))
 
     def add_pieces(self, build: Surfaces) -> None:
         """Stand up to six more pieces of furniture where robots still get everywhere."""
         if self.seed == 0:
             return
         rng = self._rng("pieces")
-        position = build.samples().position_m
-        standing = (position[:, 2] > _STANDING_M[0]) & (position[:, 2] < _STANDING_M[1])
-        floor = _Floor(position[standing, :2] * self.mirror)
+        floor = FreeFloor(FLAT, build.samples().position_m * [*self.mirror, 1.0])
         stood = 0
         for _ in range(_DRAWS):
-            place = _place(rng)
-            if floor.take(place):
-                _piece(build.at(*place, yaw_deg=float(rng.integers(360))), rng)
+            x, y = _place(rng).tolist()
+            if floor.take_disc(x, y, PIECE_RADIUS_M):
+                add_piece(build.at(x, y, yaw_deg=float(rng.integers(360))), rng)
                 stood += 1
             if stood == _PIECES:
                 return
@@ -66,54 +58,22 @@ class Variation:
     def _rng(self, purpose: str) -> np.random.Generator:
         return np.random.Generator(np.random.PCG64([self.seed, *purpose.encode()]))
 
-    def _tints(self) -> Iterator[Float64Array]:
-        rng = self._rng("tints")
-        while True:
-            yield _tint(rng.uniform(-_HUE_RAD, _HUE_RAD), rng.uniform(*_SATURATION), rng.uniform(*_LIGHTNESS))
 
-
-class _Floor:
-    """Where the middle of a robot may be, as one connected piece of floor."""
-
-    def __init__(self, taken_m: Float64Array) -> None:
-        low, high = np.array([WEST_M, SOUTH_M]), np.array([EAST_M, NORTH_M])
-        shape = np.rint((high - low) / _CELL_M).astype(int)
-        cells = np.floor((taken_m - low) / _CELL_M).astype(int)
-        cells = cells[((cells >= 0) & (cells < shape)).all(axis=1)]
-        clear = np.ones(shape, dtype=bool)
-        clear[cells[:, 0], cells[:, 1]] = False
-        self._distance_m = ndimage.distance_transform_edt(clear) * _CELL_M
-        axes = [a + (np.arange(n) + 0.5) * _CELL_M for a, n in zip(low, shape, strict=True)]
-        self._x, self._y = np.meshgrid(*axes, indexing="ij")
-        self._free = _parts(self._distance_m > _ROBOT_RADIUS_M)[0]
-
-    def take(self, place: Float64Array) -> bool:
-        """Take a disc of `_PIECE_RADIUS_M` if it is free, and cuts nothing off; False if not."""
-        away_m = np.hypot(self._x - place[0], self._y - place[1])
-        if self._distance_m[np.unravel_index(away_m.argmin(), away_m.shape)] < _PIECE_RADIUS_M:
-            return False
-        left = _parts(self._free & (away_m > _PIECE_RADIUS_M + _ROBOT_RADIUS_M))
-        if sum(part.sum() for part in left[1:]) * _CELL_M**2 > _LOST_M2:
-            return False
-        self._free, self._distance_m = left[0], np.minimum(self._distance_m, away_m - _PIECE_RADIUS_M)
-        return True
-
-
-def _parts(free: BoolArray) -> list[BoolArray]:
-    """Connected parts, the largest first."""
-    labels, count = ndimage.label(free)
-    return sorted((labels == k for k in range(1, count + 1)), key=np.sum, reverse=True)
+def tints(rng: np.random.Generator) -> Iterator[Float64Array]:
+    """Matrices on colours, shape (3, 3): another hue, saturation and lightness each."""
+    while True:
+        yield _tint(rng.uniform(-_HUE_RAD, _HUE_RAD), rng.uniform(*_SATURATION), rng.uniform(*_LIGHTNESS))
 
 
 def _place(rng: np.random.Generator) -> Float64Array:
     """A place in a room, decimetres exact."""
-    room = ROOMS[int(rng.integers(len(ROOMS)))]
+    room = FLAT.rooms[int(rng.integers(len(FLAT.rooms)))]
     low, high = np.array([room.x_m[0], room.y_m[0]]), np.array([room.x_m[1], room.y_m[1]])
     return np.asarray(np.round(low + rng.random(2) * (high - low), 1))
 
 
-def _piece(build: Surfaces, rng: np.random.Generator) -> None:
-    """A piece within `_PIECE_RADIUS_M` of the origin."""
+def add_piece(build: Surfaces, rng: np.random.Generator) -> None:
+    """A small piece of furniture within `PIECE_RADIUS_M` of the origin."""
     colour: Colour = (0.70, 0.45, 0.32)
     kind = int(rng.integers(5))
     if kind == 0:

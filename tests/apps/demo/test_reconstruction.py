@@ -7,13 +7,13 @@ from readygo.apps.cli import run_command
 from readygo.apps.demo import demo
 from readygo.apps.demo.reconstruction import ROOM_M, narrow, training
 from readygo.commands import COMMANDS
-from readygo.common.scenes.embedded.plan import ROOMS
+from readygo.common.scenes.embedded.plan import FLAT
 from readygo.runs.config import load_run_config
 from readygo.services.reconstructor.training.config import preset
 
 
 def test_room_is_one_of_the_flat() -> None:
-    assert ROOM_M in {(room.x_m[0], room.y_m[0], room.x_m[1], room.y_m[1]) for room in ROOMS}
+    assert ROOM_M in {(room.x_m[0], room.y_m[0], room.x_m[1], room.y_m[1]) for room in FLAT.rooms}
 
 
 def test_training_is_short_and_makes_surfaces() -> None:

@@ -21,7 +21,7 @@ def test_bundle_of_another_recipe_is_replaced(
     made: Scene, cloud: GaussianCloud, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shutil.copytree(made.path, tmp_path / "scene")
-    monkeypatch.setattr(bundle, "recipe_hash", lambda seed: "another")
+    monkeypatch.setattr(bundle, "recipe_hash", lambda name: "another")
     monkeypatch.setattr(bundle, "embedded_scene_cloud", lambda seed: cloud)
     scene = ensure_embedded_scene(tmp_path / "scene")
     assert scene.metadata["source"]["sha256"] == "another"
@@ -55,5 +55,6 @@ def test_recipe_is_the_code_of_scene_and_maps(tmp_path: Path, monkeypatch: pytes
 
 
 def test_flats_of_other_seeds_have_other_names_and_recipes() -> None:
-    assert [bundle.scene_name(seed) for seed in (0, 3)] == ["embedded", "embedded-3"]
-    assert len({bundle.recipe_hash(seed) for seed in (0, 1, 2)}) == 3
+    names = [bundle.scene_name(0), bundle.scene_name(3), bundle.scene_name(3, own_plan=True)]
+    assert names == ["embedded", "embedded-3", "embedded-plan-3"]
+    assert len({bundle.recipe_hash(name) for name in names}) == 3

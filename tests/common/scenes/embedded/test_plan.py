@@ -2,26 +2,26 @@ import itertools
 
 import pytest
 
-from readygo.common.scenes.embedded.plan import CEILING_M, OPENINGS, ROOMS, WALLS, Opening, openings_of, pieces
+from readygo.common.scenes.embedded.plan import CEILING_M, FLAT, Opening, pieces
 
 
 def test_doorways_are_at_least_one_metre_wide() -> None:
-    assert min(o.end_m - o.begin_m for o in OPENINGS if not o.is_window) >= 1.0
-    assert all(o.top_m >= 2.0 for o in OPENINGS if not o.is_window)
+    assert min(o.end_m - o.begin_m for o in FLAT.openings if not o.is_window) >= 1.0
+    assert all(o.top_m >= 2.0 for o in FLAT.openings if not o.is_window)
 
 
 def test_openings_lie_in_their_walls_side_by_side() -> None:
-    for name, wall in WALLS.items():
-        openings = openings_of(name)
+    for name, wall in FLAT.walls.items():
+        openings = FLAT.openings_of(name)
         assert openings == sorted(openings, key=lambda opening: opening.begin_m)
         edges = [edge for opening in openings for edge in (opening.begin_m, opening.end_m)]
         assert edges == sorted(edges)
         assert all(wall.begin_m < edge < wall.end_m for edge in edges)
-    assert sum(len(openings_of(name)) for name in WALLS) == len(OPENINGS)
+    assert sum(len(FLAT.openings_of(name)) for name in FLAT.walls) == len(FLAT.openings)
 
 
 def test_rooms_do_not_overlap() -> None:
-    for one, other in itertools.combinations(ROOMS, 2):
+    for one, other in itertools.combinations(FLAT.rooms, 2):
         across = min(one.x_m[1], other.x_m[1]) - max(one.x_m[0], other.x_m[0])
         along = min(one.y_m[1], other.y_m[1]) - max(one.y_m[0], other.y_m[0])
         assert min(across, along) <= 0.0, (one.name, other.name)
@@ -43,9 +43,9 @@ def test_door_leaves_its_lintel_and_window_its_sill_too() -> None:
     ]
 
 
-@pytest.mark.parametrize("opening", OPENINGS)
+@pytest.mark.parametrize("opening", FLAT.openings)
 def test_what_is_cut_out_of_a_wall_is_what_its_openings_take(opening: Opening) -> None:
-    wall = WALLS[opening.wall]
+    wall = FLAT.walls[opening.wall]
     whole = (wall.end_m - wall.begin_m) * CEILING_M
     rest = sum((end - begin) * (top - low) for begin, end, low, top in pieces(wall.begin_m, wall.end_m, [opening]))
     assert whole - rest == pytest.approx((opening.end_m - opening.begin_m) * (opening.top_m - opening.bottom_m))

@@ -9,8 +9,8 @@ from readygo.common.maps.distance import clearance_m
 from readygo.common.maps.occupancy import MapConfig, plan_scene
 from readygo.common.scenes import Scene
 from readygo.common.scenes.embedded import embedded_scene_cloud, embedded_sky
-from readygo.common.scenes.embedded.plan import ROOMS
-from readygo.common.scenes.embedded.scene import floor_height_m
+from readygo.common.scenes.embedded.plan import FLAT
+from readygo.common.scenes.embedded.scene import drawn_scene_cloud, floor_height_m
 
 ARRAYS = ("means_m", "quats_wxyz", "scales_m", "opacities", "sh")
 
@@ -58,7 +58,7 @@ def test_robot_reaches_every_room_on_at_least_35_m2(made: Scene) -> None:
     sizes = ndimage.sum(clear, labels, range(1, count + 1)) * robot.frame.resolution_m**2
     assert sizes.max() >= 35.0
     largest = labels == 1 + int(np.argmax(sizes))
-    for room in ROOMS:
+    for room in FLAT.rooms:
         low, high = (robot.frame.cell(x, y) for x, y in zip(room.x_m, room.y_m, strict=True))
         part = largest[low[0] : high[0], low[1] : high[1]]
         assert part.sum() * robot.frame.resolution_m**2 > 3.0, room.name
@@ -122,3 +122,18 @@ def cloud_rows(cloud: GaussianCloud) -> tuple[np.ndarray, ...]:
 def test_flat_and_its_sky_are_as_they_were(cloud: GaussianCloud, golden_figures) -> None:
     golden_figures("embedded/flat", *cloud_rows(cloud))
     golden_figures("embedded/sky", *cloud_rows(embedded_sky()))
+
+
+def test_drawn_flat_is_valid_whole_and_as_it_was(golden_figures) -> None:
+    drawn = drawn_scene_cloud(2)
+    assert all(np.isfinite(getattr(drawn, name)).all() for name in ARRAYS)
+    assert 30_000 <= len(drawn) <= 82_000
+    assert display(drawn).min() > -0.01
+    assert display(drawn).max() < 1.01
+    robot = plan_scene(drawn, MapConfig()).robot
+    clear = clearance_m(robot) > 0.3
+    labels, count = ndimage.label(clear)
+    sizes = ndimage.sum(clear, labels, range(1, count + 1)) * robot.frame.resolution_m**2
+    assert sizes.max() > 20.0
+    assert sizes.sum() - sizes.max() < 1.0
+    golden_figures("embedded/flat plan 2", drawn.means_m, drawn.quats_wxyz, 30.0 * drawn.scales_m, 3.0 * drawn.sh)

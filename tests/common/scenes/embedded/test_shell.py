@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from readygo.common.scenes.embedded.plan import CEILING_M, OPENINGS, ROOMS, WALLS, Opening, Room
+from readygo.common.scenes.embedded.plan import CEILING_M, FLAT, Opening, Room
 from readygo.common.scenes.embedded.shell import along_wall, build_shell, facing_wall
 from readygo.common.scenes.embedded.surfaces import Surfaces
 from tests.common.scenes.embedded.parts import rows_of
@@ -12,12 +12,12 @@ SIDES = ("north", "east", "south", "west")
 @pytest.fixture(scope="module")
 def shell() -> Surfaces:
     build = Surfaces(np.random.default_rng(0))
-    build_shell(build)
+    build_shell(build, FLAT)
     return build
 
 
 @pytest.mark.parametrize("side", SIDES)
-@pytest.mark.parametrize("room", ROOMS, ids=lambda room: room.name)
+@pytest.mark.parametrize("room", FLAT.rooms, ids=lambda room: room.name)
 def test_placement_on_a_wall_starts_in_its_left_corner_and_looks_into_it(room: Room, side: str) -> None:
     wall, length = facing_wall(Surfaces(np.random.default_rng(0)), room, side)
     wall.add(np.array([[0, 0, 0], [length, 0, 0], [length / 2, -0.1, 0]]), (1, 0, 0), (0, 0, 1), 0.01, (1, 1, 1))
@@ -32,28 +32,28 @@ def test_placement_on_a_wall_starts_in_its_left_corner_and_looks_into_it(room: R
 
 def test_opening_is_measured_from_the_left_corner_of_either_side() -> None:
     door = Opening(wall="hall_north", begin_m=-2.8, end_m=-0.9)
-    living_room, hall = ROOMS[0], ROOMS[2]
+    living_room, hall = FLAT.rooms[0], FLAT.rooms[2]
     assert along_wall(hall, "north", door) == pytest.approx((2.4, 4.3))
     assert along_wall(living_room, "south", door) == pytest.approx((1.4, 3.3))
-    window, study = Opening(wall="east", begin_m=-3.4, end_m=-2.2), ROOMS[4]
+    window, study = Opening(wall="east", begin_m=-3.4, end_m=-2.2), FLAT.rooms[4]
     assert along_wall(study, "east", window) == pytest.approx((1.0, 2.2))
     assert along_wall(study, "west", window) == pytest.approx((1.4, 2.6))
 
 
 def inside(points: np.ndarray, opening: Opening, margin_m: float) -> np.ndarray:
     """Whether points lie in the free space of an opening, away from its frame."""
-    wall = WALLS[opening.wall]
+    wall = FLAT.walls[opening.wall]
     along, across = (points[:, 0], points[:, 1]) if wall.axis == "y" else (points[:, 1], points[:, 0])
     free = (along > opening.begin_m + margin_m) & (along < opening.end_m - margin_m)
     free &= (points[:, 2] > opening.bottom_m + margin_m) & (points[:, 2] < opening.top_m - margin_m)
     return free & (across > wall.low_m - 1e-6) & (across < wall.high_m + 1e-6)
 
 
-@pytest.mark.parametrize("opening", OPENINGS)
+@pytest.mark.parametrize("opening", FLAT.openings)
 def test_light_passes_openings_but_for_the_bars_of_windows(shell: Surfaces, opening: Opening) -> None:
     taken = inside(shell.solid_points_m(), opening, 0.07)
     if opening.is_window:
-        wall, middle = WALLS[opening.wall], (opening.begin_m + opening.end_m) / 2
+        wall, middle = FLAT.walls[opening.wall], (opening.begin_m + opening.end_m) / 2
         along = shell.solid_points_m()[taken, 0 if wall.axis == "y" else 1]
         assert np.abs(along - middle).max() < 0.031
     else:

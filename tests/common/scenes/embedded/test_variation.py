@@ -8,7 +8,7 @@ from readygo.common.gaussians import GaussianCloud
 from readygo.common.maps.distance import clearance_m
 from readygo.common.maps.occupancy import MapConfig, plan_scene
 from readygo.common.scenes.embedded import embedded_scene_cloud
-from readygo.common.scenes.embedded.plan import OPENINGS, WALLS
+from readygo.common.scenes.embedded.plan import FLAT
 from readygo.common.scenes.embedded.surfaces import Surfaces
 from readygo.common.scenes.embedded.variation import Variation
 
@@ -48,8 +48,8 @@ def test_seeds_take_turns_with_the_ways_to_mirror_the_plan(seed: int, mirror: tu
 
 def test_windows_are_where_the_mirrored_plan_has_them(cloud: GaussianCloud, other: GaussianCloud) -> None:
     mirror = Variation(seed=5).mirror
-    window = next(o for o in OPENINGS if o.is_window and o.wall == "east")
-    wall = WALLS["east"]
+    window = next(o for o in FLAT.openings if o.is_window and o.wall == "east")
+    wall = FLAT.walls["east"]
     for flat, sign in ((cloud, np.ones(2)), (other, mirror)):
         x, y, z = (flat.means_m * [*sign, 1.0]).T
         inside = (x > wall.low_m + 0.02) & (x < wall.high_m - 0.02) & (z > window.bottom_m + 0.1)
