@@ -16,7 +16,7 @@ GAUSSIANS = 40_000
 
 
 def check_smpl_body(path: Path) -> None:
-    """Raise AvatarError if `read_smpl_body` could not read a file, whatever the footage."""
+    """Raise AvatarError if `read_smpl_body` could not read a file for any footage."""
     smpl_human(load_smpl_model(path), count=GAUSSIANS)
 
 
