@@ -19,7 +19,7 @@ from readygo.apps.fleet.options import RouterOptions
 from readygo.apps.learn.config import GoalName, LearnConfig
 from readygo.apps.learn.crew import Reach
 from readygo.apps.learn.learn import learn_policy, report_content
-from readygo.apps.learn.paper import first_plan, minutes_after, teacher_of
+from readygo.apps.learn.paper import first_plan, minutes_after, policy_keys, teacher_of
 from readygo.apps.learn.perceive import (
     BESIDE,
     Perceived,
@@ -254,7 +254,12 @@ def _learn_as_the_paper(options: LearnOptions) -> None:
         _perceive(first, 0, quiet=options.json)
     given = given_options(options, _NOT_IN_REPORT) | {"--minutes": f"{2 * options.minutes:g}"}
     training = dataclasses.replace(options.training, perception=first.perception, teacher=teacher_of(first))
-    rest = dataclasses.replace(options, minutes=minutes_after(first, options.minutes), training=training)
+    rest = dataclasses.replace(
+        options,
+        minutes=minutes_after(first, options.minutes),
+        training=training,
+        keys=policy_keys(options.keys, options.config),
+    )
     _learn_policy(rest, given, first.people)
 
 

@@ -11,6 +11,7 @@ from readygo.runs.sections import with_file
 
 GoalName = Literal["point", "image", "both"]
 Share = Annotated[float, Range(low=0.0, high=1.0)]
+MEMORY_MAX = 1024
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,12 +33,19 @@ class LearnConfig:
 
     goal: GoalName = "point"
     """Goal input of the policy, as in `NetworkConfig.goal`; goal images are recorded if the policy uses them."""
+    memory: int | None = None
+    """Numbers of the policy's memory, as in `NetworkConfig.memory_count`; by default as its recipe has it, and none
+    in the form "paper"."""
 
     def __post_init__(self) -> None:
         check_ranges(self)
         check_images(self.images)
         if self.goal != "point" and self.images != (RGB,):
             raise ValueError(f'goal "{self.goal}" goes with the rgb of one camera, got images {list(self.images)}.')
+        if self.memory is not None and not 0 <= self.memory <= MEMORY_MAX:
+            raise ValueError(f"memory must be from 0 to {MEMORY_MAX}, got {self.memory}.")
+        if self.memory and self.goal != "point":
+            raise ValueError(f'memory goes with goal "point", got "{self.goal}".')
 
 
 def load_learn_config(path: Path | None) -> LearnConfig:

@@ -6,6 +6,7 @@ RUN/            a run of the form "policy" among these avatars: that perception 
 
 from pathlib import Path
 
+from readygo.apps.learn.config import load_learn_config
 from readygo.apps.learn.perceive import PerceivePlan, check_plan, perceive_settings, read_state
 from readygo.apps.learn.plan import FIRST_FOLDER, SMALL_CAMERA, STATE, check_new_folder, learn_configs
 from readygo.common.errors import ConfigError
@@ -65,6 +66,18 @@ def first_plan(
         check_new_folder(out)
     check_plan(plan)
     return plan
+
+
+def policy_keys(keys: Keys, config: Path | None) -> Keys:
+    """Keys of the second part: its policy has no memory, as the paper's, unless `[learn] memory` is given.
+
+    Raises:
+        ConfigError: If the file of settings cannot be read or holds an unknown key or a wrong value.
+    """
+    learn = keys.get("learn", {})
+    if "memory" in learn or load_learn_config(config).memory is not None:
+        return keys
+    return {**keys, "learn": {**learn, "memory": 0}}
 
 
 def teacher_of(first: PerceivePlan) -> Path | None:

@@ -123,6 +123,7 @@ def write_trainer_config(plan: LearnPlan, threads: int) -> Path:
         offer_every_s=max(OFFER_MIN_S, 60 * budget.minutes / OFFERS),
         images=plan.learn.images,
         goal=plan.learn.goal,
+        memory_count=plan.learn.memory,
         perception=str(plan.perception.resolve()) if plan.perception else None,
     )
     path = plan.out / "trainer.toml"

@@ -212,7 +212,7 @@ def test_form_of_the_paper_learns_to_perceive_first_and_then_from_that(wired, fi
     assert words[4].minutes == 4.0
     assert (more["perception"], more["teacher"]) == (plan.out / "perception", plan.out / "rl")
     assert (more["people"], more["avatars"]) == (plan.out / "people", Path("embedded:train"))
-    assert asked["learn_configs"][1]["keys"] == options.keys
+    assert asked["learn_configs"][1]["keys"] == {**options.keys, "learn": {"mix": 0.5, "memory": 0}}
     assert asked["report_content"][0][2] == {
         "--form": "paper", "--seed": "2", "--avatars": "embedded:train", "--minutes": "12",
         "--learn.mix": "0.5", "--renderer.detail": "exact",

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from readygo.apps.learn.paper import LEAST_SHARE, first_plan, minutes_after, teacher_of
+from readygo.apps.learn.paper import LEAST_SHARE, first_plan, minutes_after, policy_keys, teacher_of
 from readygo.apps.learn.perceive import FORMAT, STATE_FILE, PerceivePlan
 from readygo.common.errors import ConfigError, RunError
 from readygo.runs.scene_argument import open_scene
@@ -68,3 +68,14 @@ def test_expert_teaches_where_no_policy_on_states_was_left(tmp_path: Path) -> No
     assert teacher_of(plan) is None
     write_state_policy(plan.out / "rl")
     assert teacher_of(plan) == plan.out / "rl"
+
+
+def test_policy_of_the_paper_has_no_memory_unless_one_is_given(tmp_path: Path) -> None:
+    config, robot = tmp_path / "run.toml", {"radius_m": 0.3}
+    assert policy_keys({"robot": robot}, None) == {"robot": robot, "learn": {"memory": 0}}
+    assert policy_keys({"learn": {"reuse": 2.0}}, None) == {"learn": {"reuse": 2.0, "memory": 0}}
+    assert policy_keys({"learn": {"memory": 64}}, None) == {"learn": {"memory": 64}}
+    config.write_text("[learn]\nreuse = 2\n")
+    assert policy_keys({}, config) == {"learn": {"memory": 0}}
+    config.write_text("[learn]\nmemory = 32\n")
+    assert policy_keys({}, config) == {}

@@ -1,3 +1,4 @@
+import dataclasses
 import json
 import time
 from pathlib import Path
@@ -105,3 +106,5 @@ def test_trainer_reads_the_recipe_of_the_plan(tmp_path: Path, encoder: str | Non
     assert (read.network, read.sampling, read.optimizer) == (recipe.network, recipe.sampling, recipe.optimizer)
     assert (read.minutes, read.samples, read.seed, read.threads, read.offer_every_s) == (30.0, 9000, 4, 3, 30.0)
     assert read.perception == (str(perception) if perception else "")
+    write_trainer_config(dataclasses.replace(plan, learn=LearnConfig(memory=7)), 3)
+    assert make_config("best", tmp_path / "trainer.toml").network.memory_count == 7
