@@ -1,290 +1,39 @@
-"""What people in training are worth: policies of equal budget and several seeds, tried among unseen photoreal people.
+"""What people in training are worth: policies that differ in who walks in their data.
 
-    python -m experiments.policy.realism SCENE --out FOLDER [--seeds 3] [--episodes 300] [--test 100]
-
-The arms differ in who walks in their data:
+    python -m experiments.policy.realism SCENE --out FOLDER [--seeds 3] [--episodes 160] [--test 100]
 
 - photoreal: varied avatars (`readygo avatar vary embedded:train`) who walk
 - mesh: the same people as simple assets of a game engine ([renderer] human_look = "mesh"), as in Vid2Sim
 - standing: the same photoreal people, who stand
 - absent: no people
 
-Walkers come as a crowd in half of the data. One policy on states (`readygo rl`) labels all data, and drives, pushed off
-its way. From the data of an arm each seed trains perception and then a policy whose encoder that is (recipe
-`pretrained`); the policy of seed 0 drives another `--episodes` episodes (DAgger), and the policies of all seeds learn
-from both. All of them are tried in the same episodes of the split test, among the two avatars of whom no data have one,
-beside the expert. The same command resumes where it was stopped; in a folder of another scene or budget it ends in a
-line. Prints one line of JSON for every policy and task, then one for every arm over its seeds, with 95 % intervals, and
-one for every comparison with "photoreal"; `--json FILE` writes all of it.
+How they are compared: `experiments.policy.arms`.
 """
 
-import argparse
-import json
-import subprocess
-import sys
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any
+from collections.abc import Mapping
 
-import numpy as np
+from experiments.policy import arms
+from experiments.policy.arms import Arm
 
-from readygo.benchmarks.rasterizer.render import machine
-from readygo.common.episode import EpisodeConfig
-from readygo.common.errors import ReadygoError, RunError
-from readygo.common.files import write_whole
-from readygo.common.messages import Outcome
-from readygo.services.evaluator import EXPERT, EpisodeRecord
-from readygo.services.evaluator.records import record_of_mapping
-from readygo.services.evaluator.results import RECORDS_FILE
-from readygo.services.evaluator.scores import compare_all, comparison_mapping, score_mapping, scores_of
-
-ARMS: Mapping[str, str] = {
-    "photoreal": "",
-    "mesh": '[renderer]\nhuman_look = "mesh"\n',
-    "standing": (
-        "[episode]\nhuman_count_min = 0\nhuman_count_max = 0\n\n[human_planner]\nstanding_min = 2\nstanding_max = 4\n"
-    ),
-    "absent": "[human_planner]\nabsent = 1.0\n",
-}
-"""Settings of the data, by arm."""
-CROWDED = ("photoreal", "mesh")
-"""Arms of which a part of the data has the mix "crowd"."""
-PARTS = ("crowd", "paper", "driven")
-"""Parts of an arm's data; a policy drives the last one."""
-CAMERA = "[camera]\nheight_px = 72\nwidth_px = 128\n"
-Chain = Sequence[Sequence[object]]
-"""Arguments of commands of readygo that follow each other."""
-JOB_FILE, CAMERA_FILE = "comparison.json", "robot.toml"
-RESAMPLES = 10_000
-"""Resamples of episodes and seeds behind an interval of an arm."""
+STANDING = (
+    "[episode]\nhuman_count_min = 0\nhuman_count_max = 0\n\n[human_planner]\nstanding_min = 2\nstanding_max = 4\n"
+)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Job:
-    """What is compared, and at what budget."""
-
-    scene: str
-    out: Path
-    seeds: int
-    """Trainings of each arm."""
-    episodes: int
-    """Episodes of each part of an arm's data."""
-    decisions: int
-    """Decisions from which the policy on states learns."""
-    perception_samples: int
-    """Samples that each perception is shown."""
-    policy_samples: int
-    """Samples that each policy is shown."""
-    test: int
-    """Episodes per task."""
-    tasks: tuple[str, ...]
-    """Tasks that are driven."""
-    workers: int
-
-    @property
-    def budget(self) -> dict[str, Any]:
-        """What networks and records depend on."""
-        return {name: value for name, value in asdict(self).items() if name not in ("out", "tasks", "workers")}
-
-
-def prepare(job: Job) -> None:
-    """Write what is compared, the robot, and the settings of the arms.
-
-    Raises:
-        RunError: If the folder is that of another comparison.
-    """
-    path, wanted = job.out / JOB_FILE, job.budget
-    before = json.loads(path.read_text()) if path.is_file() else wanted
-    if changed := [f"{name} {before.get(name)}" for name in wanted if before.get(name) != wanted[name]]:
-        raise RunError(f"{job.out} was begun with {', '.join(changed)}; give another --out.")
-    write_whole(path, json.dumps(wanted, indent=1) + "\n")
-    write_whole(job.out / CAMERA_FILE, CAMERA)
-    for arm, settings in ARMS.items():
-        write_whole(job.out / f"{arm}.toml", settings)
-
-
-def commands(job: Job) -> Iterator[list[Chain]]:
-    """What is run: steps, each of chains that may run side by side, each of commands that follow each other."""
-    out, robot = job.out, ("--robot", job.out / CAMERA_FILE)
-    people, teacher = out / "people", out / "teacher"
-    yield [
-        [["avatar", "vary", "embedded:train", "--count", 56, "--out", people]],
-        [["rl", job.scene, *robot, "--decisions", job.decisions, "--out", teacher]],
-    ]
-    for arm in ARMS:
-        crowd = ("--people", "crowd") if arm in CROWDED else ()
-        yield [[_record(job, arm, "crowd", *crowd), _record(job, arm, "paper")]]
-    # The first policy is that of seed 0.
-    yield [
-        [_perceive(job, arm, seed), *(_learn(job, arm, 0, first=True) if seed == 0 else ())]
-        for seed, arm in _trained(job)
-    ]
-    for arm in ARMS:
-        yield [[_record(job, arm, "driven", "--policy", _first(job, arm), "--mix", 0.8)]]
-    yield [_learn(job, arm, seed) for seed, arm in _trained(job)]
-
-
-def run(job: Job) -> dict[str, Any]:
-    """Do all of it; measures by arm, seed and task, and comparisons."""
-    prepare(job)
-    for chains in commands(job):
-        with ThreadPoolExecutor(job.workers) as pool:
-            list(pool.map(_run_chain, chains))
-    names = [_name(arm, seed) for seed, arm in _trained(job)]
-    _readygo(
-        *("evaluate", job.scene, "--out", job.out / "test", "--checkpoints", job.out / "policies"),
-        *("--episodes", job.test, "--tasks", *job.tasks, "--methods", *names, EXPERT, "--workers", job.workers),
-        *("--robot", job.out / CAMERA_FILE, "--avatars", "embedded:test", "--renderer.detail", "lod"),
-    )
-    lines = (job.out / "test" / RECORDS_FILE).read_text().splitlines()
-    return tables([record_of_mapping(json.loads(line)) for line in lines], job.seeds)
-
-
-def tables(records: Sequence[EpisodeRecord], seeds: int) -> dict[str, Any]:
-    """Scores of every policy, of the arms over their seeds, and of each arm beside "photoreal"."""
-    limit_s = EpisodeConfig().time_limit_s
-    ordered = sorted(records, key=lambda r: (r.task.value, r.method, r.episode.index))
-    arms = {}
-    for task in dict.fromkeys(record.task.value for record in ordered):
-        won = {arm: _won(ordered, task, arm, seeds) for arm in ARMS}
-        arms[task] = {arm: _arm_row(won[arm], won["photoreal"]) for arm in ARMS}
-    compared = compare_all(ordered, _name("photoreal", 0), time_limit_s=limit_s)
+def arms_in(scene: str) -> Mapping[str, Arm]:
+    """The arms, all of which learn in one scene."""
     return {
-        "measures": score_mapping(scores_of(ordered, time_limit_s=limit_s)),
-        "arms": arms,
-        "comparisons": [comparison_mapping(comparison) for comparison in compared],
+        "photoreal": Arm(scenes=(scene,)),
+        "mesh": Arm(scenes=(scene,), settings='[renderer]\nhuman_look = "mesh"\n'),
+        "standing": Arm(scenes=(scene,), settings=STANDING, crowded=False),
+        "absent": Arm(scenes=(scene,), settings="[human_planner]\nabsent = 1.0\n", crowded=False),
     }
-
-
-def _won(records: Sequence[EpisodeRecord], task: str, arm: str, seeds: int) -> np.ndarray:
-    """Which episodes the policies of an arm solved, shape (seeds, episodes)."""
-    rows = [
-        [r.result.outcome is Outcome.SUCCESS for r in records if (r.task.value, r.method) == (task, _name(arm, seed))]
-        for seed in range(seeds)
-    ]
-    return np.array(rows, float)
-
-
-def _arm_row(won: np.ndarray, reference: np.ndarray) -> dict[str, Any]:
-    """Mean success of an arm [%], and how much less it is than the reference's, both over seeds and episodes.
-
-    Intervals are of means over seeds and episodes drawn with replacement, the episodes the same for both.
-    """
-    rng, (seeds, episodes) = np.random.default_rng(0), won.shape
-    means = np.empty((RESAMPLES, 2))
-    for k in range(RESAMPLES):
-        columns = rng.integers(episodes, size=episodes)
-        ours, theirs = rng.integers(seeds, size=(2, seeds))
-        means[k] = won[ours][:, columns].mean(), reference[theirs][:, columns].mean()
-    low, high = 100 * np.quantile(means[:, 0], (0.025, 0.975))
-    lost_low, lost_high = 100 * np.quantile(means[:, 1] - means[:, 0], (0.025, 0.975))
-    return {
-        "success": {"mean": 100 * won.mean(), "low": low, "high": high},
-        "of_seeds": (100 * won.mean(axis=1)).tolist(),
-        "less_than_photoreal": {"mean": 100 * (reference.mean() - won.mean()), "low": lost_low, "high": lost_high},
-    }
-
-
-def _trained(job: Job) -> list[tuple[int, str]]:
-    """Seed and arm of every training: all arms of a seed before the next seed."""
-    return [(seed, arm) for seed in range(job.seeds) for arm in ARMS]
-
-
-def _name(arm: str, seed: int) -> str:
-    return f"{arm}/{seed}"
-
-
-def _first(job: Job, arm: str) -> Path:
-    """The policy that drives an arm's last data."""
-    return job.out / "first" / arm
-
-
-def _perception(job: Job, arm: str, seed: int) -> Path:
-    return job.out / "perception" / arm / str(seed)
-
-
-def _record(job: Job, arm: str, part: str, *more: object) -> list[object]:
-    """Record a part of an arm's data."""
-    return [
-        *("generate", job.scene, "--out", job.out / "data" / arm / part, "--episodes", job.episodes, *more),
-        *("--seed", PARTS.index(part), "--config", job.out / f"{arm}.toml", "--robot", job.out / CAMERA_FILE),
-        *("--avatars", job.out / "people", "--teacher", job.out / "teacher", "--workers", job.workers),
-        *("--driver.camera-hz", 5, "--driver.disturbed", 0.7, "--renderer.detail", "lod", "--renderer.labels", "false"),
-    ]
-
-
-def _perceive(job: Job, arm: str, seed: int) -> list[object]:
-    """Train an arm's perception."""
-    data = job.out / "data" / arm
-    return [
-        *("train", *(data / part for part in PARTS[:2]), "--recipe", "perception", "--samples", job.perception_samples),
-        *("--seed", seed, "--threads", 1, "--out", _perception(job, arm, seed)),
-    ]
-
-
-def _learn(job: Job, arm: str, seed: int, first: bool = False) -> Chain:
-    """Train an arm's policy: from what the teacher drove, or from all data."""
-    data, out = job.out / "data" / arm, _first(job, arm) if first else job.out / "policies" / arm / str(seed)
-    parts = PARTS[:2] if first else PARTS
-    return [
-        [
-            *("train", *(data / part for part in parts), "--recipe", "pretrained", "--samples", job.policy_samples),
-            *("--perception", _perception(job, arm, seed), "--seed", seed, "--threads", 1, "--out", out),
-        ]
-    ]
-
-
-def _run_chain(chain: Chain) -> None:
-    for command in chain:
-        _readygo(*command)
-
-
-def _readygo(*arguments: object) -> None:
-    subprocess.run([sys.executable, "-m", "readygo", *map(str, arguments)], check=True, stdout=sys.stderr)
-
-
-def _print_table(found: Mapping[str, Any]) -> None:
-    for task, methods in found["measures"].items():
-        for method, scores in methods.items():
-            print(json.dumps({"task": task, "method": method, **scores}))
-    for task, arms in found["arms"].items():
-        for arm, row in arms.items():
-            print(json.dumps({"task": task, "arm": arm, **row}))
-    for comparison in found["comparisons"]:
-        print(json.dumps(comparison))
 
 
 def main() -> None:
     """See the module."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scene")
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--episodes", type=int, default=300)
-    parser.add_argument("--decisions", type=int, default=12_582_912)
-    parser.add_argument("--perception-samples", type=int, default=250_000)
-    parser.add_argument("--policy-samples", type=int, default=4_000_000)
-    parser.add_argument("--test", type=int, default=100)
-    parser.add_argument("--tasks", nargs="+", default=["static", "dynamic"])
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--json", type=Path)
-    arguments = vars(parser.parse_args())
-    file = arguments.pop("json")
-    job = Job(**arguments | {"tasks": tuple(arguments["tasks"])})
-    try:
-        found = run(job)
-    except ReadygoError as error:
-        sys.exit(str(error))
-    except subprocess.CalledProcessError as error:
-        # The command has said why.
-        sys.exit(error.returncode)
-    _print_table(found)
-    if file is not None:
-        command = f"python -m experiments.policy.realism {Path(job.scene).name}"
-        kept = {"machine": machine(), "command": command, **job.budget, "scene": Path(job.scene).name, **found}
-        write_whole(file, json.dumps(kept, indent=1) + "\n")
+    options = vars(arms.parser_of(__doc__).parse_args())
+    arms.main("realism", options, arms_in(options["scene"]), options["scene"])
 
 
 if __name__ == "__main__":
