@@ -3,8 +3,8 @@
     python -m experiments.policy.scenes SCENE --out FOLDER [--counts 1 4 16] [--seeds 3] [--episodes 160] [--test 100]
 
 - same: learns in SCENE
-- others-N: learns in N other flats, `embedded:plan-0`, `embedded:plan-1`, ..., that differ in plan, furniture, colours and
-  light; as many episodes in each of them as `same` has in SCENE
+- others-N: learns in N other flats, `embedded:plan-0`, `embedded:plan-1`, ..., of other plans, furniture, colours
+  and light; as many episodes in each of them as `same` has in SCENE
 
 The policy on states that labels all data learns in a flat of none of them. How they are compared:
 `experiments.policy.arms`.
