@@ -4,6 +4,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 
 from readygo.apps.report.page import (
     ColourLegend,
@@ -158,3 +159,9 @@ def test_page_looks_as_it_did(golden_page: Callable[[str, str], None], tmp_path:
     }
     html = page("<T>", "a & b", hero=Subheading("h"), tiles=[("<1>", "<n>")], sections=sections, facts={"<k>": "<v>"})
     golden_page("page", html)
+
+
+@pytest.mark.parametrize(("count", "dense"), [(7, False), (8, True)])
+def test_tables_of_many_columns_are_dense(count: int, dense: bool) -> None:
+    columns = [f"c{k}" for k in range(count)]
+    assert ('<table class="dense">' in PageTable(columns, [columns]).__html__()) is dense

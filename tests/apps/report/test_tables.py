@@ -26,7 +26,7 @@ def test_measures_have_a_column_per_method_and_their_intervals():
     html = html_of(measure_tables(SCORES))
     assert html.index(">expert<") < html.index(">policy<")
     assert "<h3>Among humans</h3>" in html
-    assert "<b>50</b> (15 to 85)" in html
+    assert "<b>50</b> <small>(15 to 85)</small>" in html
     assert "Wilson" in html
 
 
