@@ -36,10 +36,10 @@ _SUCCESS = next(measure for measure in MEASURES if measure.name == "success")
 _NOTE = (
     "SR: share of the episodes in which the robot comes within {radius_m:g} m of the goal, without collision, in "
     "{limit_s:g} s. SPL: success weighted by path length. PSC: share of the time with 1.0 m or more between the "
-    "centres of robot and nearest human. Total: 0.4 SR + 0.3 SPL + 0.3 PSC. ART: mean reaching time, a failure counts "
-    "the time limit. Personal space: share of the time within 0.5 m of a side. Least time to collision: if robot and human "
-    "kept their velocities, at most 10 s. In brackets: 95 % intervals, Wilson's of rates of one policy, else of 2,000 "
-    "resamples of the episodes; they say nothing about other seeds of a training."
+    "centres of robot and nearest human. Total: 0.4 SR + 0.3 SPL + 0.3 PSC. ART: mean reaching time, a failure "
+    "counts the time limit. Personal space: share of the time within 0.5 m of a side. Least time to collision: if "
+    "robot and human kept their velocities, at most 10 s. In brackets: 95 % intervals, Wilson's of rates of one "
+    "policy, else of 2,000 resamples of the episodes; they say nothing about other seeds of a training."
 )
 _INPUTS_NOTE = (
     "All are given the goal. Map: it knows the scene's map and its place on it. People: which people it is told of. "
