@@ -174,7 +174,8 @@ class _Makers:
             self._made = planner, self._world.animator(), goal_distances(self._world)
         planner, animator, distances = self._made
         pairs = list(self._accepted(planner, animator, split, range(PART * part, PART * (part + 1))))
-        bank = make_bank(pairs, distances, self._world.config.episode.human_count_max)
+        config = self._world.config
+        bank = make_bank(pairs, distances, config.episode.human_count_max + config.human_planner.standing_max)
         bank.save(path)
         return bank
 
