@@ -27,6 +27,20 @@ def test_bank_has_the_episodes_of_planner_and_animator(world) -> None:
     assert np.array_equal(bank.fields_cm, drawn.bank.fields_cm)
 
 
+def test_bank_holds_those_who_stand_besides_those_who_walk(world) -> None:
+    standing = dataclasses.replace(world.config.human_planner, standing_min=2, standing_max=3)
+    other = evaluation_world(
+        "embedded", dataclasses.replace(world.config, human_planner=standing), avatars=None, seed=0
+    )
+    bank = draw_bank(other, Split.TEST, 3)
+    assert bank.walks_m.shape[2] == world.config.episode.human_count_max + 3
+    assert (bank.human_count >= world.config.episode.human_count_min + 2).all()
+    for walks, count in zip(bank.walks_m, bank.human_count.tolist(), strict=True):
+        moves = np.ptp(walks[:, :count], axis=0).max(axis=-1) > 0.5
+        assert moves[: count - 2].any()
+        assert not moves[count - 2 :].any()
+
+
 def test_parts_are_kept_and_depend_on_split_and_settings(world, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr("readygo.runs.reinforcement.PART", 4)
