@@ -1,5 +1,6 @@
 """Trains a state policy: makes its world, and episodes of planner and animator, kept in the user's cache."""
 
+import dataclasses
 import functools
 import hashlib
 import importlib.metadata
@@ -24,6 +25,7 @@ from readygo.common.state_policy.state_policy import StatePolicySpec, hold_steps
 from readygo.common.state_simulation.bank import EpisodeBank, join_banks, load_bank, make_bank
 from readygo.common.state_simulation.goal_distances import GoalDistances
 from readygo.common.state_simulation.world import StateWorld
+from readygo.runs.config import RunConfig
 from readygo.runs.demonstrations import Teacher
 from readygo.runs.identity import identity
 from readygo.runs.sections import NO_KEYS, Keys, with_keys
@@ -63,6 +65,13 @@ def make_reinforcement_config(noise: PerceptionNoise, keys: Keys = NO_KEYS) -> R
         ConfigError: If a key is unknown or a value makes no sense.
     """
     return with_keys(ReinforcementConfig(noise=noise), keys)
+
+
+def with_standing(config: RunConfig, standing_max: int) -> RunConfig:
+    """The settings of a run with up to `standing_max` people who stand in the way, or as many as they have."""
+    people = config.human_planner
+    people = dataclasses.replace(people, standing_max=max(people.standing_max, standing_max))
+    return dataclasses.replace(config, human_planner=people)
 
 
 def run_reinforcement(

@@ -18,7 +18,7 @@ from readygo.common.messages import Split
 from readygo.common.perception.noise import EXACT, PERCEIVED
 from readygo.common.robot import load_robot
 from readygo.runs.config import load_run_config
-from readygo.runs.reinforcement import DrawShow, make_reinforcement_config, run_reinforcement
+from readygo.runs.reinforcement import DrawShow, make_reinforcement_config, run_reinforcement, with_standing
 from readygo.runs.scene_argument import open_scene
 from readygo.runs.sections import Keys, Sections
 from readygo.runs.spec import make_spec
@@ -70,7 +70,7 @@ def rl(options: RlOptions) -> None:
     minutes = _minutes(options)
     settings = make_reinforcement_config(NOISE[options.noise], options.keys)
     robot = load_robot(options.robot) if options.robot else None
-    config = load_run_config(options.config, robot, None, options.people)
+    config = with_standing(load_run_config(options.config, robot, None, options.people), settings.standing_max)
     spec = make_spec(
         open_scene(options.scene), options.avatars, config, seed=options.seed, split=Split.TRAIN, static=False
     )

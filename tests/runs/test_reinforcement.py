@@ -9,7 +9,7 @@ from readygo.common.messages import Split
 from readygo.common.perception.noise import EXACT
 from readygo.runs.config import RunConfig
 from readygo.runs.evaluation import evaluation_world
-from readygo.runs.reinforcement import PART, draw_bank, make_reinforcement_config
+from readygo.runs.reinforcement import PART, draw_bank, make_reinforcement_config, with_standing
 from tests.common.state_simulation.episodes import draw
 
 
@@ -68,3 +68,11 @@ def test_keys_change_settings_and_wrong_ones_are_refused() -> None:
     assert config.noise == dataclasses.replace(EXACT, missed=0.3)
     with pytest.raises(ConfigError, match="missed"):
         make_reinforcement_config(EXACT, {"noise": {"missed": 2.0}})
+
+
+def test_people_who_stand_are_as_many_as_either_setting_has() -> None:
+    few = with_standing(RunConfig(), 2)
+    assert few.human_planner == dataclasses.replace(RunConfig().human_planner, standing_max=2)
+    assert few.episode == RunConfig().episode
+    assert with_standing(few, 1) == few
+    assert with_standing(RunConfig(), 0) == RunConfig()

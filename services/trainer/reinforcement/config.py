@@ -56,6 +56,9 @@ class ReinforcementConfig:
     """Time that a command is held [s]."""
     static_share: Share = 0.15
     """Share of the episodes without people."""
+    standing_max: Annotated[int, Range(low=0, high=4)] = 2
+    """Most people who stand in the robot's way or beside it, besides those who walk; or `[human_planner]
+    standing_max`, where that is more."""
     repeats: Share = 0.0
     """Chance that a robot that collided with a person begins the same episode again."""
     train_episodes: Count = 6000
