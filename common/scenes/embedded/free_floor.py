@@ -52,7 +52,8 @@ class FreeFloor:
         """Take a rectangle if that cuts nothing off; False if not."""
         dx = np.maximum(np.maximum(low_m[0] - self._x, self._x - high_m[0]), 0.0)
         dy = np.maximum(np.maximum(low_m[1] - self._y, self._y - high_m[1]), 0.0)
-        return self._take(np.hypot(dx, dy), 0.0)
+        # Rounded, because the last bits of hypot differ between machines.
+        return self._take(np.round(np.hypot(dx, dy), 6), 0.0)
 
     def _take(self, away_m: Float64Array, reach_m: float) -> bool:
         left = _parts(self._free & (away_m > reach_m + ROBOT_RADIUS_M))

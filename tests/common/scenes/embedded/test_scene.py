@@ -5,11 +5,13 @@ from scipy import ndimage
 
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.spherical_harmonics import SH_C0
+from readygo.common.maps import OccupancyMap
 from readygo.common.maps.distance import clearance_m
 from readygo.common.maps.occupancy import MapConfig, plan_scene
 from readygo.common.scenes import Scene
 from readygo.common.scenes.embedded import embedded_scene_cloud, embedded_sky
-from readygo.common.scenes.embedded.plan import FLAT
+from readygo.common.scenes.embedded.drawn_plan import draw_plan
+from readygo.common.scenes.embedded.plan import FLAT, Room
 from readygo.common.scenes.embedded.scene import drawn_scene_cloud, floor_height_m
 
 ARRAYS = ("means_m", "quats_wxyz", "scales_m", "opacities", "sh")
@@ -51,17 +53,24 @@ def test_sky_surrounds_the_flat_and_stays_out_of_it() -> None:
     assert (np.histogram(turn[far], bins=24, range=(-np.pi, np.pi))[0] > 10).all()
 
 
+def reachable(robot: OccupancyMap) -> np.ndarray:
+    """The largest connected area of a robot of 0.3 m, as cells of its map."""
+    labels, count = ndimage.label(clearance_m(robot) > 0.3)
+    return labels == 1 + int(np.argmax(ndimage.sum(labels > 0, labels, range(1, count + 1))))
+
+
+def room_m2(cells: np.ndarray, robot: OccupancyMap, room: Room) -> float:
+    """Area of the cells in a room [m2]."""
+    low, high = (robot.frame.cell(x, y) for x, y in zip(room.x_m, room.y_m, strict=True))
+    return float(cells[low[0] : high[0], low[1] : high[1]].sum()) * robot.frame.resolution_m**2
+
+
 def test_robot_reaches_every_room_on_at_least_35_m2(made: Scene) -> None:
     robot = made.maps.robot
-    clear = clearance_m(robot) > 0.3
-    labels, count = ndimage.label(clear)
-    sizes = ndimage.sum(clear, labels, range(1, count + 1)) * robot.frame.resolution_m**2
-    assert sizes.max() >= 35.0
-    largest = labels == 1 + int(np.argmax(sizes))
+    largest = reachable(robot)
+    assert largest.sum() * robot.frame.resolution_m**2 >= 35.0
     for room in FLAT.rooms:
-        low, high = (robot.frame.cell(x, y) for x, y in zip(room.x_m, room.y_m, strict=True))
-        part = largest[low[0] : high[0], low[1] : high[1]]
-        assert part.sum() * robot.frame.resolution_m**2 > 3.0, room.name
+        assert room_m2(largest, robot, room) > 3.0, room.name
 
 
 def test_nothing_outside_of_the_walls_is_free(made: Scene) -> None:
@@ -130,10 +139,10 @@ def test_drawn_flat_is_valid_whole_and_as_it_was(golden_figures) -> None:
     assert 30_000 <= len(drawn) <= 82_000
     assert display(drawn).min() > -0.01
     assert display(drawn).max() < 1.01
-    robot = plan_scene(drawn, MapConfig()).robot
-    clear = clearance_m(robot) > 0.3
-    labels, count = ndimage.label(clear)
-    sizes = ndimage.sum(clear, labels, range(1, count + 1)) * robot.frame.resolution_m**2
-    assert sizes.max() > 20.0
-    assert sizes.sum() - sizes.max() < 1.0
+    robot, plan = plan_scene(drawn, MapConfig()).robot, draw_plan(np.random.Generator(np.random.PCG64([2, *b"plan"])))
+    largest = reachable(robot)
+    assert largest.sum() * robot.frame.resolution_m**2 > 20.0
+    assert len(plan.rooms) >= 4
+    for room in plan.rooms:
+        assert room_m2(largest, robot, room) > 0.5, room.name
     golden_figures("embedded/flat plan 2", drawn.means_m, drawn.quats_wxyz, 30.0 * drawn.scales_m, 3.0 * drawn.sh)
