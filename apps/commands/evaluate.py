@@ -104,7 +104,7 @@ class EvaluateOptions:
     """
 
     scene: Positional[str] = ""
-    """Scene bundle, "embedded", or "embedded:SEED"."""
+    """Scene bundle, "embedded", "embedded:SEED" or "embedded:plan-SEED"."""
     policy: Positional[Path | None] = None
     """Folder of a trained policy; without one, only the other methods drive."""
     episodes: int | None = None

@@ -82,7 +82,7 @@ class GenerateOptions:
     """Record episodes of a robot among pedestrians in a scene; run the same command again to resume."""
 
     scene: Positional[str] = ""
-    """Scene bundle, "embedded", or "embedded:SEED"."""
+    """Scene bundle, "embedded", "embedded:SEED" or "embedded:plan-SEED"."""
     out: Path
     """Data folder for the shards."""
     episodes: int | None = None

@@ -87,7 +87,7 @@ class LearnOptions:
     """
 
     scenes: Positional[tuple[str, ...]]
-    """Scene bundles, "embedded" or "embedded:SEED"; one policy learns in all of them."""
+    """Scene bundles, "embedded", "embedded:SEED" or "embedded:plan-SEED"; one policy learns in all of them."""
     out: Path
     """Folder of the run, new or to resume: data, policy, curve.json, evaluation and report.html."""
     form: Literal["auto", "perceive", "paper", "policy"] = "auto"

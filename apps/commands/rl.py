@@ -40,7 +40,7 @@ class RlOptions:
     """
 
     scene: Positional[str]
-    """Scene bundle, "embedded", or "embedded:SEED"."""
+    """Scene bundle, "embedded", "embedded:SEED" or "embedded:plan-SEED"."""
     out: Path
     """Folder of the policy: state_policy.toml, actor.npz, metrics.json, curve.jsonl, curve.svg, checkpoint."""
     minutes: float | None = None

@@ -135,7 +135,7 @@ class SceneInspectOptions:
     """
 
     scene: Positional[str]
-    """Scene bundle, "embedded", or "embedded:SEED"."""
+    """Scene bundle, "embedded", "embedded:SEED" or "embedded:plan-SEED"."""
     out: Path | None = None
     """Folder for the pictures; the bundle's inspect/ by default."""
     radius: float | None = None

@@ -76,7 +76,7 @@ class SimulateRobotOptions:
     """
 
     scene: Positional[str]
-    """Scene bundle, "embedded", or "embedded:SEED"."""
+    """Scene bundle, "embedded", "embedded:SEED" or "embedded:plan-SEED"."""
     policy: Positional[Path | None] = None
     """Folder of a trained policy: robot, avatars and settings are those of its data."""
     episodes: int = 1

@@ -8,10 +8,10 @@ from readygo.common.config import Range, check_ranges
 from readygo.common.images.names import RGB
 from readygo.common.policy.sight import check_images
 from readygo.runs.sections import with_file
+from readygo.services.trainer import NetworkConfig
 
 GoalName = Literal["point", "image", "both"]
 Share = Annotated[float, Range(low=0.0, high=1.0)]
-MEMORY_MAX = 1024
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,10 +42,8 @@ class LearnConfig:
         check_images(self.images)
         if self.goal != "point" and self.images != (RGB,):
             raise ValueError(f'goal "{self.goal}" goes with the rgb of one camera, got images {list(self.images)}.')
-        if self.memory is not None and not 0 <= self.memory <= MEMORY_MAX:
-            raise ValueError(f"memory must be from 0 to {MEMORY_MAX}, got {self.memory}.")
-        if self.memory and self.goal != "point":
-            raise ValueError(f'memory goes with goal "point", got "{self.goal}".')
+        if self.memory is not None:
+            NetworkConfig(goal=self.goal, memory_count=self.memory)
 
 
 def load_learn_config(path: Path | None) -> LearnConfig:

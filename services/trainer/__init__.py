@@ -9,6 +9,7 @@ from readygo.common.lazy import lazy_names
 
 if TYPE_CHECKING:
     from readygo.services.trainer.config import RECIPES as RECIPES
+    from readygo.services.trainer.config import NetworkConfig as NetworkConfig
     from readygo.services.trainer.config import SamplingConfig as SamplingConfig
     from readygo.services.trainer.config import TrainConfig as TrainConfig
     from readygo.services.trainer.config import best_recipe as best_recipe
@@ -40,6 +41,7 @@ else:
     _NAMES = {
         ".config": (
             "RECIPES",
+            "NetworkConfig",
             "SamplingConfig",
             "TrainConfig",
             "best_recipe",
