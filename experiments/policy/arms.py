@@ -1,12 +1,13 @@
 """Policies of equal budget and several seeds that differ in what they learn from, tried in the same episodes.
 
-An arm is what the data of its policies are recorded in: scenes and settings. One policy on states (`readygo rl`) labels
-all data, and drives, pushed off its way. From the data of an arm each seed trains perception and then a policy whose
-encoder that is (recipe `pretrained`); the policy of seed 0 drives more episodes (DAgger), and the policies of all seeds
-learn from all of it. All of them are tried in the same episodes of the split test, among the two avatars of whom no
-data have one, beside the expert. The same command resumes where it was stopped; in a folder of another comparison it
-ends in a line. It prints one line of JSON for every policy and task, then one for every arm over its seeds, with 95 %
-intervals, and one for every comparison with the first arm; `--json FILE` writes all of it.
+An arm is what the data of its policies are recorded in: scenes and settings. In each scene a policy on states (`readygo
+rl`), the same for all arms, labels all data, and drives, pushed off its way. From the data of an arm each seed trains
+perception and then a policy whose encoder that is (recipe `pretrained`); the policy of seed 0 drives more episodes
+(DAgger), and the policies of all seeds learn from all of it. All of them are tried in the same episodes of the split
+test, among the two avatars of whom no data have one, beside the expert. The same command resumes where it was stopped;
+in a folder of another comparison it ends in a line. It prints one line of JSON for every policy and task, then one for
+every arm over its seeds, with 95 % intervals, and one for every comparison with the first arm; `--json FILE` writes all
+of it.
 """
 
 import argparse
@@ -60,15 +61,13 @@ class Job:
     """Where policies are tried."""
     arms: Mapping[str, Arm]
     """By name; the others are compared with the first one."""
-    teacher_scene: str
-    """Where the policy on states learns."""
     out: Path
     seeds: int
     """Trainings of each arm."""
     episodes: int
     """Episodes of each part of an arm's data in each of its scenes."""
     decisions: int
-    """Decisions from which the policy on states learns."""
+    """Decisions from which the policy on states of each scene learns."""
     perception_samples: int
     """Samples that each perception is shown."""
     policy_samples: int
@@ -110,10 +109,11 @@ def prepare(job: Job) -> None:
 
 def commands(job: Job) -> Iterator[list[Chain]]:
     """What is run: steps, each of chains that may run side by side, each of commands that follow each other."""
-    people, teacher = job.out / "people", job.out / "teacher"
+    robot = ("--robot", job.out / CAMERA_FILE)
+    scenes = dict.fromkeys(scene for arm in job.arms.values() for scene in arm.scenes)
     yield [
-        [["avatar", "vary", "embedded:train", "--count", 56, "--out", people]],
-        [["rl", job.teacher_scene, "--robot", job.out / CAMERA_FILE, "--decisions", job.decisions, "--out", teacher]],
+        [["avatar", "vary", "embedded:train", "--count", 56, "--out", job.out / "people"]],
+        *([["rl", scene, *robot, "--decisions", job.decisions, "--out", _teacher(job, scene)]] for scene in scenes),
     ]
     for name, arm in job.arms.items():
         crowd = ("--people", "crowd") if arm.crowded else ()
@@ -214,8 +214,17 @@ def _perception(job: Job, arm: str, seed: int) -> Path:
     return job.out / "perception" / arm / str(seed)
 
 
+def _teacher(job: Job, scene: str) -> Path:
+    """The policy on states of a scene."""
+    return job.out / "teachers" / _folder(scene)
+
+
 def _data(job: Job, arm: str, scene: str, part: str) -> Path:
-    return job.out / "data" / arm / Path(scene.replace(":", "-")).name / part
+    return job.out / "data" / arm / _folder(scene) / part
+
+
+def _folder(scene: str) -> str:
+    return Path(scene.replace(":", "-")).name
 
 
 def _record(job: Job, arm: str, scene: str, part: str, *more: object) -> list[object]:
@@ -223,7 +232,7 @@ def _record(job: Job, arm: str, scene: str, part: str, *more: object) -> list[ob
     return [
         *("generate", scene, "--out", _data(job, arm, scene, part), "--episodes", job.episodes, *more),
         *("--seed", PARTS.index(part), "--config", job.out / f"{arm}.toml", "--robot", job.out / CAMERA_FILE),
-        *("--avatars", job.out / "people", "--teacher", job.out / "teacher", "--workers", job.workers),
+        *("--avatars", job.out / "people", "--teacher", _teacher(job, scene), "--workers", job.workers),
         *("--driver.camera-hz", 5, "--driver.disturbed", 0.7, "--renderer.detail", "lod", "--renderer.labels", "false"),
     ]
 
@@ -278,18 +287,17 @@ def parser_of(description: str | None) -> argparse.ArgumentParser:
     return parser
 
 
-def main(name: str, options: Mapping[str, Any], arms: Mapping[str, Arm], teacher_scene: str) -> None:
+def main(name: str, options: Mapping[str, Any], arms: Mapping[str, Arm]) -> None:
     """Run a comparison, and print and write what it finds.
 
     Args:
         name: The comparison's module.
         options: Values of the options of `parser_of`.
         arms: See `Job`.
-        teacher_scene: See `Job`.
     """
     options = dict(options)
     file, tasks = options.pop("json"), tuple(options.pop("tasks"))
-    job = Job(**options, tasks=tasks, arms=arms, teacher_scene=teacher_scene)
+    job = Job(**options, tasks=tasks, arms=arms)
     try:
         found = run(job)
     except ReadygoError as error:
