@@ -98,7 +98,7 @@ class Training:
             seed: Seed of weights, episodes and decisions.
 
         Raises:
-            PolicyError: If the folder has a training with other settings.
+            PolicyError: If the folder has a training with other settings, robot or episodes.
         """
         self._spec, self._config, self._out = spec, config, out
         self.progress = Progress()
@@ -115,9 +115,14 @@ class Training:
         commands = StatePolicy(spec=spec, layers=[]).commands
         self.learner = Learner(simulation, commands, config.ppo, seed=seed)
         self._val = StateSimulation(world, val, numbers, len(val), config=plays, knows_truth=False)
-        self._identity = json.dumps(
-            {"config": section_to_mapping(config), "seed": seed, "scene": spec.scene_hash}, sort_keys=True
-        )
+        identity = {
+            "config": section_to_mapping(config),
+            "seed": seed,
+            "scene": spec.scene_hash,
+            "robot": section_to_mapping(spec.robot),
+            "episodes": [bank.content_hash for bank in banks],
+        }
+        self._identity = json.dumps(identity, sort_keys=True)
         if (out / CHECKPOINT_FILE).exists():
             self._resume()
 
@@ -232,7 +237,8 @@ class Training:
         state = torch.load(self._out / CHECKPOINT_FILE, weights_only=True)
         if state["identity"] != self._identity:
             raise PolicyError(
-                f"{self._out} has a training with other settings, seed or scene; choose another folder with --out."
+                f"{self._out} has a training with other settings, seed, scene, robot or people; "
+                "choose another folder with --out."
             )
         self.learner.load_state(state["learner"])
         kinds = {name: array.dtype for name, array in self.learner.simulation.snapshot().items()}

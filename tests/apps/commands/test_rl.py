@@ -41,8 +41,9 @@ def test_policy_is_trained_and_the_next_command_is_said(
     longer = ["rl", "embedded", "--out", str(out), "--decisions", "768", "--noise", "exact", "--json", *SMALL]
     assert _run(longer, monkeypatch) == 0
     assert json.loads(capsys.readouterr().out)["decisions"] == 768
-    assert _run([*longer, "--seed", "1"], monkeypatch) == 2
-    assert "other settings, seed or scene" in capsys.readouterr().err
+    for changed in (["--seed", "1"], ["--standing-max", "0"]):
+        assert _run([*longer, *changed], monkeypatch) == 2
+        assert "other settings, seed, scene, robot or people" in capsys.readouterr().err
 
 
 def test_expert_teaches_first_where_it_is_asked_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
