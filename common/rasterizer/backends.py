@@ -1,5 +1,6 @@
 """The rasterizers that can be chosen, made in one place from the same things."""
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -39,6 +40,7 @@ def make_rasterizer(
     camera: PinholeCamera,
     *,
     cache: Path,
+    avatar_cache: Path | None = None,
     outputs: Sequence[str] = ("rgb",),
     detail: str = "exact",
 ) -> Rasterizer:
@@ -49,7 +51,8 @@ def make_rasterizer(
         clouds: What stands still.
         avatars: Who may be drawn, by name.
         camera: The camera.
-        cache: Folder of the backend cpu for packed clouds and avatars; where it cannot be written, they stay in memory.
+        cache: Folder of the backend cpu for packed clouds; where it cannot be written, they stay in memory.
+        avatar_cache: The same for packed avatars; None for that of the clouds.
         outputs: Images that will be asked for, out of `readygo.common.images.images.OUTPUTS`.
         detail: "exact", or "lod" for levels of detail (backend cpu).
 
@@ -62,7 +65,7 @@ def make_rasterizer(
     if detail != "exact" and backend != "cpu":
         raise ValueError(f"detail {detail!r} is drawn by the backend cpu only, got {backend!r}.")
     if backend == "cpu":
-        return _make_cpu(clouds, avatars, camera, cache, outputs, detail)
+        return _make_cpu(clouds, avatars, camera, (cache, avatar_cache or cache), outputs, detail)
     if backend == "reference":
         return ReferenceRasterizer([cloud.load() for cloud in clouds], avatars, camera)
     return _make_gpu(backend, clouds, avatars, camera)
@@ -85,15 +88,27 @@ def packed_avatar(avatar: Avatar, cache: Path, *, detail: str = "exact") -> Pack
     return load_or_build_avatar_tree(folder, avatar) if detail == "lod" else load_or_pack_avatar(folder, avatar)
 
 
+def packed_avatars(
+    avatars: Mapping[str, Avatar], cache: Path, *, detail: str = "exact"
+) -> dict[str, PackedAvatar | AvatarTree]:
+    """All packed avatars, in order; processes begin at different ones, and so share the work of packing them."""
+    names = list(avatars)
+    first = os.getpid() % max(len(names), 1)
+    packed = {name: packed_avatar(avatars[name], cache, detail=detail) for name in names[first:] + names[:first]}
+    return {name: packed[name] for name in names}
+
+
 def _make_cpu(
     clouds: Sequence[StaticCloud],
     avatars: Mapping[str, Avatar],
     camera: PinholeCamera,
-    cache: Path,
+    caches: tuple[Path, Path],
     outputs: Sequence[str],
     detail: str,
 ) -> Rasterizer:
+    """The rasterizer of the backend cpu; `caches` are the folders of clouds and of avatars."""
     warm(outputs)
+    cache, avatar_cache = caches
     make = packed_cloud if detail == "exact" else cloud_tree
     return CpuRasterizer(
         [make(cloud, cache, normals="normal" in outputs) for cloud in clouds],
@@ -101,7 +116,7 @@ def _make_cpu(
         camera.K_px,
         camera.height_px,
         camera.width_px,
-        packed_avatars={name: packed_avatar(avatar, cache, detail=detail) for name, avatar in avatars.items()},
+        packed_avatars=packed_avatars(avatars, avatar_cache, detail=detail),
     )
 
 

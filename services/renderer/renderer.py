@@ -13,6 +13,7 @@ from readygo.common.camera import CameraConfig
 from readygo.common.camera.lens import make_lens
 from readygo.common.episode.robot import robot_of_episode
 from readygo.common.errors import AvatarError, RunError
+from readygo.common.files import cache_root
 from readygo.common.gaussians import load_gaussians
 from readygo.common.images.images import FIELDS, Images
 from readygo.common.images.names import RGB, camera_of, cameras_of, images_of, kind_of, kinds_of
@@ -254,6 +255,11 @@ def pack_folder(scene: Scene) -> Path:
     return scene.path / "cache"
 
 
+def avatar_pack_folder() -> Path:
+    """Folder of packed avatars, which all scenes share and which can be made again."""
+    return cache_root() / "avatars"
+
+
 def _scene_rasterizer(
     scene: Scene, avatars: Mapping[str, Avatar], pinhole: PinholeCamera, config: RendererConfig
 ) -> Rasterizer:
@@ -264,6 +270,7 @@ def _scene_rasterizer(
         {name: mesh_like(avatar) for name, avatar in avatars.items()} if mesh else avatars,
         pinhole,
         cache=pack_folder(scene),
+        avatar_cache=avatar_pack_folder(),
         outputs=config.rasterizer_outputs(config.outputs),
         detail=config.detail,
     )

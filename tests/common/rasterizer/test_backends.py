@@ -1,3 +1,4 @@
+import dataclasses
 import importlib.util
 from pathlib import Path
 
@@ -5,9 +6,11 @@ import numpy as np
 import pytest
 
 from readygo.common.avatars import Avatar
+from readygo.common.avatars.file import avatar_hash
 from readygo.common.errors import ReadygoError
 from readygo.common.gaussians import GaussianCloud
-from readygo.common.rasterizer.backends import StaticCloud, make_rasterizer
+from readygo.common.rasterizer import backends
+from readygo.common.rasterizer.backends import StaticCloud, make_rasterizer, packed_avatars
 from readygo.common.rasterizer.interface import View
 from readygo.common.robot import CameraConfig
 
@@ -44,6 +47,28 @@ def test_packs_are_made_once(cloud: GaussianCloud, avatar: Avatar, tmp_path: Pat
     clouds = [StaticCloud(key="c0ffee-scene", load=unwanted)]
     second = make_rasterizer("cpu", clouds, {"ada": avatar}, CAMERA, cache=tmp_path, detail=detail)
     assert np.array_equal(first.render([VIEW]).rgb, second.render([VIEW]).rgb)
+
+
+def test_avatars_are_packed_in_their_own_folder(cloud: GaussianCloud, avatar: Avatar, tmp_path: Path) -> None:
+    folders = {"cache": tmp_path / "scene", "avatar_cache": tmp_path / "people"}
+    make_rasterizer("cpu", [still(cloud)], {"ada": avatar}, CAMERA, **folders)
+    assert [path.name for path in folders["cache"].iterdir() if path.is_dir()] == ["packed-c0ffee-scene"]
+    names = [path.name for path in folders["avatar_cache"].iterdir() if path.is_dir()]
+    assert names == [f"avatar-{avatar_hash(avatar)[:16]}-exact"]
+
+
+@pytest.mark.parametrize("process", [0, 1, 5])
+def test_processes_begin_at_different_avatars_and_tell_them_in_order(
+    avatar: Avatar, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, process: int
+) -> None:
+    avatars = {name: dataclasses.replace(avatar, name=name) for name in ("ada", "bo", "cy")}
+    asked: list[str] = []
+    monkeypatch.setattr(backends.os, "getpid", lambda: process)
+    monkeypatch.setattr(backends, "packed_avatar", lambda one, cache, detail: asked.append(one.name) or one.name)
+    assert packed_avatars(avatars, tmp_path) == {"ada": "ada", "bo": "bo", "cy": "cy"}
+    assert list(packed_avatars(avatars, tmp_path)) == ["ada", "bo", "cy"]
+    assert asked[:3] == {0: ["ada", "bo", "cy"], 1: ["bo", "cy", "ada"], 5: ["cy", "ada", "bo"]}[process]
+    assert packed_avatars({}, tmp_path) == {}
 
 
 @pytest.mark.parametrize(("backend", "detail"), [("vulkan", "exact"), ("reference", "lod"), ("triton", "lod")])
