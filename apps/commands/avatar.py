@@ -94,7 +94,7 @@ class AvatarVaryOptions:
     "embedded", selects one part."""
     out: Path
     """Folder for the avatars, new or empty."""
-    count: int = 24
+    count: int = 200
     """Number of avatars."""
     seed: int = 0
     """Seed of the changes."""

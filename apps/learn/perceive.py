@@ -69,11 +69,11 @@ from readygo.services.planner import MixName
 from readygo.services.renderer import RendererConfig
 from readygo.services.trainer import PerceptionConfig
 
-FORMAT = "readygo-perceive/1"
+FORMAT = "readygo-perceive/2"
 ROBOT = RobotConfig()
 STATE_FILE, SETTINGS_FILE = "perceive.json", "settings.toml"
-VARIANTS = 56
-"""Varied avatars that walk in the data."""
+VARIANTS_A_MINUTE, VARIANTS = 4, (56, 200)
+"""Varied avatars that walk in the data: per minute of the run; at least, and at most. Each takes about 2 s."""
 RECORD_SHARE = 0.35
 """Share of the time in which data are recorded."""
 CAMERA_HZ = 5.0
@@ -263,13 +263,14 @@ def _learn(
         "scenes": [open_scene(scene).content_hash for scene in plan.scenes],
         "episodes": {},
         "minutes": 0.0,
+        "variants": variants_of(plan.minutes),
         **read_state(plan),
     }
     _write_state(plan, state)
     settings = section_to_mapping(tested_settings(plan.config))
     told = {name: section for name, section in settings.items() if name not in ("recorder", "coordinator")}
     write_toml(plan.out / SETTINGS_FILE, told, raises=RunError)
-    write_variants(plan.avatars, plan.people, VARIANTS, plan.seed)
+    write_variants(plan.avatars, plan.people, int(state["variants"]), plan.seed)
     names: list[str] = []
     for scene in plan.scenes:
         names.append(free_name(open_scene(scene).name or "scene", names))
@@ -297,6 +298,12 @@ def _learn(
     return Perceived(
         plan=plan, metrics=metrics, method=method, val=val, replies=replies, minutes=float(state["minutes"])
     )
+
+
+def variants_of(minutes: float) -> int:
+    """Number of varied avatars of a new run."""
+    least, most = VARIANTS
+    return max(least, min(int(VARIANTS_A_MINUTE * minutes), most))
 
 
 def has_policy_on_states(plan: PerceivePlan) -> bool:

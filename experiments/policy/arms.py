@@ -112,7 +112,7 @@ def commands(job: Job) -> Iterator[list[Chain]]:
     robot = ("--robot", job.out / CAMERA_FILE)
     scenes = dict.fromkeys(scene for arm in job.arms.values() for scene in arm.scenes)
     yield [
-        [["avatar", "vary", "embedded:train", "--count", 56, "--out", job.out / "people"]],
+        [["avatar", "vary", "embedded:train", "--out", job.out / "people"]],
         *([["rl", scene, *robot, "--decisions", job.decisions, "--out", _teacher(job, scene)]] for scene in scenes),
     ]
     for name, arm in job.arms.items():

@@ -94,7 +94,7 @@ def test_folder_of_something_else_is_refused(tmp_path: Path) -> None:
     (tmp_path / "notes").write_text("mine")
     with pytest.raises(RunError, match="holds files of something else"):
         check_plan(plan_of(tmp_path))
-    (tmp_path / STATE_FILE).write_text(json.dumps({"format": "readygo-perceive/1", "scenes": ["other"]}))
+    (tmp_path / STATE_FILE).write_text(json.dumps({"format": module.FORMAT, "scenes": ["other"]}))
     with pytest.raises(RunError, match="learns in other scenes"):
         check_plan(plan_of(tmp_path))
     (tmp_path / STATE_FILE).write_text("{")
@@ -123,7 +123,7 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, object]]:
     monkeypatch.setattr(module, "record", record)
     monkeypatch.setattr(module, "train_perception", train)
     monkeypatch.setattr(module, "_test", test)
-    monkeypatch.setattr(module, "VARIANTS", 1)
+    monkeypatch.setattr(module, "VARIANTS", (1, 3))
     monkeypatch.setattr(module, "cores_here", lambda: 1)
     return asked
 
@@ -182,7 +182,19 @@ def test_time_is_shared_between_recording_and_training(tmp_path: Path, steps: li
     ]
     assert learned.metrics == METRICS
     assert learned.to_mapping()["method"] == "perceive-and-plan"
-    assert len([*(tmp_path / "run" / "people").iterdir()]) == 1
+    assert len([*(tmp_path / "run" / "people").iterdir()]) == 3
+
+
+@pytest.mark.parametrize(("minutes", "count"), [(0.2, 56), (20, 80), (50, 200), (90, 200)])
+def test_longer_runs_have_more_varied_people(minutes: float, count: int) -> None:
+    assert module.variants_of(minutes) == count
+
+
+def test_run_that_goes_on_keeps_its_people(tmp_path: Path, steps: list[tuple[str, object]]) -> None:
+    plan = dataclasses.replace(plan_of(tmp_path / "run"), minutes=0.5)
+    learn_to_perceive(plan, episodes=0)
+    learn_to_perceive(dataclasses.replace(plan, minutes=10), episodes=0)
+    assert len([*plan.people.iterdir()]) == read_state(plan)["variants"] == 2
 
 
 def test_folder_in_which_another_process_learns_is_left_alone(tmp_path: Path, steps: list[tuple[str, object]]) -> None:
