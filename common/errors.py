@@ -65,3 +65,9 @@ class DiskError(RunError):
 def reason(error: Exception) -> str:
     """What went wrong, in words for a user who sees no traceback."""
     return str(error) if isinstance(error, ReadygoError) else f"{type(error).__name__}: {error}"
+
+
+def first_line(error: BaseException) -> str:
+    """The first line of what a library's exception says, or the exception's name where it says nothing."""
+    lines = str(error).strip().splitlines()
+    return lines[0] if lines else type(error).__name__

@@ -18,7 +18,7 @@ from readygo.apps.sweep.child import end_child, start_job
 from readygo.apps.sweep.folder import SweepFolder
 from readygo.apps.sweep.plan import PointNeeds, Sweep, SweepPoint
 from readygo.apps.sweep.point import point_command
-from readygo.common.errors import ConfigError, RunError
+from readygo.common.errors import ConfigError, RunError, first_line
 from readygo.common.extras import install_command
 from readygo.common.files import write_whole
 
@@ -67,8 +67,7 @@ def run_on_ray(
             try:
                 blind = ray.get(done)
             except ray.exceptions.RayError as error:
-                line = str(error).strip().splitlines()[0]
-                raise RunError(f"Ray cannot run the point {running[done].name}: {line}") from error
+                raise RunError(f"Ray cannot run the point {running[done].name}: {first_line(error)}") from error
             if blind:
                 raise RunError(
                     f"The node {blind} does not see {folder.path.resolve()}: --out must be on a file system that all "

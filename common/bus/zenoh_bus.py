@@ -25,7 +25,7 @@ from readygo.common.bus.identity import ANONYMOUS, Identity, Member
 from readygo.common.bus.inbox import Inbox, Mailbox
 from readygo.common.bus.rights import refusal
 from readygo.common.bus.teller import Teller
-from readygo.common.errors import BusError, CertificateError, MessageError, PeerError, ReadygoError, reason
+from readygo.common.errors import BusError, CertificateError, MessageError, PeerError, ReadygoError, first_line, reason
 from readygo.common.left_open import note_open
 from readygo.common.messages.checks import NAME_MAX
 from readygo.common.messages.codec import MESSAGE_BYTES_MAX, decode, encode
@@ -104,7 +104,7 @@ def free_endpoint() -> str:
 
 def _first_words(error: Exception) -> str:
     """What went wrong, without Zenoh's source locations."""
-    return str(error).splitlines()[0].split(" at /")[0].strip().rstrip("!.")
+    return first_line(error).split(" at /")[0].strip().rstrip("!.")
 
 
 class Router:

@@ -9,7 +9,7 @@ import numpy as np
 from readygo.common.arrays import Float32Array, Float64Array, UInt8Array
 from readygo.common.camera.config import CameraConfig
 from readygo.common.config import section_differences
-from readygo.common.errors import PolicyError
+from readygo.common.errors import PolicyError, first_line
 from readygo.common.perception.artifact import FRAMES, GRAPH_FILE, SPEC_FILE, PerceptionSpec, load_perception_spec
 from readygo.common.perception.grid import SHAPE
 from readygo.common.perception.people import CHANNELS, People, people_of
@@ -114,7 +114,6 @@ def _check_graph(perception: Perception, folder: Path) -> None:
     try:
         perceived = perception.look(frames, np.zeros(3 * (FRAMES - 1) + 2, np.float32))
     except Exception as error:  # onnxruntime raises many unrelated types for a graph of other inputs or shapes
-        reason = str(error).splitlines()[0]
-        raise PolicyError(f"The graph of {folder} does not fit its {SPEC_FILE}: {reason}.") from error
+        raise PolicyError(f"The graph of {folder} does not fit its {SPEC_FILE}: {first_line(error)}.") from error
     if perceived.answers.shape != (CHANNELS, *SHAPE) or perceived.rays_m.shape != SHAPE[1:]:
         raise PolicyError(f"The graph of {folder} answers maps of another shape than this version's; train it again.")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from readygo.common.arrays import AnyArray, Float32Array, UInt8Array
-from readygo.common.errors import PolicyError, ReadygoError
+from readygo.common.errors import PolicyError, ReadygoError, first_line
 from readygo.common.extras import install_command
 from readygo.common.policy.artifact import SPEC_FILE, PolicySpec, load_spec
 from readygo.common.policy.graph import GRAPH_FILE, Given, GraphSpec, Port
@@ -187,8 +187,7 @@ def open_session(
     try:
         return onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime raises a dozen unrelated types for a broken file
-        reason = str(error).splitlines()[0]
-        raise raises(f"{what} {path} cannot be loaded: {reason}; {remedy}.") from error
+        raise raises(f"{what} {path} cannot be loaded: {first_line(error)}; {remedy}.") from error
 
 
 def _check_graph(policy: Policy, folder: Path) -> None:
@@ -207,8 +206,7 @@ def _check_graph(policy: Policy, folder: Path) -> None:
     except PolicyError:
         raise
     except Exception as error:  # as above: a graph of other inputs or shapes
-        reason = str(error).splitlines()[0]
-        raise PolicyError(f"The graph of {folder} does not fit its {SPEC_FILE}: {reason}.") from error
+        raise PolicyError(f"The graph of {folder} does not fit its {SPEC_FILE}: {first_line(error)}.") from error
 
 
 def _ports(graph: GraphSpec, session: Any) -> dict[str, Port]:

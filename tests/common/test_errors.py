@@ -1,7 +1,7 @@
 import pytest
 
 from readygo.common import errors
-from readygo.common.errors import BusError, PeerError, ReadygoError, SceneError, reason
+from readygo.common.errors import BusError, PeerError, ReadygoError, SceneError, first_line, reason
 
 
 def test_reason_of_a_users_mistake_is_its_message_and_of_a_bug_names_the_exception() -> None:
@@ -14,3 +14,9 @@ def test_everything_that_a_user_can_mend_is_one_family() -> None:
     assert all(issubclass(kind, ReadygoError) for kind in kinds)
     with pytest.raises(BusError):
         raise PeerError("plan: no scene is loaded.")
+
+
+def test_first_line_of_what_a_library_says_or_its_name() -> None:
+    assert first_line(RuntimeError("\n bad graph\nat node 3")) == "bad graph"
+    for silent in (RuntimeError(), RuntimeError(" \n")):
+        assert first_line(silent) == "RuntimeError"

@@ -23,7 +23,7 @@ from torch import Tensor
 from readygo.common.arrays import Float64Array, FloatingArray
 from readygo.common.avatars import Avatar
 from readygo.common.avatars.torch_posing import joint_transforms, load_skeletons, load_skin, pose_gaussians
-from readygo.common.errors import ReadygoError
+from readygo.common.errors import ReadygoError, first_line
 from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.spherical_harmonics import SH_C0
@@ -212,9 +212,7 @@ def gsplat_rasterization() -> Rasterization:
         from gsplat.cuda._backend import _C
         from gsplat.rendering import rasterization
     except Exception as error:
-        raise ReadygoError(
-            f"gsplat's kernels cannot be loaded: {str(error).splitlines()[0]}; use triton kernels."
-        ) from error
+        raise ReadygoError(f"gsplat's kernels cannot be loaded: {first_line(error)}; use triton kernels.") from error
     if _C is None:
         raise ReadygoError("gsplat found no CUDA toolkit to compile its kernels with; use triton kernels.")
     return rasterization  # type: ignore[no-any-return]

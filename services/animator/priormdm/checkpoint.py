@@ -13,7 +13,7 @@ from torch import Tensor
 from readygo.common.array_files import load_npy
 from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.documents import read_json
-from readygo.common.errors import ConfigError
+from readygo.common.errors import ConfigError, first_line
 from readygo.common.files import read_regular
 from readygo.services.animator.priormdm.config import PriorMdmConfig
 from readygo.services.animator.priormdm.features import FEATURE_COUNT
@@ -177,8 +177,7 @@ def _read_state(path: Path) -> dict[str, Tensor]:
     except OSError as error:
         raise ConfigError(f"priormdm.weights {path} cannot be read: {error.strerror or error}.") from error
     except Exception as error:  # torch raises many kinds for damaged files
-        first = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-        raise ConfigError(f"priormdm.weights {path} is no plain state dict of torch: {first}") from error
+        raise ConfigError(f"priormdm.weights {path} is no plain state dict of torch: {first_line(error)}") from error
     for wrapper in ("model_avg", "model"):
         if isinstance(state, dict) and isinstance(state.get(wrapper), dict):
             state = state[wrapper]

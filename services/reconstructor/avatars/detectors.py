@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from readygo.common.arrays import AnyArray, BoolArray, Float32Array, Float64Array, UInt8Array
-from readygo.common.errors import AvatarError
+from readygo.common.errors import AvatarError, first_line
 from readygo.common.policy.onnx_policy import open_session
 from readygo.services.reconstructor.avatars.keypoints import SETS
 
@@ -191,7 +191,7 @@ def _run(path: Path, session: Any, name: str, image: UInt8Array) -> list[AnyArra
     try:
         outputs: list[AnyArray] = session.run(None, {name: np.ascontiguousarray(values.transpose(2, 0, 1))[None]})
     except Exception as error:  # onnxruntime raises many unrelated types
-        raise AvatarError(f"{path} cannot be run: {str(error).splitlines()[0]}.") from error
+        raise AvatarError(f"{path} cannot be run: {first_line(error)}.") from error
     if not all(isinstance(output, np.ndarray) and output.dtype.kind in "biuf" and output.size for output in outputs):
         raise AvatarError(f"{path} must give arrays of numbers, none of them empty.")
     if not all(np.isfinite(output).all() for output in outputs):

@@ -14,7 +14,7 @@ import numpy as np
 
 from readygo.common.arrays import Float64Array, Int64Array
 from readygo.common.camera.captured import CapturedViews
-from readygo.common.errors import ConfigError, RunError, SceneError
+from readygo.common.errors import ConfigError, RunError, SceneError, first_line
 from readygo.common.extras import install_command
 from readygo.common.files import write_whole
 from readygo.services.reconstructor.frames.masks import FOLDER as MASKS
@@ -419,7 +419,7 @@ def _open_model(model: Path) -> Any:
     try:
         return pycolmap().Reconstruction(model)
     except (ValueError, RuntimeError, OSError) as error:
-        raise SceneError(f"{model} cannot be read as a COLMAP model: {str(error).splitlines()[0]}.") from error
+        raise SceneError(f"{model} cannot be read as a COLMAP model: {first_line(error)}.") from error
 
 
 def is_pinhole(model: Path) -> bool:

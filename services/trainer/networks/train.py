@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from readygo.common.dataset import Dataset
-from readygo.common.errors import DiskError, PolicyError
+from readygo.common.errors import DiskError, PolicyError, first_line
 from readygo.common.files import write_whole
 from readygo.common.networks.checkpoint import load_network, save_network
 from readygo.common.networks.models import NETWORKS
@@ -190,9 +190,7 @@ def _kept_samples(path: Path, config: NetworkTrainConfig, data: str) -> dict[str
         kept: dict[str, Any] = torch.load(str(file), map_location="cpu", weights_only=True)
         theirs = kept["data"], kept["settings"]
     except Exception as error:  # torch raises many kinds for what is no checkpoint
-        raise PolicyError(
-            f"{file} cannot be read: {str(error).splitlines()[0][:200]}; choose another --out."
-        ) from error
+        raise PolicyError(f"{file} cannot be read: {first_line(error)[:200]}; choose another --out.") from error
     if theirs != (data, _settings(config)):
         raise PolicyError(f"{file} is of a run with other data or settings; choose another --out.")
     return kept

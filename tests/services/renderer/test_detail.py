@@ -11,6 +11,7 @@ from readygo.common.messages import HumanMotion, Motion
 from readygo.common.rasterizer.lod import files as lod_files
 from readygo.common.scenes import Scene
 from readygo.services.renderer import Renderer, RendererConfig
+from readygo.services.renderer import renderer as renderer_module
 from tests.services.renderer.pictures import drawn
 from tests.services.renderer.wearers import ROBOT
 
@@ -42,13 +43,19 @@ def test_second_renderer_builds_nothing(scene: Scene, avatars: dict[str, Avatar]
         assert np.array_equal(rendered(scene, avatars, detail), image)
 
 
-def test_cache_belongs_to_the_content_of_scene_and_avatar(scene: Scene, avatars: dict[str, Avatar]) -> None:
-    def folders() -> set[Path]:
-        return {path for path in (scene.path / "cache").iterdir() if path.is_dir()}
+def test_cache_belongs_to_the_content_of_scene_and_avatar(
+    scene: Scene, avatars: dict[str, Avatar], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    people = tmp_path / "people"
+    monkeypatch.setattr(renderer_module, "avatar_pack_folder", lambda: people)
+
+    def folders(place: Path = scene.path / "cache") -> set[Path]:
+        return {path for path in place.iterdir() if path.is_dir()}
 
     rendered(scene, avatars, "lod")
     before = folders()
-    assert all(path.name.startswith("lod-c0ffee") or path.name.startswith(("packed-", "avatar-")) for path in before)
+    assert all(path.name.startswith(("lod-c0ffee", "packed-")) for path in before)
+    assert len(folders(people)) == len(avatars)
     other = dataclasses.replace(scene, content_hash="decade" * 4)
     other.__dict__["maps"] = scene.maps
     rendered(other, avatars, "lod")
@@ -56,7 +63,8 @@ def test_cache_belongs_to_the_content_of_scene_and_avatar(scene: Scene, avatars:
     name, avatar = next(iter(avatars.items()))
     before = folders()
     rendered(scene, {name: dataclasses.replace(avatar, height_m=avatar.height_m + 0.01)}, "lod")
-    assert len(folders() - before) == 1
+    assert folders() == before
+    assert len(folders(people)) == len(avatars) + 1
 
 
 def test_renderer_holds_no_gaussians_of_its_avatars(
