@@ -119,7 +119,7 @@ def run_reinforcement(
         draw_bank(world, split, count, functools.partial(draws, split))
         for split, count in ((Split.TRAIN, config.train_episodes), (Split.VAL, config.val_episodes))
     )
-    training = Training(seen, spec, config, (train, val), out, seed=world.spec.seed)
+    training = Training(seen, spec, config, (train, val), out, seed=world.spec.seed, origin=_digest(world, Split.TRAIN))
     if config.demonstrations and not training.progress.decisions:
         _teach(world, seen, training, config.demonstrations)
     return training.run(budget, lambda row: show(row, budget.share(row["decisions"], 60.0 * row["minutes"])))
@@ -200,7 +200,7 @@ class _Makers:
 
 
 def _digest(world: World, split: Split) -> str:
-    """Names the episodes of a split: equal for equal episodes."""
+    """Names the episodes of a split: equal for equal episodes, which also means for equal scene, robot and people."""
     known = identity(world.spec)
     parts = {name: known[name] for name in ("scene", "avatars", "seed", "scenarios")}
     config = {name: known["config"].get(name) for name in _SECTIONS}

@@ -66,6 +66,8 @@ from readygo.services.planner import MixName
 TaskName = Literal["static", "dynamic", "reactive"]
 Show = Callable[[EpisodeRecord], None]
 Say = Callable[[str], None]
+METHODS = ("policy", "expert", "straight-line")
+"""Methods by default; the first one where a policy is named."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,7 +114,7 @@ class EvaluateOptions:
     tasks: tuple[TaskName, ...] = ("static", "dynamic")
     """"static" has no pedestrians, "dynamic" has pedestrians that ignore the robot, "reactive" has the same
     pedestrians, who avoid the robot."""
-    methods: tuple[str, ...] = ("policy", "expert", "straight-line")
+    methods: tuple[str, ...] = METHODS
     """Drivers: policy, expert, expert-tracked, expert-paper, expert-oracle (knows all pedestrians' walks), expert-blind
     (sees none), straight-line, social-force, gaussnav, splat-nav,
     perceive-and-plan and perceive-and-act (of the folders perception and rl in `checkpoints`), vid2sim, rl (of
@@ -332,10 +334,12 @@ def _failed_drivers(records: Sequence[EpisodeRecord]) -> list[str]:
 
 
 def _without_policy(methods: tuple[str, ...]) -> tuple[str, ...]:
-    others = tuple(method for method in methods if method != "policy")
-    if methods and not others:
+    """The methods of a command that names no policy: of the default ones the others."""
+    if methods == METHODS:
+        return METHODS[1:]
+    if "policy" in methods:
         raise RunError("The method `policy` needs a policy: readygo evaluate SCENE POLICY.")
-    return others
+    return methods
 
 
 @contextmanager

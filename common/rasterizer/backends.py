@@ -1,6 +1,5 @@
 """The rasterizers that can be chosen, made in one place from the same things."""
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -15,7 +14,12 @@ from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.gpu.availability import require_kernels
 from readygo.common.rasterizer.interface import PinholeCamera, Rasterizer
 from readygo.common.rasterizer.lod.avatar import AvatarTree
-from readygo.common.rasterizer.lod.files import load_or_build_avatar_tree, load_or_build_tree, load_or_pack_avatar
+from readygo.common.rasterizer.lod.files import (
+    is_being_made,
+    load_or_build_avatar_tree,
+    load_or_build_tree,
+    load_or_pack_avatar,
+)
 from readygo.common.rasterizer.lod.tree import ChunkTree
 from readygo.common.rasterizer.packed.avatar import PackedAvatar
 from readygo.common.rasterizer.packed.scene import PackedScene, load_or_pack
@@ -82,20 +86,21 @@ def cloud_tree(cloud: StaticCloud, cache: Path, *, normals: bool = False) -> Chu
     return load_or_build_tree(cache / f"lod-{cloud.key}", pack, normals=normals)
 
 
-def packed_avatar(avatar: Avatar, cache: Path, *, detail: str = "exact") -> PackedAvatar | AvatarTree:
-    """A packed avatar from the cache folder; with levels of detail if `detail` is "lod"."""
-    folder = cache / f"avatar-{avatar_hash(avatar)[:16]}-{detail}"
-    return load_or_build_avatar_tree(folder, avatar) if detail == "lod" else load_or_pack_avatar(folder, avatar)
-
-
 def packed_avatars(
     avatars: Mapping[str, Avatar], cache: Path, *, detail: str = "exact"
 ) -> dict[str, PackedAvatar | AvatarTree]:
-    """All packed avatars, in order; processes begin at different ones, and so share the work of packing them."""
-    names = list(avatars)
-    first = os.getpid() % max(len(names), 1)
-    packed = {name: packed_avatar(avatars[name], cache, detail=detail) for name in names[first:] + names[:first]}
-    return {name: packed[name] for name in names}
+    """Packed avatars from the cache folder, in order; with levels of detail if `detail` is "lod".
+
+    Those that another process is packing come last: processes that begin together share the work.
+    """
+    pack = load_or_build_avatar_tree if detail == "lod" else load_or_pack_avatar
+    folders = {name: cache / f"avatar-{avatar_hash(avatar)[:16]}-{detail}" for name, avatar in avatars.items()}
+    packed: dict[str, PackedAvatar | AvatarTree] = {}
+    for waits in (False, True):
+        for name, folder in folders.items():
+            if name not in packed and (waits or not is_being_made(folder)):
+                packed[name] = pack(folder, avatars[name])
+    return {name: packed[name] for name in avatars}
 
 
 def _make_cpu(

@@ -1,6 +1,5 @@
 """A bank of episodes as arrays: starts, goals, where people walk, remaining distances; kept in one file."""
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -41,14 +40,6 @@ class EpisodeBank:
     def human_max(self) -> int:
         """Most people of an episode that the arrays have room for."""
         return int(self.walks_m.shape[2])
-
-    @property
-    def content_hash(self) -> str:
-        """Hash of starts, goals and people; the remaining distances follow from the goals and the map."""
-        digest = hashlib.sha256()
-        for array in (self.index, self.start_xyyaw, self.goal_xy_m, self.human_count, self.walks_m):
-            digest.update(array.tobytes())
-        return digest.hexdigest()
 
     def first(self, count: int) -> "EpisodeBank":
         """The first episodes."""

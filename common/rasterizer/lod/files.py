@@ -124,10 +124,27 @@ def _load_or_make(
     return load() or made
 
 
+def is_being_made(folder: Path) -> bool:
+    """True if another process is making a cache folder: to load it would wait for that."""
+    try:
+        with _lock_of(folder).open() as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        # It was never made, or cannot be written here.
+        return False
+    return False
+
+
+def _lock_of(folder: Path) -> Path:
+    return folder.parent / f".{folder.name}.lock"
+
+
 @contextmanager
 def _one_at_a_time(folder: Path) -> Iterator[None]:
     folder.parent.mkdir(parents=True, exist_ok=True)
-    with (folder.parent / f".{folder.name}.lock").open("w") as lock:
+    with _lock_of(folder).open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield
 

@@ -86,6 +86,7 @@ class Training:
         out: Path,
         *,
         seed: int,
+        origin: str,
     ) -> None:
         """Begin, or continue from the folder's checkpoint.
 
@@ -96,9 +97,10 @@ class Training:
             banks: Episodes of split train and of split val.
             out: Folder of the policy.
             seed: Seed of weights, episodes and decisions.
+            origin: What the episodes follow from besides settings and seed; the same when the training continues.
 
         Raises:
-            PolicyError: If the folder has a training with other settings, robot or episodes.
+            PolicyError: If the folder has a training with other settings, or from other episodes.
         """
         self._spec, self._config, self._out = spec, config, out
         self.progress = Progress()
@@ -115,14 +117,9 @@ class Training:
         commands = StatePolicy(spec=spec, layers=[]).commands
         self.learner = Learner(simulation, commands, config.ppo, seed=seed)
         self._val = StateSimulation(world, val, numbers, len(val), config=plays, knows_truth=False)
-        identity = {
-            "config": section_to_mapping(config),
-            "seed": seed,
-            "scene": spec.scene_hash,
-            "robot": section_to_mapping(spec.robot),
-            "episodes": [bank.content_hash for bank in banks],
-        }
-        self._identity = json.dumps(identity, sort_keys=True)
+        self._identity = json.dumps(
+            {"config": section_to_mapping(config), "seed": seed, "origin": origin}, sort_keys=True
+        )
         if (out / CHECKPOINT_FILE).exists():
             self._resume()
 

@@ -189,10 +189,12 @@ def test_avatars_are_those_that_are_named_else_the_policys_or_those_that_it_has_
 
 
 def test_methods_without_a_policy_and_those_that_fail_are_told() -> None:
-    assert evaluate_command._without_policy(("policy", "expert", "mine")) == ("expert", "mine")
+    assert evaluate_command._without_policy(evaluate_command.EvaluateOptions().methods) == ("expert", "straight-line")
+    assert evaluate_command._without_policy(("expert", "mine")) == ("expert", "mine")
     assert evaluate_command._without_policy(()) == ()
-    with pytest.raises(RunError, match="The method `policy` needs a policy"):
-        evaluate_command._without_policy(("policy",))
+    for named in (("policy",), ("policy", "expert", "mine")):
+        with pytest.raises(RunError, match="The method `policy` needs a policy"):
+            evaluate_command._without_policy(named)
     failed = [SimpleNamespace(method=m, reason=r, episode=SimpleNamespace(episode_id=f"e{k}"))
               for k, (m, r) in enumerate([("a", ""), ("a", "no <map>"), ("b", "lost"), ("a", "later")])]  # fmt: skip
     assert evaluate_command._failed_drivers(failed) == [

@@ -41,7 +41,9 @@ def test_policy_is_trained_and_the_next_command_is_said(
     longer = ["rl", "embedded", "--out", str(out), "--decisions", "768", "--noise", "exact", "--json", *SMALL]
     assert _run(longer, monkeypatch) == 0
     assert json.loads(capsys.readouterr().out)["decisions"] == 768
-    for changed in (["--seed", "1"], ["--standing-max", "0"]):
+    robot = tmp_path / "robot.toml"
+    robot.write_text("radius_m = 0.2\n")
+    for changed in (["--seed", "1"], ["--standing-max", "0"], ["--robot", str(robot)]):
         assert _run([*longer, *changed], monkeypatch) == 2
         assert "other settings, seed, scene, robot or people" in capsys.readouterr().err
 

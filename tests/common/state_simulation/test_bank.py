@@ -1,4 +1,3 @@
-import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -38,19 +37,3 @@ def test_people_who_arrive_early_stay_there_in_a_longer_bank() -> None:
     assert joined.walks_m.shape == (3, 6, 2, 2)
     assert np.array_equal(joined.walks_m[:2, 5], short.walks_m[:, 2])
     assert joined.first(1).index.tolist() == [0]
-
-
-def test_hash_tells_other_episodes_and_not_their_fields() -> None:
-    bank = make(3, 5)
-    hashes = {bank.content_hash}
-    changed = {
-        "index": bank.index + 1,
-        "start_xyyaw": bank.start_xyyaw + 1,
-        "goal_xy_m": bank.goal_xy_m + 1,
-        "human_count": bank.human_count - 1,
-        "walks_m": bank.walks_m + 1,
-    }
-    for name, array in changed.items():
-        hashes.add(dataclasses.replace(bank, **{name: array}).content_hash)
-    assert len(hashes) == 6
-    assert dataclasses.replace(bank, fields_cm=bank.fields_cm + 1).content_hash == make(3, 5).content_hash

@@ -121,3 +121,12 @@ def test_avatar_whose_indices_lead_out_of_its_arrays_is_made_anew(avatar: Avatar
     np.save(folder / f"{name}.npy", broken)
     assert lod_files.load_avatar_tree(folder) is None
     assert np.array_equal(getattr(load_or_build_avatar_tree(folder, avatar).avatar, name), good)
+
+
+def test_folder_is_being_made_while_its_lock_is_held(tmp_path: Path) -> None:
+    folder = tmp_path / "cache" / "avatar-0"
+    assert not lod_files.is_being_made(folder)
+    with lod_files._one_at_a_time(folder):
+        assert lod_files.is_being_made(folder)
+        assert not lod_files.is_being_made(tmp_path / "cache" / "avatar-1")
+    assert not lod_files.is_being_made(folder)
