@@ -3,7 +3,7 @@
 import dataclasses
 from pathlib import Path
 
-from readygo.common.dataset.provenance import Provenance, TeacherOrigin
+from readygo.common.dataset.provenance import TeacherOrigin
 from readygo.common.errors import PolicyError
 from readygo.common.messages import RunSpec, TeacherRef
 from readygo.common.robot import RobotConfig
@@ -21,7 +21,7 @@ from readygo.runs.policy import file_ref
 
 
 def with_teacher(spec: RunSpec, config: RunConfig, folder: Path) -> RunSpec:
-    """A run in which a state policy takes the expert's place.
+    """A run in which a state policy takes the expert's place; it may have been trained in another scene.
 
     Args:
         spec: Spec of a run with the driver stage.
@@ -29,13 +29,12 @@ def with_teacher(spec: RunSpec, config: RunConfig, folder: Path) -> RunSpec:
         folder: Folder of the state policy, from `readygo rl`.
 
     Raises:
-        PolicyError: If the policy cannot be used, or was trained for another robot or scene.
+        PolicyError: If the policy cannot be used, or was trained for another robot.
     """
     if not is_state_policy(folder):
         raise PolicyError(f"--teacher: {folder} holds no state policy; train one: readygo rl SCENE --out {folder}.")
     trained = load_state_policy(folder).spec
     _check_robot(trained, config.robot)
-    _check_scene(trained, spec)
     teacher = teacher_ref(folder)
     metadata = {
         **spec.metadata,
@@ -58,11 +57,3 @@ def _check_robot(trained: StatePolicySpec, robot: RobotConfig) -> None:
         raise PolicyError("--teacher: a state policy drives one robot; leave [ranges] out of robot.toml.")
     if difference := robot_difference(trained.robot, robot):
         raise PolicyError(f"--teacher: it was trained for another robot ({difference}); name its robot with --robot.")
-
-
-def _check_scene(trained: StatePolicySpec, spec: RunSpec) -> None:
-    """Raise PolicyError unless a state policy knows the scene of a run."""
-    if trained.scene_hash != spec.scene_hash:
-        theirs = f"{trained.scene_name or 'a scene'} ({trained.scene_hash[:12]})"
-        ours = f"{Provenance.of_run(spec).scene.name or 'a scene'} ({spec.scene_hash[:12]})"
-        raise PolicyError(f"--teacher: it was trained in {theirs}, the run is in {ours}; train one there.")

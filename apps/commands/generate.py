@@ -55,8 +55,8 @@ class RecordingOptions:
     mix: float | None = None
     """Policy fraction: share of the episodes that the policy drives, 0..1; 0.5 by default."""
     teacher: Path | None = None
-    """Folder of a state policy of this scene and robot, from `readygo rl`: it labels every sample instead of the
-    expert, and drives the expert's episodes."""
+    """Folder of a state policy for this robot, from `readygo rl`: it labels every sample instead of the expert, and
+    drives the expert's episodes."""
     again: Path | None = None
     """Data folder whose episodes are recorded again, each driven by the same policy as before; `scene` and the
     settings of the run come from there."""

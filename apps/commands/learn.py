@@ -71,8 +71,8 @@ class LearnTrainingOptions:
     """Cameras of the robot that the policy uses, by their names in robot.toml, including the first one; only the
     first one by default."""
     teacher: Path | None = None
-    """Folder of a state policy of this scene and robot, from `readygo rl`: it labels every sample instead of the
-    expert, and drives the expert's episodes; for one scene."""
+    """Folder of a state policy for this robot, from `readygo rl`: it labels every sample instead of the expert, and
+    drives the expert's episodes."""
     perception: Path | None = None
     """Folder of trained perception (`readygo train --recipe perception`): its network is the policy's encoder, and its
     robot is the default. By default the encoder learns with the policy."""

@@ -3,7 +3,7 @@
     RUN/people/         varied avatars that walk in the data
     RUN/data/NAME/      a data folder for every scene, and NAME-crowd/ with more humans at a time
     RUN/perception/     the network, with its checkpoint
-    RUN/rl/             a policy on states of `readygo rl`, trained meanwhile on another core (one scene)
+    RUN/rl/             a policy on states of `readygo rl`, trained meanwhile on another core in the first scene
     RUN/evaluation/     the test episodes; report.html shows all of it
     RUN/perceive.json   the scenes, and the episodes that each of them has
     RUN/settings.toml   the settings of the test, for `--config`
@@ -14,6 +14,7 @@ Every step resumes, so the same command resumes the run; with more minutes it tr
 import dataclasses
 import itertools
 import json
+import math
 import os
 import shutil
 import subprocess
@@ -23,6 +24,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import fmean
 from typing import IO, Any
 
 from readygo.apps.evaluation.replay import Replays
@@ -85,7 +87,7 @@ FIRST_EPISODES = 24
 CROWD: MixName = "crowd"
 """Scenario mix of half of the data: more humans in an image."""
 VAL_EPISODES = 30
-"""Episodes of the split val among pedestrians that choose between the drivers."""
+"""Episodes of the split val among pedestrians that choose between the drivers, in all scenes together."""
 RL_SHARE = 0.6
 """Share of the time that the policy on states is trained for, besides the drawing of its episodes and its lessons."""
 RL_EPISODES, RL_LESSONS = (100, 6000), (50, 3000)
@@ -307,8 +309,8 @@ def variants_of(minutes: float) -> int:
 
 
 def has_policy_on_states(plan: PerceivePlan) -> bool:
-    """True if a policy on states is trained beside: for one scene, on a separate core."""
-    return len(plan.scenes) == 1 and cores_here() > 1
+    """True if a policy on states is trained beside, in the first scene: on a separate core."""
+    return cores_here() > 1
 
 
 def workers_of(plan: PerceivePlan) -> int:
@@ -353,29 +355,35 @@ def _wait(process: "subprocess.Popen[bytes]") -> None:
 
 
 def _choose(plan: PerceivePlan, state: dict[str, Any], show: Show) -> dict[str, float]:
-    """Success rates of the drivers on the split val of the only scene; empty without a policy on states."""
+    """Success rates of the drivers on the split val, means over the scenes; empty without a policy on states."""
     if not (has_policy_on_states(plan) and is_state_policy(plan.out / RL)):
         return {}
     hashes = method_hashes(DRIVERS, plan.out)
     if state.get("val", {}).get("hashes") != hashes:
-        world = evaluation_world(
-            plan.scenes[0], tested_settings(plan.config), avatars=plan.avatars, seed=plan.seed, split=Split.VAL
-        )
-        evaluator = make_evaluator(world, renderer=world.renderer(), methods=named_methods(world, DRIVERS, plan.out))
-        request = EvaluateRequest(
-            tasks=(Task.DYNAMIC,), methods=DRIVERS, episodes=VAL_EPISODES, seed=plan.seed, split=Split.VAL
-        )
-        done = itertools.count(1)
-        total = len(DRIVERS) * VAL_EPISODES
-        reply = handle_evaluate(
-            evaluator,
-            request,
-            report=lambda record: show(Step(name="choice", fraction=next(done) / total, words=record.method)),
-        )
-        rates = {method: summary.success_rate for (_, method), summary in reply.summaries.items()}
+        episodes = math.ceil(VAL_EPISODES / len(plan.scenes))
+        total, done = len(DRIVERS) * episodes * len(plan.scenes), itertools.count(1)
+
+        def tell(record: EpisodeRecord) -> None:
+            show(Step(name="choice", fraction=next(done) / total, words=record.method))
+
+        found = [_val_rates(plan, scene, episodes, tell) for scene in plan.scenes]
+        rates = {method: fmean(of_scene[method] for of_scene in found) for method in DRIVERS}
         state["val"] = {"hashes": hashes, "rates": rates}
         _write_state(plan, state)
     return dict(state["val"]["rates"])
+
+
+def _val_rates(
+    plan: PerceivePlan, scene: str, episodes: int, tell: Callable[[EpisodeRecord], None]
+) -> dict[str, float]:
+    """Success rates of the drivers among pedestrians on the split val of a scene."""
+    world = evaluation_world(scene, tested_settings(plan.config), avatars=plan.avatars, seed=plan.seed, split=Split.VAL)
+    evaluator = make_evaluator(world, renderer=world.renderer(), methods=named_methods(world, DRIVERS, plan.out))
+    request = EvaluateRequest(
+        tasks=(Task.DYNAMIC,), methods=DRIVERS, episodes=episodes, seed=plan.seed, split=Split.VAL
+    )
+    reply = handle_evaluate(evaluator, request, report=tell)
+    return {method: summary.success_rate for (_, method), summary in reply.summaries.items()}
 
 
 def _record(plan: PerceivePlan, spec: RunSpec, name: str, budget_s: float, state: dict[str, Any], show: Show) -> None:

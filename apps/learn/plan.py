@@ -255,15 +255,13 @@ def make_plan(
 
     Raises:
         SceneError: If there is no such scene, or it has no room for humans.
-        PolicyError: If the teacher cannot be used, or was trained for another robot or scene.
+        PolicyError: If the teacher cannot be used, or was trained for another robot.
         RunError: If `out` holds something else, or was begun with other scenes or settings.
     """
     if not scenes:
         raise RunError('Name a scene: a bundle, or "embedded".')
     if not (0 < budget.minutes < math.inf and (budget.samples is None or budget.samples > 0)):
         raise RunError(f"--minutes and --samples must be above 0, got {budget.minutes:g} and {budget.samples}.")
-    if teacher is not None and len(scenes) > 1:
-        raise RunError(f"--teacher knows one scene, got {len(scenes)}: name its scene alone.")
     places: list[LearnPlace] = []
     for scene in scenes:
         spec = make_spec(open_scene(scene), people or avatars, config, seed=seed, split=Split.TRAIN, static=False)

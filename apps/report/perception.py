@@ -63,7 +63,7 @@ def reason(content: PerceptionContent) -> str:
     """Why the driver was chosen, in a sentence."""
     if not content.val:
         return (
-            "There was no choice: no policy on states is there. It takes one scene, a second core and test episodes; "
+            "There was no choice: no policy on states is there. It takes a second core and test episodes; "
             "rl.log beside this page has what its training printed."
         )
     rates = ", ".join(f"{percent(rate)} by {name}" for name, rate in content.val.items())

@@ -1,13 +1,12 @@
 """Policies of equal budget and several seeds that differ in what they learn from, tried in the same episodes.
 
-An arm is what the data of its policies are recorded in: scenes and settings. In each scene a policy on states (`readygo
-rl`), the same for all arms, labels all data, and drives, pushed off its way. From the data of an arm each seed trains
-perception and then a policy whose encoder that is (recipe `pretrained`); the policy of seed 0 drives more episodes
-(DAgger), and the policies of all seeds learn from all of it. All of them are tried in the same episodes of the split
-test, among the two avatars of whom no data have one, beside the expert. The same command resumes where it was stopped;
-in a folder of another comparison it ends in a line. It prints one line of JSON for every policy and task, then one for
-every arm over its seeds, with 95 % intervals, and one for every comparison with the first arm; `--json FILE` writes all
-of it.
+An arm is what the data of its policies are recorded in: scenes and settings. One policy on states (`readygo rl`) labels
+all data, and drives, pushed off its way. From the data of an arm each seed trains perception and then a policy whose
+encoder that is (recipe `pretrained`); the policy of seed 0 drives more episodes (DAgger), and the policies of all seeds
+learn from all of it. All of them are tried in the same episodes of the split test, among the two avatars of whom no
+data have one, beside the expert. The same command resumes where it was stopped; in a folder of another comparison it
+ends in a line. It prints one line of JSON for every policy and task, then one for every arm over its seeds, with 95 %
+intervals, and one for every comparison with the first arm; `--json FILE` writes all of it.
 """
 
 import argparse
@@ -61,13 +60,15 @@ class Job:
     """Where policies are tried."""
     arms: Mapping[str, Arm]
     """By name; the others are compared with the first one."""
+    teacher_scene: str
+    """Where the policy on states learns."""
     out: Path
     seeds: int
     """Trainings of each arm."""
     episodes: int
     """Episodes of each part of an arm's data in each of its scenes."""
     decisions: int
-    """Decisions from which the policy on states of each scene learns."""
+    """Decisions from which the policy on states learns."""
     perception_samples: int
     """Samples that each perception is shown."""
     policy_samples: int
@@ -109,24 +110,22 @@ def prepare(job: Job) -> None:
 
 def commands(job: Job) -> Iterator[list[Chain]]:
     """What is run: steps, each of chains that may run side by side, each of commands that follow each other."""
-    robot = ("--robot", job.out / CAMERA_FILE)
-    scenes = dict.fromkeys(scene for arm in job.arms.values() for scene in arm.scenes)
+    people, teacher = job.out / "people", job.out / "teacher"
     yield [
-        [["avatar", "vary", "embedded:train", "--out", job.out / "people"]],
-        *([["rl", scene, *robot, "--decisions", job.decisions, "--out", _teacher(job, scene)]] for scene in scenes),
+        [["avatar", "vary", "embedded:train", "--out", people]],
+        [["rl", job.teacher_scene, "--robot", job.out / CAMERA_FILE, "--decisions", job.decisions, "--out", teacher]],
     ]
-    for name, arm in job.arms.items():
-        crowd = ("--people", "crowd") if arm.crowded else ()
-        for scene in arm.scenes:
-            yield [[_record(job, name, scene, "crowd", *crowd), _record(job, name, scene, "paper")]]
+    yield [[command] for name, arm in job.arms.items() for command in _undriven(job, name, arm)]
     # The first policy is that of seed 0.
     yield [
         [_perceive(job, name, seed), *(_learn(job, name, 0, first=True) if seed == 0 else ())]
         for seed, name in _trained(job)
     ]
-    for name, arm in job.arms.items():
-        for scene in arm.scenes:
-            yield [[_record(job, name, scene, "driven", "--policy", _first(job, name), "--mix", 0.8)]]
+    yield [
+        [_record(job, name, scene, "driven", "--policy", _first(job, name), "--mix", 0.8)]
+        for name, arm in job.arms.items()
+        for scene in arm.scenes
+    ]
     yield [_learn(job, name, seed) for seed, name in _trained(job)]
 
 
@@ -214,17 +213,16 @@ def _perception(job: Job, arm: str, seed: int) -> Path:
     return job.out / "perception" / arm / str(seed)
 
 
-def _teacher(job: Job, scene: str) -> Path:
-    """The policy on states of a scene."""
-    return job.out / "teachers" / _folder(scene)
-
-
 def _data(job: Job, arm: str, scene: str, part: str) -> Path:
-    return job.out / "data" / arm / _folder(scene) / part
+    return job.out / "data" / arm / Path(scene.replace(":", "-")).name / part
 
 
-def _folder(scene: str) -> str:
-    return Path(scene.replace(":", "-")).name
+def _undriven(job: Job, name: str, arm: Arm) -> Iterator[list[object]]:
+    """Record what no policy from images drives: half of it with more people, if the arm is crowded."""
+    crowd = ("--people", "crowd") if arm.crowded else ()
+    for scene in arm.scenes:
+        yield _record(job, name, scene, "crowd", *crowd)
+        yield _record(job, name, scene, "paper")
 
 
 def _record(job: Job, arm: str, scene: str, part: str, *more: object) -> list[object]:
@@ -232,7 +230,7 @@ def _record(job: Job, arm: str, scene: str, part: str, *more: object) -> list[ob
     return [
         *("generate", scene, "--out", _data(job, arm, scene, part), "--episodes", job.episodes, *more),
         *("--seed", PARTS.index(part), "--config", job.out / f"{arm}.toml", "--robot", job.out / CAMERA_FILE),
-        *("--avatars", job.out / "people", "--teacher", _teacher(job, scene), "--workers", job.workers),
+        *("--avatars", job.out / "people", "--teacher", job.out / "teacher", "--workers", 0),
         *("--driver.camera-hz", 5, "--driver.disturbed", 0.7, "--renderer.detail", "lod", "--renderer.labels", "false"),
     ]
 
@@ -287,17 +285,18 @@ def parser_of(description: str | None) -> argparse.ArgumentParser:
     return parser
 
 
-def main(name: str, options: Mapping[str, Any], arms: Mapping[str, Arm]) -> None:
+def main(name: str, options: Mapping[str, Any], arms: Mapping[str, Arm], teacher_scene: str) -> None:
     """Run a comparison, and print and write what it finds.
 
     Args:
         name: The comparison's module.
         options: Values of the options of `parser_of`.
         arms: See `Job`.
+        teacher_scene: See `Job`.
     """
     options = dict(options)
     file, tasks = options.pop("json"), tuple(options.pop("tasks"))
-    job = Job(**options, tasks=tasks, arms=arms)
+    job = Job(**options, tasks=tasks, arms=arms, teacher_scene=teacher_scene)
     try:
         found = run(job)
     except ReadygoError as error:

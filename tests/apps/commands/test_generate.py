@@ -260,7 +260,6 @@ def test_teacher_labels_what_a_policy_drives(taught: Path, scene: Path, small: P
     [
         (["SCENE", "--teacher", "nowhere"], "--teacher: nowhere holds no state policy; train one: readygo rl SCENE"),
         (["SCENE", "--teacher", "TEACHER"], "--teacher: it was trained for another robot (its cameras show something"),
-        (["embedded:1", "--teacher", "TEACHER", "--config", "SMALL"], "--teacher: it was trained in embedded ("),
         (["--again", "DATA", "--teacher", "TEACHER"], "--again takes scene and settings from the recorded run: leave"),
     ],
 )

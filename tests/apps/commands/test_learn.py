@@ -47,7 +47,6 @@ def test_line_says_what_is_known() -> None:
         (["embedded", "--form", "paper", "--learn.goal", "image"], "--form paper goes with the rgb of one camera"),
         (["nowhere", "--form", "paper"], "nowhere does not exist; make one with"),
         (["embedded", "--teacher", "nowhere"], "--teacher: nowhere holds no state policy; train one"),
-        (["embedded", "embedded:1", "--teacher", "nowhere"], "--teacher knows one scene, got 2"),
     ],
 )
 def test_what_makes_no_sense_is_one_line_and_leaves_nothing(

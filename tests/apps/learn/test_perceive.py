@@ -25,7 +25,7 @@ from readygo.common.errors import ConfigError, RunError
 from readygo.common.robot import RobotConfig, RobotRanges
 from readygo.runs.config import config_of, load_run_config, with_mix
 from readygo.services.driver import DriverConfig
-from readygo.services.evaluator import Task
+from readygo.services.evaluator import EvaluateRequest, Task
 from tests.common.state_policy.state_policies import write_state_policy
 
 HELD_OUT = {
@@ -262,10 +262,41 @@ def test_run_goes_without_a_policy_on_states_that_fails(
     assert "There was no choice" in reason(perception_content(learned, ["embedded"]))
 
 
-def test_several_scenes_have_no_policy_on_states(tmp_path: Path, rl: list[list[str]]) -> None:
-    assert module.has_policy_on_states(plan_of(tmp_path, "a"))
-    assert not module.has_policy_on_states(plan_of(tmp_path, "a", "b"))
-    assert (module.workers_of(plan_of(tmp_path, "a")), module.workers_of(plan_of(tmp_path, "a", "b"))) == (2, 3)
+def test_driver_of_several_scenes_is_chosen_by_all_of_them(
+    tmp_path: Path, steps: list[tuple[str, object]], rl: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rates = {"embedded": (0.9, 0.4), "embedded:1": (0.2, 0.3)}
+    asked: list[tuple[str, int]] = []
+
+    def evaluate(scene: str, request: EvaluateRequest, *, report: object) -> SimpleNamespace:
+        asked.append((scene, request.episodes))
+        pairs = zip(module.DRIVERS, rates[scene], strict=True)
+        return SimpleNamespace(
+            summaries={(Task.DYNAMIC, name): SimpleNamespace(success_rate=rate) for name, rate in pairs}
+        )
+
+    monkeypatch.setattr(module, "cores_here", lambda: 3)
+    monkeypatch.setattr(module, "handle_evaluate", evaluate)
+    monkeypatch.setattr(
+        module, "evaluation_world", lambda scene, *_, **__: SimpleNamespace(renderer=lambda: None, scene=scene)
+    )
+    monkeypatch.setattr(module, "make_evaluator", lambda world, **_: world.scene)
+    monkeypatch.setattr(module, "named_methods", lambda *_: {})
+    learned = learn_to_perceive(plan_of(tmp_path / "run", "embedded", "embedded:1"), episodes=1)
+    (command,) = rl
+    assert command[2:5] == ["readygo", "rl", "embedded"]
+    assert asked == [("embedded", 15), ("embedded:1", 15)]
+    assert learned.val == pytest.approx({"perceive-and-act": 0.55, "perceive-and-plan": 0.35})
+    assert learned.method == "perceive-and-act"
+
+
+def test_one_core_has_no_policy_on_states(tmp_path: Path, rl: list[list[str]], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "cores_here", lambda: 3)
+    assert module.has_policy_on_states(plan_of(tmp_path, "a", "b"))
+    assert module.workers_of(plan_of(tmp_path, "a")) == 2
+    monkeypatch.setattr(module, "cores_here", lambda: 1)
+    assert not module.has_policy_on_states(plan_of(tmp_path, "a"))
+    assert module.workers_of(plan_of(tmp_path, "a")) == 1
 
 
 def test_report_names_the_commands_that_come_next(tmp_path: Path, steps: list[tuple[str, object]]) -> None:

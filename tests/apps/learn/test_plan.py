@@ -28,6 +28,7 @@ from readygo.common.perception.artifact import (
 from readygo.common.robot import CameraConfig, RobotConfig
 from readygo.runs.config import RunConfig
 from readygo.runs.scene_argument import open_scene
+from readygo.runs.teacher import teacher_ref
 from tests.common.state_policy.state_policies import write_state_policy
 
 
@@ -164,9 +165,10 @@ def test_people_of_the_data_may_be_others_than_those_of_the_measurements(tmp_pat
     assert plan.places[0].spec.avatars_path == str(people)
 
 
-def test_teacher_of_several_scenes_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RunError, match=r"^--teacher knows one scene, got 2: name its scene alone\."):
-        plan_of(tmp_path / "run", scenes=("embedded", "embedded:1"), teacher=tmp_path)
+def test_one_teacher_labels_in_several_scenes(tmp_path: Path) -> None:
+    teacher = write_state_policy(tmp_path / "teacher")
+    plan = plan_of(tmp_path / "run", scenes=("embedded", "embedded:1"), teacher=teacher)
+    assert [place.spec.teacher for place in plan.places] == [teacher_ref(teacher)] * 2
 
 
 def test_folder_of_something_else_is_refused(tmp_path: Path) -> None:
