@@ -69,10 +69,16 @@ class Clusters(NamedTuple):
     """Weights of an avatar's joints, shape (256, 24), or (256, 0) for a scene."""
     unrest: Float64Array
     """What a change of the order of blending costs, see `cost`, shape (256,)."""
+    place_m: Float64Array
+    """The means again, by axis, shape (3, 256)."""
+    row: Float64Array
+    """Squared distances to one cluster [m2], shape (256,)."""
     near: Int64Array
     """Neighbours, nearest first; -1: none, shape (256, 8)."""
     distance2: Float64Array
     """Squared distances to these neighbours, shape (256, 8)."""
+    order: Float64Array
+    """What blending in the wrong order with these neighbours costs, see `cost`, shape (256, 8)."""
     cost: Float64Array
     """Cost of the cheapest merger, shape (256,)."""
     partner: Int64Array
@@ -100,8 +106,11 @@ def make_clusters(joints: int) -> Clusters:
         colour=numbers(3),
         skin=numbers(joints),
         unrest=numbers(),
+        place_m=np.zeros((3, CHUNK)),
+        row=numbers(),
         near=places(NEIGHBOURS),
         distance2=numbers(NEIGHBOURS),
+        order=numbers(NEIGHBOURS),
         cost=numbers(),
         partner=places(),
         number=places(),

@@ -116,12 +116,14 @@ def find_unrest(count: int, rule: MergeRule, c: Clusters) -> None:
             if other < 0:
                 break
             distance_m = max(math.sqrt(c.distance2[k, n]), 0.01 * rule.pixel_m)
-            c.unrest[k] += _contrast2(k, other, c) * _order_cost(k, other, d, c) / distance_m
+            c.order[k, n] = _contrast2(k, other, c) * _order_cost(k, other, d, c)
+            c.unrest[k] += c.order[k, n] / distance_m
 
 
 @inline_kernel
-def merger_cost(i: int, j: int, rule: MergeRule, c: Clusters) -> float:
-    """Cost of merging clusters `i` and `j`."""
+def merger_cost(i: int, n: int, most: float, rule: MergeRule, c: Clusters) -> float:
+    """Cost of merging cluster `i` and its neighbour of place `n`; infinite if it is no less than `most`."""
+    j = c.near[i, n]
     d = dilation_m2(rule.pixel_m)
     w = c.weight[i] + c.weight[j]
     fi, fj = c.weight[i] / w, c.weight[j] / w
@@ -141,12 +143,22 @@ def merger_cost(i: int, j: int, rule: MergeRule, c: Clusters) -> float:
     opacities = (oi, oj, (oi * c.area[i] + oj * c.area[j]) / area_m2(merged, d))
     contrast2 = _contrast2(i, j, c)
     a, b, m = _planes(p, d), _planes(q, d), _planes(merged, d)
-    total = contrast2 * _order_cost(i, j, d, c)
-    total += _blend_cost(a[0], b[0], m[0], x, y, fi, opacities, contrast2, rule.contrast)
-    total += _blend_cost(a[1], b[1], m[1], x, z, fi, opacities, contrast2, rule.contrast)
-    total += _blend_cost(a[2], b[2], m[2], y, z, fi, opacities, contrast2, rule.contrast)
     # Means move by f_j and f_i of their distance.
-    total += math.sqrt(x * x + y * y + z * z) * (fj * c.unrest[i] + fi * c.unrest[j])
+    moved = math.sqrt(x * x + y * y + z * z) * (fj * c.unrest[i] + fi * c.unrest[j])
+    u, v = (x, x, y), (y, z, z)
+    total = c.order[i, n]
+    for plane in range(3):
+        # No part is negative: a sum of some is at most the whole one, also as rounded.
+        if _per_pixel(total + moved, rule) >= most:
+            return math.inf
+        total += _blend_cost(a[plane], b[plane], m[plane], u[plane], v[plane], fi, opacities, contrast2, rule.contrast)
+    cost = _per_pixel(total + moved, rule)
+    return cost if cost < most else math.inf
+
+
+@inline_kernel
+def _per_pixel(total: float, rule: MergeRule) -> float:
+    """Mean cost of three projections, in pixels."""
     cost: float = total * math.pi / (3.0 * rule.pixel_m * rule.pixel_m)
     return cost
 

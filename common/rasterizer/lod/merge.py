@@ -14,29 +14,57 @@ _NEW, _TAKEN = -1, -2
 
 
 @inline_kernel
-def _find_neighbours(count: int, c: Clusters) -> None:
-    """The nearest clusters of each."""
+def _find_neighbours(count: int, wait: Int64Array, c: Clusters) -> None:
+    """The nearest clusters of each that does not wait, and of these in turn; the others have none."""
     for k in range(count):
+        for axis in range(3):
+            c.place_m[axis, k] = c.mean_m[k, axis]
         for n in range(NEIGHBOURS):
             c.distance2[k, n] = np.inf
             c.near[k, n] = -1
     for k in range(count):
-        for other in range(k):
-            dx = c.mean_m[k, 0] - c.mean_m[other, 0]
-            dy = c.mean_m[k, 1] - c.mean_m[other, 1]
-            dz = c.mean_m[k, 2] - c.mean_m[other, 2]
-            distance2 = dx * dx + dy * dy + dz * dz
-            if distance2 < c.distance2[k, NEIGHBOURS - 1]:
-                _insert(c, k, other, distance2)
-            if distance2 < c.distance2[other, NEIGHBOURS - 1]:
-                _insert(c, other, k, distance2)
+        if wait[k] <= 0:
+            _find_nearest(k, count, c)
+    for k in range(count):
+        if wait[k] > 0:
+            continue
+        for n in range(NEIGHBOURS):
+            other = c.near[k, n]
+            if other >= 0 and c.near[other, 0] < 0:
+                _find_nearest(other, count, c)
+
+
+@inline_kernel
+def _find_nearest(k: int, count: int, c: Clusters) -> None:
+    """The nearest clusters of cluster `k`, of equally near ones those of smaller numbers."""
+    _find_distances(k, count, c)
+    # Clusters of neighbouring numbers are near: those behind `k` come first, so that few fall out again.
+    for other in range(k + 1, count):
+        if c.row[other] < c.distance2[k, NEIGHBOURS - 1]:
+            _insert(c, k, other, c.row[other])
+    for other in range(k - 1, -1, -1):
+        if c.row[other] <= c.distance2[k, NEIGHBOURS - 1]:
+            _insert(c, k, other, c.row[other])
+
+
+@inline_kernel
+def _find_distances(k: int, count: int, c: Clusters) -> None:
+    """Squared distances of all clusters to cluster `k`."""
+    xs, ys, zs, row = c.place_m[0], c.place_m[1], c.place_m[2], c.row
+    x, y, z = xs[k], ys[k], zs[k]
+    for other in range(count):
+        dx, dy, dz = x - xs[other], y - ys[other], z - zs[other]
+        row[other] = dx * dx + dy * dy + dz * dz
 
 
 @inline_kernel
 def _insert(c: Clusters, k: int, other: int, distance2: float) -> None:
-    """Put a neighbour into the list of cluster `k`, which is sorted by distance; the last one falls out."""
+    """Put a neighbour into the list of cluster `k`, sorted by distance, then by number; the last one falls out."""
     place = NEIGHBOURS - 1
-    while place > 0 and c.distance2[k, place - 1] > distance2:
+    while place > 0 and (
+        c.distance2[k, place - 1] > distance2
+        or (c.distance2[k, place - 1] == distance2 and c.near[k, place - 1] > other)
+    ):
         c.distance2[k, place] = c.distance2[k, place - 1]
         c.near[k, place] = c.near[k, place - 1]
         place -= 1
@@ -68,7 +96,7 @@ def _find_partners(count: int, rule: MergeRule, wait: Int64Array, c: Clusters) -
                 break
             if not _same_skin(k, other, rule.skin_tolerance, c):
                 continue
-            cost = merger_cost(k, other, rule, c)
+            cost = merger_cost(k, n, max(c.cost[k], c.cost[other]), rule, c)
             if cost < c.cost[k]:
                 c.cost[k], c.partner[k] = cost, other
             if cost < c.cost[other]:
@@ -177,7 +205,7 @@ def merge_regions(
             if _all_wait(before, waits):
                 break
             gather(originals, label, begin, end, before, rule.pixel_m, c)
-            _find_neighbours(before, c)
+            _find_neighbours(before, waits, c)
             find_unrest(before, rule, c)
             _find_partners(before, rule, waits, c)
             _set_waits(before, tolerance, waits, c)

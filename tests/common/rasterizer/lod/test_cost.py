@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from readygo.common.rasterizer.constants import DILATION_PX2
-from readygo.common.rasterizer.lod.clusters import gather_region, make_clusters
+from readygo.common.rasterizer.lod.clusters import Clusters, gather_region, make_clusters
 from readygo.common.rasterizer.lod.cost import MergeRule, find_unrest, merger_cost
 from tests.common.rasterizer.lod.merging import SIGMA_M, merged_count, originals
 
@@ -23,12 +23,22 @@ def cost(
     colours: tuple[float, float] = (0.5, 0.5),
     contrast: float = 0.1,
     unrest: float = 0.0,
+    most: float = np.inf,
 ) -> float:
     """Of merging two Gaussians of SIGMA_M that lie beside each other."""
     pair, clusters = originals([(0.0, 0.0, 0.0), (distance_m, 0.0, 0.0)], 0.6, list(colours)), make_clusters(0)
     gather_region(pair, np.arange(2, dtype=np.int32), 0, 2, 2, pixel_m, clusters)
+    rule = MergeRule(pixel_m, 0.01, contrast, 0.5)
+    make_neighbours(clusters, rule, distance_m)
     clusters.unrest[:] = unrest
-    return float(merger_cost(0, 1, MergeRule(pixel_m, 0.01, contrast, 0.5), clusters))
+    return float(merger_cost(0, 0, most, rule, clusters))
+
+
+def make_neighbours(clusters: Clusters, rule: MergeRule, distance_m: float) -> None:
+    """Let clusters 0 and 1 be the neighbours of each other."""
+    clusters.near[:2], clusters.distance2[:2] = -1, np.inf
+    clusters.near[:2, 0], clusters.distance2[:2, 0] = (1, 0), distance_m**2
+    find_unrest.py_func(2, rule, clusters)
 
 
 def test_merger_costs_more_the_farther_apart_the_two_are() -> None:
@@ -40,6 +50,14 @@ def test_merger_costs_more_the_farther_apart_the_two_are() -> None:
 def test_merger_costs_less_where_pixels_are_larger() -> None:
     costs = [cost(0.05, pixel_m=pixel_m) for pixel_m in (0.01, 0.03, 0.1, 0.3)]
     assert costs == sorted(costs, reverse=True)
+
+
+@pytest.mark.parametrize("unrest", [0.0, 3e-4, 0.2])
+def test_cost_is_told_if_it_is_less_than_the_most_that_is_asked_for(unrest: float) -> None:
+    arguments = {"colours": (0.2, 0.6), "unrest": unrest}
+    exact = cost(0.1, **arguments)
+    assert cost(0.1, **arguments, most=exact * 1.0001) == exact
+    assert [cost(0.1, **arguments, most=exact * share) for share in (1.0, 0.7, 0.3, 0.0)] == [np.inf] * 4
 
 
 def test_error_of_coverage_shows_by_the_contrast_with_what_is_behind() -> None:
@@ -73,6 +91,8 @@ def test_cost_is_the_squared_error_of_the_images_that_three_projections_show() -
     )
     clusters = make_clusters(0)
     gather_region(pair, np.arange(2, dtype=np.int32), 0, 2, 2, pixel_m, clusters)
+    rule = MergeRule(pixel_m, 0.01, contrast, 0.5)
+    make_neighbours(clusters, rule, float(np.linalg.norm(means[1] - means[0])))
     clusters.unrest[:2] = 2e-4, 7e-4
 
     dilated = covariances + DILATION_PX2 * pixel_m**2 * np.eye(3)
@@ -97,11 +117,10 @@ def test_cost_is_the_squared_error_of_the_images_that_three_projections_show() -
         total += contrast2 * 0.25 * ((a * b) ** 2).sum()
     total *= (axis[1] - axis[0]) ** 2
     total += np.pi * np.linalg.norm(means[1] - means[0]) * (share_1 * 2e-4 + share_0 * 7e-4)
-    rule = MergeRule(pixel_m, 0.01, contrast, 0.5)
-    assert merger_cost(0, 1, rule, clusters) == pytest.approx(total / (3.0 * pixel_m**2), rel=1e-6)
+    assert merger_cost(0, 0, np.inf, rule, clusters) == pytest.approx(total / (3.0 * pixel_m**2), rel=1e-6)
     unrest = clusters.unrest.copy()
     clusters.unrest[:2] = unrest[1::-1]
-    assert merger_cost(0, 1, rule, clusters) != pytest.approx(total / (3.0 * pixel_m**2), rel=1e-6)
+    assert merger_cost(0, 0, np.inf, rule, clusters) != pytest.approx(total / (3.0 * pixel_m**2), rel=1e-6)
 
 
 def _area_m2(covariance: np.ndarray) -> float:

@@ -31,14 +31,34 @@ def test_gaussians_that_other_joints_move_stay_apart() -> None:
 def test_neighbours_are_the_nearest_clusters_nearest_first() -> None:
     clusters = make_clusters(0)
     clusters.mean_m[:30] = np.random.default_rng(1).normal(size=(30, 3)) * [3.0, 0.4, 1.0]
-    _find_neighbours.py_func(30, clusters)
+    _find_neighbours.py_func(30, np.zeros(30, dtype=np.int64), clusters)
     distance2 = ((clusters.mean_m[:30, None] - clusters.mean_m[None, :30]) ** 2).sum(axis=2)
     np.fill_diagonal(distance2, np.inf)
     np.testing.assert_array_equal(clusters.near[:30], np.argsort(distance2, axis=1)[:, :NEIGHBOURS])
     np.testing.assert_allclose(clusters.distance2[:30], np.sort(distance2, axis=1)[:, :NEIGHBOURS])
-    _find_neighbours.py_func(3, clusters)
+    _find_neighbours.py_func(3, np.zeros(3, dtype=np.int64), clusters)
     assert (clusters.near[:3, 2:] == -1).all()
     assert (clusters.near[:3, :2] >= 0).all()
+
+
+def test_equally_near_neighbours_are_in_the_order_of_their_numbers() -> None:
+    clusters = make_clusters(0)
+    clusters.mean_m[:27] = np.stack(np.meshgrid([0.0, 1.0, 2.0], [0.0, 1.0, 2.0], [0.0, 1.0, 2.0]), axis=-1).reshape(
+        -1, 3
+    )
+    _find_neighbours.py_func(27, np.zeros(27, dtype=np.int64), clusters)
+    distance2 = ((clusters.mean_m[:27, None] - clusters.mean_m[None, :27]) ** 2).sum(axis=2)
+    np.fill_diagonal(distance2, np.inf)
+    np.testing.assert_array_equal(clusters.near[:27], np.argsort(distance2, axis=1, kind="stable")[:, :NEIGHBOURS])
+
+
+def test_clusters_that_wait_have_neighbours_only_beside_one_that_does_not() -> None:
+    clusters, wait = make_clusters(0), np.ones(30, dtype=np.int64)
+    clusters.mean_m[:30, 0] = np.arange(30.0)
+    wait[3] = 0
+    _find_neighbours.py_func(30, wait, clusters)
+    assert [k for k in range(30) if clusters.near[k, 0] >= 0] == [0, 1, 2, 3, 4, 5, 6, 7, 8]
+    assert clusters.near[8].tolist() == [7, 9, 6, 10, 5, 11, 4, 12]
 
 
 def test_wait_lasts_while_a_quarter_per_level_leaves_the_cost_above_the_tolerance() -> None:
