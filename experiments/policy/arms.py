@@ -1,7 +1,7 @@
 """Policies of equal budget and several seeds that differ in what they learn from, tried in the same episodes.
 
-An arm is what the data of its policies are recorded in: scenes and settings. One policy on states (`readygo rl`) labels
-all data, and drives, pushed off its way. From the data of an arm each seed trains perception and then a policy whose
+An arm is what the data of its policies are recorded in: scenes and settings. One policy on states (`readygo rl`), which
+learned where the policies are tried, or --teacher, labels all data, and drives, pushed off its way. From the data of an arm each seed trains perception and then a policy whose
 encoder that is (recipe `pretrained`); the policy of seed 0 drives more episodes (DAgger), and the policies of all seeds
 learn from all of it. All of them are tried in the same episodes of the split test, among the two avatars of whom no
 data have one, beside the expert. The same command resumes where it was stopped; in a folder of another comparison it
@@ -26,6 +26,7 @@ from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import ReadygoError, RunError
 from readygo.common.files import write_whole
 from readygo.common.messages import Outcome
+from readygo.runs.teacher import teacher_ref
 from readygo.services.evaluator import EXPERT, EpisodeRecord
 from readygo.services.evaluator.records import record_of_mapping
 from readygo.services.evaluator.results import RECORDS_FILE
@@ -60,15 +61,15 @@ class Job:
     """Where policies are tried."""
     arms: Mapping[str, Arm]
     """By name; the others are compared with the first one."""
-    teacher_scene: str
-    """Where the policy on states learns."""
+    teacher: Path | None = None
+    """Folder of the policy on states that labels all data; None lets one learn in `scene`."""
     out: Path
     seeds: int
     """Trainings of each arm."""
     episodes: int
     """Episodes of each part of an arm's data in each of its scenes."""
     decisions: int
-    """Decisions from which the policy on states learns."""
+    """Decisions from which the policy on states learns, without `teacher`."""
     perception_samples: int
     """Samples that each perception is shown."""
     policy_samples: int
@@ -83,7 +84,8 @@ class Job:
     def budget(self) -> dict[str, Any]:
         """What networks and records depend on."""
         kept = {name: value for name, value in asdict(self).items() if name not in ("out", "tasks", "workers")}
-        mapping: dict[str, Any] = json.loads(json.dumps(kept))
+        taught = {"teacher": self.teacher and teacher_ref(self.teacher).sha256}
+        mapping: dict[str, Any] = json.loads(json.dumps({**kept, **taught}))
         return mapping
 
     @property
@@ -110,11 +112,8 @@ def prepare(job: Job) -> None:
 
 def commands(job: Job) -> Iterator[list[Chain]]:
     """What is run: steps, each of chains that may run side by side, each of commands that follow each other."""
-    people, teacher = job.out / "people", job.out / "teacher"
-    yield [
-        [["avatar", "vary", "embedded:train", "--out", people]],
-        [["rl", job.teacher_scene, "--robot", job.out / CAMERA_FILE, "--decisions", job.decisions, "--out", teacher]],
-    ]
+    learns = ("rl", job.scene, "--robot", job.out / CAMERA_FILE, "--decisions", job.decisions, "--out", _teacher(job))
+    yield [[["avatar", "vary", "embedded:train", "--out", job.out / "people"]], [] if job.teacher else [learns]]
     yield [[command] for name, arm in job.arms.items() for command in _undriven(job, name, arm)]
     # The first policy is that of seed 0.
     yield [
@@ -213,6 +212,11 @@ def _perception(job: Job, arm: str, seed: int) -> Path:
     return job.out / "perception" / arm / str(seed)
 
 
+def _teacher(job: Job) -> Path:
+    """The policy on states."""
+    return job.teacher or job.out / "teacher"
+
+
 def _data(job: Job, arm: str, scene: str, part: str) -> Path:
     return job.out / "data" / arm / Path(scene.replace(":", "-")).name / part
 
@@ -230,7 +234,7 @@ def _record(job: Job, arm: str, scene: str, part: str, *more: object) -> list[ob
     return [
         *("generate", scene, "--out", _data(job, arm, scene, part), "--episodes", job.episodes, *more),
         *("--seed", PARTS.index(part), "--config", job.out / f"{arm}.toml", "--robot", job.out / CAMERA_FILE),
-        *("--avatars", job.out / "people", "--teacher", job.out / "teacher", "--workers", 0),
+        *("--avatars", job.out / "people", "--teacher", _teacher(job), "--workers", 0),
         *("--driver.camera-hz", 5, "--driver.disturbed", 0.7, "--renderer.detail", "lod", "--renderer.labels", "false"),
     ]
 
@@ -275,6 +279,7 @@ def parser_of(description: str | None) -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--episodes", type=int, default=160)
+    parser.add_argument("--teacher", type=Path)
     parser.add_argument("--decisions", type=int, default=12_582_912)
     parser.add_argument("--perception-samples", type=int, default=100_000)
     parser.add_argument("--policy-samples", type=int, default=2_000_000)
@@ -285,18 +290,17 @@ def parser_of(description: str | None) -> argparse.ArgumentParser:
     return parser
 
 
-def main(name: str, options: Mapping[str, Any], arms: Mapping[str, Arm], teacher_scene: str) -> None:
+def main(name: str, options: Mapping[str, Any], arms: Mapping[str, Arm]) -> None:
     """Run a comparison, and print and write what it finds.
 
     Args:
         name: The comparison's module.
         options: Values of the options of `parser_of`.
         arms: See `Job`.
-        teacher_scene: See `Job`.
     """
     options = dict(options)
     file, tasks = options.pop("json"), tuple(options.pop("tasks"))
-    job = Job(**options, tasks=tasks, arms=arms, teacher_scene=teacher_scene)
+    job = Job(**options, tasks=tasks, arms=arms)
     try:
         found = run(job)
     except ReadygoError as error:

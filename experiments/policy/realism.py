@@ -33,7 +33,7 @@ def arms_in(scene: str) -> Mapping[str, Arm]:
 def main() -> None:
     """See the module."""
     options = vars(arms.parser_of(__doc__).parse_args())
-    arms.main("realism", options, arms_in(options["scene"]), options["scene"])
+    arms.main("realism", options, arms_in(options["scene"]))
 
 
 if __name__ == "__main__":

@@ -6,16 +6,14 @@
 - others-N: learns in N other flats, `embedded:plan-0`, `embedded:plan-1`, ..., of other plans, furniture, colours
   and light; as many episodes in each of them as `same` has in SCENE
 
-The policy on states that labels all data learns in a flat of none of them. How they are compared:
-`experiments.policy.arms`.
+How they are compared: `experiments.policy.arms`. The policy on states that labels all data learned in SCENE, also in the
+arms that never see it.
 """
 
 from collections.abc import Mapping, Sequence
 
 from experiments.policy import arms
 from experiments.policy.arms import Arm
-
-TEACHER_SCENE = "embedded:plan-1000"
 
 
 def arms_of(scene: str, counts: Sequence[int]) -> Mapping[str, Arm]:
@@ -30,7 +28,7 @@ def main() -> None:
     parser.add_argument("--counts", type=int, nargs="+", default=[1, 4, 16])
     options = vars(parser.parse_args())
     counts = options.pop("counts")
-    arms.main("scenes", options, arms_of(options["scene"], counts), TEACHER_SCENE)
+    arms.main("scenes", options, arms_of(options["scene"], counts))
 
 
 if __name__ == "__main__":

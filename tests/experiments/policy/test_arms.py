@@ -13,6 +13,7 @@ from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeKey, Outcome, Split
 from readygo.runs.config import load_run_config
 from readygo.services.evaluator import EpisodeRecord, Task
+from tests.common.state_policy.state_policies import write_state_policy
 
 
 @pytest.fixture
@@ -24,7 +25,6 @@ def job(tmp_path: Path) -> arms.Job:
             "calm": Arm(scenes=("embedded",), settings="[human_planner]\nabsent = 1.0\n", crowded=False),
             "two": Arm(scenes=("embedded:plan-1", "embedded:plan-2")),
         },
-        teacher_scene="embedded:plan-9",
         out=tmp_path,
         seeds=2,
         episodes=8,
@@ -74,7 +74,19 @@ def test_arms_are_recorded_in_their_scenes_with_their_settings(job: arms.Job) ->
     assert crowds == {str(job.out / "one.toml"), str(job.out / "two.toml")}
     assert len({option(command, "--out") for command in recorded}) == len(recorded) == 12
     (teacher,) = [command for command in said_by(job) if command[0] == "rl"]
-    assert teacher[1] == "embedded:plan-9"
+    assert teacher[1] == job.scene
+    assert {option(command, "--teacher") for command in recorded} == {option(teacher, "--out")}
+
+
+def test_teacher_that_is_there_labels_all_and_names_the_comparison(job: arms.Job, tmp_path: Path) -> None:
+    taught = dataclasses.replace(job, teacher=write_state_policy(tmp_path / "rl"))
+    commands = said_by(taught)
+    assert not [command for command in commands if command[0] == "rl"]
+    assert {option(command, "--teacher") for command in commands if command[0] == "generate"} == {str(tmp_path / "rl")}
+    arms.prepare(taught)
+    arms.prepare(dataclasses.replace(taught, teacher=write_state_policy(tmp_path / "copy")))
+    with pytest.raises(RunError, match="begun with teacher [0-9a-f]{64}"):
+        arms.prepare(job)
 
 
 def test_perception_and_policies_learn_from_their_own_arm_alone(job: arms.Job) -> None:

@@ -1,6 +1,6 @@
 """Arms that differ in nothing but where they learn."""
 
-from experiments.policy.scenes import TEACHER_SCENE, arms_of
+from experiments.policy.scenes import arms_of
 
 
 def test_other_flats_are_those_of_the_smaller_arms_and_more() -> None:
@@ -11,4 +11,3 @@ def test_other_flats_are_those_of_the_smaller_arms_and_more() -> None:
         "others-4": ("embedded:plan-0", "embedded:plan-1", "embedded:plan-2", "embedded:plan-3"),
     }
     assert {(arm.settings, arm.crowded) for arm in arms.values()} == {("", True)}
-    assert all(TEACHER_SCENE not in arm.scenes for arm in arms_of("embedded", [100]).values())
