@@ -6,8 +6,8 @@
 - others-N: learns in N other flats, `embedded:plan-0`, `embedded:plan-1`, ..., of other plans, furniture, colours
   and light; as many episodes in each of them as `same` has in SCENE
 
-How they are compared: `experiments.policy.arms`. The policy on states that labels all data learned in SCENE, also in the
-arms that never see it.
+How they are compared: `experiments.policy.arms`. The policy on states that labels all data learned in SCENE, also for
+the arms that never see it.
 """
 
 from collections.abc import Mapping, Sequence

@@ -85,7 +85,7 @@ def test_teacher_that_is_there_labels_all_and_names_the_comparison(job: arms.Job
     assert {option(command, "--teacher") for command in commands if command[0] == "generate"} == {str(tmp_path / "rl")}
     arms.prepare(taught)
     arms.prepare(dataclasses.replace(taught, teacher=write_state_policy(tmp_path / "copy")))
-    with pytest.raises(RunError, match="begun with teacher [0-9a-f]{64}"):
+    with pytest.raises(RunError, match=r"begun with teacher [0-9a-f]{64}"):
         arms.prepare(job)
 
 
