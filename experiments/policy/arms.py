@@ -1,13 +1,13 @@
 """Policies of equal budget and several seeds that differ in what they learn from, tried in the same episodes.
 
-An arm is what the data of its policies are recorded in: scenes and settings. One policy on states, that of --teacher or
-one that `readygo rl` trains where the policies are tried, labels all data, and drives, pushed off its way. From the data
-of an arm each seed trains perception and then a policy whose encoder that is (recipe `pretrained`); the policy of seed 0
-drives more episodes (DAgger), and the policies of all seeds learn from all of it. All of them are tried in the same
-episodes of the split test, among the two avatars of whom no data have one, beside the expert. The same command resumes
-where it was stopped; in a folder of another comparison it ends in a line. It prints one line of JSON for every policy
-and task, then one for every arm over its seeds, with 95 % intervals, and one for every comparison with the first arm;
-`--json FILE` writes all of it.
+An arm is what the data of its policies are recorded in: scenes and settings. One policy on states labels all data, and
+drives, pushed off its way: that of --teacher, or one that `readygo rl` trains where the policies are tried. From the
+data of an arm each seed trains perception and then a policy whose encoder that is (recipe `pretrained`); the policy of
+seed 0 drives more episodes (DAgger), and the policies of all seeds learn from all of it. All of them are tried in the
+same episodes of the split test, among the two avatars of whom no data have one, beside the expert. The same command
+resumes where it was stopped; in a folder of another comparison it ends in a line. It prints one line of JSON for every
+policy and task, then one for every arm over its seeds, with 95 % intervals, and one for every comparison with the first
+arm; `--json FILE` writes all of it.
 """
 
 import argparse
