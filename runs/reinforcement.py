@@ -1,11 +1,12 @@
-"""Trains a state policy: makes its world, and episodes of planner and animator, kept in the user's cache."""
+"""Trains a state policy: makes its worlds, and episodes of planner and animator, kept in the user's cache."""
 
 import dataclasses
 import functools
 import hashlib
 import importlib.metadata
 import json
-from collections.abc import Callable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +25,6 @@ from readygo.common.perception.noise import PerceptionNoise
 from readygo.common.state_policy.state_policy import StatePolicySpec, hold_steps_of
 from readygo.common.state_simulation.bank import EpisodeBank, join_banks, load_bank, make_bank
 from readygo.common.state_simulation.goal_distances import GoalDistances
-from readygo.common.state_simulation.world import StateWorld
 from readygo.runs.config import RunConfig
 from readygo.runs.demonstrations import Teacher
 from readygo.runs.identity import identity
@@ -75,7 +75,7 @@ def with_standing(config: RunConfig, standing_max: int) -> RunConfig:
 
 
 def run_reinforcement(
-    world: World,
+    worlds: Sequence[World],
     config: ReinforcementConfig,
     out: Path,
     *,
@@ -84,10 +84,10 @@ def run_reinforcement(
     draws: DrawShow = lambda split, done, total: None,
     show: Callable[[Mapping[str, Any], float], None] = lambda row, share: None,
 ) -> dict[str, Any]:
-    """Train a state policy in a world, with the seed of its run, or continue.
+    """Train a state policy in some scenes, with the seed of the first world's run, or continue.
 
     Args:
-        world: World of a run.
+        worlds: Worlds of runs with equal settings, each of another scene, which share episodes and robots equally.
         config: How to learn.
         out: Folder of the policy.
         decisions: Budget in decisions, including earlier calls; None takes the minutes.
@@ -100,38 +100,47 @@ def run_reinforcement(
 
     Raises:
         PolicyError: If torch is not installed, `out` has another training, or a command cannot be held as long.
-        SceneError: If the scene yields no episodes.
+        SceneError: If a scene yields no episodes.
     """
     with torch_needed():
-        from readygo.services.trainer import Budget, Training
+        from readygo.services.trainer import Budget, Place, Training
+    first = worlds[0]
     spec = StatePolicySpec(
-        robot=world.config.robot,
-        scene_hash=world.spec.scene_hash,
-        scene_name=world.scene.name,
+        robot=first.config.robot,
+        scenes={world.spec.scene_hash: world.scene.name for world in worlds},
         hold_s=config.hold_s,
         observation=config.observation,
         noise=config.noise,
-        training={"seed": world.spec.seed, "settings": section_to_mapping(config)},
+        training={"seed": first.spec.seed, "settings": section_to_mapping(config)},
     )
-    seen, budget = state_world(world, config.observation), Budget(decisions=decisions, minutes=minutes)
+    seen, budget = (
+        [state_world(world, config.observation) for world in worlds],
+        Budget(decisions=decisions, minutes=minutes),
+    )
     hold_steps_of(spec.robot, spec.hold_s)
-    train, val = (
-        draw_bank(world, split, count, functools.partial(draws, split))
-        for split, count in ((Split.TRAIN, config.train_episodes), (Split.VAL, config.val_episodes))
-    )
-    training = Training(seen, spec, config, (train, val), out, seed=world.spec.seed, origin=_digest(world, Split.TRAIN))
+    places = []
+    for world, of_scene in zip(worlds, seen, strict=True):
+        train, val = (
+            draw_bank(world, split, math.ceil(count / len(worlds)), functools.partial(draws, split))
+            for split, count in ((Split.TRAIN, config.train_episodes), (Split.VAL, config.val_episodes))
+        )
+        places.append(Place(world=of_scene, train=train, val=val))
+    origin = "+".join(_digest(world, Split.TRAIN) for world in worlds)
+    training = Training(places, spec, config, out, seed=first.spec.seed, origin=origin)
     if config.demonstrations and not training.progress.decisions:
-        _teach(world, seen, training, config.demonstrations)
+        teachers = [Teacher(world, each, goal_distances(world)) for world, each in zip(worlds, seen, strict=True)]
+        _teach(teachers, training, config.demonstrations)
     return training.run(budget, lambda row: show(row, budget.share(row["decisions"], 60.0 * row["minutes"])))
 
 
-def _teach(world: World, seen: StateWorld, training: "Training", count: int) -> None:
-    """Let the expert teach the actor, in `ROUNDS` rounds in which the policy drives more and more."""
-    teacher = Teacher(world, seen, goal_distances(world))
+def _teach(teachers: Sequence[Teacher], training: "Training", count: int) -> None:
+    """Let the experts of all scenes teach the actor, in `ROUNDS` rounds in which the policy drives more and more."""
     policy, known = training.policy, None
     for part in range(ROUNDS):
-        new = teacher.teach(policy, max(count // ROUNDS, 1), alone=part == 0)
-        known = new if known is None else known.joined(new)
+        for teacher in teachers:
+            new = teacher.teach(policy, max(count // (ROUNDS * len(teachers)), 1), alone=part == 0)
+            known = new if known is None else known.joined(new)
+        assert known is not None
         policy = training.teach(known.told, known.shares, epochs=EPOCHS)
     training.save()
 

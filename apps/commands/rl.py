@@ -17,7 +17,7 @@ from readygo.common.errors import RunError
 from readygo.common.messages import Split
 from readygo.common.perception.noise import EXACT, PERCEIVED
 from readygo.common.robot import load_robot
-from readygo.runs.config import load_run_config
+from readygo.runs.config import RunConfig, load_run_config
 from readygo.runs.reinforcement import DrawShow, make_reinforcement_config, run_reinforcement, with_standing
 from readygo.runs.scene_argument import open_scene
 from readygo.runs.sections import Keys, Sections
@@ -33,14 +33,15 @@ Show = Callable[[Mapping[str, Any], float], None]
 
 @dataclass(frozen=True, kw_only=True)
 class RlOptions:
-    """Train a policy by reinforcement (PPO) in one scene, without images; run again to resume.
+    """Train a policy by reinforcement (PPO) in some scenes, without images; run again to resume.
 
     The robot knows the scene's map and its pose; pedestrians are told by a tracker, from simulated detections. Then
     `readygo evaluate SCENE --methods rl expert --checkpoints FOLDER`, with the policy in FOLDER/rl.
     """
 
-    scene: Positional[str]
-    """Scene bundle, "embedded", "embedded:SEED" or "embedded:plan-SEED"."""
+    scenes: Positional[tuple[str, ...]]
+    """Scene bundles, "embedded", "embedded:SEED" or "embedded:plan-SEED"; one policy learns in all of them, which share
+    its robots and episodes equally."""
     out: Path
     """Folder of the policy: state_policy.toml, actor.npz, metrics.json, curve.jsonl, curve.svg, checkpoint."""
     minutes: float | None = None
@@ -66,20 +67,35 @@ class RlOptions:
 
 
 def rl(options: RlOptions) -> None:
-    """Train a policy by reinforcement (PPO) in one scene, without images; run again to resume."""
+    """Train a policy by reinforcement (PPO) in some scenes, without images; run again to resume."""
     minutes = _minutes(options)
     settings = make_reinforcement_config(NOISE[options.noise], options.keys)
     robot = load_robot(options.robot) if options.robot else None
     config = with_standing(load_run_config(options.config, robot, None, options.people), settings.standing_max)
-    spec = make_spec(
-        open_scene(options.scene), options.avatars, config, seed=options.seed, split=Split.TRAIN, static=False
-    )
-    world = World(spec)
+    worlds = _worlds(options, config)
     with _progress(PlainConsole(stderr=True), quiet=options.json) as (say, show):
         metrics = run_reinforcement(
-            world, settings, options.out, decisions=options.decisions, minutes=minutes, draws=say, show=show
+            worlds, settings, options.out, decisions=options.decisions, minutes=minutes, draws=say, show=show
         )
-    _report(metrics, options, world.scene.name)
+    _report(metrics, options, ", ".join(world.scene.name for world in worlds))
+
+
+def _worlds(options: RlOptions, config: RunConfig) -> list[World]:
+    """The worlds of all scenes.
+
+    Raises:
+        RunError: If no scene is named, or one twice.
+        SceneError: If there is no such scene.
+    """
+    if not options.scenes:
+        raise RunError('Name a scene: a bundle, or "embedded".')
+    worlds: list[World] = []
+    for scene in options.scenes:
+        spec = make_spec(open_scene(scene), options.avatars, config, seed=options.seed, split=Split.TRAIN, static=False)
+        if spec.scene_hash in [world.spec.scene_hash for world in worlds]:
+            raise RunError(f"Scene {scene} is named twice; name each scene once.")
+        worlds.append(World(spec))
+    return worlds
 
 
 def _minutes(options: RlOptions) -> float | None:
@@ -128,4 +144,4 @@ def _report(metrics: Mapping[str, Any], options: RlOptions, scene: str) -> None:
         f"static {100 * metrics['val_static']:.1f} %, dynamic {100 * metrics['val_dynamic']:.1f} %."
     )
     methods = f"--methods {options.out.name} expert --checkpoints {options.out.parent}"
-    console.print(f"Next: readygo evaluate {options.scene} {methods}", markup=False)
+    console.print(f"Next: readygo evaluate {options.scenes[0]} {methods}", markup=False)

@@ -3,7 +3,7 @@
     RUN/people/         varied avatars that walk in the data
     RUN/data/NAME/      a data folder for every scene, and NAME-crowd/ with more humans at a time
     RUN/perception/     the network, with its checkpoint
-    RUN/rl/             a policy on states of `readygo rl`, trained meanwhile on another core in the first scene
+    RUN/rl/             a policy on states of `readygo rl`, trained meanwhile on another core
     RUN/evaluation/     the test episodes; report.html shows all of it
     RUN/perceive.json   the scenes, and the episodes that each of them has
     RUN/settings.toml   the settings of the test, for `--config`
@@ -309,7 +309,7 @@ def variants_of(minutes: float) -> int:
 
 
 def has_policy_on_states(plan: PerceivePlan) -> bool:
-    """True if a policy on states is trained beside, in the first scene: on a separate core."""
+    """True if a policy on states is trained beside: on a separate core."""
     return cores_here() > 1
 
 
@@ -330,7 +330,7 @@ def _reinforcement(plan: PerceivePlan, lock: IO[str]) -> Iterator[Callable[[], N
         return
     episodes, lessons = (max(20, min(int(each * plan.minutes), most)) for each, most in (RL_EPISODES, RL_LESSONS))
     command = [
-        *(sys.executable, "-m", "readygo", "rl", plan.scenes[0], "--out", str(plan.out / RL)),
+        *(sys.executable, "-m", "readygo", "rl", *plan.scenes, "--out", str(plan.out / RL)),
         *("--config", str(plan.out / SETTINGS_FILE), "--seed", str(plan.seed)),
         *("--minutes", f"{RL_SHARE * plan.minutes:g}"),
         *("--train-episodes", str(episodes), "--val-episodes", str(min(episodes, 400))),

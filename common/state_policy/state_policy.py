@@ -23,7 +23,7 @@ from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import TURN_SHARES, command_grid, speed_shares
 from readygo.common.state_simulation.world import ObservationConfig
 
-STATE_POLICY_FORMAT = "readygo-state-policy/1"
+STATE_POLICY_FORMAT = "readygo-state-policy/2"
 STATE_POLICY_FILE, ACTOR_FILE = "state_policy.toml", "actor.npz"
 _ACTOR_BYTES_MAX = 64 << 20
 
@@ -36,9 +36,8 @@ class StatePolicySpec:
     """What a state policy was trained for."""
 
     robot: RobotConfig
-    scene_hash: str
-    """Content hash of the scene whose map it knows."""
-    scene_name: str = ""
+    scenes: Mapping[str, str]
+    """Name of each scene where it was trained, by its content hash."""
     hold_s: float = 0.2
     """Time that a command is held [s]."""
     observation: ObservationConfig = field(default_factory=ObservationConfig)

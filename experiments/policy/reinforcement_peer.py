@@ -94,7 +94,7 @@ def main() -> None:
     config = ReinforcementConfig(train_episodes=options.episodes, demonstrations=0)
     world = evaluation_world("embedded", RunConfig(), avatars=None, seed=0, split=Split.TRAIN)
     with TemporaryDirectory() as folder:
-        ours = run_reinforcement(world, config, Path(folder), decisions=options.decisions, minutes=None)
+        ours = run_reinforcement([world], config, Path(folder), decisions=options.decisions, minutes=None)
     names = ("val_static", "val_dynamic", "decisions_per_s")
     print(json.dumps({"learner": "readygo", **{name: ours[name] for name in names}}))
     ppo, robots = config.ppo, Robots(config.ppo.robots, options.episodes, config)
@@ -121,7 +121,9 @@ def main() -> None:
     peer.learn(options.decisions)
     spent_s = time.process_time() - began_s
     actor = torch.nn.Sequential(*peer.policy.mlp_extractor.policy_net, peer.policy.action_net)
-    spec = StatePolicySpec(robot=world.config.robot, scene_hash=world.spec.scene_hash, noise=config.noise)
+    spec = StatePolicySpec(
+        robot=world.config.robot, scenes={world.spec.scene_hash: world.scene.name}, noise=config.noise
+    )
     policy = StatePolicy(spec=spec, layers=layers_of(actor))
     val = draw_bank(world, Split.VAL, config.val_episodes)
     numbers = tracker_numbers(config.noise, world.config.robot.clock)

@@ -68,8 +68,8 @@ def inputs_of(driver: str, checkpoints: Path, scenes: Mapping[str, str]) -> Driv
         return DriverInputs(
             map=True,
             people="detected, in view",
-            trained_on=state.scene_name or state.scene_hash[:12],
-            seen=_seen(scenes, {state.scene_hash}),
+            trained_on=", ".join(name or sha256[:12] for sha256, name in state.scenes.items()),
+            seen=_seen(scenes, state.scenes.keys()),
         )
     for folder in other_policies([driver], checkpoints).values():
         return _inputs_of_policy(load_spec(folder), scenes)

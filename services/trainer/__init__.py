@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from readygo.services.trainer.reinforcement.config import PpoConfig as PpoConfig
     from readygo.services.trainer.reinforcement.config import ReinforcementConfig as ReinforcementConfig
     from readygo.services.trainer.reinforcement.run import Budget as Budget
+    from readygo.services.trainer.reinforcement.run import Place as Place
     from readygo.services.trainer.reinforcement.run import Training as Training
     from readygo.services.trainer.run import Evaluate as Evaluate
     from readygo.services.trainer.run import TrainProgress as TrainProgress
@@ -74,6 +75,7 @@ else:
         ),
         ".reinforcement.run": (
             "Budget",
+            "Place",
             "Training",
         ),
         ".run": (

@@ -28,7 +28,7 @@ PLAIN = dataclasses.replace(with_expert(SPEC), config=resolved_sections(CONFIG))
 
 @pytest.fixture
 def teacher(tmp_path: Path) -> Path:
-    return write_state_policy(tmp_path / "teacher", scene_name="hall")
+    return write_state_policy(tmp_path / "teacher")
 
 
 def test_run_with_a_teacher_says_who_labels(teacher: Path) -> None:
@@ -46,8 +46,8 @@ def test_run_with_a_teacher_says_who_labels(teacher: Path) -> None:
 
 
 def test_teacher_is_part_of_a_runs_name_and_its_place_is_not(teacher: Path, tmp_path: Path) -> None:
-    same = write_state_policy(tmp_path / "copy", scene_name="hall")
-    other = write_state_policy(tmp_path / "other", scene_name="hall", seed=1)
+    same = write_state_policy(tmp_path / "copy")
+    other = write_state_policy(tmp_path / "other", seed=1)
     names = [with_teacher(PLAIN, CONFIG, folder).run for folder in (teacher, same, other)]
     assert names[0] == names[1]
     assert len({PLAIN.run, *names}) == 3
@@ -108,13 +108,13 @@ def test_worker_without_the_teacher_fetches_it_from_the_run(
     away = dataclasses.replace(spec, teacher=dataclasses.replace(spec.teacher, path=str(tmp_path / "not-here")))
     fetched = World(away, bus).teacher
     assert fetched is not None
-    assert fetched.spec.scene_name == "hall"
+    assert list(fetched.spec.scenes.values()) == ["hall"]
     assert (tmp_path / "cache" / "readygo" / "teachers" / spec.teacher.sha256 / "actor.npz").is_file()
     assert World(PLAIN, bus).teacher is None
 
 
 def test_teacher_that_was_trained_on_since_the_run_began_is_refused(teacher: Path) -> None:
     spec = with_teacher(PLAIN, CONFIG, teacher)
-    write_state_policy(teacher, scene_name="hall", seed=1)
+    write_state_policy(teacher, seed=1)
     with pytest.raises(RunError, match=r"Teacher .*teacher has changed since the run began; record into a new folder"):
         _ = World(spec).teacher

@@ -17,6 +17,7 @@ import torch
 from torch import nn
 
 from readygo.common.arrays import Float32Array, Float64Array
+from readygo.common.state_simulation.joined import JoinedSimulation
 from readygo.common.state_simulation.simulation import StateSimulation
 from readygo.services.trainer.reinforcement.config import PpoConfig
 from readygo.services.trainer.reinforcement.networks import make_network
@@ -68,7 +69,7 @@ class _Batch(NamedTuple):
 class Learner:
     """Actor, critic and their optimizer, with the robots that they learn from."""
 
-    simulation: StateSimulation
+    simulation: StateSimulation | JoinedSimulation
     commands: Float64Array
     """v [m/s], w [rad/s] of every action, shape (A, 2)."""
     config: PpoConfig

@@ -9,9 +9,10 @@ import json
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from readygo.common.files import write_then_rename, write_whole
 from readygo.common.state_policy.commands import StateCommands
 from readygo.common.state_policy.state_policy import StatePolicy, StatePolicySpec, grid_weights
 from readygo.common.state_simulation.bank import EpisodeBank
+from readygo.common.state_simulation.joined import JoinedSimulation
 from readygo.common.state_simulation.simulation import (
     HUMAN_COLLISION,
     RUNNING,
@@ -45,6 +47,8 @@ CHECKPOINT_S = 60.0
 """Wall time between two checkpoints [s]."""
 TASKS = {"static": False, "dynamic": True}
 _FALLS_TO = 0.05
+SEED_STEP = 1_000_003
+"""From the seed of one scene's robots to that of the next."""
 Show = Callable[[Mapping[str, Any]], None]
 
 
@@ -74,15 +78,26 @@ class Progress:
     """Best mean of static and dynamic success on split val."""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Place:
+    """A scene in which robots learn."""
+
+    world: StateWorld
+    """Scene, robot and rules."""
+    train: EpisodeBank
+    """Episodes of split train."""
+    val: EpisodeBank
+    """Episodes of split val."""
+
+
 class Training:
     """One training in one folder."""
 
     def __init__(
         self,
-        world: StateWorld,
+        places: Sequence[Place],
         spec: StatePolicySpec,
         config: ReinforcementConfig,
-        banks: tuple[EpisodeBank, EpisodeBank],
         out: Path,
         *,
         seed: int,
@@ -91,10 +106,9 @@ class Training:
         """Begin, or continue from the folder's checkpoint.
 
         Args:
-            world: Scene, robot and rules.
+            places: Scenes, one or more, with as many people in an episode at most.
             spec: Spec of the policy.
             config: How it learns.
-            banks: Episodes of split train and of split val.
             out: Folder of the policy.
             seed: Seed of weights, episodes and decisions.
             origin: What the episodes follow from besides settings and seed; the same when the training continues.
@@ -111,12 +125,20 @@ class Training:
             repeats=config.repeats,
             reward=config.reward,
         )
-        train, val = banks
-        simulation = StateSimulation(world, train, numbers, config.ppo.robots, config=plays, seed=seed)
+        parts = [
+            StateSimulation(place.world, place.train, numbers, len(robots), config=plays, seed=seed + SEED_STEP * k)
+            for k, (place, robots) in enumerate(
+                zip(places, np.array_split(np.arange(config.ppo.robots), len(places)), strict=True)
+            )
+        ]
+        simulation = parts[0] if len(parts) == 1 else JoinedSimulation(parts)
         simulation.begin_anywhere()
         commands = StatePolicy(spec=spec, layers=[]).commands
         self.learner = Learner(simulation, commands, config.ppo, seed=seed)
-        self._val = StateSimulation(world, val, numbers, len(val), config=plays, knows_truth=False)
+        self._val = [
+            StateSimulation(place.world, place.val, numbers, len(place.val), config=plays, knows_truth=False)
+            for place in places
+        ]
         self._identity = json.dumps(
             {"config": section_to_mapping(config), "seed": seed, "origin": origin}, sort_keys=True
         )
@@ -176,7 +198,10 @@ class Training:
     def _measure(self, figures: UpdateFigures) -> dict[str, Any]:
         """Measure on split val, note it, keep the weights if they are the best."""
         progress, policy = self.progress, self.policy
-        val = {task: success_rate(policy, self._val, dynamic=dynamic) for task, dynamic in TASKS.items()}
+        val = {
+            task: fmean(success_rate(policy, simulation, dynamic=dynamic) for simulation in self._val)
+            for task, dynamic in TASKS.items()
+        }
         row = {
             "decisions": progress.decisions,
             "minutes": round(progress.spent_s / 60.0, 3),
@@ -211,7 +236,7 @@ class Training:
             "chosen_decisions": chosen["decisions"],
             "val_static": chosen["val_static"],
             "val_dynamic": chosen["val_dynamic"],
-            "val_episodes": len(self._val),
+            "val_episodes": sum(map(len, self._val)),
             "parameters": sum(weight.numel() for weight in self.learner.actor.parameters()),
         }
         write_whole(self._out / METRICS_FILE, json.dumps(metrics, indent=2) + "\n", raises=PolicyError)

@@ -33,7 +33,6 @@ from readygo.common.dataset import Dataset, validate
 from readygo.common.dataset.provenance import TeacherOrigin
 from readygo.common.errors import CertificateError, ConfigError, RunError
 from readygo.common.messages import DriverKind, StatusReply
-from readygo.common.scenes import load_scene
 from readygo.runs.folder import RunFolder
 from tests.common.messages.run_specs import SPEC
 from tests.common.policy.artifacts import ROBOT, write_policy
@@ -210,9 +209,8 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def teacher(scene: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder, content = tmp_path_factory.mktemp("teacher"), load_scene(scene).content_hash
-    return write_state_policy(folder, robot=ROBOT, scene_hash=content, scene_name="embedded")
+def teacher(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_state_policy(tmp_path_factory.mktemp("teacher"), robot=ROBOT)
 
 
 @pytest.fixture(scope="module")

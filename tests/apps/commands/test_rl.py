@@ -7,6 +7,8 @@ import pytest
 from readygo.__main__ import main
 from readygo.apps.commands.rl import RlOptions, rl
 from readygo.common.errors import ConfigError, PolicyError, RunError, SceneError
+from readygo.common.state_policy.state_policy import load_state_policy
+from readygo.runs.scene_argument import open_scene
 
 torch = pytest.importorskip("torch", reason="torch (extra train) is not installed")
 
@@ -48,6 +50,23 @@ def test_policy_is_trained_and_the_next_command_is_said(
         assert "other settings, seed, scene, robot or people" in capsys.readouterr().err
 
 
+def test_one_policy_learns_in_several_scenes_and_resumes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["rl", "embedded", "embedded:plan-1", "--decisions", "256", *SMALL, "--demonstrations", "10"]
+    assert _run([*command, "--out", str(tmp_path / "rl")], monkeypatch) == 0
+    said = capsys.readouterr().out
+    assert "4 episodes of split val in embedded, embedded-plan-1" in said
+    spec = load_state_policy(tmp_path / "rl").spec
+    assert list(spec.scenes.values()) == ["embedded", "embedded-plan-1"]
+    assert list(spec.scenes) == [open_scene(name).content_hash for name in command[1:3]]
+    longer = [*command[:3], "--decisions", "512", *command[5:], "--out", str(tmp_path / "rl")]
+    assert _run(longer, monkeypatch) == 0
+    assert "512 decisions" in capsys.readouterr().out
+    assert _run([*longer[:1], *longer[2:]], monkeypatch) == 2
+    assert "other settings, seed, scene, robot or people" in capsys.readouterr().err
+
+
 def test_expert_teaches_first_where_it_is_asked_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     command = ["rl", "embedded", "--out", str(tmp_path), "--decisions", "256", *SMALL, "--demonstrations", "5"]
     assert _run(command, monkeypatch) == 0
@@ -56,12 +75,16 @@ def test_expert_teaches_first_where_it_is_asked_to(tmp_path: Path, monkeypatch: 
 
 def test_bad_input_is_said_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="not both"):
-        rl(RlOptions(scene="embedded", out=tmp_path, minutes=1.0, decisions=5))
+        rl(RlOptions(scenes=("embedded",), out=tmp_path, minutes=1.0, decisions=5))
     with pytest.raises(RunError, match="--minutes must be positive"):
-        rl(RlOptions(scene="embedded", out=tmp_path, minutes=-1.0))
+        rl(RlOptions(scenes=("embedded",), out=tmp_path, minutes=-1.0))
     with pytest.raises(ConfigError, match="gamma"):
-        rl(RlOptions(scene="embedded", out=tmp_path, keys={"ppo": {"gamma": 3.0}}))
+        rl(RlOptions(scenes=("embedded",), out=tmp_path, keys={"ppo": {"gamma": 3.0}}))
     with pytest.raises(SceneError):
-        rl(RlOptions(scene=str(tmp_path / "nowhere"), out=tmp_path))
+        rl(RlOptions(scenes=(str(tmp_path / "nowhere"),), out=tmp_path))
+    with pytest.raises(RunError, match="Name a scene"):
+        rl(RlOptions(scenes=(), out=tmp_path))
+    with pytest.raises(RunError, match="embedded is named twice; name each scene once"):
+        rl(RlOptions(scenes=("embedded:1", "embedded", "embedded"), out=tmp_path))
     with pytest.raises(PolicyError, match="held"):
-        rl(RlOptions(scene="embedded", out=tmp_path, decisions=1, keys={"hold_s": 0.13}))
+        rl(RlOptions(scenes=("embedded",), out=tmp_path, decisions=1, keys={"hold_s": 0.13}))

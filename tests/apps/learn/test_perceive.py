@@ -284,7 +284,7 @@ def test_driver_of_several_scenes_is_chosen_by_all_of_them(
     monkeypatch.setattr(module, "named_methods", lambda *_: {})
     learned = learn_to_perceive(plan_of(tmp_path / "run", "embedded", "embedded:1"), episodes=1)
     (command,) = rl
-    assert command[2:5] == ["readygo", "rl", "embedded"]
+    assert command[2:6] == ["readygo", "rl", "embedded", "embedded:1"]
     assert asked == [("embedded", 15), ("embedded:1", 15)]
     assert learned.val == pytest.approx({"perceive-and-act": 0.55, "perceive-and-plan": 0.35})
     assert learned.method == "perceive-and-act"

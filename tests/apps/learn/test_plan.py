@@ -135,8 +135,7 @@ def test_run_goes_on_only_as_what_it_is(tmp_path: Path) -> None:
 
 
 def test_teacher_is_part_of_the_run(tmp_path: Path) -> None:
-    scene_hash = open_scene("embedded").content_hash
-    first, other = (write_state_policy(tmp_path / f"{k}", scene_hash=scene_hash, seed=k) for k in range(2))
+    first, other = (write_state_policy(tmp_path / f"{k}", seed=k) for k in range(2))
     plan = plan_of(tmp_path / "run", teacher=first)
     (place,) = plan.places
     assert place.spec.teacher is not None

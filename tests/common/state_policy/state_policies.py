@@ -18,7 +18,7 @@ TOLD_COUNT = PEOPLE + ObservationConfig().people * PERSON_COUNT + (1 + len(ARC_S
 
 def make_state_policy(noise: PerceptionNoise = PERCEIVED, seed: int = 0, **changes: Any) -> StatePolicy:
     """A policy of one hidden layer that has learned nothing, with changes of its spec."""
-    known = {"robot": RobotConfig(), "scene_hash": "0" * 64, "noise": noise}
+    known = {"robot": RobotConfig(), "scenes": {"0" * 64: "hall"}, "noise": noise}
     rng, spec = np.random.default_rng(seed), StatePolicySpec(**{**known, **changes})
     sizes = [TOLD_COUNT, 16, len(commands_of(spec.robot))]
     layers = [

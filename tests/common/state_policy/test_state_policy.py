@@ -9,6 +9,7 @@ from readygo.common.robot import RobotConfig
 from readygo.common.state_policy.state_policy import (
     ACTOR_FILE,
     STATE_POLICY_FILE,
+    STATE_POLICY_FORMAT,
     StatePolicySpec,
     commands_of,
     forward,
@@ -41,7 +42,7 @@ def test_damage_is_said_in_one_line(tmp_path: Path) -> None:
         load_state_policy(tmp_path)
     folder = write_state_policy(tmp_path / "policy")
     text = (folder / STATE_POLICY_FILE).read_text()
-    (folder / STATE_POLICY_FILE).write_text(text.replace("state-policy/1", "state-policy/9"))
+    (folder / STATE_POLICY_FILE).write_text(text.replace(STATE_POLICY_FORMAT, "readygo-state-policy/1"))
     with pytest.raises(PolicyError, match="train it again"):
         load_state_policy(folder)
     (folder / STATE_POLICY_FILE).write_text(text)
@@ -56,7 +57,7 @@ def test_damage_is_said_in_one_line(tmp_path: Path) -> None:
 def test_commands_are_held_for_whole_steps_of_the_robot() -> None:
     robot = dataclasses.replace(RobotConfig(), control_hz=10)
     assert hold_steps_of(robot, 0.2) == 4
-    assert StatePolicySpec(robot=robot, scene_hash="", hold_s=0.3).hold_steps == 6
+    assert StatePolicySpec(robot=robot, scenes={}, hold_s=0.3).hold_steps == 6
     with pytest.raises(PolicyError, match="multiple"):
         hold_steps_of(robot, 0.25)
 

@@ -25,24 +25,26 @@ def drawn() -> Drawn:
     return draw(8)
 
 
-def training(drawn: Drawn, out: Path, seed: int = 0, origin: str = "flat"):
-    from readygo.services.trainer.reinforcement.run import Training
+def training(drawn: Drawn, out: Path, seed: int = 0, origin: str = "flat", scenes: int = 1):
+    from readygo.services.trainer.reinforcement.run import Place, Training
 
     ppo = PpoConfig(robots=16, stretch=8, minibatches=2, actor_widths=(16,), critic_widths=(16,))
     config = ReinforcementConfig(ppo=ppo, val_every=256, demonstrations=0)
-    spec = StatePolicySpec(robot=drawn.world.config.robot, scene_hash="0" * 64, noise=PERCEIVED)
-    return Training(drawn.state_world, spec, config, (drawn.bank, drawn.bank.first(4)), out, seed=seed, origin=origin)
+    spec = StatePolicySpec(robot=drawn.world.config.robot, scenes={"0" * 64: "flat"}, noise=PERCEIVED)
+    place = Place(world=drawn.state_world, train=drawn.bank, val=drawn.bank.first(4))
+    return Training([place] * scenes, spec, config, out, seed=seed, origin=origin)
 
 
-def test_resumed_training_ends_as_one_without_interruption(drawn: Drawn, tmp_path: Path) -> None:
+@pytest.mark.parametrize("scenes", [1, 3])
+def test_resumed_training_ends_as_one_without_interruption(drawn: Drawn, tmp_path: Path, scenes: int) -> None:
     from readygo.services.trainer.reinforcement.run import Budget
 
     rows: list[object] = []
-    whole = training(drawn, tmp_path / "whole").run(Budget(decisions=1024), rows.append)
+    whole = training(drawn, tmp_path / "whole", scenes=scenes).run(Budget(decisions=1024), rows.append)
     assert len(rows) == 4
     assert whole["decisions"] == 1024
     # The learning rate follows the budget: the same one, interrupted.
-    first = training(drawn, tmp_path / "parts")
+    first = training(drawn, tmp_path / "parts", scenes=scenes)
 
     def interrupt(row) -> None:
         if row["decisions"] >= 512:
@@ -51,7 +53,7 @@ def test_resumed_training_ends_as_one_without_interruption(drawn: Drawn, tmp_pat
 
     with pytest.raises(KeyboardInterrupt):
         first.run(Budget(decisions=1024), interrupt)
-    training(drawn, tmp_path / "parts").run(Budget(decisions=1024))
+    training(drawn, tmp_path / "parts", scenes=scenes).run(Budget(decisions=1024))
     told = np.random.default_rng(0).normal(size=(5, TOLD_COUNT)).astype(np.float32)
     one, two = (load_state_policy(tmp_path / name) for name in ("whole", "parts"))
     assert np.array_equal(one.logits(told), two.logits(told))
