@@ -75,7 +75,7 @@ FORMAT = "readygo-perceive/2"
 ROBOT = RobotConfig()
 STATE_FILE, SETTINGS_FILE = "perceive.json", "settings.toml"
 VARIANTS_A_MINUTE, VARIANTS = 4, (56, 200)
-"""Varied avatars that walk in the data: per minute of the run; at least, and at most. Each takes about 2 s."""
+"""Varied avatars that walk in the data: per minute of the run; at least, and at most. Each takes about 1 s."""
 RECORD_SHARE = 0.35
 """Share of the time in which data are recorded."""
 CAMERA_HZ = 5.0
