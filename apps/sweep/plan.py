@@ -61,7 +61,7 @@ class SweepFile:
     command: str = ""
     """Name of the command, such as "learn" or "benchmark run"."""
     scenes: tuple[Any, ...] = ()
-    """Scenes as on the command line; an inner array is one point that has several scenes, for `learn`."""
+    """Scenes as on the command line; an inner array is one point that has several scenes, for `learn` and `rl`."""
     seeds: tuple[int, ...] = (0,)
     """Seeds, each of which is a point."""
     options: Mapping[str, Any] = field(default_factory=dict)
