@@ -1,7 +1,7 @@
 """Origin of a policy's data, in `[training.data]` of its policy.toml: the defaults of evaluations."""
 
 import dataclasses
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -44,13 +44,13 @@ class DataOrigin:
 
 
 def origin_of_runs(specs: Iterable[RunSpec]) -> DataOrigin:
-    """The origin of some runs' data; settings and the path of the avatars are those of the first run."""
+    """The origin of some runs' data; settings are those that all share, the path of the avatars is the first run's."""
     runs = list(specs)
     return _origin([Provenance.of_run(spec) for spec in runs], runs[0].avatars_path)
 
 
 def origin_of_data(folders: Iterable[Path]) -> DataOrigin:
-    """The origin of recorded data; settings and the path of the avatars are those of the first folder.
+    """The origin of recorded data; settings are those that all share, the path of the avatars is the first folder's.
 
     Raises:
         DatasetError: If the data cannot be read.
@@ -183,8 +183,24 @@ def check_unseen(spec: PolicySpec, run: RunSpec, unseen: Collection[str]) -> Non
         )
 
 
+def _shared(configs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Settings by section that are the same in all runs: data of several scenario mixes have that of none of them."""
+    first, *others = configs
+    return {
+        section: {
+            key: value for key, value in keys.items() if all(_value(each, section, key) == value for each in others)
+        }
+        for section, keys in first.items()
+        if isinstance(keys, Mapping)
+    }
+
+
+def _value(config: Mapping[str, Any], section: str, key: str) -> Any:
+    return config.get(section, {}).get(key)
+
+
 def _origin(runs: list[Provenance], avatars_path: str) -> DataOrigin:
-    config = runs[0].config or {}
+    config = _shared([run.config or {} for run in runs])
     renderer = config.get("renderer", {})
     sections = {
         **{name: config[name] for name in (*_HUMANS, "animator") if name in config},

@@ -160,3 +160,13 @@ def test_who_is_absent_in_the_data_comes_to_the_tests_of_the_policy() -> None:
     config = RunConfig(human_planner=HumanPlannerConfig(absent=0.4, absent_first=300, slope_max=0.7))
     tried = settings_of_policy(with_origin(SPEC, origin_of_runs([run_of(config, None)]))).human_planner
     assert (tried.absent, tried.absent_first, tried.slope_max) == (0.0, 0, 0.7)
+
+
+def test_policy_of_several_mixes_is_tested_in_the_default_one_with_what_they_share() -> None:
+    shared = {"human_planner": {"slope_max": 0.7}, "episode": {"time_limit_s": 40.0}, "renderer": {"detail": "lod"}}
+    runs = [run_of(load_run_config(None, people=people, keys=shared), None) for people in ("crowd", "paper")]
+    for order in (runs, runs[::-1]):
+        settings = settings_of_policy(with_origin(SPEC, origin_of_runs(order)))
+        paper = load_run_config(None, keys=shared)
+        assert (settings.human_planner, settings.episode) == (paper.human_planner, paper.episode)
+        assert settings.renderer.detail == "lod"
