@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from readygo.common.config import section_to_mapping
-from readygo.common.errors import SceneError
+from readygo.common.errors import ConfigError, SceneError
 from readygo.common.files import cache_folder
 from readygo.common.messages import (
     AnimateRequest,
@@ -101,10 +101,13 @@ def run_reinforcement(
     Raises:
         PolicyError: If torch is not installed, `out` has another training, or a command cannot be held as long.
         SceneError: If a scene yields no episodes.
+        ConfigError: If there are fewer robots than scenes.
     """
     with torch_needed():
         from readygo.services.trainer import Budget, Place, Training
-    first = worlds[0]
+    first, robots = worlds[0], config.ppo.robots
+    if robots < len(worlds):
+        raise ConfigError(f"--ppo.robots {robots} are too few for {len(worlds)} scenes: each has one or more.")
     spec = StatePolicySpec(
         robot=first.config.robot,
         scenes={world.spec.scene_hash: world.scene.name for world in worlds},

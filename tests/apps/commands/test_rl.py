@@ -86,5 +86,7 @@ def test_bad_input_is_said_in_one_line(tmp_path: Path) -> None:
         rl(RlOptions(scenes=(), out=tmp_path))
     with pytest.raises(RunError, match="embedded is named twice; name each scene once"):
         rl(RlOptions(scenes=("embedded:1", "embedded", "embedded"), out=tmp_path))
+    with pytest.raises(ConfigError, match=r"--ppo\.robots 1 are too few for 2 scenes"):
+        rl(RlOptions(scenes=("embedded", "embedded:1"), out=tmp_path, keys={"ppo": {"robots": 1, "minibatches": 1}}))
     with pytest.raises(PolicyError, match="held"):
         rl(RlOptions(scenes=("embedded",), out=tmp_path, decisions=1, keys={"hold_s": 0.13}))
