@@ -116,10 +116,8 @@ def run_reinforcement(
         noise=config.noise,
         training={"seed": first.spec.seed, "settings": section_to_mapping(config)},
     )
-    seen, budget = (
-        [state_world(world, config.observation) for world in worlds],
-        Budget(decisions=decisions, minutes=minutes),
-    )
+    seen = [state_world(world, config.observation) for world in worlds]
+    budget = Budget(decisions=decisions, minutes=minutes)
     hold_steps_of(spec.robot, spec.hold_s)
     places = []
     for world, of_scene in zip(worlds, seen, strict=True):

@@ -71,7 +71,7 @@ from readygo.services.planner import MixName
 from readygo.services.renderer import RendererConfig
 from readygo.services.trainer import PerceptionConfig
 
-FORMAT = "readygo-perceive/2"
+FORMAT = "readygo-perceive/3"
 ROBOT = RobotConfig()
 STATE_FILE, SETTINGS_FILE = "perceive.json", "settings.toml"
 VARIANTS_A_MINUTE, VARIANTS = 4, (56, 200)

@@ -24,7 +24,12 @@ from readygo.common.drawing.charts import Curve, line_chart, write_chart
 from readygo.common.errors import PolicyError
 from readygo.common.files import write_then_rename, write_whole
 from readygo.common.state_policy.commands import StateCommands
-from readygo.common.state_policy.state_policy import StatePolicy, StatePolicySpec, grid_weights
+from readygo.common.state_policy.state_policy import (
+    STATE_POLICY_FORMAT,
+    StatePolicy,
+    StatePolicySpec,
+    grid_weights,
+)
 from readygo.common.state_simulation.bank import EpisodeBank
 from readygo.common.state_simulation.joined import JoinedSimulation
 from readygo.common.state_simulation.simulation import (
@@ -140,7 +145,8 @@ class Training:
             for place in places
         ]
         self._identity = json.dumps(
-            {"config": section_to_mapping(config), "seed": seed, "origin": origin}, sort_keys=True
+            {"format": STATE_POLICY_FORMAT, "config": section_to_mapping(config), "seed": seed, "origin": origin},
+            sort_keys=True,
         )
         if (out / CHECKPOINT_FILE).exists():
             self._resume()
