@@ -92,14 +92,18 @@ def _section(table: Table, name: str, kept: Mapping[str, Any]) -> Iterator[str]:
     for task, methods in table.measures.items():
         for method, measures in methods.items():
             cells = [_cell(measures.get(measure), factor) for measure, factor in COLUMNS.values()]
-            compared = [_beside(beside.get((task, method, reference))) for reference in references]
-            yield f"| {' | '.join([task, method, *cells, str(measures['success']['count']), *compared])} |"
+            count = measures["success"]["count"]
+            compared = [_beside(beside.get((task, method, reference)), count) for reference in references]
+            yield f"| {' | '.join([task, method, *cells, str(count), *compared])} |"
 
 
-def _beside(found: Mapping[str, Any] | None) -> str:
+def _beside(found: Mapping[str, Any] | None, count: int) -> str:
+    """A comparison; with the number of its episodes where the method drove more than these."""
     if found is None:
         return ""
-    return f"+{found['only_method']} -{found['only_reference']}, p {found['mcnemar_p']:.2g}"
+    both = found.get("episodes", count)
+    of = "" if both >= count else f" (of {both})"
+    return f"+{found['only_method']} -{found['only_reference']}{of}, p {found['mcnemar_p']:.2g}"
 
 
 def _cell(score: Mapping[str, Any] | None, factor: float) -> str:

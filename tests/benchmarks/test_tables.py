@@ -42,6 +42,12 @@ def test_rates_are_per_cent_with_their_intervals(tmp_path):
     assert text.count("\n## ") == 1
 
 
+def test_comparison_of_fewer_episodes_than_were_driven_says_so(tmp_path):
+    kept = {"measures": MEASURES, "comparisons": [{**COMPARISON, "episodes": 13}]}
+    (tmp_path / "a.json").write_text(json.dumps(kept))
+    assert "| 20 | +2 -7 (of 13), p 0.18 |" in page(tmp_path)
+
+
 def test_every_scene_of_a_comparison_has_a_table_and_what_is_no_rate_has_none():
     scenes = {scene: {"measures": MEASURES, "comparisons": []} for scene in ("embedded", "embedded:1")}
     assert [table.title for table in tables_of({"scenes": scenes})] == ["realism in embedded", "realism in embedded:1"]
