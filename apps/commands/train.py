@@ -43,6 +43,7 @@ NETWORK_KEYS = ("threads", "cache_mb", "batch_size", "learning_rate", "validatio
 """Keys that the training of a published network has as well."""
 PERCEPTION_KEYS = (
     "threads",
+    "device",
     "precision",
     "memory_mb",
     "batch_size",

@@ -180,6 +180,8 @@ def _builder(hint: Any) -> _Build:
     What it makes raises TypeError or ValueError at anything else.
     """
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    # From numpy 2.5 on, NDArray is a type alias on Python 3.12 and newer.
+    origin = typing.get_origin(getattr(origin, "__value__", None)) or origin
     if isinstance(hint, type) and dataclasses.is_dataclass(hint):
         return _of_dataclass(hint)
     if origin is tuple:

@@ -18,7 +18,7 @@ class RendererConfig:
 
     backend: Backend = "cpu"
     """"reference" is the slow oracle of `readygo.common.rasterizer.reference`: seconds per image; "triton" and "gsplat"
-    draw on a GPU and are experimental: no GPU has measured them yet, see `common/rasterizer/gpu`."""
+    draw on a GPU and are experimental, see `common/rasterizer/gpu`."""
     image_format: Literal["jpeg", "png"] = "jpeg"
     """Encoding of recorded images; "png" is lossless."""
     jpeg_quality: int = 90

@@ -125,7 +125,8 @@ class TrainConfig:
     """One training run."""
 
     minutes: Positive = 10.0
-    """Processor time of each training thread; runs that continue count that of the earlier ones [min]."""
+    """Processor time of each training thread, on a GPU the time that goes by; runs that continue count that of the
+    earlier ones [min]."""
     samples: int | None = None
     """Samples to be shown instead of `minutes`; the result is then a function of data, config and threads."""
     seed: Annotated[int, Range(low=0)] = 0

@@ -3,6 +3,7 @@
 import os
 import re
 from pathlib import Path
+from typing import Literal
 
 import torch
 
@@ -18,17 +19,17 @@ BF16_MIN_PX = 48
 uninitialised memory: the gradient is sometimes NaN (seen with torch 2.13 at 24x32, never from 48x64 on)."""
 
 
-def device_of(config: TrainConfig) -> torch.device:
-    """The device to train on.
+def device_of(wanted: Literal["auto", "cpu", "cuda"]) -> torch.device:
+    """The device to train on, see `TrainConfig.device`.
 
     Raises:
         PolicyError: If it is not there.
     """
-    if config.device == "cpu":
+    if wanted == "cpu":
         return torch.device("cpu")
     if torch.cuda.is_available():
         return torch.device("cuda")
-    if config.device == "cuda":
+    if wanted == "cuda":
         raise PolicyError("There is no CUDA device here; train with --device cpu.")
     return torch.device("cpu")
 

@@ -34,7 +34,7 @@ class Learner:
         Raises:
             PolicyError: If the device that is asked for is not there.
         """
-        device = device_of(config)
+        device = device_of(config.device)
         dtype = dtype_of(config, device, (robot.camera.height_px, robot.camera.width_px))
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(config.seed)
@@ -45,10 +45,10 @@ class Learner:
             looks.perception.load_state_dict(encoder)
         self.objective = Objective(robot, config, timing_of(robot, config), dtype, looks)
         self.model.to(device=device, memory_format=torch.channels_last)  # type: ignore[call-overload]
-        if self.model.bins is not None:
-            self.model.bins.to(device)
         self.average = copy.deepcopy(self.model).requires_grad_(False)
         """The weights that are validated and exported."""
+        if self.average.memory is not None:
+            self.average.memory.flatten_parameters()
         self.optimizer = torch.optim.AdamW(
             self.model.parameters(),
             lr=config.optimizer.learning_rate,
@@ -58,7 +58,7 @@ class Learner:
         self._network = ranks.wrap(self.model)
         if device.type == "cuda":
             self._network = torch.compile(self._network, dynamic=True)  # type: ignore[assignment]
-        self._device, self._ema_decay = device, config.optimizer.ema_decay
+        self.device, self._ema_decay = device, config.optimizer.ema_decay
 
     def learn(self, shown: Shown, rate: float, step: int) -> float:
         """One step of the optimizer; the loss of the batch before it, which is not finite if there was none.
@@ -71,7 +71,7 @@ class Learner:
         for group in self.optimizer.param_groups:
             group["lr"] = rate
         self.model.train()
-        loss = self.objective.loss(self._network, self.model.bins, shown.to(self._device))
+        loss = self.objective.loss(self._network, self.model.bins, shown.to(self.device))
         value = loss.item()
         if not torch.isfinite(loss):
             return value

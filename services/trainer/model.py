@@ -93,7 +93,7 @@ class Head(nn.Module):
         return answers
 
 
-class Bins:
+class Bins(nn.Module):
     """A grid over (v / v_max, w / w_max), on [0, 1] x [-1, 1]; a bin's number is `v_row * w_bins + w_row`.
 
     Args:
@@ -102,24 +102,25 @@ class Bins:
         backward: Speeds backwards, as far apart.
     """
 
+    steps: Tensor
+    """Distance of bins along v and w, shape (2,)."""
+    centres: Tensor
+    """Commands at the centres of the bins, as shares of the largest v and w, shape (N, 2)."""
+    beside: Tensor
+    """0 for every bin and its neighbours, `OFF` elsewhere, shape (N, N)."""
+    standing: Tensor
+    """`OFF` for bins in which the robot stands, 0 for the others, shape (N,)."""
+
     def __init__(self, v_bins: int, w_bins: int, backward: int = 0) -> None:
+        super().__init__()
         lowest = -float(backward) / (v_bins - 1)
         v, w = torch.linspace(lowest, 1.0, v_bins + backward), torch.linspace(-1.0, 1.0, w_bins)
-        self.steps = torch.tensor([v[1] - v[0], w[1] - w[0]])
-        """Distance of bins along v and w, shape (2,)."""
-        self.centres = torch.cartesian_prod(v, w)
-        """Commands at the centres of the bins, as shares of the largest v and w, shape (N, 2)."""
-        apart = (self.centres[:, None] - self.centres).abs() / self.steps
-        self.beside = torch.where((apart < 1.5).all(dim=2), 0.0, OFF)
-        """0 for every bin and its neighbours, `OFF` elsewhere, shape (N, N)."""
-        self.standing = torch.where(self.centres[:, 0].abs() < 1e-6, OFF, 0.0)
-        """`OFF` for bins in which the robot stands, 0 for the others, shape (N,)."""
-
-    def to(self, device: torch.device) -> "Bins":
-        """Move the grid to a device."""
-        self.steps, self.centres = self.steps.to(device), self.centres.to(device)
-        self.beside, self.standing = self.beside.to(device), self.standing.to(device)
-        return self
+        steps, centres = torch.tensor([v[1] - v[0], w[1] - w[0]]), torch.cartesian_prod(v, w)
+        apart = (centres[:, None] - centres).abs() / steps
+        beside = torch.where((apart < 1.5).all(dim=2), 0.0, OFF)
+        standing = torch.where(centres[:, 0].abs() < 1e-6, OFF, 0.0)
+        for name, values in (("steps", steps), ("centres", centres), ("beside", beside), ("standing", standing)):
+            self.register_buffer(name, values, persistent=False)
 
     def weights(self, actions: Tensor) -> Tensor:
         """The distribution over bins whose mean is the action: linear between the four around it, shape (B, N)."""

@@ -98,7 +98,7 @@ class TrainRun:
         self.learner = Learner(robot, config, self.ranks, encoder[0] if encoder else None)
         self.schedule = RateSchedule(config.optimizer)
         self.steps, self.samples_seen, self.elapsed_s = 0, 0, 0.0
-        """`elapsed_s` is processor time of each thread [s]."""
+        """`elapsed_s` is processor time of each thread, on a GPU the time that went by [s]."""
         self.history: list[dict[str, float]] = []
         self.best: dict[str, Any] = {}
         """The weights of the highest success rate, with it and their step; empty before there is one."""
@@ -270,8 +270,8 @@ class TrainRun:
         self.schedule.decay_from = state["decay_from"]
         self.history, self._losses, self.best = state["history"], state["losses"], state["best"]
 
-    def _clock(self) -> "ProcessorClock":
-        return ProcessorClock(self)
+    def _clock(self) -> "BudgetClock":
+        return BudgetClock(self)
 
 
 def held_out_samples(table: TrainingSamples, limit: int, config: TrainConfig, spacing_steps: int) -> Int64Array:
@@ -299,18 +299,22 @@ def encoder_of(robot: RobotConfig, config: TrainConfig) -> tuple[dict[str, Tenso
     return perception_weights(Path(config.perception), robot, config)
 
 
-class ProcessorClock:
-    """Counts the processor time of a block as a run's."""
+class BudgetClock:
+    """Counts the time of a block as a run's: processor time of each thread; on a GPU the time that went by."""
 
     def __init__(self, run: TrainRun) -> None:
         self._run, self._begin_s = run, 0.0
+        self._on_gpu = run.learner.device.type == "cuda"
 
     def __enter__(self) -> None:
-        self._begin_s = time.process_time()
+        self._begin_s = self._now_s()
 
     def __exit__(self, *_: object) -> None:
-        threads = self._run.config.threads or available_cores()
-        self._run.elapsed_s += (time.process_time() - self._begin_s) / threads
+        threads = 1 if self._on_gpu else self._run.config.threads or available_cores()
+        self._run.elapsed_s += (self._now_s() - self._begin_s) / threads
+
+    def _now_s(self) -> float:
+        return time.perf_counter() if self._on_gpu else time.process_time()
 
 
 def _flat(mapping: dict[str, Any]) -> dict[str, Any]:

@@ -21,8 +21,10 @@ class PerceptionConfig:
     seed: Annotated[int, Range(low=0)] = 0
     threads: Annotated[int, Range(low=0)] = 0
     """CPU threads; 0 takes every core that the process may use."""
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    """"auto" takes a CUDA device if there is one."""
     precision: Literal["auto", "bf16", "fp32"] = "auto"
-    """"auto" computes in bfloat16 on CPUs that multiply it, else in float32."""
+    """"auto" computes in bfloat16 on CUDA and on CPUs that multiply it, else in float32."""
     memory_mb: Count = 4096
     """Most memory for decoded images; of more data an even share of the episodes is learned from [MB]."""
     spacing_s: Positive = PERCEPTION_SPACING_S

@@ -1,5 +1,6 @@
 """Perception as a folder that runs without torch, and its weights for other networks."""
 
+import copy
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ def export_perception(net: PerceptionNet, spec: PerceptionSpec, folder: Path) ->
         PolicyError: If a file cannot be written.
     """
     camera = spec.robot.camera
+    net = copy.deepcopy(net).cpu()
     module = PerceptionModule(net, camera).eval()
     frames = torch.zeros((FRAMES, camera.height_px, camera.width_px, 3), dtype=torch.uint8)
     motion = torch.from_numpy(np.zeros((1, 3 * (FRAMES - 1) + 2), np.float32))

@@ -118,7 +118,8 @@ def grey_of(frames: UInt8Array) -> UInt8Array:
     """Mean of the colours, a frame at a time."""
     grey = np.empty(frames.shape[:3], np.uint8)
     for row, frame in enumerate(frames):
-        grey[row] = (frame.sum(axis=-1, dtype=np.uint16) + 1) // 3
+        red, green, blue = (frame[..., channel].astype(np.uint16) for channel in range(3))
+        grey[row] = (red + green + blue + 1) // 3
     return grey
 
 

@@ -20,7 +20,7 @@ from readygo.common.files import write_whole
 from readygo.common.perception.artifact import PerceptionSpec
 from readygo.common.perception.grid import polar_grid
 from readygo.services.trainer.checkpoint import load_checkpoint, save_checkpoint
-from readygo.services.trainer.hardware import available_cores, cpu_has_bf16
+from readygo.services.trainer.hardware import available_cores, cpu_has_bf16, device_of
 from readygo.services.trainer.perception.config import PerceptionConfig
 from readygo.services.trainer.perception.export import export_perception
 from readygo.services.trainer.perception.looks import Looks, held_out
@@ -40,7 +40,8 @@ PEOPLE_SHARE = 0.6
 """Share of the images with a visible human in a batch: in most recorded images there is none."""
 LIGHT = 0.3
 """Largest change of brightness, contrast and colour that a window is shown in."""
-BUDGET_FIELDS = ("minutes", "samples", "threads")
+Tensors = tuple[Tensor, ...] | list[Tensor]
+BUDGET_FIELDS = ("minutes", "samples", "threads", "device")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,10 +76,14 @@ class PerceptionRun:
         self.looks, self.spec, self.config, self.out = looks, spec, config, out
         torch.manual_seed(config.seed)
         camera = spec.robot.camera
-        self.net = PerceptionNet(camera, config.widths).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-        self.averaged = torch.optim.swa_utils.AveragedModel(self.net, avg_fn=_moving_average, use_buffers=True)
+        self._device = device_of(config.device)
+        self.net = PerceptionNet(camera, config.widths).to(device=self._device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.averaged = torch.optim.swa_utils.AveragedModel(self.net, multi_avg_fn=_moving_averages, use_buffers=True)
         self.optimizer = torch.optim.AdamW(
-            self.net.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
+            self.net.parameters(),
+            lr=config.learning_rate,
+            weight_decay=config.weight_decay,
+            fused=self._device.type == "cuda",
         )
         self.grid = polar_grid(camera)
         self.held_out = held_out(looks, config.validation_fraction, config.seed)
@@ -88,7 +93,8 @@ class PerceptionRun:
         self.steps, self.samples_seen, self.elapsed_s, self.loss = 0, 0, 0.0, math.nan
         settings = section_to_mapping(config)
         self._identity = data | {k: json.dumps(v) for k, v in settings.items() if k not in BUDGET_FIELDS}
-        half = config.precision == "bf16" or (config.precision == "auto" and cpu_has_bf16())
+        has_half = self._device.type == "cuda" or cpu_has_bf16()
+        half = config.precision == "bf16" or (config.precision == "auto" and has_half)
         self._dtype = torch.bfloat16 if half else torch.float32
         torch.set_num_threads(config.threads or available_cores())
         self._saved_s = 0.0
@@ -125,7 +131,7 @@ class PerceptionRun:
         for group in self.optimizer.param_groups:
             group["lr"] = self.config.learning_rate * _rate(self.fraction)
         shown, motion, targets = self._batch(rows, rng)
-        with torch.autocast("cpu", dtype=self._dtype, enabled=self._dtype != torch.float32):
+        with torch.autocast(self._device.type, dtype=self._dtype, enabled=self._dtype != torch.float32):
             people, free = self.net(shown, motion)
         loss = perception_loss(people, free, targets)
         if not torch.isfinite(loss):
@@ -200,16 +206,16 @@ class PerceptionRun:
         shown = _lit(shown_of(self.net, looks, rows), rng)
         mirrored = rng.random(len(rows)) < 0.5
         if self._is_symmetric:
-            flip = torch.from_numpy(mirrored)
-            shown[flip] = shown[flip].flip(3)
+            flip = torch.from_numpy(mirrored).to(self._device)
+            shown = torch.where(flip[:, None, None, None], shown.flip(3), shown)
             people[mirrored] *= np.array([-1.0, 1.0, 1.0, -1.0], np.float32)
             rays[mirrored] = rays[mirrored, ::-1]
             motion[mirrored] *= np.array([1, -1, -1] * 2 + [1, -1], np.float32)
         targets = targets_of(people, looks.labels.visible[rows], rays, self.grid)
         told = (targets.heat, targets.peak, targets.values, targets.rays_log_m)
-        heat, peak, values, log_m = (torch.from_numpy(array) for array in told)
+        heat, peak, values, log_m = (torch.from_numpy(array).to(self._device) for array in told)
         shown = shown.contiguous(memory_format=torch.channels_last)
-        return shown, torch.from_numpy(motion), (heat, peak, values, log_m)
+        return shown, torch.from_numpy(motion).to(self._device), (heat, peak, values, log_m)
 
     @property
     def _is_symmetric(self) -> bool:
@@ -231,24 +237,30 @@ def perceive(
     net: PerceptionNet, looks: Looks, rows: Int64Array, spec: PerceptionSpec
 ) -> tuple[list[Float64Array], Float64Array]:
     """What the exported network would answer for pooled frames: maps of people, and free distances [m]."""
-    module = PerceptionModule(net, spec.robot.camera).eval()
+    module = PerceptionModule(net, spec.robot.camera).to(device_of_net(net)).eval()
     maps: list[Float64Array] = []
     free: list[Float64Array] = []
     for first in range(0, len(rows), 64):
         part = rows[first : first + 64]
-        motion = torch.from_numpy(looks.motion[part])
+        motion = torch.from_numpy(looks.motion[part]).to(device_of_net(net))
         people, rays = module.decoded(*net(shown_of(net, looks, part), motion))
-        maps += list(people.double().numpy())
-        free.append(rays[:, 0].double().numpy())
+        maps += list(people.double().cpu().numpy())
+        free.append(rays[:, 0].double().cpu().numpy())
     return maps, np.concatenate(free)
 
 
 @torch.no_grad()
 def shown_of(net: PerceptionNet, looks: Looks, rows: Int64Array) -> Tensor:
     """What the network is shown of some images, see `PerceptionNet.stack`."""
-    newest = torch.from_numpy(looks.frames[rows]).permute(0, 3, 1, 2).float() / 255.0
-    grey = torch.from_numpy(looks.grey[looks.window[rows]]).float() / 255.0
-    return net.stack(newest, grey, torch.from_numpy(looks.motion[rows]))
+    device = device_of_net(net)
+    newest = torch.from_numpy(looks.frames[rows]).to(device).permute(0, 3, 1, 2).float() / 255.0
+    grey = torch.from_numpy(looks.grey[looks.window[rows]]).to(device).float() / 255.0
+    return net.stack(newest, grey, torch.from_numpy(looks.motion[rows]).to(device))
+
+
+def device_of_net(net: PerceptionNet) -> torch.device:
+    """Where a network computes."""
+    return net.rays.device
 
 
 def _lit(shown: Tensor, rng: np.random.Generator) -> Tensor:
@@ -258,16 +270,22 @@ def _lit(shown: Tensor, rng: np.random.Generator) -> Tensor:
     colour = 1.0 + rng.uniform(-LIGHT, LIGHT, (count, 3)) / 2
     factor = np.concatenate([contrast * colour, contrast, contrast], axis=1)
     offset = np.concatenate([rng.uniform(-LIGHT, LIGHT, (count, 1)).repeat(3, axis=1), np.zeros((count, 2))], axis=1)
-    factor_, offset_ = (torch.from_numpy(array).float()[:, :, None, None] for array in (factor, offset))
+    factor_, offset_ = (
+        torch.from_numpy(array).float().to(shown.device)[:, :, None, None] for array in (factor, offset)
+    )
     return torch.addcmul(offset_, shown, factor_)
 
 
-def _moving_average(average: Tensor, weights: Tensor, count: Tensor | int) -> Tensor:
-    """The moving average, faster over the first steps: the weights at the start say nothing."""
-    if not average.is_floating_point():
-        return weights
+@torch.no_grad()
+def _moving_averages(averages: Tensors, weights: Tensors, count: Tensor | int) -> None:
+    """Advance moving averages, faster over the first steps: the weights at the start say nothing."""
+    if not averages[0].is_floating_point():
+        torch._foreach_copy_(averages, weights)
+        return
     steps = float(count)
-    return average + (1.0 - min(EMA_DECAY, (1.0 + steps) / (10.0 + steps))) * (weights - average)
+    changes = torch._foreach_sub(weights, averages)
+    torch._foreach_mul_(changes, 1.0 - min(EMA_DECAY, (1.0 + steps) / (10.0 + steps)))
+    torch._foreach_add_(averages, changes)
 
 
 def _rate(fraction: float) -> float:

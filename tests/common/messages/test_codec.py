@@ -3,6 +3,7 @@ import enum
 import hashlib
 import math
 import tracemalloc
+import types
 import typing
 from collections.abc import Mapping
 
@@ -27,6 +28,7 @@ from readygo.common.messages import (
     RenewRequest,
     RobotPlanRequest,
     Scenario,
+    codec,
     decode,
     encode,
 )
@@ -229,6 +231,19 @@ def test_every_way_to_write_a_length_is_read(side: int) -> None:
     short = msgpack.packb(["|u1", [side, 2]]) + bytes(2 * side + 1)
     with pytest.raises(MessageError, match=rf"an array of shape \[{side}, 2\] has {2 * side + 1} bytes"):
         decode(Crooked, msgpack.packb({"array": msgpack.ExtType(1, short)}))
+
+
+def test_array_types_may_be_aliases_as_numpy_2_5_writes_them() -> None:
+    class Alias:
+        """Stands for the `typing.TypeAliasType` of Python 3.12."""
+
+        __value__ = Float32Array
+
+    array = np.arange(3, dtype=np.float32)
+    build = codec._builder(types.GenericAlias(Alias(), (np.float32,)))
+    assert build(array) is array
+    with pytest.raises(TypeError, match="ndarray was due"):
+        build([0.0, 1.0])
 
 
 @pytest.mark.parametrize(

@@ -101,6 +101,15 @@ def test_mode_is_not_the_mean_of_two_ways_around():
     assert torch.allclose(bins.mode(logits), torch.tensor([[1.0, 0.7]]), atol=0.02)
 
 
+def test_a_network_takes_its_commands_along_to_a_device():
+    """As to CUDA; "meta" is the one other device that every machine has."""
+    net = PolicyNet(RobotConfig(), NetworkConfig(output="weighed"))
+    assert not net.bins.centres.is_meta
+    moved = net.to("meta").bins
+    assert all(value.is_meta for value in (moved.steps, moved.centres, moved.beside, moved.standing))
+    assert not any(name.startswith("bins") for name in net.state_dict())
+
+
 def test_humans_are_read_in_training_alone():
     robot = RobotConfig(camera=CameraConfig(height_px=16, width_px=16))
     inputs = torch.rand(3, 3, 16, 16), torch.tensor([[0, 1, 2]]), torch.zeros(1, 3), torch.zeros(1, 2)

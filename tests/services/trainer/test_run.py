@@ -6,7 +6,7 @@ import torch
 from readygo.common.errors import PolicyError
 from readygo.common.policy import load_policy
 from readygo.services.trainer.parts import build_parts
-from readygo.services.trainer.run import CANDIDATE_FOLDER, TrainRun
+from readygo.services.trainer.run import CANDIDATE_FOLDER, BudgetClock, TrainRun
 from tests.services.trainer.conftest import QUICK, make_one, png, quick
 
 
@@ -18,6 +18,17 @@ def make_run(source, tmp_path):
         return TrainRun(parts, source.robot, source.sensor, config, tmp_path, data={}, evaluate=evaluate)
 
     return make
+
+
+@pytest.mark.parametrize(("device", "spent_s"), [("cpu", 2.0), ("cuda", 30.0)])
+def test_a_budget_is_processor_time_of_a_thread_and_on_a_gpu_time_that_goes_by(device, spent_s, make_run, monkeypatch):
+    run = make_run(threads=4)
+    run.learner.device = torch.device(device)
+    monkeypatch.setattr("time.process_time", iter([100.0, 108.0]).__next__)
+    monkeypatch.setattr("time.perf_counter", iter([50.0, 80.0]).__next__)
+    with BudgetClock(run):
+        pass
+    assert run.elapsed_s == spent_s
 
 
 def test_validations_come_after_equal_numbers_of_samples(make_run):

@@ -9,7 +9,7 @@ from readygo.common.errors import PolicyError
 from readygo.common.perception import PerceptionSpec
 from readygo.services.trainer.perception.config import PerceptionConfig
 from readygo.services.trainer.perception.looks import Looks
-from readygo.services.trainer.perception.train import METRICS_FILE, PerceptionRun, perceive
+from readygo.services.trainer.perception.train import METRICS_FILE, PerceptionRun, _moving_averages, perceive
 from tests.services.trainer.perception.conftest import ROBOT, make_looks
 
 SPEC = PerceptionSpec(robot=ROBOT)
@@ -55,6 +55,23 @@ def test_folder_of_other_data_or_settings_is_refused(tmp_path: Path, looks: Look
     with pytest.raises(PolicyError, match="another learning_rate"):
         PerceptionRun(looks, SPEC, config(16, learning_rate=1e-4), tmp_path, {"data": "x"})
     PerceptionRun(looks, SPEC, config(999), tmp_path, {"data": "x"})
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device")
+def test_device_that_is_not_there_is_refused(tmp_path: Path, looks: Looks) -> None:
+    with pytest.raises(PolicyError, match="no CUDA device"):
+        PerceptionRun(looks, SPEC, config(16, device="cuda"), tmp_path, {"data": "x"})
+
+
+@pytest.mark.parametrize(("count", "share"), [(1, 9 / 11), (8, 1 / 2), (10_000, 0.002)])
+def test_averages_follow_faster_at_first(count: int, share: float) -> None:
+    averages, weights = [torch.zeros(2), torch.ones(1)], [torch.ones(2), torch.full((1,), 3.0)]
+    _moving_averages(averages, weights, torch.tensor(count))
+    assert averages[0].tolist() == pytest.approx([share, share])
+    assert averages[1].tolist() == pytest.approx([1 + 2 * share])
+    counters = [torch.tensor(3)]
+    _moving_averages(counters, [torch.tensor(7)], torch.tensor(count))
+    assert counters[0].item() == 7
 
 
 def test_loss_that_is_not_finite_ends_training(tmp_path: Path, looks: Looks) -> None:

@@ -30,7 +30,7 @@ class CountingPipeline:
     def attempt(self, batch, planes, depth: bool, normals: bool) -> None:
         planes[:] = batch.T_world_camera[:, 0, 3].float()[:, None, None, None]
 
-    def fitted(self, normals: bool) -> bool:
+    def check_capacity(self, normals: bool) -> bool:
         fits, self.tight = not self.tight, False
         self.buffers_made += not fits
         return fits
