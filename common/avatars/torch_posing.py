@@ -82,8 +82,12 @@ def joint_transforms(skeletons: Skeletons, avatar: Tensor, root_m: Tensor, pose_
 
     Source: Loper et al., SMPL: A Skinned Multi-Person Linear Model, 2015, section 3.
     """
+    return turned_joints(skeletons, avatar, root_m, rotation_matrices(pose_axis_angle))
+
+
+def turned_joints(skeletons: Skeletons, avatar: Tensor, root_m: Tensor, R: Tensor) -> Tensor:
+    """What `joint_transforms` answers, of parent-relative rotation matrices, shape (P, 24, 3, 3)."""
     tpose = skeletons.tpose_m[avatar]
-    R = rotation_matrices(pose_axis_angle)
     G, P = _globals(R, tpose, root_m, skeletons.parents)
     A = G @ skeletons.R_tpose_canonical[avatar]
     shift = P - (A @ skeletons.canonical_m[avatar][..., None])[..., 0]

@@ -287,6 +287,7 @@ def parser_of(description: str | None) -> argparse.ArgumentParser:
     parser.add_argument("--test", type=int, default=100)
     parser.add_argument("--tasks", nargs="+", default=["static", "dynamic"])
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--arms", nargs="+", metavar="ARM", help="the arms to compare; all without it")
     parser.add_argument("--json", type=Path)
     return parser
 
@@ -300,8 +301,10 @@ def main(name: str, options: Mapping[str, Any], arms: Mapping[str, Arm]) -> None
         arms: See `Job`.
     """
     options = dict(options)
-    file, tasks = options.pop("json"), tuple(options.pop("tasks"))
-    job = Job(**options, tasks=tasks, arms=arms)
+    file, tasks, chosen = options.pop("json"), tuple(options.pop("tasks")), options.pop("arms") or list(arms)
+    if unknown := [arm for arm in chosen if arm not in arms]:
+        sys.exit(f"There is no arm {unknown[0]}; there are {', '.join(arms)}.")
+    job = Job(**options, tasks=tasks, arms={arm: arms[arm] for arm in chosen})
     try:
         found = run(job)
     except ReadygoError as error:

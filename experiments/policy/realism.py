@@ -7,7 +7,7 @@
 - standing: the same photoreal people, who stand
 - absent: no people
 
-How they are compared: `experiments.policy.arms`.
+`--arms photoreal standing` compares some of them alone. How they are compared: `experiments.policy.arms`.
 """
 
 from collections.abc import Mapping

@@ -10,20 +10,26 @@ AvatarPreset = Literal["draft", "standard"]
 
 @dataclass(frozen=True, kw_only=True)
 class PosePriorConfig:
-    """How far the given poses are trusted."""
+    """How far poses are trusted. The errors of given poses are found from the poses themselves, joint by joint."""
 
+    in_order: bool = True
+    """True if the frames follow each other in time, at one rate; else given poses are trusted to `joint_deg` and
+    `root_m`, each by itself."""
+    drift_deg: Annotated[float, Range(low=0.0)] = 1.0
+    """Standard deviation of errors of given rotations that last for many frames, and so do not show in them [deg]."""
+    drift_m: Annotated[float, Range(low=0.0)] = 0.01
+    """The same of given positions of the pelvis [m]."""
     joint_deg: Annotated[float, Range(above=0.0)] = 3.0
-    """Standard deviation of the given rotations of joints [deg]."""
+    """Standard deviation of given rotations of joints that are not in order [deg]."""
     root_m: Annotated[float, Range(above=0.0)] = 0.02
-    """Standard deviation of the given positions of the pelvis [m]."""
+    """Standard deviation of given positions of the pelvis that are not in order [m]."""
     jerk_deg: Annotated[float, Range(above=0.0)] = 2.5
-    """Standard deviation of how far a joint is from the middle of the frames before and after [deg]."""
+    """For poses from keypoints: standard deviation of how far a joint is from the middle of the frames before and after
+    [deg]."""
     jerk_m: Annotated[float, Range(above=0.0)] = 0.008
     """The same of the pelvis [m]."""
     weight: Annotated[float, Range(low=0.0)] = 0.004
-    """Weight of the mean squared deviation in the loss."""
-    smooth_frames: Annotated[int, Range(low=0, high=10)] = 3
-    """Given poses are smoothed over so many frames before and after before the fit begins; 0: not at all."""
+    """Weight in the loss of the mean squared deviation, in units of the standard deviations."""
 
     def __post_init__(self) -> None:
         check_ranges(self)
@@ -36,9 +42,9 @@ class KeypointsConfig:
     sigma_share: Annotated[float, Range(above=0.0, high=0.2)] = 0.01
     """Standard deviation of keypoints, as a share of the person's height in the image."""
     joint_deg: Annotated[float, Range(above=0.0)] = 10.0
-    """Standard deviation of the rotations of joints that are found [deg]; takes the place of `prior.joint_deg`."""
+    """Standard deviation of the rotations of joints that are found [deg]."""
     root_m: Annotated[float, Range(above=0.0)] = 0.05
-    """Standard deviation of the positions of the pelvis that are found [m]; takes the place of `prior.root_m`."""
+    """Standard deviation of the positions of the pelvis that are found [m]."""
 
     def __post_init__(self) -> None:
         check_ranges(self)
@@ -64,7 +70,7 @@ class AvatarFitConfig:
     """Weight of the difference of opacity and mask."""
     anchor: Annotated[float, Range(low=0.0)] = 1e-3
     """Weight of the Gaussians' squared distance from where they began on the body [1/m2]."""
-    offsets: bool = False
+    offsets: bool = True
     """True also finds joints that do not lie in the direction of the first body's bones."""
     seed: int = 0
     """Seed of the fit."""

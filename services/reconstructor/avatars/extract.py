@@ -29,9 +29,14 @@ from readygo.services.reconstructor.avatars.complete import (
 from readygo.services.reconstructor.avatars.config import AvatarFitConfig
 from readygo.services.reconstructor.avatars.export import avatar_of_fit, without_floaters
 from readygo.services.reconstructor.avatars.fit import PersonFit
-from readygo.services.reconstructor.avatars.footage import SMPL_PELVIS_M, Footage, smooth_poses
+from readygo.services.reconstructor.avatars.footage import SMPL_PELVIS_M, Footage
 from readygo.services.reconstructor.avatars.hugs import HugsFit
 from readygo.services.reconstructor.avatars.smpl_body import check_smpl_body, read_smpl_body
+from readygo.services.reconstructor.avatars.trajectory import (
+    PoseTrajectory,
+    smoothed_trajectory,
+    trusted_trajectory,
+)
 from readygo.services.reconstructor.avatars.views import FilmedPerson, PersonView, read_person, view_at
 from readygo.services.reconstructor.stages import Stages, word_errors
 from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
@@ -152,12 +157,12 @@ def extract_avatar(
         "notes": [*complete.notes, *fit.person.notes],
         "settings": section_to_mapping(fit.config),
     }
-    values = fit.rig.values
+    pose, root_m = fit.rig.poses()
     return Extraction(
         avatar=avatar,
         held_out=held_out,
-        pose_axis_angle=values["pose"].copy(),
-        root_m=values["root"].copy(),
+        pose_axis_angle=pose,
+        root_m=root_m,
         joints_m=fit.rig.joints(),
         report=report,
         checkpoint=fit.released() if isinstance(fit, HugsFit) else None,
@@ -202,7 +207,8 @@ def _begin_fit(
         body, footage, pelvis_m = read_smpl_body(smpl, complete.footage)
         bodies, complete = {body.name: body}, replace(complete, footage=footage)
     person = read_person(complete.footage, config.side_max_px)
-    config, pose, root = _first_poses(complete, config)
+    trajectory = _trajectory(complete, config)
+    pose, root = trajectory.pose_axis_angle, trajectory.root_m
     hugs = config.representation == "hugs"
     if hugs and smpl is not None:
         # Checkpoints have no skeleton: it stays that of the file.
@@ -211,22 +217,28 @@ def _begin_fit(
         body, overlap = choose_body(bodies, person, pose, root)
     _check_poses(body, overlap, person, pose, root)
     fit = (
-        HugsFit(body, person, pose, root, config, pelvis_m=pelvis_m, fixed_lengths=smpl is not None)
+        HugsFit(body, person, trajectory, config, pelvis_m=pelvis_m, fixed_lengths=smpl is not None)
         if hugs
-        else PersonFit(body, person, pose, root, config)
+        else PersonFit(body, person, trajectory, config)
     )
     return fit, complete.footage, overlap
 
 
-def _first_poses(
-    complete: CompleteFootage, config: AvatarFitConfig
-) -> tuple[AvatarFitConfig, Float64Array, Float64Array]:
-    """Poses and pelvises to begin with, and the settings with how far these are trusted."""
-    footage = complete.footage
-    if not complete.poses_found:
-        return config, *smooth_poses(footage.pose_axis_angle, footage.root_m, config.prior.smooth_frames)
-    trust = replace(config.prior, joint_deg=config.keypoints.joint_deg, root_m=config.keypoints.root_m)
-    return replace(config, prior=trust), footage.pose_axis_angle, footage.root_m
+def _trajectory(complete: CompleteFootage, config: AvatarFitConfig) -> PoseTrajectory:
+    """The motion to begin with, and how far it is trusted."""
+    footage, prior, keypoints = complete.footage, config.prior, config.keypoints
+    given = footage.pose_axis_angle, footage.root_m
+    if complete.poses_found:
+        return trusted_trajectory(
+            *given,
+            joint_deg=keypoints.joint_deg,
+            root_sd_m=keypoints.root_m,
+            jerk_deg=prior.jerk_deg,
+            jerk_m=prior.jerk_m,
+        )
+    if prior.in_order:
+        return smoothed_trajectory(*given, prior)
+    return trusted_trajectory(*given, joint_deg=prior.joint_deg, root_sd_m=prior.root_m)
 
 
 def _check_poses(body: Avatar, overlap: float, person: FilmedPerson, pose: Float64Array, root: Float64Array) -> None:

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from readygo.common.arrays import BoolArray, Float32Array, Float64Array, Int64Array, UInt8Array
+from readygo.common.arrays import BoolArray, Float32Array, Int64Array, UInt8Array
 from readygo.common.avatars import Avatar
 from readygo.services.reconstructor.avatars.config import AvatarFitConfig
 from readygo.services.reconstructor.avatars.rig import PosedSkeleton, Rig
 from readygo.services.reconstructor.avatars.skinning import Skinned, skin_gaussians, skin_slopes
+from readygo.services.reconstructor.avatars.trajectory import PoseTrajectory
 from readygo.services.reconstructor.avatars.views import FilmedPerson, PersonView, view_at
 from readygo.services.reconstructor.differentiable.autograd import Rendered, rasterize
 from readygo.services.reconstructor.differentiable.order import spatial_order
@@ -41,8 +42,8 @@ RIG_RATES = {
     "size": (4e-3, 2e-4),
     "bones": (4e-3, 3e-4),
     "offsets": (6e-4, 6e-5),
-    "pose": (8e-3, 5e-4),
-    "root": (4e-3, 2e-4),
+    "pose": (3e-2, 2e-3),
+    "root": (3e-2, 2e-3),
 }
 _KEPT_BYTES = 1 << 30
 """Colours of frames that are kept at the present size; others are cut out each time."""
@@ -103,21 +104,18 @@ class Drawn:
 class PersonFit:
     """A fit under way."""
 
-    def __init__(
-        self, body: Avatar, person: FilmedPerson, pose: Float64Array, root_m: Float64Array, config: AvatarFitConfig
-    ) -> None:
+    def __init__(self, body: Avatar, person: FilmedPerson, trajectory: PoseTrajectory, config: AvatarFitConfig) -> None:
         """Begin on a body.
 
         Args:
             body: The first body.
             person: The film.
-            pose: Poses to begin with and to stay near, shape (F, 24, 3).
-            root_m: Pelvises [m], shape (F, 3).
+            trajectory: How the person moved.
             config: How.
         """
         self.config, self.person, self.body, self.step = config, person, body, 0
         self.bound = BoundGaussians.on_body(body)
-        self.rig = Rig(body, pose, root_m, config.prior)
+        self.rig = Rig(body, trajectory, config.prior.weight)
         self.train, self.held = split_views(len(person), config.hold_out)
         self.loss = float("nan")
         self._adam = Adam(config.steps, 1)
@@ -157,7 +155,7 @@ class PersonFit:
         held = frame in self.held
         names = ("pose", "root") if held or share > LENGTHS_UNTIL else tuple(RIG_RATES)
         rates = {name: between(RIG_RATES[name], share) for name in names if self.config.offsets or name != "offsets"}
-        self.rig.step(frame, drawn.posed, slopes.pop("A"), slopes.pop("B"), rates)
+        self.rig.step(drawn.posed, slopes.pop("A"), slopes.pop("B"), rates)
         if not held:
             self._change_gaussians(drawn, view, rows, slopes, share)
         self.step += 1

@@ -31,14 +31,11 @@ import numpy as np
 
 from readygo.common.array_files import as_float64, load_npz
 from readygo.common.arrays import AnyArray, Float64Array, Int64Array
-from readygo.common.avatars.posing import nearest_rotation
 from readygo.common.camera.captured import CapturedViews, load_views, views_text
 from readygo.common.camera.written import colmap_texts
 from readygo.common.errors import AvatarError, ReadygoError
 from readygo.common.files import write_whole
 from readygo.common.frames import (
-    axis_angle_from_matrix,
-    matrix_from_axis_angle,
     yup_from_zup,
     zup_from_yup,
 )
@@ -364,22 +361,3 @@ def _check_count(folder: Path, count: int) -> None:
 def _refuse_missing(folder: Path, missing: list[str], count: int) -> None:
     if missing:
         raise AvatarError(f"{folder} lacks {len(missing)} of {count} files, {missing[0]} among them.")
-
-
-def smooth_poses(pose_axis_angle: Float64Array, root_m: Float64Array, half: int) -> tuple[Float64Array, Float64Array]:
-    """Poses and roots after a fit of parabolas over 2 half + 1 frames; rotations by their matrices.
-
-    Source: Savitzky & Golay, Smoothing and differentiation of data by simplified least squares procedures, 1964.
-    """
-    count = len(root_m)
-    if half == 0 or count < 2 * half + 1:
-        return pose_axis_angle, root_m
-    rows = np.concatenate([matrix_from_axis_angle(pose_axis_angle).reshape(count, -1), root_m], axis=1)
-    smooth = np.empty_like(rows)
-    for frame in range(count):
-        first = min(max(frame - half, 0), count - 2 * half - 1)
-        times = np.arange(first, first + 2 * half + 1) - frame
-        design = np.stack([np.ones_like(times), times, times**2], axis=1).astype(np.float64)
-        smooth[frame] = (np.linalg.pinv(design) @ rows[first : first + 2 * half + 1])[0]
-    R = nearest_rotation(smooth[:, :-3].reshape(count, 24, 3, 3))
-    return axis_angle_from_matrix(R), smooth[:, -3:]

@@ -26,6 +26,7 @@ from readygo.common.frames import quat_from_matrix
 from readygo.common.frames import quat_multiply as multiply_quats
 from readygo.services.reconstructor.avatars.config import AvatarFitConfig
 from readygo.services.reconstructor.avatars.fit import LENGTHS_UNTIL, RIG_RATES, BoundGaussians, PersonFit, between
+from readygo.services.reconstructor.avatars.trajectory import PoseTrajectory
 from readygo.services.reconstructor.avatars.views import FilmedPerson, PersonView
 from readygo.services.reconstructor.differentiable.autograd import Rendered, rasterize
 from readygo.services.reconstructor.training.parameters import Gaussians
@@ -54,8 +55,7 @@ class HugsFit(PersonFit):
         self,
         body: Avatar,
         person: FilmedPerson,
-        pose: Float64Array,
-        root_m: Float64Array,
+        trajectory: PoseTrajectory,
         config: AvatarFitConfig,
         *,
         pelvis_m: Float64Array,
@@ -66,8 +66,7 @@ class HugsFit(PersonFit):
         Args:
             body: The first body.
             person: The film.
-            pose: Poses to begin with and to stay near, shape (F, 24, 3).
-            root_m: Pelvises [m], shape (F, 3).
+            trajectory: How the person moved.
             config: How.
             pelvis_m: Where SMPL's frame has the body's pelvis in the T-pose [m], shape (3,).
             fixed_lengths: True keeps the body's proportions, as checkpoints have none.
@@ -75,7 +74,7 @@ class HugsFit(PersonFit):
         Raises:
             AvatarError: If the body is beyond the feature planes.
         """
-        super().__init__(_thin(spread_body(body, pelvis_m), config.hugs_points), person, pose, root_m, config)
+        super().__init__(_thin(spread_body(body, pelvis_m), config.hugs_points), person, trajectory, config)
         self._fixed = fixed_lengths
         values = self.bound.gaussians.values
         if np.abs(values["means_m"]).max() > 1.0:
@@ -154,7 +153,7 @@ class HugsFit(PersonFit):
         assert A.grad is not None
         assert B.grad is not None
         rates = {name: between(RIG_RATES[name], share) for name in names}
-        self.rig.step(frame, posed, A.grad.numpy(), B.grad.numpy(), rates)
+        self.rig.step(posed, A.grad.numpy(), B.grad.numpy(), rates)
         return not held
 
     def _pull(self, decoded: dict[str, Tensor]) -> Tensor:

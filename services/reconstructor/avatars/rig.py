@@ -9,6 +9,12 @@ R_p = rotation of p from the canonical pose to the T-pose.
 
 with u the direction of the bone that begins at j and k_m its length: what hangs on a bone is stretched along with it.
 Offsets move centres of rotation, which silhouettes hardly show, but motions do.
+
+Poses are learned as the modes of a `PoseTrajectory`, in units of their standard deviations: every frame tells something
+of all of them, and the motion stays as smooth as the given one. With its modes u_m, their deviations d and what is
+learned, z, and with R0 and p0 of the likeliest motion,
+
+    R_j(f) = exp(sum_m d_jm u_m(f) z_jm) R0_j(f),   p(f) = p0(f) + sum_m d_m u_m(f) z_m
 """
 
 import dataclasses
@@ -21,13 +27,14 @@ from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.avatars import SMPL_PARENTS, Avatar, joint_positions
 from readygo.common.avatars.torch_posing import (
     Skeletons,
-    joint_transforms,
     load_skeletons,
     nearest_quat,
     rotation_matrices,
+    turned_joints,
 )
+from readygo.common.frames import axis_angle_from_matrix
 from readygo.common.messages import Motion
-from readygo.services.reconstructor.avatars.config import PosePriorConfig
+from readygo.services.reconstructor.avatars.trajectory import PoseTrajectory
 
 Tensor = torch.Tensor
 BONES = (
@@ -42,8 +49,7 @@ _MAIN_CHILD = {
 }  # fmt: skip
 BONE_SIGMA, SIZE_SIGMA, _OFFSET_SIGMA_M = 0.08, 0.3, 0.02
 """Standard deviations among people: of the logarithms of the lengths of bones and of stature, and of offsets."""
-_SHARED = ("size", "bones", "offsets")
-"""What all frames have in common."""
+_LENGTHS = ("size", "bones", "offsets")
 _BETA1, _BETA2 = 0.9, 0.99
 
 
@@ -66,30 +72,32 @@ class PosedSkeleton:
 class Rig:
     """Skeleton and poses in training; the state of its optimiser lies with them."""
 
-    def __init__(self, body: Avatar, pose: Float64Array, root_m: Float64Array, prior: PosePriorConfig) -> None:
-        """Begin with the body's own lengths.
+    def __init__(self, body: Avatar, trajectory: PoseTrajectory, prior_weight: float) -> None:
+        """Begin with the body's own lengths, and the likeliest motion.
 
         Args:
             body: The first body.
-            pose: Given poses, shape (F, 24, 3).
-            root_m: Given pelvises [m], shape (F, 3).
-            prior: How far both are trusted.
+            trajectory: How the person moved.
+            prior_weight: Weight in the loss of how unlikely motion and lengths are.
         """
-        self._prior, self._body = prior, body.skeleton()
+        self._weight, self._body = prior_weight, body.skeleton()
         self._skeletons = load_skeletons([body], "cpu")
         self._parents = torch.tensor(np.maximum(SMPL_PARENTS, 0).astype(np.int64))
-        self._given = rotation_matrices(torch.tensor(pose)), torch.tensor(root_m)
+        self._R0, self._root0_m = rotation_matrices(torch.tensor(trajectory.pose_axis_angle)), trajectory.root_m
+        self._modes, self._joint_rad, self._modes_m = (
+            torch.from_numpy(part) for part in (trajectory.modes, trajectory.joint_rad, trajectory.modes_m)
+        )
         self.values = {
             "size": np.zeros(1),
             "bones": np.zeros(len(BONES)),
             "offsets": np.zeros((len(BONES), 3)),
-            "pose": pose.copy(),
-            "root": root_m.copy(),
+            "pose": np.zeros_like(trajectory.pose_axis_angle),
+            "root": np.zeros_like(trajectory.root_m),
         }
         self.first = {name: np.zeros_like(value) for name, value in self.values.items()}
         self.second = {name: np.zeros_like(value) for name, value in self.values.items()}
-        self.updates = np.zeros(1 + len(pose))
-        """How often the lengths, and each frame, were changed."""
+        self.updates = np.zeros(len(self.values))
+        """How often each of the values was changed."""
         group, mirror = BONE_OF_JOINT, np.ones((24, 3))
         for joints in BONES:
             if len(joints) == 2:
@@ -117,69 +125,75 @@ class Rig:
 
     def pose(self, frame: int) -> PosedSkeleton:
         """The transforms of a frame; `step` then takes derivatives by them."""
-        rows = {name: value if name in _SHARED else value[frame] for name, value in self.values.items()}
-        leaves = {name: torch.tensor(row, requires_grad=True) for name, row in rows.items()}
+        leaves = {name: torch.tensor(value, requires_grad=True) for name, value in self.values.items()}
         self._leaves = leaves
         skeleton, B = self._shaped(leaves)
-        only = torch.zeros(1, dtype=torch.int64)
-        A = joint_transforms(skeleton, only, leaves["root"][None], leaves["pose"][None])[0]
+        R, root = self._moved(leaves, frame)
+        A = turned_joints(skeleton, torch.zeros(1, dtype=torch.int64), root[None], R[None])[0]
         return PosedSkeleton(A=A, B=B)
 
     def step(
         self,
-        frame: int,
         posed: PosedSkeleton,
         by_A: Float32Array,
         by_B: Float32Array,
         rates: dict[str, float],
     ) -> None:
-        """Change lengths and one frame's pose by the derivatives of a loss by the frame's transforms.
+        """Change lengths and motion by the derivatives of a loss by a frame's transforms.
 
         Args:
-            frame: Which frame.
             posed: What `pose` gave.
             by_A: Derivatives, shape (24, 3, 4).
             by_B: Shape (24, 3, 4).
             rates: Learning rates by name; what has none stays.
         """
         leaves = self._leaves
-        loss = self._prior_loss(frame, leaves)
+        loss = self._prior_loss(leaves)
         torch.autograd.backward(  # type: ignore[no-untyped-call]
             [posed.A, posed.B, loss], [torch.from_numpy(by_A).double(), torch.from_numpy(by_B).double(), None]
         )
-        self.updates[0] += 1
-        self.updates[1 + frame] += 1
-        for name, rate in rates.items():
-            whole = name in _SHARED
-            gradient = leaves[name].grad
+        for row, name in enumerate(self.values):
+            if name not in rates:
+                continue
+            self.updates[row] += 1
+            gradient, count = leaves[name].grad, self.updates[row]
             assert gradient is not None
-            index: slice | int = slice(None) if whole else frame
-            count = self.updates[0 if whole else 1 + frame]
-            first, second = self.first[name], self.second[name]
-            g = gradient.numpy()
-            first[index] = _BETA1 * first[index] + (1.0 - _BETA1) * g
-            second[index] = _BETA2 * second[index] + (1.0 - _BETA2) * g * g
-            moved = first[index] / (1.0 - _BETA1**count)
-            self.values[name][index] -= rate * moved / (np.sqrt(second[index] / (1.0 - _BETA2**count)) + 1e-12)
+            first, second, g = self.first[name], self.second[name], gradient.numpy()
+            first[:] = _BETA1 * first + (1.0 - _BETA1) * g
+            second[:] = _BETA2 * second + (1.0 - _BETA2) * g * g
+            moved = first / (1.0 - _BETA1**count)
+            self.values[name] -= rates[name] * moved / (np.sqrt(second / (1.0 - _BETA2**count)) + 1e-12)
 
     def shaped_joints(self) -> tuple[Float64Array, Float64Array, Float32Array]:
         """Joints in the T-pose and in the canonical pose of the shaped body [m], (24, 3) each, and B (24, 3, 4)."""
         with torch.no_grad():
-            skeleton, B = self._shaped({name: torch.tensor(self.values[name]) for name in _SHARED})
+            skeleton, B = self._shaped({name: torch.tensor(self.values[name]) for name in _LENGTHS})
         return skeleton.tpose_m[0].numpy(), skeleton.canonical_m[0].numpy(), B.float().numpy()
 
     def joints(self) -> Float64Array:
         """Where the joints are in all frames, in the film's world [m], shape (F, 24, 3)."""
-        tpose = self.shaped_joints()[0].astype(np.float32)
-        motion = Motion(
-            root_m=self.values["root"].astype(np.float32), pose_axis_angle=self.values["pose"].astype(np.float32)
-        )
+        tpose, (pose, root_m) = self.shaped_joints()[0].astype(np.float32), self.poses()
+        motion = Motion(root_m=root_m.astype(np.float32), pose_axis_angle=pose.astype(np.float32))
         return joint_positions(dataclasses.replace(self._body, joints_tpose_m=tpose), motion)
+
+    def poses(self) -> tuple[Float64Array, Float64Array]:
+        """Rotations of the joints [rad], shape (F, 24, 3), and pelvises [m], shape (F, 3), as they are found."""
+        values = {name: torch.from_numpy(self.values[name]) for name in ("pose", "root")}
+        found = [self._moved(values, frame) for frame in range(len(self._R0))]
+        R, root_m = (torch.stack(part).numpy() for part in zip(*found, strict=True))
+        return axis_angle_from_matrix(R), root_m
 
     @property
     def size(self) -> float:
         """Stature relative to the first body."""
         return float(np.exp(self.values["size"][0]))
+
+    def _moved(self, values: dict[str, Tensor], frame: int) -> tuple[Tensor, Tensor]:
+        """Rotations of the joints of a frame, shape (24, 3, 3), and its pelvis [m], shape (3,)."""
+        row = self._modes[frame]
+        turns = torch.einsum("jm,mjc->jc", self._joint_rad * row, values["pose"])
+        root_m = torch.from_numpy(self._root0_m[frame]) + (self._modes_m * row) @ values["root"]
+        return rotation_matrices(turns) @ self._R0[frame], root_m
 
     def _shaped(self, lengths: dict[str, Tensor]) -> tuple[Skeletons, Tensor]:
         s, bones = torch.exp(lengths["size"][0]), lengths["bones"]
@@ -206,24 +220,12 @@ class Rig:
         shift = joints[1] - (L @ self._skeletons.canonical_m[0][..., None])[..., 0]
         return skeleton, torch.cat([L, shift[..., None]], dim=2)
 
-    def _prior_loss(self, frame: int, leaves: dict[str, Tensor]) -> Tensor:
-        """How unlikely the frame's pose and the lengths are."""
-        prior = self._prior
-        R, root = rotation_matrices(leaves["pose"]), leaves["root"]
-        joint_rad, jerk_rad = np.deg2rad(prior.joint_deg), np.deg2rad(prior.jerk_deg)
-        # The squared Frobenius norm of a difference of rotations is twice the squared angle.
-        loss = ((R - self._given[0][frame]) ** 2).sum() / (144.0 * joint_rad**2)
-        loss = loss + ((root - self._given[1][frame]) ** 2).mean() / prior.root_m**2
-        count = len(self.values["root"])
-        if 0 < frame < count - 1:
-            pose, roots = self.values["pose"], self.values["root"]
-            middle = rotation_matrices(torch.from_numpy(pose[[frame - 1, frame + 1]])).mean(dim=0)
-            loss = loss + ((R - middle) ** 2).sum() / (144.0 * jerk_rad**2)
-            between = torch.from_numpy(0.5 * (roots[frame - 1] + roots[frame + 1]))
-            loss = loss + ((root - between) ** 2).mean() / prior.jerk_m**2
-        lengths = (leaves["bones"] ** 2).mean() / BONE_SIGMA**2 + (leaves["size"][0] / SIZE_SIGMA) ** 2
-        lengths = lengths + (leaves["offsets"] ** 2).mean() / _OFFSET_SIGMA_M**2
-        total: Tensor = prior.weight * (loss + 0.1 * lengths)
+    def _prior_loss(self, values: dict[str, Tensor]) -> Tensor:
+        """How unlikely motion and lengths are: a frame's share of the former, as each step has one frame."""
+        motion = (values["pose"] ** 2).mean() + (values["root"] ** 2).mean()
+        lengths = (values["bones"] ** 2).mean() / BONE_SIGMA**2 + (values["size"][0] / SIZE_SIGMA) ** 2
+        lengths = lengths + (values["offsets"] ** 2).mean() / _OFFSET_SIGMA_M**2
+        total: Tensor = self._weight * (motion + 0.1 * lengths)
         return total
 
 

@@ -237,7 +237,7 @@ def test_array_types_may_be_aliases_as_numpy_2_5_writes_them() -> None:
     class Alias:
         """Stands for the `typing.TypeAliasType` of Python 3.12."""
 
-        __value__ = Float32Array
+        __value__ = np.ndarray[typing.Any, typing.Any]
 
     array = np.arange(3, dtype=np.float32)
     build = codec._builder(types.GenericAlias(Alias(), (np.float32,)))

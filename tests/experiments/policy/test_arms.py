@@ -146,3 +146,20 @@ def test_arms_are_compared_over_their_seeds() -> None:
     assert 0.0 < mesh["less_than_first"]["low"] < 50.0 < mesh["less_than_first"]["high"] < 90.0
     assert found["arms"]["dynamic"]["absent"]["success"] == {"mean": 0.0, "low": 0.0, "high": 0.0}
     assert found["measures"]["dynamic"]["photoreal/1"]["success"]["mean"] == pytest.approx(0.75)
+
+
+def test_some_arms_can_be_compared_alone(job: arms.Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    compared: list[arms.Job] = []
+
+    def keep(chosen: arms.Job) -> dict[str, dict[str, object]]:
+        compared.append(chosen)
+        return {"measures": {}, "arms": {}, "comparisons": {}}
+
+    monkeypatch.setattr(arms, "run", keep)
+    for chosen, expected in (([], ["one", "calm", "two"]), (["--arms", "two", "one"], ["two", "one"])):
+        options = vars(arms.parser_of("").parse_args(["embedded", "--out", str(tmp_path), *chosen]))
+        arms.main("some", options, job.arms)
+        assert list(compared[-1].arms) == expected
+    options = vars(arms.parser_of("").parse_args(["embedded", "--out", str(tmp_path), "--arms", "none"]))
+    with pytest.raises(SystemExit, match="There is no arm none; there are one, calm, two"):
+        arms.main("some", options, job.arms)

@@ -9,6 +9,9 @@ import pytest
 
 from readygo.apps.avatar.capture import AvatarCaptureConfig, capture_avatar
 from readygo.common.avatars import Avatar, load_avatars
+from readygo.services.reconstructor.avatars.config import PosePriorConfig
+from readygo.services.reconstructor.avatars.footage import Footage
+from readygo.services.reconstructor.avatars.trajectory import PoseTrajectory, smoothed_trajectory
 
 FRAMES = 12
 CONFIG = AvatarCaptureConfig(motion="turn", frames=FRAMES, width_px=96, height_px=96, pose_noise_deg=2.0)
@@ -38,6 +41,11 @@ def plain_film(tmp_path_factory: pytest.TempPathFactory, coarse_body: Avatar) ->
     folder = tmp_path_factory.mktemp("film") / "plain"
     capture_avatar(coarse_body, folder, dataclasses.replace(CONFIG, layout="plain"), lambda _: None)
     return folder
+
+
+def trajectory_of(footage: Footage) -> PoseTrajectory:
+    """The motion that given poses tell."""
+    return smoothed_trajectory(footage.pose_axis_angle, footage.root_m, PosePriorConfig())
 
 
 @pytest.fixture

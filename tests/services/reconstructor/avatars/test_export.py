@@ -17,13 +17,12 @@ from readygo.services.reconstructor.avatars.export import (
 from readygo.services.reconstructor.avatars.fit import PersonFit
 from readygo.services.reconstructor.avatars.footage import read_footage
 from readygo.services.reconstructor.avatars.views import read_person
+from tests.services.reconstructor.avatars.conftest import trajectory_of
 
 
 def test_unchanged_fit_gives_the_body_back(plain_film: Path, coarse_body: Avatar) -> None:
     footage = read_footage(plain_film)
-    fit = PersonFit(
-        coarse_body, read_person(footage, 96), footage.pose_axis_angle, footage.root_m, AvatarFitConfig(steps=10)
-    )
+    fit = PersonFit(coarse_body, read_person(footage, 96), trajectory_of(footage), AvatarFitConfig(steps=10))
     fit.rig.values["size"][0] = np.log(1.05)
     avatar, unseen = avatar_of_fit(fit, coarse_body, "again", "CC0")
     assert (avatar.name, avatar.license) == ("again", "CC0")

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from readygo.common.errors import AvatarError
-from readygo.common.frames import matrix_from_axis_angle
-from readygo.services.reconstructor.avatars.footage import SMPL_FILE, read_footage, smooth_poses
+from readygo.services.reconstructor.avatars.footage import SMPL_FILE, read_footage
 
 
 def test_both_layouts_say_the_same(neuman_film: Path, plain_film: Path) -> None:
@@ -109,18 +108,3 @@ def test_numbers_that_are_not_finite_are_refused(own_film: Path) -> None:
     np.savez(own_film / "poses.npz", **poses | {"root_m": np.full((12, 3), "a")})
     with pytest.raises(AvatarError, match="root_m must hold numbers"):
         read_footage(own_film)
-
-
-def test_smoothing_keeps_steady_motion_and_removes_noise() -> None:
-    count, rng = 30, np.random.default_rng(0)
-    pose = np.zeros((count, 24, 3))
-    pose[:, 4, 0] = 0.02 * np.arange(count)
-    root = np.stack([0.06 * np.arange(count), np.zeros(count), np.full(count, 0.9)], axis=1)
-    same_pose, same_root = smooth_poses(pose, root, 3)
-    np.testing.assert_allclose(same_pose, pose, atol=2e-3)
-    np.testing.assert_allclose(same_root, root, atol=1e-9)
-    noisy = pose + 0.05 * rng.standard_normal(pose.shape)
-    smooth, _ = smooth_poses(noisy, root, 3)
-    errors = [np.linalg.norm(matrix_from_axis_angle(each) - matrix_from_axis_angle(pose)) for each in (noisy, smooth)]
-    assert errors[1] < 0.75 * errors[0]
-    assert smooth_poses(noisy, root, 0)[0] is noisy
