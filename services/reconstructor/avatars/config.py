@@ -28,7 +28,7 @@ class PosePriorConfig:
     [deg]."""
     jerk_m: Annotated[float, Range(above=0.0)] = 0.008
     """The same of the pelvis [m]."""
-    weight: Annotated[float, Range(low=0.0)] = 0.004
+    weight: Annotated[float, Range(low=0.0)] = 0.001
     """Weight in the loss of the mean squared deviation, in units of the standard deviations."""
 
     def __post_init__(self) -> None:

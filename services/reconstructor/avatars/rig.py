@@ -50,6 +50,8 @@ _MAIN_CHILD = {
 BONE_SIGMA, SIZE_SIGMA, _OFFSET_SIGMA_M = 0.08, 0.3, 0.02
 """Standard deviations among people: of the logarithms of the lengths of bones and of stature, and of offsets."""
 _LENGTHS = ("size", "bones", "offsets")
+_LENGTHS_WEIGHT = 4e-3
+"""Weight in the loss of the mean squared deviation of lengths: what no image shows stays as it is on the body."""
 _BETA1, _BETA2 = 0.9, 0.99
 
 
@@ -221,11 +223,11 @@ class Rig:
         return skeleton, torch.cat([L, shift[..., None]], dim=2)
 
     def _prior_loss(self, values: dict[str, Tensor]) -> Tensor:
-        """How unlikely motion and lengths are: a frame's share of the former, as each step has one frame."""
+        """How unlikely motion and lengths are."""
         motion = (values["pose"] ** 2).mean() + (values["root"] ** 2).mean()
         lengths = (values["bones"] ** 2).mean() / BONE_SIGMA**2 + (values["size"][0] / SIZE_SIGMA) ** 2
         lengths = lengths + (values["offsets"] ** 2).mean() / _OFFSET_SIGMA_M**2
-        total: Tensor = self._weight * (motion + 0.1 * lengths)
+        total: Tensor = self._weight * motion + _LENGTHS_WEIGHT * lengths
         return total
 
 
