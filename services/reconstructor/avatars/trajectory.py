@@ -1,6 +1,6 @@
 """What given poses tell of how a person moved: the likeliest motion, and how far it may be off, before any image.
 
-The pose of each frame is a measurement with an error of its own, and the motion is smooth. Legend: y_f = an entry of a
+The pose of each frame is a measurement with a separate error, and the motion is smooth. Legend: y_f = an entry of a
 joint's rotation matrix, or a coordinate of the pelvis, in frame f; D = second differences between frames; s = standard
 deviation of the errors. The likeliest motion minimises
 
