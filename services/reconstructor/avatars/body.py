@@ -1,7 +1,6 @@
-"""The body that a fit begins with: the embedded avatar whose silhouettes are most like the person's."""
+"""Bodies that a fit may begin with, at the person's size, and their silhouettes beside the person's."""
 
 import dataclasses
-from collections.abc import Mapping
 
 import numpy as np
 
@@ -18,31 +17,23 @@ OVERLAP_MIN = 0.35
 """Silhouettes that have less in common than this share of their union are of other poses or cameras."""
 
 
-def choose_body(
-    bodies: Mapping[str, Avatar], person: FilmedPerson, pose: Float64Array, root_m: Float64Array
-) -> tuple[Avatar, float]:
-    """The body that fits best, at the person's size, and the share of the silhouettes' union that is common.
+def sized_body(body: Avatar, person: FilmedPerson, pose: Float64Array, root_m: Float64Array) -> tuple[Avatar, float]:
+    """A body at the size that fits best, and the share of the silhouettes' union that is common.
 
     Args:
-        bodies: Avatars by name.
+        body: At any size.
         person: The film.
         pose: Poses, shape (F, 24, 3).
         root_m: Pelvises [m], shape (F, 3).
     """
-    frames = _some_frames(person)
-    best: tuple[float, Avatar] | None = None
-    for name in sorted(bodies):
-        body, overlap = bodies[name], 0.0
-        for _ in range(_ROUNDS):
-            overlap, ratio = _compare(body, person, frames, pose, root_m)
-            if best is None or overlap > best[0]:
-                best = (overlap, body)
-            body = scale_body(body, float(np.clip(ratio, *_SIZE_LIMITS)))
-        overlap, _ = _compare(body, person, frames, pose, root_m)
-        if best is None or overlap > best[0]:
-            best = (overlap, body)
-    assert best is not None
-    return best[1], best[0]
+    frames, tried = _some_frames(person), []
+    for _ in range(_ROUNDS):
+        overlap, ratio = _compare(body, person, frames, pose, root_m)
+        tried.append((overlap, body))
+        body = scale_body(body, float(np.clip(ratio, *_SIZE_LIMITS)))
+    tried.append((_compare(body, person, frames, pose, root_m)[0], body))
+    overlap, body = max(tried, key=lambda each: each[0])
+    return body, overlap
 
 
 def scale_body(body: Avatar, factor: float) -> Avatar:
