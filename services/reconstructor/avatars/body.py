@@ -1,6 +1,7 @@
-"""Bodies that a fit may begin with, at the person's size, and their silhouettes beside the person's."""
+"""The body that a fit begins with: the embedded avatar whose silhouettes are most like the person's."""
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -17,23 +18,31 @@ OVERLAP_MIN = 0.35
 """Silhouettes that have less in common than this share of their union are of other poses or cameras."""
 
 
-def sized_body(body: Avatar, person: FilmedPerson, pose: Float64Array, root_m: Float64Array) -> tuple[Avatar, float]:
-    """A body at the size that fits best, and the share of the silhouettes' union that is common.
+def choose_body(
+    bodies: Mapping[str, Avatar], person: FilmedPerson, pose: Float64Array, root_m: Float64Array
+) -> tuple[Avatar, float]:
+    """The body that fits best, at the person's size, and the share of the silhouettes' union that is common.
 
     Args:
-        body: At any size.
+        bodies: Avatars by name.
         person: The film.
         pose: Poses, shape (F, 24, 3).
         root_m: Pelvises [m], shape (F, 3).
     """
-    frames, tried = _some_frames(person), []
-    for _ in range(_ROUNDS):
-        overlap, ratio = _compare(body, person, frames, pose, root_m)
-        tried.append((overlap, body))
-        body = scale_body(body, float(np.clip(ratio, *_SIZE_LIMITS)))
-    tried.append((_compare(body, person, frames, pose, root_m)[0], body))
-    overlap, body = max(tried, key=lambda each: each[0])
-    return body, overlap
+    frames = _some_frames(person)
+    best: tuple[float, Avatar] | None = None
+    for name in sorted(bodies):
+        body, overlap = bodies[name], 0.0
+        for _ in range(_ROUNDS):
+            overlap, ratio = _compare(body, person, frames, pose, root_m)
+            if best is None or overlap > best[0]:
+                best = (overlap, body)
+            body = scale_body(body, float(np.clip(ratio, *_SIZE_LIMITS)))
+        overlap, _ = _compare(body, person, frames, pose, root_m)
+        if best is None or overlap > best[0]:
+            best = (overlap, body)
+    assert best is not None
+    return best[1], best[0]
 
 
 def scale_body(body: Avatar, factor: float) -> Avatar:

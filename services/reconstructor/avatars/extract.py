@@ -17,7 +17,7 @@ from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import AvatarError, RunError
-from readygo.services.reconstructor.avatars.body import OVERLAP_MIN, overlap_of, swap_sides
+from readygo.services.reconstructor.avatars.body import OVERLAP_MIN, choose_body, overlap_of, swap_sides
 from readygo.services.reconstructor.avatars.complete import (
     KEYPOINTS_STAGE,
     MASKS_STAGE,
@@ -37,7 +37,6 @@ from readygo.services.reconstructor.avatars.trajectory import (
     smoothed_trajectory,
     trusted_trajectory,
 )
-from readygo.services.reconstructor.avatars.trial import choose_body
 from readygo.services.reconstructor.avatars.views import FilmedPerson, PersonView, read_person, view_at
 from readygo.services.reconstructor.stages import Stages, word_errors
 from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
@@ -137,7 +136,7 @@ def extract_avatar(
             if smpl is not None:
                 check_smpl_body(smpl)
             complete = complete_footage(folder, stages, networks or PersonNetworks(), bodies, config)
-            fit, footage, overlap = _begin_fit(complete, bodies, smpl, config, tell)
+            fit, footage, overlap = _begin_fit(complete, bodies, smpl, config)
             seconds = _run(fit, work, _identity(footage, fit.config, fit.body), tell)
         avatar, unseen = avatar_of_fit(fit, fit.body, name, license_text)
         held_out = [measure_frame(fit, frame, footage.names[frame]) for frame in fit.held]
@@ -200,13 +199,9 @@ def compare_person(image: str, view: PersonView, drawn: Float32Array) -> HeldOut
 
 
 def _begin_fit(
-    complete: CompleteFootage,
-    bodies: dict[str, Avatar],
-    smpl: Path | None,
-    config: AvatarFitConfig,
-    tell: Callable[[ExtractionProgress], None],
+    complete: CompleteFootage, bodies: dict[str, Avatar], smpl: Path | None, config: AvatarFitConfig
 ) -> tuple[PersonFit, Footage, float]:
-    """A fit on the body that suits the person best, its footage, and the overlap of their silhouettes."""
+    """A fit on the body whose silhouettes are most like the person's, its footage, and their overlap."""
     pelvis_m = SMPL_PELVIS_M
     if smpl is not None:
         body, footage, pelvis_m = read_smpl_body(smpl, complete.footage)
@@ -219,20 +214,7 @@ def _begin_fit(
         # Checkpoints have no skeleton: it stays that of the file.
         overlap = overlap_of(body, person, pose, root)
     else:
-        begin_s = time.monotonic()
-
-        def tell_trial(trial: PersonFit) -> None:
-            tell(
-                ExtractionProgress(
-                    step=0,
-                    steps=config.steps,
-                    gaussians=len(trial),
-                    loss=trial.loss,
-                    seconds=time.monotonic() - begin_s,
-                )
-            )
-
-        body, overlap = choose_body(bodies, complete.footage, trajectory, config, tell_trial)
+        body, overlap = choose_body(bodies, person, pose, root)
     _check_poses(body, overlap, person, pose, root)
     fit = (
         HugsFit(body, person, trajectory, config, pelvis_m=pelvis_m, fixed_lengths=smpl is not None)

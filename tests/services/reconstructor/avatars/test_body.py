@@ -1,24 +1,28 @@
-"""Bodies come to the person's size, and silhouettes tell swapped sides."""
+"""The body with the most similar silhouettes is chosen, at the person's size."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from readygo.common.avatars import Avatar
-from readygo.services.reconstructor.avatars.body import overlap_of, scale_body, sized_body, swap_sides
+from readygo.services.reconstructor.avatars.body import choose_body, overlap_of, scale_body, swap_sides
 from readygo.services.reconstructor.avatars.footage import read_footage
 from readygo.services.reconstructor.avatars.views import read_person
 
 
-@pytest.mark.parametrize("factor", [0.85, 1.2])
-def test_a_body_is_brought_to_the_persons_size(plain_film: Path, coarse_body: Avatar, factor: float) -> None:
+def test_true_body_is_chosen_and_scaled_back(plain_film: Path, coarse_body: Avatar) -> None:
     footage = read_footage(plain_film)
     person = read_person(footage, 96)
-    given = scale_body(coarse_body, factor)
-    body, overlap = sized_body(given, person, footage.pose_axis_angle, footage.root_m)
+    wide = dataclasses.replace(
+        coarse_body, cloud=dataclasses.replace(coarse_body.cloud, scales_m=5.0 * coarse_body.cloud.scales_m)
+    )
+    bodies = {"small": scale_body(coarse_body, 0.85), "wide": wide}
+    body, overlap = choose_body(bodies, person, footage.pose_axis_angle, footage.root_m)
     assert body.height_m == pytest.approx(coarse_body.height_m, rel=0.1)
-    assert overlap > max(0.7, overlap_of(given, person, footage.pose_axis_angle, footage.root_m))
+    assert body.cloud.scales_m.max() < 2.0 * coarse_body.cloud.scales_m.max()
+    assert overlap > 0.7
 
 
 def test_swapped_sides_fit_worse(plain_film: Path, coarse_body: Avatar) -> None:
