@@ -71,7 +71,7 @@ class AvatarFitConfig:
     anchor: Annotated[float, Range(low=0.0)] = 1e-3
     """Weight of the Gaussians' squared distance from where they began on the body [1/m2]."""
     offsets: bool = True
-    """True also finds joints that do not lie in the direction of the first body's bones."""
+    """True also finds joints that do not lie in the direction of the first body's bones; `direct` only."""
     seed: int = 0
     """Seed of the fit."""
     prior: PosePriorConfig = field(default_factory=PosePriorConfig)

@@ -15,7 +15,8 @@ class PerceptionConfig:
     """Network, budget and optimisation of perception."""
 
     minutes: Positive = 20.0
-    """Processor time of each training thread; runs that continue count that of the earlier ones [min]."""
+    """Processor time of each training thread, on a GPU the time that goes by; runs that continue count that of the
+    earlier ones [min]."""
     samples: int | None = None
     """Images to be learned from, repeats counted, instead of `minutes`; the result is then reproducible."""
     seed: Annotated[int, Range(low=0)] = 0

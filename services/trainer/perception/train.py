@@ -93,6 +93,7 @@ class PerceptionRun:
         self.steps, self.samples_seen, self.elapsed_s, self.loss = 0, 0, 0.0, math.nan
         settings = section_to_mapping(config)
         self._identity = data | {k: json.dumps(v) for k, v in settings.items() if k not in BUDGET_FIELDS}
+        self._now_s = time.perf_counter if self._device.type == "cuda" else time.thread_time
         has_half = self._device.type == "cuda" or cpu_has_bf16()
         half = config.precision == "bf16" or (config.precision == "auto" and has_half)
         self._dtype = torch.bfloat16 if half else torch.float32
@@ -125,7 +126,7 @@ class PerceptionRun:
         Raises:
             PolicyError: If the loss is not finite; the last checkpoint is left as it is.
         """
-        started_s = time.thread_time()
+        started_s = self._now_s()
         rng = np.random.default_rng([self.config.seed, self.steps])
         rows = self._draw(rng)
         for group in self.optimizer.param_groups:
@@ -144,7 +145,7 @@ class PerceptionRun:
         value = float(loss.detach())
         self.loss = value if math.isnan(self.loss) else 0.98 * self.loss + 0.02 * value
         self.steps, self.samples_seen = self.steps + 1, self.samples_seen + len(rows)
-        self.elapsed_s += time.thread_time() - started_s
+        self.elapsed_s += self._now_s() - started_s
 
     def finish(self) -> dict[str, Any]:
         """Export the averaged weights, and measure them on what is held out."""
