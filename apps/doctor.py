@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import readygo
+from readygo.common.cores import available_cores
 from readygo.common.errors import ReadygoError
 from readygo.common.extras import Extra, install_command
 from readygo.common.files import cache_folder, cache_root
@@ -63,7 +64,7 @@ def _software() -> Iterator[Finding]:
 
 
 def _hardware() -> Iterator[Finding]:
-    usable = len(os.sched_getaffinity(0))
+    usable = available_cores()
     yield Finding("cores", None, f"{usable} of {os.cpu_count()} may be used; {usable} workers at most are of use")
     memory_gb = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9
     yield Finding("memory", None, f"{memory_gb:.1f} GB")

@@ -4,20 +4,26 @@ import dataclasses
 import functools
 import hashlib
 import importlib.metadata
+import itertools
 import json
 import math
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from readygo.common.config import section_to_mapping
-from readygo.common.errors import ConfigError, SceneError
+from readygo.common.errors import ConfigError, RunError, SceneError
 from readygo.common.files import cache_folder
 from readygo.common.messages import (
     AnimateRequest,
     EpisodeKey,
     EpisodeMotions,
     HumanPlanRequest,
+    RunSpec,
     Scenario,
     Split,
 )
@@ -81,6 +87,7 @@ def run_reinforcement(
     *,
     decisions: int | None,
     minutes: float | None,
+    workers: int = 1,
     draws: DrawShow = lambda split, done, total: None,
     show: Callable[[Mapping[str, Any], float], None] = lambda row, share: None,
 ) -> dict[str, Any]:
@@ -92,6 +99,7 @@ def run_reinforcement(
         out: Folder of the policy.
         decisions: Budget in decisions, including earlier calls; None takes the minutes.
         minutes: Budget in processor time [min].
+        workers: Processes that draw episodes.
         draws: Told of episodes that are drawn.
         show: Told of every measurement, and of the share of the budget that is spent.
 
@@ -102,6 +110,7 @@ def run_reinforcement(
         PolicyError: If torch is not installed, `out` has another training, or a command cannot be held as long.
         SceneError: If a scene yields no episodes.
         ConfigError: If there are fewer robots than scenes.
+        RunError: If a process that draws episodes ends early.
     """
     with torch_needed():
         from readygo.services.trainer import Budget, Place, Training
@@ -122,7 +131,7 @@ def run_reinforcement(
     places = []
     for world, of_scene in zip(worlds, seen, strict=True):
         train, val = (
-            draw_bank(world, split, math.ceil(count / len(worlds)), functools.partial(draws, split))
+            draw_bank(world, split, math.ceil(count / len(worlds)), functools.partial(draws, split), workers=workers)
             for split, count in ((Split.TRAIN, config.train_episodes), (Split.VAL, config.val_episodes))
         )
         places.append(Place(world=of_scene, train=train, val=val))
@@ -146,7 +155,9 @@ def _teach(teachers: Sequence[Teacher], training: "Training", count: int) -> Non
     training.save()
 
 
-def draw_bank(world: World, split: Split, count: int, show: Show = lambda done, total: None) -> EpisodeBank:
+def draw_bank(
+    world: World, split: Split, count: int, show: Show = lambda done, total: None, *, workers: int = 1
+) -> EpisodeBank:
     """The first episodes of a split that planner and animator accept, as arrays.
 
     They are drawn in parts, and every part is kept in the user's cache: an interrupted call continues.
@@ -156,27 +167,83 @@ def draw_bank(world: World, split: Split, count: int, show: Show = lambda done, 
         split: Split of the episodes.
         count: Episodes.
         show: Told of the progress.
+        workers: Processes that draw; 1 draws in this one. The episodes are the same.
 
     Raises:
         SceneError: If the planner rejects part after part.
-        RunError: If a part cannot be read or written.
+        RunError: If a part cannot be read or written, or a process that draws ends early.
     """
     folder = cache_folder("episodes") / _digest(world, split)
     folder.mkdir(exist_ok=True)
-    makers = _Makers(world)
     banks: list[EpisodeBank] = []
-    done = part = rejected = 0
-    while done < count:
-        path = folder / f"part-{part:05d}.npz"
-        bank = load_bank(path) if path.exists() else makers.draw(split, part, path)
-        rejected = 0 if len(bank) else rejected + 1
-        if rejected == REJECTED_PARTS_MAX:
-            raise SceneError(f"The last {PART * rejected} scenarios of {world.scene.name} were rejected.")
-        if len(bank):
-            banks.append(bank)
-        done, part = done + len(bank), part + 1
-        show(min(done, count), count)
+    done = rejected = 0
+    with _Drawers(world, split, folder, workers) as drawers:
+        numbers, waiting = itertools.count(), deque[Callable[[], EpisodeBank]]()
+        while done < count:
+            # A part has at most PART episodes: none is begun that is not needed.
+            while len(waiting) < workers and done + PART * len(waiting) < count:
+                waiting.append(drawers.begin(next(numbers)))
+            bank = waiting.popleft()()
+            rejected = 0 if len(bank) else rejected + 1
+            if rejected == REJECTED_PARTS_MAX:
+                raise SceneError(f"The last {PART * rejected} scenarios of {world.scene.name} were rejected.")
+            if len(bank):
+                banks.append(bank)
+            done += len(bank)
+            show(min(done, count), count)
     return join_banks(banks).first(count)
+
+
+class _Drawers:
+    """Draws the missing parts of a split, in this process or in others."""
+
+    def __init__(self, world: World, split: Split, folder: Path, workers: int) -> None:
+        self._here, self._split, self._folder, self._workers = _Makers(world), split, folder, workers
+        self._spec = world.spec
+        self._pool: ProcessPoolExecutor | None = None
+
+    def __enter__(self) -> "_Drawers":
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+
+    def begin(self, part: int) -> Callable[[], EpisodeBank]:
+        """Begin a part; what is returned waits for its episodes."""
+        path, indices = self._folder / f"part-{part:05d}.npz", range(PART * part, PART * (part + 1))
+        if path.exists():
+            return functools.partial(load_bank, path)
+        if self._workers == 1:
+            return functools.partial(self._here.draw, self._split, indices, path)
+        if self._pool is None:
+            self._pool = ProcessPoolExecutor(
+                self._workers, get_context("spawn"), initializer=_open, initargs=(self._spec,)
+            )
+        return functools.partial(_wait, self._pool.submit(_draw, self._split, indices, path), path)
+
+
+_opened: list["_Makers"] = []
+"""Makers of a process of the pool."""
+
+
+def _open(spec: RunSpec) -> None:
+    _opened.append(_Makers(World(spec)))
+
+
+def _draw(split: Split, indices: range, path: Path) -> None:
+    (makers,) = _opened
+    makers.draw(split, indices, path)
+
+
+def _wait(drawn: "Future[None]", path: Path) -> EpisodeBank:
+    try:
+        drawn.result()
+    except BrokenProcessPool:
+        raise RunError(
+            "A process that draws episodes ended early; if memory is short, use fewer with --workers."
+        ) from None
+    return load_bank(path)
 
 
 class _Makers:
@@ -184,15 +251,16 @@ class _Makers:
 
     def __init__(self, world: World) -> None:
         self._world = world
-        self._made: tuple[HumanPlanner, Animator, GoalDistances] | None = None
 
-    def draw(self, split: Split, part: int, path: Path) -> EpisodeBank:
+    @functools.cached_property
+    def _made(self) -> tuple[HumanPlanner, Animator, GoalDistances]:
+        world = self._world
+        return world.human_planner(react=False), world.animator(), goal_distances(world)
+
+    def draw(self, split: Split, indices: range, path: Path) -> EpisodeBank:
         """Draw a part and keep it."""
-        if self._made is None:
-            planner = self._world.human_planner(react=False)
-            self._made = planner, self._world.animator(), goal_distances(self._world)
         planner, animator, distances = self._made
-        pairs = list(self._accepted(planner, animator, split, range(PART * part, PART * (part + 1))))
+        pairs = list(self._accepted(planner, animator, split, indices))
         config = self._world.config
         bank = make_bank(pairs, distances, config.episode.human_count_max + config.human_planner.standing_max)
         bank.save(path)

@@ -13,6 +13,7 @@ from tyro.conf import Fixed, Positional
 
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.terminal import PlainConsole
+from readygo.common.cores import available_cores
 from readygo.common.errors import RunError
 from readygo.common.messages import Split
 from readygo.common.perception.noise import EXACT, PERCEIVED
@@ -61,6 +62,8 @@ class RlOptions:
     """Scenario mix: how many pedestrians there are and how they meet the robot; "paper" by default."""
     config: Path | None = None
     """TOML file with sections of settings, as for `readygo generate`."""
+    workers: int = 0
+    """Processes that draw the episodes, one per core by default; learning itself is on one core."""
     json: bool = False
     """Print the metrics as JSON."""
     keys: Annotated[Keys, Sections(ReinforcementConfig), Fixed] = field(default_factory=dict)
@@ -69,13 +72,22 @@ class RlOptions:
 def rl(options: RlOptions) -> None:
     """Train a policy by reinforcement (PPO) in some scenes, without images; run again to resume."""
     minutes = _minutes(options)
+    if options.workers < 0:
+        raise RunError(f"--workers must be at least 0, got {options.workers}.")
     settings = make_reinforcement_config(NOISE[options.noise], options.keys)
     robot = load_robot(options.robot) if options.robot else None
     config = with_standing(load_run_config(options.config, robot, None, options.people), settings.standing_max)
     worlds = _worlds(options, config)
     with _progress(PlainConsole(stderr=True), quiet=options.json) as (say, show):
         metrics = run_reinforcement(
-            worlds, settings, options.out, decisions=options.decisions, minutes=minutes, draws=say, show=show
+            worlds,
+            settings,
+            options.out,
+            decisions=options.decisions,
+            minutes=minutes,
+            workers=options.workers or available_cores(),
+            draws=say,
+            show=show,
         )
     _report(metrics, options, ", ".join(world.scene.name for world in worlds))
 

@@ -1,6 +1,5 @@
 """Division of the cores between recording and training."""
 
-import os
 from dataclasses import dataclass
 
 AHEAD_SAMPLES = 10_000
@@ -53,8 +52,3 @@ def is_ahead(learned: int, recorded: int, reuse: float) -> bool:
         reuse: How often training uses each sample.
     """
     return learned >= reuse * (recorded - AHEAD_SAMPLES)
-
-
-def cores_here() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

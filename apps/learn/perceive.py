@@ -30,7 +30,6 @@ from typing import IO, Any
 from readygo.apps.evaluation.replay import Replays
 from readygo.apps.evaluation.watch import write_pages
 from readygo.apps.fleet.run import record
-from readygo.apps.learn.cores import cores_here
 from readygo.apps.learn.gather import TASK_NAMES, TEST_FOLDER
 from readygo.apps.learn.learn import success_by_scene
 from readygo.apps.learn.plan import LOCK_FILE, free_name, lock_folder
@@ -40,6 +39,7 @@ from readygo.apps.report.perception import PerceptionContent
 from readygo.apps.report.tables import DriverScore
 from readygo.common.avatars.variants import write_variants
 from readygo.common.config import section_to_mapping
+from readygo.common.cores import available_cores
 from readygo.common.documents import read_json, write_toml
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.files import write_whole
@@ -310,12 +310,12 @@ def variants_of(minutes: float) -> int:
 
 def has_policy_on_states(plan: PerceivePlan) -> bool:
     """True if a policy on states is trained beside: on a separate core."""
-    return cores_here() > 1
+    return available_cores() > 1
 
 
 def workers_of(plan: PerceivePlan) -> int:
     """Cores for recording and training."""
-    return cores_here() - has_policy_on_states(plan)
+    return available_cores() - has_policy_on_states(plan)
 
 
 @contextmanager
@@ -334,7 +334,7 @@ def _reinforcement(plan: PerceivePlan, lock: IO[str]) -> Iterator[Callable[[], N
         *("--config", str(plan.out / SETTINGS_FILE), "--seed", str(plan.seed)),
         *("--minutes", f"{RL_SHARE * plan.minutes:g}"),
         *("--train-episodes", str(episodes), "--val-episodes", str(min(episodes, 400))),
-        *("--demonstrations", str(lessons)),
+        *("--demonstrations", str(lessons), "--workers", "1"),
         *(("--avatars", str(plan.avatars)) if plan.avatars else ()),
     ]
     one = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")}

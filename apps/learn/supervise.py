@@ -9,13 +9,14 @@ from pathlib import Path
 
 from readygo.apps.learn.background import Background
 from readygo.apps.learn.choice import PolicyMeasurement, best_of, episodes_to_measure, has_stopped_rising
-from readygo.apps.learn.cores import CoreSplit, cores_here, is_ahead, split_cores
+from readygo.apps.learn.cores import CoreSplit, is_ahead, split_cores
 from readygo.apps.learn.crew import ALONE, Crew, Reach
 from readygo.apps.learn.curve import CurvePoint, load_curve, measurements_of, save_curve
 from readygo.apps.learn.measure import Measured, Measuring
 from readygo.apps.learn.plan import LearnPlan, read_state, write_state
 from readygo.apps.learn.training import Training, begin_decay, decay_share, forget_decay, read_training
 from readygo.common.config import section_to_mapping
+from readygo.common.cores import available_cores
 from readygo.common.errors import RunError
 from readygo.common.files import unfinished_folder, write_whole
 from readygo.common.policy.artifact import POLICY_FILES, SPEC_FILE, WEIGHTS_FILE
@@ -120,7 +121,7 @@ class Supervisor:
         self._save()
         plan.policy.mkdir(exist_ok=True)
         forget_decay(plan.policy)
-        collectors = max(cores_here(), len(plan.places))
+        collectors = max(available_cores(), len(plan.places))
         minutes = plan.budget.minutes if plan.budget.samples is None else 60.0
         wanted = math.ceil(60 * minutes * EPISODES_HZ * collectors)
         for place in plan.places:
@@ -129,7 +130,7 @@ class Supervisor:
                 place.folder.save(place.spec, max(wanted, before))
 
     def _first_split(self) -> CoreSplit:
-        cores = cores_here()
+        cores = available_cores()
         if self._reach.hosts:
             return CoreSplit(0, cores)
         if self._split:
@@ -214,7 +215,7 @@ class Supervisor:
             return
         threads = crew.running.trainer_threads
         self._split = split_cores(
-            cores_here(),
+            available_cores(),
             scenes=len(self._plan.places),
             collect_hz=crew.collect_hz,
             train_hz=training.samples_hz / threads,

@@ -28,6 +28,7 @@ from readygo.benchmarks.rasterizer.runs import (
 )
 from readygo.benchmarks.rasterizer.scenery import gaussian_count
 from readygo.benchmarks.rasterizer.setting import Backend, Measurement, Placement, Setting, Switch, open_setting
+from readygo.common.cores import available_cores
 from readygo.common.errors import ConfigError
 from readygo.common.rasterizer.interface import Rasterizer
 from readygo.common.rasterizer.packed.scene import PackedScene
@@ -156,7 +157,7 @@ def _head(setting: Setting) -> dict[str, Any]:
 
 def machine() -> dict[str, Any]:
     """What measures."""
-    return {"cpu": _cpu_name(), "cores": len(os.sched_getaffinity(0)), "simd": _simd()}
+    return {"cpu": _cpu_name(), "cores": available_cores(), "simd": _simd()}
 
 
 def _cpu_name() -> str:

@@ -1,6 +1,5 @@
 """What a machine computes with."""
 
-import os
 import re
 from pathlib import Path
 from typing import Literal
@@ -56,8 +55,3 @@ def cpu_has_bf16(cpu_info: Path = CPU_INFO) -> bool:
         return False
     lines = re.findall(r"^(?:flags|Features)\s*:(.*)$", text, re.MULTILINE)
     return bool(lines) and any(feature in lines[0].split() for feature in BF16_FEATURES)
-
-
-def available_cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -13,13 +13,13 @@ from torch import Tensor
 from readygo.common.arrays import Int64Array
 from readygo.common.camera import SensorConfig
 from readygo.common.config import section_to_mapping
+from readygo.common.cores import available_cores
 from readygo.common.errors import PolicyError
 from readygo.common.policy import PolicySpec
 from readygo.common.robot import RobotConfig
 from readygo.services.trainer.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
 from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.export import export_policy
-from readygo.services.trainer.hardware import available_cores
 from readygo.services.trainer.learner import Learner
 from readygo.services.trainer.parts import EpisodePart
 from readygo.services.trainer.pretrained import perception_weights

@@ -8,9 +8,9 @@ from typing import Any
 import cv2
 import torch
 
+from readygo.common.cores import available_cores
 from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.episodes import SampleSource
-from readygo.services.trainer.hardware import available_cores
 from readygo.services.trainer.outcome import write_outcome
 from readygo.services.trainer.parts import build_parts, robot_of_source
 from readygo.services.trainer.run import Evaluate, TrainProgress, TrainRun

@@ -1,10 +1,12 @@
 import dataclasses
+import os
+import signal
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from readygo.common.errors import ConfigError
+from readygo.common.errors import ConfigError, RunError
 from readygo.common.messages import Split
 from readygo.common.perception.noise import EXACT
 from readygo.runs.config import RunConfig
@@ -60,6 +62,38 @@ def test_parts_are_kept_and_depend_on_split_and_settings(world, tmp_path: Path, 
     draw_bank(other, Split.VAL, 1)
     assert len({file.parent for file in tmp_path.rglob("part-*.npz")}) == 2
     assert PART == 64
+
+
+def test_several_processes_draw_the_same_parts_and_none_too_many(world, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr("readygo.runs.reinforcement.PART", 4)
+    parts = []
+    for workers in (1, 2):
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / f"{workers}"))
+        bank = draw_bank(world, Split.VAL, 9, workers=workers)
+        assert len(bank) == 9
+        parts.append({file.name: file.read_bytes() for file in (tmp_path / f"{workers}").rglob("part-*.npz")})
+    assert len(parts[0]) >= 3
+    assert parts[0] == parts[1]
+
+
+def test_no_process_begins_where_all_parts_are_known(world, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr("readygo.runs.reinforcement.PART", 4)
+    first = draw_bank(world, Split.VAL, 5)
+    monkeypatch.setattr("readygo.runs.reinforcement.ProcessPoolExecutor", None)
+    assert np.array_equal(draw_bank(world, Split.VAL, 5, workers=2).walks_m, first.walks_m)
+
+
+def test_killed_process_that_draws_is_an_error(world, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr("readygo.runs.reinforcement._draw", _die)
+    with pytest.raises(RunError, match="--workers"):
+        draw_bank(world, Split.VAL, 5, workers=2)
+    assert not list(tmp_path.rglob("part-*"))
+
+
+def _die(*_: object) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_keys_change_settings_and_wrong_ones_are_refused() -> None:

@@ -1,6 +1,5 @@
 """Training on the CPU: the views of a step side by side on as many cores."""
 
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
@@ -8,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from readygo.common.arrays import Float32Array, Int64Array
+from readygo.common.cores import available_cores
 from readygo.services.reconstructor.training.adam import Adam
 from readygo.services.reconstructor.training.config import GaussiansConfig
 from readygo.services.reconstructor.training.density import Sightings, add_noise, limit_stretch
@@ -23,7 +23,7 @@ class CpuEngine:
     def __init__(self, settings: GaussiansConfig) -> None:
         self._settings = settings
         self._adam = Adam(settings.steps, settings.batch)
-        self._cores = min(settings.batch, len(os.sched_getaffinity(0)))
+        self._cores = min(settings.batch, available_cores())
         self._pool = ThreadPoolExecutor(self._cores)
         self._views: list[ViewGradients] = []
 

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import torch
 
+from readygo.common.cores import available_cores
 from readygo.common.dataset import Dataset
 from readygo.common.errors import DiskError, PolicyError, first_line
 from readygo.common.files import write_whole
 from readygo.common.networks.checkpoint import load_network, save_network
 from readygo.common.networks.models import NETWORKS
-from readygo.services.trainer.hardware import available_cores
 from readygo.services.trainer.networks.config import LEARNING_RATES, NetworkTrainConfig
 from readygo.services.trainer.networks.losses import PLACES, loss_of
 from readygo.services.trainer.networks.samples import Looks, NetworkBatch, Pictures, choose, looks_of, make_batch

@@ -15,12 +15,13 @@ from torch import Tensor
 
 from readygo.common.arrays import Float64Array, Int64Array
 from readygo.common.config import section_to_mapping
+from readygo.common.cores import available_cores
 from readygo.common.errors import PolicyError
 from readygo.common.files import write_whole
 from readygo.common.perception.artifact import PerceptionSpec
 from readygo.common.perception.grid import polar_grid
 from readygo.services.trainer.checkpoint import load_checkpoint, save_checkpoint
-from readygo.services.trainer.hardware import available_cores, cpu_has_bf16, device_of
+from readygo.services.trainer.hardware import cpu_has_bf16, device_of
 from readygo.services.trainer.perception.config import PerceptionConfig
 from readygo.services.trainer.perception.export import export_perception
 from readygo.services.trainer.perception.looks import Looks, held_out

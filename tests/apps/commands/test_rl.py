@@ -78,6 +78,8 @@ def test_bad_input_is_said_in_one_line(tmp_path: Path) -> None:
         rl(RlOptions(scenes=("embedded",), out=tmp_path, minutes=1.0, decisions=5))
     with pytest.raises(RunError, match="--minutes must be positive"):
         rl(RlOptions(scenes=("embedded",), out=tmp_path, minutes=-1.0))
+    with pytest.raises(RunError, match="--workers must be at least 0, got -1"):
+        rl(RlOptions(scenes=("embedded",), out=tmp_path, workers=-1))
     with pytest.raises(ConfigError, match="gamma"):
         rl(RlOptions(scenes=("embedded",), out=tmp_path, keys={"ppo": {"gamma": 3.0}}))
     with pytest.raises(SceneError):

@@ -124,7 +124,7 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, object]]:
     monkeypatch.setattr(module, "train_perception", train)
     monkeypatch.setattr(module, "_test", test)
     monkeypatch.setattr(module, "VARIANTS", (1, 3))
-    monkeypatch.setattr(module, "cores_here", lambda: 1)
+    monkeypatch.setattr(module, "available_cores", lambda: 1)
     return asked
 
 
@@ -145,7 +145,7 @@ def rl(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
         def poll(self) -> int:
             return 0
 
-    monkeypatch.setattr(module, "cores_here", lambda: 3)
+    monkeypatch.setattr(module, "available_cores", lambda: 3)
     monkeypatch.setattr(module, "subprocess", SimpleNamespace(Popen=Process))
     return commands
 
@@ -221,7 +221,7 @@ def test_run_again_records_as_many_episodes_as_before(tmp_path: Path, steps: lis
 def test_policy_on_states_is_trained_meanwhile_and_the_better_driver_on_val_is_tested(
     tmp_path: Path, steps: list[tuple[str, object]], rl: list[list[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "cores_here", lambda: 3)
+    monkeypatch.setattr(module, "available_cores", lambda: 3)
     rates = {"perceive-and-act": 0.6, "perceive-and-plan": 0.4}
     asked = []
 
@@ -275,7 +275,7 @@ def test_driver_of_several_scenes_is_chosen_by_all_of_them(
             summaries={(Task.DYNAMIC, name): SimpleNamespace(success_rate=rate) for name, rate in pairs}
         )
 
-    monkeypatch.setattr(module, "cores_here", lambda: 3)
+    monkeypatch.setattr(module, "available_cores", lambda: 3)
     monkeypatch.setattr(module, "handle_evaluate", evaluate)
     monkeypatch.setattr(
         module, "evaluation_world", lambda scene, *_, **__: SimpleNamespace(renderer=lambda: None, scene=scene)
@@ -291,10 +291,10 @@ def test_driver_of_several_scenes_is_chosen_by_all_of_them(
 
 
 def test_one_core_has_no_policy_on_states(tmp_path: Path, rl: list[list[str]], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "cores_here", lambda: 3)
+    monkeypatch.setattr(module, "available_cores", lambda: 3)
     assert module.has_policy_on_states(plan_of(tmp_path, "a", "b"))
     assert module.workers_of(plan_of(tmp_path, "a")) == 2
-    monkeypatch.setattr(module, "cores_here", lambda: 1)
+    monkeypatch.setattr(module, "available_cores", lambda: 1)
     assert not module.has_policy_on_states(plan_of(tmp_path, "a"))
     assert module.workers_of(plan_of(tmp_path, "a")) == 1
 

@@ -131,7 +131,7 @@ def crew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> type[StandInCrew]:
         supervise, "time", SimpleNamespace(monotonic=clock.monotonic, sleep=clock.sleep, time=lambda: begun_s)
     )
     monkeypatch.setattr(supervise, "Crew", StandInCrew)
-    monkeypatch.setattr(supervise, "cores_here", lambda: 2)
+    monkeypatch.setattr(supervise, "available_cores", lambda: 2)
     monkeypatch.setattr(StandInCrew, "made", [])
     (tmp_path / "run").mkdir()
     return StandInCrew
@@ -202,7 +202,7 @@ def test_run_that_is_over_is_not_begun_again_unless_there_is_more_time(
 def test_cores_are_split_by_what_was_measured_once(
     plan: Callable[..., LearnPlan], crew: type[StandInCrew], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(supervise, "cores_here", lambda: 12)
+    monkeypatch.setattr(supervise, "available_cores", lambda: 12)
     learn(plan(), [0.5])
     # Six threads learn 800 samples per second of each one's time together.
     assert crew.made[0].running == CoreSplit(6, 6)

@@ -1,9 +1,7 @@
-import os
-
 import torch
 
 from readygo.services.trainer import TrainConfig, hardware
-from readygo.services.trainer.hardware import available_cores, cpu_has_bf16, dtype_of
+from readygo.services.trainer.hardware import cpu_has_bf16, dtype_of
 
 CPU = torch.device("cpu")
 USUAL, SMALL = (72, 128), (24, 32)
@@ -37,7 +35,3 @@ def test_cpus_say_what_they_multiply(tmp_path):
         info.write_text(f"processor\t: 0\n{line}\n")
         assert cpu_has_bf16(info) is has
     assert not cpu_has_bf16(tmp_path / "nowhere")
-
-
-def test_cores_are_those_of_this_process():
-    assert 1 <= available_cores() <= (os.cpu_count() or 1)
