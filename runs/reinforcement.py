@@ -7,11 +7,13 @@ import importlib.metadata
 import itertools
 import json
 import math
+import os
+import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -205,9 +207,14 @@ class _Drawers:
     def __enter__(self) -> "_Drawers":
         return self
 
-    def __exit__(self, *exc: object) -> None:
-        if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if self._pool is None:
+            return
+        if kind is not None:
+            # Parts are written whole or not at all.
+            for process in active_children():
+                process.terminate()
+        self._pool.shutdown(cancel_futures=True)
 
     def begin(self, part: int) -> Callable[[], EpisodeBank]:
         """Begin a part; what is returned waits for its episodes."""
@@ -228,7 +235,16 @@ _opened: list["_Makers"] = []
 
 
 def _open(spec: RunSpec) -> None:
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     _opened.append(_Makers(World(spec)))
+
+
+def _end_with_parent() -> None:
+    """End this process of the pool with the one that began it, also where that was killed."""
+    parent = parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
 
 
 def _draw(split: Split, indices: range, path: Path) -> None:

@@ -10,6 +10,7 @@ from tyro.conf import Positional
 from readygo.apps.commands.avatar import file_of_avatar
 from readygo.apps.terminal import PlainConsole
 from readygo.common.avatars import load_avatar
+from readygo.runs.scene_argument import open_scene
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +31,8 @@ class AvatarCaptureOptions:
     """NeuMan's layout, or the plain one of readygo: masks/, cameras.json, poses.npz."""
     frames: int = 100
     """Number of images, 20 a second."""
+    walk_radius_m: float = 0.95
+    """Radius of the circle that is walked [m]."""
     size: tuple[int, int] = (512, 512)
     """Width and height of the images [px]."""
     pose_noise_deg: float = 3.0
@@ -40,6 +43,10 @@ class AvatarCaptureOptions:
     """What the footage holds of the body: poses, or keypoints.npz with the 26 keypoints of Halpe (layout plain)."""
     keypoint_noise_px: float = 3.0
     """Standard deviation of visible keypoints along each axis, in each frame [px]; hidden ones have twice as much."""
+    mask_noise_px: float = 0.0
+    """Standard deviation of where the masks' borders are, in each frame [px]: dents and bumps, as of a network."""
+    scene: str | None = None
+    """Scene to film in, whose frame cameras and poses then have; a plain room by default."""
     seed: int = 0
     """Seed of gait, camera and noise."""
 
@@ -52,22 +59,26 @@ def avatar_capture(options: AvatarCaptureOptions) -> None:
         motion=options.motion,
         layout=options.layout,
         frames=options.frames,
+        walk_radius_m=options.walk_radius_m,
         width_px=options.size[0],
         height_px=options.size[1],
         pose_noise_deg=options.pose_noise_deg,
         pose_noise_m=options.pose_noise_m,
         body=options.body,
         keypoint_noise_px=options.keypoint_noise_px,
+        mask_noise_px=options.mask_noise_px,
         seed=options.seed,
     )
     avatar = load_avatar(file_of_avatar(options.avatar))
+    scene = None if options.scene is None else open_scene(options.scene)
     notes = PlainConsole(stderr=True, soft_wrap=True)
     with Progress(console=notes, transient=True) as progress:
         task = progress.add_task("filming", total=config.frames)
-        capture_avatar(avatar, options.out, config, lambda done: progress.update(task, completed=done))
+        capture_avatar(avatar, options.out, config, lambda done: progress.update(task, completed=done), scene)
     console = PlainConsole(soft_wrap=True)
     console.print(
         f"{options.out}: {config.frames} images of {config.width_px}x{config.height_px} px of {avatar.name}, with "
-        f"masks, cameras, {config.body} and truth. Next: readygo avatar extract {options.out} --out {avatar.name}.npz",
+        f"masks, cameras, {config.body} and truth. Next: readygo avatar extract {options.out} "
+        f"{f'--scene {options.scene} ' if options.scene else ''}--out {avatar.name}.npz",
         markup=False,
     )

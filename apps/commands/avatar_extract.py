@@ -16,6 +16,9 @@ from readygo.common.avatars import save_avatar
 from readygo.common.errors import AvatarError, ConfigError
 from readygo.common.extras import install_command
 from readygo.common.files import write_then_rename, write_whole
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.gaussians.files import load_gaussians
+from readygo.runs.scene_argument import open_scene
 from readygo.runs.sections import Keys, Sections, with_file, with_keys
 from readygo.services.animator import skeleton_of
 from readygo.services.reconstructor import (
@@ -45,6 +48,9 @@ class AvatarExtractOptions:
     """draft takes minutes on one core; standard takes longer and keeps larger images."""
     body: Path | None = None
     """Your SMPL model (.npz, .pkl) to begin with, in the shape of the footage; an embedded avatar by default."""
+    scene: str | None = None
+    """Scene of the place without the person, in the frame of FOOTAGE's cameras: a bundle, "embedded", or a file of
+    Gaussians. Masks then need not be exact."""
     checkpoint: Path | None = None
     """Also write a HUGS checkpoint (.pth), of --representation hugs with --body; `readygo avatar import` reads it."""
     keypoint_model: Path | None = None
@@ -118,9 +124,24 @@ def _extract(options: AvatarExtractOptions, config: AvatarFitConfig, work: Path)
                 name=options.name or options.out.stem,
                 license_text=options.license,
                 smpl=options.body,
+                scene=clouds_of(options.scene),
             )
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"the same command resumes from the state in {work}.") from None
+
+
+def clouds_of(scene: str | None) -> list[GaussianCloud]:
+    """The Gaussians of a scene, and of its sky if it has one.
+
+    Raises:
+        SceneError: If there is no such scene or file, or it cannot be read.
+    """
+    if scene is None:
+        return []
+    if Path(scene).is_file():
+        return [load_gaussians(scene)]
+    bundle = open_scene(scene)
+    return [cloud for cloud in (bundle.cloud, bundle.sky) if cloud is not None]
 
 
 def _write_poses(path: Path, extraction: Extraction) -> None:

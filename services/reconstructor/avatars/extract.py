@@ -5,7 +5,7 @@ import json
 import math
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,8 @@ from readygo.common.arrays import Float32Array, Float64Array
 from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import AvatarError, RunError
-from readygo.services.reconstructor.avatars.body import OVERLAP_MIN, choose_body, overlap_of, swap_sides
+from readygo.common.gaussians import GaussianCloud
+from readygo.services.reconstructor.avatars.body import OVERLAP_MIN, compare_bodies, overlap_of, swap_sides, weights_of
 from readygo.services.reconstructor.avatars.complete import (
     KEYPOINTS_STAGE,
     MASKS_STAGE,
@@ -31,6 +32,8 @@ from readygo.services.reconstructor.avatars.export import avatar_of_fit, without
 from readygo.services.reconstructor.avatars.fit import PersonFit
 from readygo.services.reconstructor.avatars.footage import SMPL_PELVIS_M, Footage
 from readygo.services.reconstructor.avatars.hugs import HugsFit
+from readygo.services.reconstructor.avatars.plates import with_plates
+from readygo.services.reconstructor.avatars.rig import BoneLengths, mean_lengths
 from readygo.services.reconstructor.avatars.smpl_body import check_smpl_body, read_smpl_body
 from readygo.services.reconstructor.avatars.trajectory import (
     PoseTrajectory,
@@ -109,6 +112,7 @@ def extract_avatar(
     networks: PersonNetworks | None = None,
     bodies: dict[str, Avatar] | None = None,
     smpl: Path | None = None,
+    scene: Sequence[GaussianCloud] = (),
 ) -> Extraction:
     """Extract an avatar; an interrupted call resumes with the same arguments, to the same result.
 
@@ -122,6 +126,7 @@ def extract_avatar(
         networks: Find masks and keypoints that the film lacks.
         bodies: Bodies to begin with by name; the embedded avatars by default.
         smpl: SMPL model file whose body is begun with instead, in the shape that the footage tells.
+        scene: Gaussians of the place, in the world of the footage's cameras; masks then need not be exact.
 
     Raises:
         ReadygoError: If the film cannot be used, or the fit does not come to a human.
@@ -136,8 +141,8 @@ def extract_avatar(
             if smpl is not None:
                 check_smpl_body(smpl)
             complete = complete_footage(folder, stages, networks or PersonNetworks(), bodies, config)
-            fit, footage, overlap = _begin_fit(complete, bodies, smpl, config)
-            seconds = _run(fit, work, _identity(footage, fit.config, fit.body), tell)
+            fit, footage, overlap = _begin_fit(complete, bodies, smpl, config, scene)
+            seconds = _run(fit, work, _identity(footage, fit), tell)
         avatar, unseen = avatar_of_fit(fit, fit.body, name, license_text)
         held_out = [measure_frame(fit, frame, footage.names[frame]) for frame in fit.held]
     finally:
@@ -199,7 +204,11 @@ def compare_person(image: str, view: PersonView, drawn: Float32Array) -> HeldOut
 
 
 def _begin_fit(
-    complete: CompleteFootage, bodies: dict[str, Avatar], smpl: Path | None, config: AvatarFitConfig
+    complete: CompleteFootage,
+    bodies: dict[str, Avatar],
+    smpl: Path | None,
+    config: AvatarFitConfig,
+    scene: Sequence[GaussianCloud],
 ) -> tuple[PersonFit, Footage, float]:
     """A fit on the body whose silhouettes are most like the person's, its footage, and their overlap."""
     pelvis_m = SMPL_PELVIS_M
@@ -207,19 +216,24 @@ def _begin_fit(
         body, footage, pelvis_m = read_smpl_body(smpl, complete.footage)
         bodies, complete = {body.name: body}, replace(complete, footage=footage)
     person = read_person(complete.footage, config.side_max_px)
+    if scene:
+        person = with_plates(person, scene)
     trajectory = _trajectory(complete, config)
     pose, root = trajectory.pose_axis_angle, trajectory.root_m
     hugs = config.representation == "hugs"
     if hugs and smpl is not None:
         # Checkpoints have no skeleton: it stays that of the file.
         overlap = overlap_of(body, person, pose, root)
+        likely = BoneLengths.of_body()
     else:
-        body, overlap = choose_body(bodies, person, pose, root)
+        compared = compare_bodies(bodies, person, pose, root)
+        body, overlap = compared[0].body, compared[0].overlap
+        likely = mean_lengths(body, [each.body for each in compared], weights_of(compared))
     _check_poses(body, overlap, person, pose, root)
     fit = (
-        HugsFit(body, person, trajectory, config, pelvis_m=pelvis_m, fixed_lengths=smpl is not None)
+        HugsFit(body, person, trajectory, config, likely, pelvis_m=pelvis_m, fixed_lengths=smpl is not None)
         if hugs
-        else PersonFit(body, person, trajectory, config)
+        else PersonFit(body, person, trajectory, config, likely)
     )
     return fit, complete.footage, overlap
 
@@ -289,10 +303,12 @@ def _run(fit: PersonFit, work: Path, identity: str, tell: Callable[[ExtractionPr
     return spent_s + time.monotonic() - begin_s
 
 
-def _identity(footage: Footage, config: AvatarFitConfig, body: Avatar) -> str:
-    digest = hashlib.sha256(json.dumps(section_to_mapping(config), sort_keys=True).encode())
-    digest.update(f"{body.name} {body.height_m!r}".encode())
-    digest.update(body.joints_tpose_m.tobytes())
+def _identity(footage: Footage, fit: PersonFit) -> str:
+    digest = hashlib.sha256(json.dumps(section_to_mapping(fit.config), sort_keys=True).encode())
+    digest.update(f"{fit.body.name} {fit.body.height_m!r}".encode())
+    digest.update(fit.likely_joints_m.tobytes())
+    for plate in fit.person.plates or ():
+        digest.update(plate.tobytes())
     for image, mask in zip(footage.images, footage.masks, strict=True):
         digest.update(f"{image.name} {image.stat().st_size} {mask.stat().st_size}".encode())
     for array in (footage.K_px, footage.T_world_camera, footage.root_m, footage.pose_axis_angle):

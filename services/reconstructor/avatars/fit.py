@@ -8,7 +8,7 @@ import torch
 from readygo.common.arrays import BoolArray, Float32Array, Int64Array, UInt8Array
 from readygo.common.avatars import Avatar
 from readygo.services.reconstructor.avatars.config import AvatarFitConfig
-from readygo.services.reconstructor.avatars.rig import PosedSkeleton, Rig
+from readygo.services.reconstructor.avatars.rig import BoneLengths, PosedSkeleton, Rig
 from readygo.services.reconstructor.avatars.skinning import Skinned, skin_gaussians, skin_slopes
 from readygo.services.reconstructor.avatars.trajectory import PoseTrajectory
 from readygo.services.reconstructor.avatars.views import FilmedPerson, PersonView, view_at
@@ -104,7 +104,14 @@ class Drawn:
 class PersonFit:
     """A fit under way."""
 
-    def __init__(self, body: Avatar, person: FilmedPerson, trajectory: PoseTrajectory, config: AvatarFitConfig) -> None:
+    def __init__(
+        self,
+        body: Avatar,
+        person: FilmedPerson,
+        trajectory: PoseTrajectory,
+        config: AvatarFitConfig,
+        likely: BoneLengths | None = None,
+    ) -> None:
         """Begin on a body.
 
         Args:
@@ -112,10 +119,13 @@ class PersonFit:
             person: The film.
             trajectory: How the person moved.
             config: How.
+            likely: The likeliest lengths of bones; None takes the body's.
         """
         self.config, self.person, self.body, self.step = config, person, body, 0
         self.bound = BoundGaussians.on_body(body)
-        self.rig = Rig(body, trajectory, config.prior.weight)
+        self.rig = Rig(body, trajectory, config.prior.weight, likely)
+        self.likely_joints_m = self.rig.shaped_joints()[0]
+        """Joints in the T-pose that it begins with [m], shape (24, 3)."""
         self.train, self.held = split_views(len(person), config.hold_out)
         self.loss = float("nan")
         self._adam = Adam(config.steps, 1)
@@ -215,19 +225,26 @@ class PersonFit:
     def _derive(
         self, rendered: Rendered, view: PersonView, rng: np.random.Generator, more: torch.Tensor | None = None
     ) -> None:
-        """The loss of a frame before a background of a random colour and what is added to it, and its gradients."""
+        """The loss of a frame and what is added to it, and its gradients.
+
+        With a plate the whole photo is compared. Without one the person alone, cut out by the mask, before a
+        background of a random colour.
+        """
         assert rendered.rgb is not None
-        background = rng.random(3, dtype=np.float32)[:, None, None]
+        colour = rng.random(3, dtype=np.float32)[:, None, None]
         colours = rendered.rgb.detach().permute(2, 0, 1).contiguous().numpy()
         left = rendered.transmittance.detach().contiguous().numpy()
         size = view.mask.shape
         if size not in self._photometric:
             self._photometric[size] = Photometric(*size)
-        image = colours + left * background
-        photo = view.rgb * view.mask + background * (1.0 - view.mask)
-        loss, _, slope = self._photometric[size](image, photo, SSIM_WEIGHT)
-        slope *= view.inner
-        difference = (1.0 - left) - view.mask
+        if view.plate is None:
+            background, photo = colour, view.rgb * view.mask + colour * (1.0 - view.mask)
+        else:
+            background, photo = view.plate, view.rgb
+        loss, _, slope = self._photometric[size](colours + left * background, photo, SSIM_WEIGHT)
+        if view.plate is None:
+            slope *= view.inner
+        difference = view.sure * ((1.0 - left) - view.mask)
         weight = np.float32(self.config.mask_weight / difference.size)
         by_left = (slope * background).sum(axis=0) - weight * np.sign(difference)
         self.loss = loss + float(weight * np.abs(difference).sum())

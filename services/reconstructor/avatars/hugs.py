@@ -26,6 +26,7 @@ from readygo.common.frames import quat_from_matrix
 from readygo.common.frames import quat_multiply as multiply_quats
 from readygo.services.reconstructor.avatars.config import AvatarFitConfig
 from readygo.services.reconstructor.avatars.fit import LENGTHS_UNTIL, RIG_RATES, BoundGaussians, PersonFit, between
+from readygo.services.reconstructor.avatars.rig import BoneLengths
 from readygo.services.reconstructor.avatars.trajectory import PoseTrajectory
 from readygo.services.reconstructor.avatars.views import FilmedPerson, PersonView
 from readygo.services.reconstructor.differentiable.autograd import Rendered, rasterize
@@ -57,6 +58,7 @@ class HugsFit(PersonFit):
         person: FilmedPerson,
         trajectory: PoseTrajectory,
         config: AvatarFitConfig,
+        likely: BoneLengths | None = None,
         *,
         pelvis_m: Float64Array,
         fixed_lengths: bool,
@@ -68,13 +70,14 @@ class HugsFit(PersonFit):
             person: The film.
             trajectory: How the person moved.
             config: How.
+            likely: The likeliest lengths of bones; None takes the body's.
             pelvis_m: Where SMPL's frame has the body's pelvis in the T-pose [m], shape (3,).
             fixed_lengths: True keeps the body's proportions, as checkpoints have none.
 
         Raises:
             AvatarError: If the body is beyond the feature planes.
         """
-        super().__init__(_thin(spread_body(body, pelvis_m), config.hugs_points), person, trajectory, config)
+        super().__init__(_thin(spread_body(body, pelvis_m), config.hugs_points), person, trajectory, config, likely)
         self._fixed = fixed_lengths
         values = self.bound.gaussians.values
         if np.abs(values["means_m"]).max() > 1.0:

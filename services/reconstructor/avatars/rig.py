@@ -1,5 +1,7 @@
 """The skeleton of a person who is filmed: stature, lengths of bones, and the pose of every frame; all of it learned.
 
+What images do not show stays as it is among people: lengths begin as the mean of known bodies, not as the first body's.
+
 Legend: t, c = a joint in the T-pose and in the canonical pose of the first body, p = its parent; s = stature relative
 to it; k_j = how much longer the bone from p to j is, and o_j = how far its end is from there, the same left and right;
 R_p = rotation of p from the canonical pose to the T-pose.
@@ -18,6 +20,7 @@ learned, z, and with R0 and p0 of the likeliest motion,
 """
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,6 +56,50 @@ _LENGTHS = ("size", "bones", "offsets")
 _LENGTHS_WEIGHT = 4e-3
 """Weight in the loss of the mean squared deviation of lengths: what no image shows stays as it is on the body."""
 _BETA1, _BETA2 = 0.9, 0.99
+_MIRROR = np.ones((24, 3))
+"""What makes bones of the right side those of the left, and of the middle such as have no side, shape (24, 3)."""
+for _ends in BONES:
+    _MIRROR[_ends[-1], 0] = -1.0 if len(_ends) == 2 else 0.0
+_MIRROR[0] = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class BoneLengths:
+    """Lengths of a skeleton relative to a body of the same stature, the same left and right."""
+
+    bones: Float64Array
+    """Logarithms of how much longer bones are, by the rows of `BONES`, shape (14,)."""
+    offsets_m: Float64Array
+    """How far their ends are from there in the T-pose, those of left joints, shape (14, 3)."""
+
+    @classmethod
+    def of_body(cls) -> "BoneLengths":
+        """Those of the body itself."""
+        return cls(np.zeros(len(BONES)), np.zeros((len(BONES), 3)))
+
+
+def mean_lengths(body: Avatar, bodies: Sequence[Avatar], weights: Float64Array) -> BoneLengths:
+    """The mean skeleton of bodies, each in the size of `body`, relative to that of `body`.
+
+    Args:
+        body: The first body.
+        bodies: B bodies.
+        weights: How much each counts, shape (B,); their sum is 1.
+    """
+    parents = np.maximum(SMPL_PARENTS, 0)
+
+    def bones_of(other: Avatar) -> Float64Array:
+        joints = other.joints_tpose_m.astype(np.float64)
+        return (joints - joints[parents]) * (body.height_m / other.height_m)
+
+    own, mean = bones_of(body), np.einsum("b,bjc->jc", weights, [bones_of(other) for other in bodies])
+    lengths = BoneLengths.of_body()
+    for row, joints in enumerate(BONES):
+        left = _MIRROR[list(joints)]
+        first, usual = ((left * part[list(joints)]).mean(axis=0) for part in (own, mean))
+        factor = float(usual @ first / (first @ first))
+        lengths.bones[row], lengths.offsets_m[row] = np.log(factor), usual - factor * first
+    return lengths
 
 
 @dataclass(eq=False)
@@ -74,14 +121,19 @@ class PosedSkeleton:
 class Rig:
     """Skeleton and poses in training; the state of its optimiser lies with them."""
 
-    def __init__(self, body: Avatar, trajectory: PoseTrajectory, prior_weight: float) -> None:
-        """Begin with the body's own lengths, and the likeliest motion.
+    def __init__(
+        self, body: Avatar, trajectory: PoseTrajectory, prior_weight: float, likely: BoneLengths | None = None
+    ) -> None:
+        """Begin with the likeliest lengths and motion.
 
         Args:
             body: The first body.
             trajectory: How the person moved.
-            prior_weight: Weight in the loss of how unlikely motion and lengths are.
+            prior_weight: Weight in the loss of how unlikely the motion is.
+            likely: The likeliest lengths; None takes the body's.
         """
+        likely = BoneLengths.of_body() if likely is None else likely
+        self._likely_bones, self._likely_offsets = torch.tensor(likely.bones), torch.tensor(likely.offsets_m)
         self._weight, self._body = prior_weight, body.skeleton()
         self._skeletons = load_skeletons([body], "cpu")
         self._parents = torch.tensor(np.maximum(SMPL_PARENTS, 0).astype(np.int64))
@@ -100,15 +152,8 @@ class Rig:
         self.second = {name: np.zeros_like(value) for name, value in self.values.items()}
         self.updates = np.zeros(len(self.values))
         """How often each of the values was changed."""
-        group, mirror = BONE_OF_JOINT, np.ones((24, 3))
-        for joints in BONES:
-            if len(joints) == 2:
-                mirror[joints[1], 0] = -1.0
-            else:
-                mirror[joints[0], 0] = 0.0
-        mirror[0] = 0.0
-        self._group, self._mirror = torch.tensor(group), torch.tensor(mirror)
-        self._axes, self._stretched = _bone_axes(body.joints_canonical_m.astype(np.float64), group)
+        self._group, self._mirror = torch.tensor(BONE_OF_JOINT), torch.tensor(_MIRROR)
+        self._axes, self._stretched = _bone_axes(body.joints_canonical_m.astype(np.float64), BONE_OF_JOINT)
         self._leaves: dict[str, Tensor] = {}
 
     def state(self) -> dict[str, Float64Array]:
@@ -198,8 +243,9 @@ class Rig:
         return rotation_matrices(turns) @ self._R0[frame], root_m
 
     def _shaped(self, lengths: dict[str, Tensor]) -> tuple[Skeletons, Tensor]:
-        s, bones = torch.exp(lengths["size"][0]), lengths["bones"]
-        along, offsets = torch.exp(bones)[self._group], lengths["offsets"][self._group] * self._mirror
+        s, bones = torch.exp(lengths["size"][0]), self._likely_bones + lengths["bones"]
+        along = torch.exp(bones)[self._group]
+        offsets = (self._likely_offsets + lengths["offsets"])[self._group] * self._mirror
         R_canonical_tpose = self._skeletons.R_tpose_canonical[0].mT
         joints = [
             stretch_joints(self._skeletons.tpose_m[0], s, along, offsets),

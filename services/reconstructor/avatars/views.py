@@ -19,6 +19,8 @@ _PERSON_MIN_PX, _PERSON_MIN_SIDE_PX = 200, 40
 """Pixels of a mask, and its longer side, below which there is too little to see."""
 _SECOND_SHARE, _SECOND_FRAMES = 0.3, 0.2
 """Another piece of a mask of this share of the largest one is another person, if it is in so many frames."""
+BAND_SHARE = 0.03
+"""Before plates masks are believed so far from their border, as a share of the longer side of the person's box."""
 _CUT_FRAMES = 0.5
 _EMPTY_FRAMES = 0.1
 
@@ -33,6 +35,10 @@ class PersonView:
     """Share of each pixel that the person covers, shape (H, W)."""
     inner: Float32Array
     """1 where a pixel is not at the mask's border, where colours are mixed, shape (H, W)."""
+    plate: Float32Array | None
+    """What the frame would show without the person, colours in 0..1, shape (3, H, W); see `plates`."""
+    sure: Float32Array
+    """1 where the mask is believed, shape (H, W): everywhere without a plate, else away from its border."""
     K_px: Float64Array
     T_world_camera: Float64Array
 
@@ -48,6 +54,8 @@ class FilmedPerson:
     T_world_camera: Float64Array
     notes: tuple[str, ...]
     """Hints for the user."""
+    plates: tuple[UInt8Array, ...] | None = None
+    """What the frames would show without the person, shape (H, W, 3) each, where the scene is known."""
 
     def __len__(self) -> int:
         return len(self.rgb)
@@ -112,19 +120,48 @@ def view_at(person: FilmedPerson, number: int, fraction: int) -> PersonView:
     K[0] *= width / rgb.shape[1]
     K[1] *= height / rgb.shape[0]
     if fraction > 1:
-        rgb = np.asarray(cv2.resize(rgb, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
         mask = np.asarray(cv2.resize(mask, (width, height), interpolation=cv2.INTER_AREA), dtype=np.float32)
     kernel = np.ones((3, 3), dtype=np.uint8)
+    plate, sure = None, np.ones_like(mask)
+    if person.plates is not None:
+        plate = _sized(person.plates[number], (width, height))
+        band = band_px(person.mask[number])
+        edge = widened(person.mask[number], band) & widened(~person.mask[number], band)
+        sure = np.asarray(
+            cv2.resize((~edge).astype(np.float32), (width, height), interpolation=cv2.INTER_AREA) > 0.999, np.float32
+        )
     inner = cv2.erode((mask > 0.999).astype(np.uint8), kernel) + (
         1 - cv2.dilate((mask > 0.001).astype(np.uint8), kernel)
     )
     return PersonView(
-        rgb=np.ascontiguousarray(rgb.transpose(2, 0, 1)).astype(np.float32) / np.float32(255),
+        rgb=_sized(rgb, (width, height)),
         mask=mask,
         inner=inner.astype(np.float32),
+        plate=plate,
+        sure=sure,
         K_px=K,
         T_world_camera=person.T_world_camera[number],
     )
+
+
+def _sized(image: UInt8Array, size_px: tuple[int, int]) -> Float32Array:
+    """Colours in 0..1, shape (3, H, W), of an image that is made smaller."""
+    if image.shape[1::-1] != size_px:
+        image = np.asarray(cv2.resize(image, size_px, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    return np.ascontiguousarray(image.transpose(2, 0, 1)).astype(np.float32) / np.float32(255)
+
+
+def band_px(mask: BoolArray) -> int:
+    """How far from its border a mask is not believed before a plate [px], at least one."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    side = max((float(np.ptp(part)) for part in (rows, columns) if len(part)), default=0.0)
+    return max(1, round(BAND_SHARE * side))
+
+
+def widened(mask: BoolArray, by_px: int) -> BoolArray:
+    """A mask with what is at most so far from it."""
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * by_px + 1, 2 * by_px + 1))
+    return np.asarray(cv2.dilate(mask.astype(np.uint8), kernel) > 0)
 
 
 def read_rgb(path: Path, what: str) -> UInt8Array:

@@ -8,10 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
-from readygo.apps.avatar.capture import AvatarCaptureConfig, capture_avatar, disturb_poses, film_motion
+from readygo.apps.avatar.capture import AvatarCaptureConfig, capture_avatar, disturb_mask, disturb_poses, film_motion
 from readygo.common.avatars import Avatar, joint_positions, load_avatars
 from readygo.common.errors import AvatarError, ConfigError
 from readygo.common.frames import axis_angle_from_matrix, matrix_from_axis_angle
+from readygo.runs.scene_argument import open_scene
 from readygo.services.reconstructor.avatars.footage import read_footage, read_views
 from readygo.services.reconstructor.avatars.keypoints import read_keypoints
 
@@ -64,6 +65,38 @@ def test_noise_has_the_asked_size(person: Avatar) -> None:
     R = np.swapaxes(matrix_from_axis_angle(motion.pose_axis_angle), -1, -2) @ matrix_from_axis_angle(pose)
     assert np.degrees(axis_angle_from_matrix(R)).std() == pytest.approx(3.0, rel=0.05)
     assert (root - motion.root_m).std() == pytest.approx(0.02, rel=0.1)
+
+
+def test_masks_with_errors_have_dents_and_bumps_of_the_asked_size() -> None:
+    mask = np.tile(np.arange(400) < 200, (4000, 1))
+    assert disturb_mask(mask, 0.0, np.random.default_rng(0)) is mask
+    for noise_px in (2.0, 4.0):
+        found = disturb_mask(mask, noise_px, np.random.default_rng(0))
+        moved = found.sum(axis=1) - 200.0
+        assert np.std(moved) == pytest.approx(noise_px, rel=0.2)
+        assert abs(np.mean(moved)) < 0.5
+
+
+def test_film_in_a_scene_has_the_persons_place_in_each_image(person: Avatar, tmp_path: Path) -> None:
+    scene = open_scene("embedded")
+    config = dataclasses.replace(CONFIG, walk_radius_m=0.6)
+    capture_avatar(person, tmp_path / "room", config, lambda _: None)
+    capture_avatar(person, tmp_path / "scene", config, lambda _: None, scene)
+    room, there = (np.load(tmp_path / name / "truth.npz") for name in ("room", "scene"))
+    for number in range(CONFIG.frames):
+        seen = [
+            (film["joints_m"][number] - film["T_world_camera"][number][:3, 3]) @ film["T_world_camera"][number][:3, :3]
+            for film in (room, there)
+        ]
+        np.testing.assert_allclose(seen[0], seen[1], atol=1e-4)
+    images = [cv2.imread(str(tmp_path / name / "images" / "00000.png")).astype(float) for name in ("room", "scene")]
+    mask = cv2.imread(str(tmp_path / "scene" / "segmentations" / "00000.png"))[:, :, 0] > 0
+    inner = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    assert np.abs(images[0] - images[1])[inner].mean() < 3.0
+    assert np.abs(images[0] - images[1])[~mask].mean() > 10.0
+    x, y = np.median(there["root_m"][:, :2], axis=0).tolist()
+    floor = scene.maps.floor.at(x, y)
+    assert there["joints_m"][:, [10, 11], 2].min() == pytest.approx(floor, abs=0.15)
 
 
 def test_turning_shows_all_sides_with_feet_on_the_floor(person: Avatar) -> None:

@@ -21,6 +21,10 @@ def test_mistakes_end_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[
         (["gil", "--frames", "2"], "--frames must lie"),
         (["gil", "--body", "keypoints"], "needs --layout plain"),
         (["nobody"], "nobody"),
+        (["gil", "--mask-noise-px", "60"], "--mask-noise-px must lie in 0..50, got 60"),
+        (["gil", "--walk-radius-m", "5"], "--walk-radius-m must lie in 0.4..3, got 5"),
+        (["gil", "--walk-radius-m", "2", "--scene", "embedded"], "walk a smaller circle"),
+        (["gil", "--scene", "nowhere"], "nowhere"),
     ):
         with pytest.raises(SystemExit) as stop:
             run_command(COMMANDS, ["avatar", "capture", *argv, "--out", str(tmp_path / "film")])

@@ -10,6 +10,7 @@ from readygo.apps.avatar.capture import AvatarCaptureConfig, capture_avatar
 from readygo.apps.cli import run_command
 from readygo.commands import COMMANDS
 from readygo.common.avatars import load_avatar, load_avatars
+from readygo.runs.scene_argument import open_scene
 
 
 @pytest.fixture(scope="module")
@@ -56,12 +57,40 @@ def test_avatar_comes_of_keypoints(
     assert {path.name for path in tmp_path.iterdir()} == {"film", "person.npz", "person.html", "person.poses.npz"}
 
 
+def test_avatar_comes_of_a_film_in_a_known_scene(
+    film: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    hana = load_avatars()["hana"]
+    monkeypatch.setattr("readygo.services.reconstructor.avatars.extract.load_avatars", lambda: {"hana": hana})
+    for name in ("contact_sheet", "turntable"):
+        monkeypatch.setattr(f"readygo.apps.avatar.extracted.{name}", lambda *_: np.zeros((4, 4, 3), np.uint8))
+    options = ["--motion", "turn", "--frames", "8", "--size", "96", "96", "--pose-noise-deg", "1"]
+    options += ["--scene", "embedded", "--walk-radius-m", "0.6", "--mask-noise-px", "1"]
+    run_command(COMMANDS, ["avatar", "capture", "hana", *options, "--out", "film"])
+    assert "readygo avatar extract film --scene embedded --out hana.npz" in capsys.readouterr().out
+    like_db = []
+    for place in ("embedded", str(open_scene("embedded").path / "scene.ply")):
+        argv = ["film", "--scene", place, "--out", "person.npz", "--steps", "10", "--json"]
+        run_command(COMMANDS, ["avatar", "extract", *argv])
+        (note,) = [each for each in json.loads(capsys.readouterr().out)["notes"] if "looks like the photos" in each]
+        like_db.append(float(note.split()[-2]))
+    assert like_db[0] > 45.0
+    assert like_db[0] > like_db[1] > 20.0, "the file lacks the sky behind the windows"
+    with pytest.raises(SystemExit) as stop:
+        run_command(COMMANDS, ["avatar", "extract", str(film), "--scene", "embedded", "--out", "wrong.npz"])
+    assert stop.value.code == 2
+    assert "the scene looks unlike the photos" in capsys.readouterr().err
+    assert not list(tmp_path.glob("wrong*"))
+
+
 @pytest.mark.parametrize(
     ("argv", "words"),
     [
         (["nowhere", "--out", "person.npz"], "is not a folder"),
         ([".", "--out", "person.npz"], "has no poses"),
         ([".", "--out", "person.ply"], "must end in .npz"),
+        ([".", "--out", "person.npz", "--scene", "nowhere"], "nowhere"),
         ([".", "--out", "person.npz", "--checkpoint", "p.pth"], "--checkpoint needs --representation hugs, and --body"),
     ],
 )

@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 
 from readygo.common.avatars import Avatar
-from readygo.services.reconstructor.avatars.body import choose_body, overlap_of, scale_body, swap_sides
+from readygo.services.reconstructor.avatars.body import (
+    OVERLAP_SCALE,
+    LikeBody,
+    compare_bodies,
+    overlap_of,
+    scale_body,
+    swap_sides,
+    weights_of,
+)
 from readygo.services.reconstructor.avatars.footage import read_footage
 from readygo.services.reconstructor.avatars.views import read_person
 
@@ -19,10 +27,21 @@ def test_true_body_is_chosen_and_scaled_back(plain_film: Path, coarse_body: Avat
         coarse_body, cloud=dataclasses.replace(coarse_body.cloud, scales_m=5.0 * coarse_body.cloud.scales_m)
     )
     bodies = {"small": scale_body(coarse_body, 0.85), "wide": wide}
-    body, overlap = choose_body(bodies, person, footage.pose_axis_angle, footage.root_m)
+    first, second = compare_bodies(bodies, person, footage.pose_axis_angle, footage.root_m)
+    body = first.body
     assert body.height_m == pytest.approx(coarse_body.height_m, rel=0.1)
     assert body.cloud.scales_m.max() < 2.0 * coarse_body.cloud.scales_m.max()
-    assert overlap > 0.7
+    assert first.overlap > 0.7
+    assert second.overlap < first.overlap
+    assert second.body.cloud.scales_m.max() > 2.0 * coarse_body.cloud.scales_m.max()
+
+
+def test_weights_of_bodies_fall_with_what_their_silhouettes_lack(coarse_body: Avatar) -> None:
+    bodies = [LikeBody(body=coarse_body, overlap=overlap) for overlap in (0.8, 0.8 - OVERLAP_SCALE, 0.5)]
+    weights = weights_of(bodies)
+    assert weights.sum() == pytest.approx(1.0)
+    assert weights[1] / weights[0] == pytest.approx(np.exp(-1.0))
+    assert weights[2] < 1e-6
 
 
 def test_swapped_sides_fit_worse(plain_film: Path, coarse_body: Avatar) -> None:

@@ -15,6 +15,7 @@ from readygo.services.reconstructor.avatars.views import read_person
 from tests.services.reconstructor.avatars.conftest import trajectory_of
 
 CONFIG = AvatarFitConfig(steps=60, hold_out=4, gaussians_max=2000)
+NO_MASKS = replace(CONFIG, mask_weight=0.0)
 
 
 def _fit(film: Path, body: Avatar) -> PersonFit:
@@ -69,6 +70,20 @@ def test_joints_leave_their_bones_if_asked(plain_film: Path, coarse_body: Avatar
         for _ in range(3):
             fit.one_step()
         assert bool(fit.rig.values["offsets"].any()) == offsets
+
+
+def test_before_plates_whole_photos_are_compared(plain_film: Path, coarse_body: Avatar) -> None:
+    """Where photos are their plates and masks are wrong, no one is found; by masks alone, someone is."""
+    footage = read_footage(plain_film)
+    person, opacities = read_person(footage, 96), {}
+    for plates in (None, person.rgb):
+        fit = PersonFit(coarse_body, replace(person, plates=plates), trajectory_of(footage), NO_MASKS)
+        before = fit.bound.gaussians.opacities.mean()
+        for _ in range(CONFIG.steps):
+            fit.one_step()
+        opacities[plates is None] = fit.bound.gaussians.opacities.mean() / before
+    assert opacities[False] < 0.96
+    assert opacities[True] > 1.0
 
 
 def test_images_grow() -> None:

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from readygo.common.avatars import SMPL_PARENTS, Avatar, joint_transforms
-from readygo.services.reconstructor.avatars.rig import BONES, Rig
+from readygo.common.avatars import SMPL_PARENTS, Avatar, joint_transforms, load_avatars
+from readygo.services.reconstructor.avatars.body import scale_body
+from readygo.services.reconstructor.avatars.rig import BONES, BoneLengths, Rig, mean_lengths
 from readygo.services.reconstructor.avatars.trajectory import PoseTrajectory, trusted_trajectory
 
 FRAMES, WEIGHT = 5, 0.004
+SHARES = np.array([0.5, 0.3, 0.2])
 
 
 @pytest.fixture
@@ -29,6 +31,33 @@ def test_begins_as_the_body(rig: Rig, coarse_body: Avatar) -> None:
     np.testing.assert_allclose(A, expected, atol=1e-5)
     np.testing.assert_allclose(B, np.tile(np.eye(3, 4), (24, 1, 1)), atol=1e-6)
     assert rig.size == 1.0
+
+
+def test_begins_as_the_mean_of_bodies_in_the_size_of_the_first(coarse_body: Avatar, trajectory: PoseTrajectory) -> None:
+    bodies = load_avatars()
+    others = [bodies["femi"], bodies["gil"], bodies["hana"]]
+    begun = Rig(coarse_body, trajectory, WEIGHT, mean_lengths(coarse_body, others, SHARES)).shaped_joints()[0]
+    expected = sum(
+        share * coarse_body.height_m / each.height_m * _sideless(each.joints_tpose_m)
+        for share, each in zip(SHARES, others, strict=True)
+    )
+    np.testing.assert_allclose(begun - begun[0], expected - expected[0], atol=1e-4)
+    assert np.abs(begun - coarse_body.joints_tpose_m).max() > 0.01
+
+
+def _sideless(joints_m: np.ndarray) -> np.ndarray:
+    """Joints whose left and right are the same, and those of the middle in the middle."""
+    swapped, mirrored = np.arange(24), np.array([-1.0, 1.0, 1.0])
+    for ends in BONES:
+        swapped[list(ends)] = ends[::-1]
+    joints = joints_m - joints_m[0]
+    return 0.5 * (joints + mirrored * joints[swapped])
+
+
+def test_mean_of_the_body_alone_in_any_size_is_the_body(coarse_body: Avatar) -> None:
+    alone, own = mean_lengths(coarse_body, [scale_body(coarse_body, 1.3)], np.ones(1)), BoneLengths.of_body()
+    np.testing.assert_allclose(alone.bones, own.bones, atol=1e-6)
+    np.testing.assert_allclose(alone.offsets_m, own.offsets_m, atol=1e-6)
 
 
 def test_longer_thighs_move_knees_and_what_hangs_on_them(rig: Rig, coarse_body: Avatar) -> None:

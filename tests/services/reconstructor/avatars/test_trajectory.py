@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from readygo.common.errors import AvatarError
 from readygo.common.frames import matrix_from_axis_angle
 from readygo.services.reconstructor.avatars.config import PosePriorConfig
 from readygo.services.reconstructor.avatars.trajectory import (
@@ -55,6 +56,31 @@ def test_stated_errors_are_those_that_are_made(joint: int) -> None:
     made = np.sqrt(np.mean([error_deg(each, joint) ** 2 for each in trajectories]))
     stated = np.sqrt(np.mean([stated_deg(each, joint) ** 2 for each in trajectories]))
     assert 0.7 < stated / made < 1.5
+
+
+def _as_text(count: int) -> list[int]:
+    """The order of frames whose numbers are sorted as text: 0, 1, 10, 11, ..."""
+    return sorted(range(count), key=str)
+
+
+def test_frames_that_are_not_in_order_are_refused() -> None:
+    pose, root_m = (part[_as_text(FRAMES)] for part in noisy())
+    with pytest.raises(AvatarError, match=r"are 0\.\d\d m and 3 deg off .* not in the order of time"):
+        smoothed_trajectory(pose, root_m, STEADY)
+
+
+def test_turns_on_the_spot_that_are_not_in_order_are_refused() -> None:
+    pose, root_m = noisy()
+    root_m = root_m * (0.0, 1.0, 1.0)
+    pose[:, 0, 1] = 0.1 * np.arange(FRAMES)
+    assert smoothed_trajectory(pose, root_m, STEADY).root_m.shape == (FRAMES, 3)
+    with pytest.raises(AvatarError, match="not in the order of time"):
+        smoothed_trajectory(pose[np.random.default_rng(0).permutation(FRAMES)], root_m, STEADY)
+
+
+def test_a_gap_between_frames_is_no_disorder() -> None:
+    pose, root_m = (np.concatenate([part[:30], part[50:]]) for part in noisy())
+    assert len(smoothed_trajectory(pose, root_m, STEADY).root_m) == 60
 
 
 def test_poses_without_errors_stay_as_they_are_and_only_drift_may_move_them() -> None:

@@ -1,5 +1,6 @@
 """Frames are cut out around the person; masks without exactly one whole person are refused."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -8,7 +9,7 @@ import pytest
 
 from readygo.common.errors import AvatarError
 from readygo.services.reconstructor.avatars.footage import read_footage
-from readygo.services.reconstructor.avatars.views import read_person, view_at
+from readygo.services.reconstructor.avatars.views import band_px, read_person, view_at
 
 
 def _repaint(folder: Path, change: "np.ufunc | object") -> None:
@@ -90,3 +91,26 @@ def _small(mask: np.ndarray) -> np.ndarray:
     out = np.zeros_like(mask)
     out[30:50, 30:50] = 255
     return out
+
+
+def test_masks_are_sure_everywhere_but_near_their_borders_before_a_plate(plain_film: Path) -> None:
+    person = read_person(read_footage(plain_film), 512)
+    assert view_at(person, 0, 1).plate is None
+    assert (view_at(person, 0, 1).sure == 1.0).all()
+    plates = tuple(np.full_like(rgb, 51) for rgb in person.rgb)
+    before = view_at(replace(person, plates=plates), 0, 1)
+    assert before.plate is not None
+    np.testing.assert_allclose(before.plate, 0.2, atol=1e-6)
+    distances = [
+        cv2.distanceTransform(part.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        for part in (person.mask[0], ~person.mask[0])
+    ]
+    to_border = np.maximum(*distances)
+    band = band_px(person.mask[0])
+    assert band == 2
+    assert not before.sure[to_border < band].any()
+    assert before.sure[to_border > band + 1].all()
+    half = view_at(replace(person, plates=plates), 0, 2)
+    assert half.plate is not None
+    assert half.plate.shape[1:] == half.sure.shape == half.mask.shape
+    assert set(np.unique(half.sure)) == {0.0, 1.0}
