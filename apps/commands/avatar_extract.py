@@ -124,13 +124,13 @@ def _extract(options: AvatarExtractOptions, config: AvatarFitConfig, work: Path)
                 name=options.name or options.out.stem,
                 license_text=options.license,
                 smpl=options.body,
-                scene=clouds_of(options.scene),
+                scene=_clouds_of(options.scene),
             )
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"the same command resumes from the state in {work}.") from None
 
 
-def clouds_of(scene: str | None) -> list[GaussianCloud]:
+def _clouds_of(scene: str | None) -> list[GaussianCloud]:
     """The Gaussians of a scene, and of its sky if it has one.
 
     Raises:
