@@ -1,6 +1,6 @@
 """`readygo avatar capture`: simulated footage of an avatar, with ground truth, to measure `avatar extract` with."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -11,6 +11,20 @@ from readygo.apps.commands.avatar import file_of_avatar
 from readygo.apps.terminal import PlainConsole
 from readygo.common.avatars import load_avatar
 from readygo.runs.scene_argument import open_scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaptureNoise:
+    """Errors of what the footage holds beside the images."""
+
+    pose_noise_deg: float = 3.0
+    """Standard deviation of the rotation of every joint about each axis, in each frame [deg]."""
+    pose_noise_m: float = 0.02
+    """Standard deviation of the pelvis along each axis, in each frame [m]."""
+    keypoint_noise_px: float = 3.0
+    """Standard deviation of visible keypoints along each axis, in each frame [px]; hidden ones have twice as much."""
+    mask_noise_px: float = 0.0
+    """Standard deviation of where the masks' borders are, in each frame [px]: dents and bumps, as of a network."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,20 +49,13 @@ class AvatarCaptureOptions:
     """Radius of the circle that is walked [m]."""
     size: tuple[int, int] = (512, 512)
     """Width and height of the images [px]."""
-    pose_noise_deg: float = 3.0
-    """Standard deviation of the rotation of every joint about each axis, in each frame [deg]."""
-    pose_noise_m: float = 0.02
-    """Standard deviation of the pelvis along each axis, in each frame [m]."""
     body: Literal["poses", "keypoints"] = "poses"
     """What the footage holds of the body: poses, or keypoints.npz with the 26 keypoints of Halpe (layout plain)."""
-    keypoint_noise_px: float = 3.0
-    """Standard deviation of visible keypoints along each axis, in each frame [px]; hidden ones have twice as much."""
-    mask_noise_px: float = 0.0
-    """Standard deviation of where the masks' borders are, in each frame [px]: dents and bumps, as of a network."""
     scene: str | None = None
     """Scene to film in, whose frame cameras and poses then have; a plain room by default."""
     seed: int = 0
     """Seed of gait, camera and noise."""
+    noise: CaptureNoise = field(default_factory=CaptureNoise)
 
 
 def avatar_capture(options: AvatarCaptureOptions) -> None:
@@ -62,11 +69,11 @@ def avatar_capture(options: AvatarCaptureOptions) -> None:
         walk_radius_m=options.walk_radius_m,
         width_px=options.size[0],
         height_px=options.size[1],
-        pose_noise_deg=options.pose_noise_deg,
-        pose_noise_m=options.pose_noise_m,
+        pose_noise_deg=options.noise.pose_noise_deg,
+        pose_noise_m=options.noise.pose_noise_m,
         body=options.body,
-        keypoint_noise_px=options.keypoint_noise_px,
-        mask_noise_px=options.mask_noise_px,
+        keypoint_noise_px=options.noise.keypoint_noise_px,
+        mask_noise_px=options.noise.mask_noise_px,
         seed=options.seed,
     )
     avatar = load_avatar(file_of_avatar(options.avatar))

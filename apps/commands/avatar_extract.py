@@ -32,6 +32,16 @@ from readygo.services.reconstructor import (
 
 
 @dataclass(frozen=True, kw_only=True)
+class NetworkFiles:
+    """Networks of the user, for what FOOTAGE lacks."""
+
+    keypoint_model: Path | None = None
+    """ONNX file of a network such as RTMPose, which finds keypoints where FOOTAGE has neither these nor poses."""
+    mask_model: Path | None = None
+    """ONNX file of a network that finds the person, where FOOTAGE has no masks."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class AvatarExtractOptions:
     """Extract an avatar from the images of one person, with masks, cameras and body poses or keypoints.
 
@@ -53,10 +63,6 @@ class AvatarExtractOptions:
     Gaussians. Masks then need not be exact."""
     checkpoint: Path | None = None
     """Also write a HUGS checkpoint (.pth), of --representation hugs with --body; `readygo avatar import` reads it."""
-    keypoint_model: Path | None = None
-    """ONNX file of a network such as RTMPose, which finds keypoints where FOOTAGE has neither these nor poses."""
-    mask_model: Path | None = None
-    """ONNX file of a network that finds the person, where FOOTAGE has no masks."""
     name: str | None = None
     """Name of the avatar; that of the file by default."""
     license: str = "No license is given: ask the person who was filmed."
@@ -67,6 +73,7 @@ class AvatarExtractOptions:
     """Print the report as JSON."""
     config: Path | None = None
     """TOML file with settings; `--KEY VALUE` and `--SECTION.KEY VALUE` override it."""
+    models: NetworkFiles = field(default_factory=NetworkFiles)
     keys: Annotated[Keys, Sections(AvatarFitConfig), Fixed] = field(default_factory=dict)
 
 
@@ -120,7 +127,7 @@ def _extract(options: AvatarExtractOptions, config: AvatarFitConfig, work: Path)
                 work,
                 config,
                 tell,
-                networks=PersonNetworks(keypoints=options.keypoint_model, mask=options.mask_model),
+                networks=PersonNetworks(keypoints=options.models.keypoint_model, mask=options.models.mask_model),
                 name=options.name or options.out.stem,
                 license_text=options.license,
                 smpl=options.body,
