@@ -1,10 +1,13 @@
 import dataclasses
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from typing import Any
 
 import pytest
+import zenoh
 
 from readygo.common.bus import zenoh_bus
 from readygo.common.bus.foreign import ForeignSession
@@ -129,11 +132,18 @@ def test_server_outlives_whatever_is_sent_to_it() -> None:
     topics_of = {topic.request_type: topic for topic in (topics.PENDING, topics.GRANT, topics.append("r"))}
     for topic in topics_of.values():
         server.serve(topic, lambda request: PendingReply(indices=()))
+
+    def replies(topic: topics.Topic[Any, Any], payload: bytes) -> list[zenoh.Reply]:
+        key = f"readygo/test/by/anonymous/{topic.name}"
+        return list(client._session.get(key, payload=payload, attachment=topic.name.encode(), timeout=20.0))
+
+    for topic in topics_of.values():
+        # The router tells clients of a new server a moment later; until then no one answers.
+        assert any(replies(topic, b"") or time.sleep(0.05) for _ in range(200))
     sent = 0
     for cls, payload in inputs(3000, seed=1):
         if topic := topics_of.get(cls):
-            key = f"readygo/test/by/anonymous/{topic.name}"
-            (reply,) = client._session.get(key, payload=payload, attachment=topic.name.encode(), timeout=20.0)
+            (reply,) = replies(topic, payload)
             assert reply.ok or b"is no" in reply.err.payload.to_bytes()
             sent += 1
     assert sent > 100
