@@ -190,7 +190,10 @@ class PersonDrawer:
         """The picture, shape (H, W, 3), and where the person is, shape (H, W)."""
         colours, alpha = self.alone(T_world_camera, motion, row)
         if self._in_scene is not None:
-            return self._in_scene.render([self._view(T_world_camera, motion, row)])[0].rgb, alpha > MASK_ALPHA
+            images = self._in_scene.render([self._view(T_world_camera, motion, row)], ("mask",))[0]
+            assert images.mask is not None
+            # What stands before the person is not in the mask.
+            return images.rgb, (alpha > MASK_ALPHA) & (images.mask == 1)
         joints = joint_positions(self._avatar, motion)[row]
         feet = np.stack([0.5 * (joints[ankle] + joints[ball]) for ankle, ball in ((7, 10), (8, 11))])
         ground = studio_ground(T_world_camera, self._framing, feet)

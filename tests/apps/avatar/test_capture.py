@@ -94,6 +94,9 @@ def test_film_in_a_scene_has_the_persons_place_in_each_image(person: Avatar, tmp
     inner = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     assert np.abs(images[0] - images[1])[inner].mean() < 3.0
     assert np.abs(images[0] - images[1])[~mask].mean() > 10.0
+    alone = cv2.imread(str(tmp_path / "room" / "segmentations" / "00000.png"))[:, :, 0] > 0
+    assert not (mask & ~alone).any()
+    assert 0.5 * alone.sum() < mask.sum() <= alone.sum()
     x, y = np.median(there["root_m"][:, :2], axis=0).tolist()
     floor = scene.maps.floor.at(x, y)
     assert there["joints_m"][:, [10, 11], 2].min() == pytest.approx(floor, abs=0.15)
