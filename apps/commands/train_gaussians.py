@@ -63,6 +63,9 @@ def _train(posed: Path, out: Path, config: GaussiansConfig, notes: PlainConsole)
     with notes.status("reading images ...") as line:
 
         def tell(at: TrainingProgress) -> None:
+            if at.searches:
+                line.update(f"searching for what moved, step {at.step} of {at.steps}")
+                return
             psnr = "" if at.psnr_db is None else f", held out {at.psnr_db:.2f} dB"
             count = f"{at.gaussians:,} Gaussians"
             line.update(f"step {at.step} of {at.steps}, {count}, loss {at.loss:.4f}{psnr}, {at.seconds:.0f} s")

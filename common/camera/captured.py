@@ -1,7 +1,7 @@
 """The cameras that a scene was filmed with, and the `cameras.json` that 3DGS and its kin write of them."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -42,6 +42,16 @@ class CapturedViews:
 
     def __len__(self) -> int:
         return len(self.images)
+
+    def select(self, numbers: Sequence[int]) -> "CapturedViews":
+        """Some of the cameras, in this order."""
+        rows = list(numbers)
+        return CapturedViews(
+            images=tuple(self.images[row] for row in rows),
+            sizes_px=self.sizes_px[rows],
+            K_px=self.K_px[rows],
+            T_world_camera=self.T_world_camera[rows],
+        )
 
     @property
     def mean_up(self) -> Float64Array | None:

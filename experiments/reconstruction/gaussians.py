@@ -17,7 +17,8 @@ import tyro
 
 from readygo.benchmarks.rasterizer.render import machine
 from readygo.services.reconstructor.training.config import GaussiansConfig, preset
-from readygo.services.reconstructor.training.train import TrainingProgress, train_gaussians
+from readygo.services.reconstructor.training.progress import TrainingProgress
+from readygo.services.reconstructor.training.train import train_gaussians
 
 LAST = 0.8
 """Steps after this share of the training are measured."""

@@ -20,7 +20,6 @@ from experiments.reconstruction.rows import print_row
 from readygo.apps.capture.truth import Truth, read_truth
 from readygo.common.arrays import BoolArray, Float64Array
 from readygo.common.documents import read_json
-from readygo.common.gaussians.cloud import GaussianCloud
 from readygo.common.gaussians.files import read_gaussians
 from readygo.common.maps.distance import clearance_m
 from readygo.common.maps.grid import GridFrame, OccupancyMap
@@ -73,7 +72,7 @@ def static_scores(posed: Posed, training: Path) -> dict[str, Any]:
     report = read_json(training / REPORT_FILE)
     settings = report["settings"]
     held = split_views(len(posed.views), settings["hold_out"])[1]
-    gaussians = trained_gaussians(read_gaussians(training / CLOUD_FILE))
+    gaussians = Gaussians.of_cloud(read_gaussians(training / CLOUD_FILE))
     scores = measure(gaussians, PhotoStore(posed, held, settings["side_max_px"], 1), settings["sh_degree"])
     means = {
         name: np.mean([getattr(score, name) for score in scores]) for name in ("psnr_db", "psnr_fitted_db", "ssim")
@@ -83,20 +82,6 @@ def static_scores(posed: Posed, training: Path) -> dict[str, Any]:
         "held_out": len(scores),
         "gaussians": len(gaussians),
     }
-
-
-def trained_gaussians(cloud: GaussianCloud) -> Gaussians:
-    """The Gaussians of a file as the training holds them."""
-    opacities = np.clip(cloud.opacities, 1e-6, 1.0 - 1e-6)
-    return Gaussians.fresh(
-        {
-            "means_m": cloud.means_m,
-            "quats_wxyz": cloud.quats_wxyz,
-            "log_scales": np.log(cloud.scales_m),
-            "logits": np.log(opacities / (1.0 - opacities))[:, None],
-            "sh": cloud.sh.reshape(len(cloud.means_m), -1),
-        }
-    )
 
 
 def ghosts(posed: Posed, truth: Truth, true: OccupancyMap, found: Path) -> dict[str, Any]:

@@ -32,7 +32,8 @@ from readygo.common.robot import RobotConfig
 from readygo.common.scenes import Scene, load_scene
 from readygo.services.reconstructor.poses.colmap import pinhole_views
 from readygo.services.reconstructor.training.config import GaussiansConfig, preset
-from readygo.services.reconstructor.training.train import CLOUD_FILE, TrainingProgress, train_gaussians
+from readygo.services.reconstructor.training.progress import TrainingProgress
+from readygo.services.reconstructor.training.train import CLOUD_FILE, train_gaussians
 from readygo.services.renderer import Renderer, RendererConfig
 
 

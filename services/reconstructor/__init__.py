@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from readygo.services.reconstructor.training.config import Preset as Preset
     from readygo.services.reconstructor.training.config import preset as preset
     from readygo.services.reconstructor.training.config import weak_texture as weak_texture
-    from readygo.services.reconstructor.training.train import TrainingProgress as TrainingProgress
+    from readygo.services.reconstructor.training.progress import TrainingProgress as TrainingProgress
     from readygo.services.reconstructor.training.train import train_gaussians as train_gaussians
 else:
     _NAMES = {
@@ -133,10 +133,8 @@ else:
             "preset",
             "weak_texture",
         ),
-        ".training.train": (
-            "TrainingProgress",
-            "train_gaussians",
-        ),
+        ".training.progress": ("TrainingProgress",),
+        ".training.train": ("train_gaussians",),
     }
     __all__ = [name for names in _NAMES.values() for name in names]
     __getattr__ = lazy_names(__name__, _NAMES)

@@ -102,12 +102,18 @@ def check_installed(device: Device = "cpu") -> None:
 
 def _training(work: Path, config: ReconstructorConfig, say: Say) -> Callable[[Path], dict[str, Any]]:
     """The stage that trains Gaussians in a folder."""
-    from readygo.services.reconstructor.training.train import TrainingProgress, train_gaussians
+    from readygo.services.reconstructor.training.progress import TrainingProgress
+    from readygo.services.reconstructor.training.train import train_gaussians
 
     def tell(state: TrainingProgress) -> None:
         quality = "" if state.psnr_db is None else f", {state.psnr_db:.1f} dB"
-        words = f"step {state.step} of {state.steps}, {state.gaussians:,} Gaussians{quality}"
-        say(StageProgress(stage=GAUSSIANS, share=state.step / state.steps, words=words, picture=state.picture))
+        words, share = (
+            f"step {state.step} of {state.steps}, {state.gaussians:,} Gaussians{quality}",
+            state.step / state.steps,
+        )
+        if state.searches:
+            words, share = f"searching for what moved, step {state.step} of {state.steps}", 0.0
+        say(StageProgress(stage=GAUSSIANS, share=share, words=words, picture=state.picture))
 
     return lambda folder: train_gaussians(work / POSED, folder, config.gaussians, tell)
 

@@ -89,6 +89,9 @@ class GaussiansConfig:
     """Degree of the spherical harmonics of the colours."""
     seed: int = 0
     """Seed of the training."""
+    transients: bool = False
+    """Search for what moved while the place was recorded, such as people, and ignore it; all presets do, unless there
+    are masks."""
     density: DensityConfig = field(default_factory=DensityConfig)
     geometry: GeometryConfig = field(default_factory=GeometryConfig)
 
@@ -110,11 +113,16 @@ def preset(name: Preset) -> GaussiansConfig:
         return GaussiansConfig(
             steps=3000,
             side_max_px=640,
+            transients=True,
             density=DensityConfig(method="mcmc", count_max=150_000, growth=0.03),
             geometry=surfaces,
         )
     if name == "standard":
-        return GaussiansConfig(steps=7000, density=DensityConfig(count_max=500_000), geometry=surfaces)
+        return GaussiansConfig(steps=7000, transients=True, density=DensityConfig(count_max=500_000), geometry=surfaces)
     return GaussiansConfig(
-        steps=30_000, side_max_px=1600, density=DensityConfig(count_max=2_000_000), geometry=surfaces
+        steps=30_000,
+        side_max_px=1600,
+        transients=True,
+        density=DensityConfig(count_max=2_000_000),
+        geometry=surfaces,
     )

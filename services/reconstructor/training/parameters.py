@@ -40,6 +40,20 @@ class Gaussians:
         zeros = [{name: np.zeros_like(value) for name, value in singles.items()} for _ in range(2)]
         return cls(singles, zeros[0], zeros[1], np.zeros(len(singles["logits"]), dtype=np.float32))
 
+    @classmethod
+    def of_cloud(cls, cloud: GaussianCloud) -> "Gaussians":
+        """The inverse of `cloud`, but for opacities of 0 and 1, and never changed."""
+        opacities = np.clip(cloud.opacities, 1e-6, 1.0 - 1e-6)
+        return cls.fresh(
+            {
+                "means_m": cloud.means_m,
+                "quats_wxyz": cloud.quats_wxyz,
+                "log_scales": np.log(cloud.scales_m),
+                "logits": np.log(opacities / (1.0 - opacities))[:, None],
+                "sh": cloud.sh.reshape(len(cloud.means_m), -1),
+            }
+        )
+
     def select(self, index: Int64Array | BoolArray) -> "Gaussians":
         """Some of the Gaussians, with their state."""
         parts = [

@@ -1,7 +1,7 @@
 """The photos of a posed COLMAP model: which there are, where they were taken from, and their pixels at some size."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -56,6 +56,13 @@ class Posed:
             return 0.0
         T = self.views.T_world_camera[self.seen[:, 0]]
         return float(np.median(((self.points_m[self.seen[:, 1]] - T[:, :3, 3]) * T[:, :3, 2]).sum(axis=1)))
+
+    def select(self, numbers: Sequence[int]) -> "Posed":
+        """The model with some of its views, in this order, and all of its points."""
+        rows = np.full(len(self.views), -1, dtype=np.int64)
+        rows[list(numbers)] = np.arange(len(numbers))
+        seen = np.stack([rows[self.seen[:, 0]], self.seen[:, 1]], axis=1)
+        return replace(self, views=self.views.select(numbers), seen=seen[seen[:, 0] >= 0])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

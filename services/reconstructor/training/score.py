@@ -12,6 +12,9 @@ from readygo.services.reconstructor.training.parameters import Gaussians
 from readygo.services.reconstructor.training.photometric import Photometric, fit_colours, psnr_db
 from readygo.services.reconstructor.training.photos import PhotoStore
 
+PREVIEWS = "previews"
+"""Folder of a training's pictures."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HeldOut:
@@ -54,6 +57,11 @@ def measure(gaussians: Gaussians, photos: PhotoStore | None, sh_degree: int) -> 
             )
         )
     return scores
+
+
+def picture_name(image: str) -> str:
+    """File of the picture of an image, whose name may have folders."""
+    return f"{image.rpartition('.')[0].replace('/', '_')}.png"
 
 
 def write_picture(path: Path, score: HeldOut) -> None:

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from readygo.common.config import section_to_mapping
 from readygo.common.documents import read_json
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
+from readygo.common.gaussians.files import read_gaussians
 from readygo.common.gaussians.ply import save_ply
 from readygo.services.reconstructor.stages import Stages, word_errors
 from readygo.services.reconstructor.training.batches import batch_views
@@ -40,10 +41,12 @@ from readygo.services.reconstructor.training.memory import check_memory, gpu_mem
 from readygo.services.reconstructor.training.neighbours import choose_neighbours, neighbour_distances
 from readygo.services.reconstructor.training.parameters import Gaussians, initial_gaussians
 from readygo.services.reconstructor.training.photos import PhotoStore, Posed, open_posed, split_views
+from readygo.services.reconstructor.training.progress import Tell, TrainingProgress
 from readygo.services.reconstructor.training.schedule import TrainingSchedule
-from readygo.services.reconstructor.training.score import HeldOut, measure, write_picture
+from readygo.services.reconstructor.training.score import PREVIEWS, HeldOut, measure, picture_name, write_picture
+from readygo.services.reconstructor.training.transients import Transients, find_transients
 
-CLOUD_FILE, REPORT_FILE, PREVIEWS, UNDISTORTED = "gaussians.ply", "training.json", "previews", "undistorted"
+CLOUD_FILE, REPORT_FILE, UNDISTORTED = "gaussians.ply", "training.json", "undistorted"
 _PREVIEW_EVERY = 500
 """Steps from one held-out picture and measurement to the next."""
 _EXPOSURES_RATE = 1e-3
@@ -61,25 +64,6 @@ _TELL_EVERY_S = 1.0
 _OPACITY = {"gradients": 0.1, "mcmc": 0.5}
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrainingProgress:
-    """How far a training is."""
-
-    step: int
-    steps: int
-    gaussians: int
-    loss: float
-    psnr_db: float | None
-    """Mean PSNR of the held-out images when they were last drawn [dB]; None before that or without any."""
-    seconds: float
-    """Spent so far, those before an interruption included."""
-    picture: Path | None
-    """The latest held-out render beside its photo."""
-
-
-Tell = Callable[[TrainingProgress], None]
-
-
 def train_gaussians(posed_folder: Path, out_folder: Path, settings: GaussiansConfig, progress: Tell) -> dict[str, Any]:
     """Train Gaussians; resume an interrupted call with the same arguments, to the same result.
 
@@ -90,10 +74,14 @@ def train_gaussians(posed_folder: Path, out_folder: Path, settings: GaussiansCon
         settings: How; see `preset`.
         progress: Is told about every second how far it is.
 
+    Without masks, and with `settings.transients`, pixels of what moved are searched first (`find_transients`) and
+    ignored, as those of given masks are.
+
     Returns:
         The report: `psnr_db`, `psnr_fitted_db` (after an affine fit of each image's colours) and `ssim` (means of the
         held-out images, None without any), `held_out` (by image),
         `gaussians`, `unseen` (how many were left out in the end as no training image shows them), `images`,
+        `transients` (`share` of the pixels, `photos` with any, whether they are `ignored`; None without a search),
         `without_neighbour` (training images whose surfaces are compared with no other image), `notes` (in words),
         `seconds` (by stage), `gpu_bytes` (most memory of a GPU that tensors held since the last start), `settings`.
 
@@ -109,8 +97,23 @@ def train_gaussians(posed_folder: Path, out_folder: Path, settings: GaussiansCon
         if done is not None:
             return done
         check_memory(posed, settings)
-        with word_errors(out_folder), gpu_memory(settings), closing(_engine_of(settings)) as engine:
-            return _Training(posed, out_folder, settings, identity, progress, engine).run()
+        with word_errors(out_folder), gpu_memory(settings):
+            transients = None
+            if settings.transients and posed.masks is None:
+                transients = find_transients(posed, out_folder, settings, identity, _fit, progress)
+            if transients is not None and transients.ignored:
+                posed = replace(posed, masks=transients.masks)
+            with closing(_engine_of(settings)) as engine:
+                return _Training(posed, out_folder, settings, identity, progress, engine).run(transients)
+
+
+def _fit(posed: Posed, folder: Path, settings: GaussiansConfig, progress: Tell) -> Gaussians:
+    """Gaussians of some photos; resume an interrupted call, and do not repeat a finished one."""
+    identity = _identity(posed, settings)
+    if _finish_training(folder, identity) is None:
+        with closing(_engine_of(settings)) as engine:
+            _Training(posed, folder, settings, identity, progress, engine).run()
+    return Gaussians.of_cloud(read_gaussians(folder / CLOUD_FILE))
 
 
 def _engine_of(settings: GaussiansConfig) -> Engine:
@@ -186,8 +189,12 @@ class _Training:
         more_m, more_rgb = points_between(posed, self._train, room)
         return np.concatenate([posed.points_m, more_m]), np.concatenate([posed.points_rgb, more_rgb])
 
-    def run(self) -> dict[str, Any]:
-        """Train to the end and write what came of it."""
+    def run(self, transients: Transients | None = None) -> dict[str, Any]:
+        """Train to the end and write what came of it.
+
+        Args:
+            transients: What was found before, for the report.
+        """
         threads = torch.get_num_threads()
         torch.set_num_threads(1)
         try:
@@ -200,7 +207,7 @@ class _Training:
                     self._engine.load(gaussians, Sightings.none(len(gaussians)))
         finally:
             torch.set_num_threads(threads)
-        return self._finish()
+        return self._finish(transients)
 
     def _steps(self, interrupted: Callable[[], bool]) -> None:
         saved_s = told_s = time.monotonic()
@@ -327,23 +334,20 @@ class _Training:
             save_checkpoint(self._folder, self._identity, {"step": self._step, "seconds": self._seconds}, arrays)
             self._saved_step = self._step
 
-    def _finish(self) -> dict[str, Any]:
+    def _finish(self, transients: Transients | None) -> dict[str, Any]:
         self._check_finite()
         gaussians = self._engine.arrays()[0]
         with self._clock("measuring"):
             scores = measure(gaussians, self._held_photos(len(self._held)), self._settings.sh_degree)
             for score in scores:
-                write_picture(
-                    self._folder / PREVIEWS / "held_out" / f"{score.image.rpartition('.')[0].replace('/', '_')}.png",
-                    score,
-                )
+                write_picture(self._folder / PREVIEWS / "held_out" / picture_name(score.image), score)
         save_ply(gaussians.cloud(), self._folder / CLOUD_FILE)
-        report = self._report(scores)
+        report = self._report(scores, transients)
         write_whole(self._folder / REPORT_FILE, json.dumps(report, indent=1) + "\n", raises=RunError)
         (self._folder / CHECKPOINT_FILE).unlink(missing_ok=True)
         return report
 
-    def _report(self, scores: list[HeldOut]) -> dict[str, Any]:
+    def _report(self, scores: list[HeldOut], transients: Transients | None) -> dict[str, Any]:
         names = ("psnr_db", "psnr_fitted_db", "ssim")
         rows = [{"image": score.image, **{name: getattr(score, name) for name in names}} for score in scores]
         return {
@@ -352,9 +356,13 @@ class _Training:
             "gaussians": len(self._engine),
             "unseen": self._unseen,
             "images": len(self._train),
+            "transients": None if transients is None else transients.report,
             "without_neighbour": sum(not others for others in self._neighbours.values()),
-            "notes": _neighbour_notes(self._neighbours),
-            "seconds": {name: round(spent_s, 2) for name, spent_s in self._seconds.items()},
+            "notes": [*_neighbour_notes(self._neighbours), *([] if transients is None else transients.notes)],
+            "seconds": {
+                **({} if transients is None else {"transients": transients.seconds}),
+                **{name: round(spent_s, 2) for name, spent_s in self._seconds.items()},
+            },
             "gpu_bytes": self._engine.gpu_bytes,
             "settings": section_to_mapping(self._settings),
             "identity": self._identity,

@@ -1,6 +1,10 @@
 """`readygo scene train` as users call it."""
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -71,4 +75,33 @@ def test_report_is_told_in_rows() -> None:
     assert command._rows({**REPORT, "psnr_db": None, "gpu_bytes": 0, "notes": []}) == [
         ("Gaussians", "98,765 of 40 images"),
         *seconds,
+    ]
+
+
+def test_progress_tells_the_search_and_the_training(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("torch", reason="torch is not installed")
+    from readygo.services.reconstructor.training import train
+    from readygo.services.reconstructor.training.progress import TrainingProgress
+
+    lines: list[str] = []
+
+    @contextmanager
+    def status(_: str) -> Iterator[SimpleNamespace]:
+        yield SimpleNamespace(update=lines.append)
+
+    def run(posed: Path, out: Path, settings: object, tell: Callable[[TrainingProgress], None]) -> dict[str, int]:
+        at = TrainingProgress(
+            step=30, steps=90, gaussians=1234, loss=0.1, psnr_db=25.04, seconds=3.0, picture=None, searches=True
+        )
+        tell(at)
+        tell(replace(at, searches=False))
+        return {}
+
+    monkeypatch.setattr("readygo.services.reconstructor.train_gaussians", run)
+    monkeypatch.setattr(train, "train_gaussians", run)
+    notes = SimpleNamespace(status=status)
+    command._train(tmp_path, tmp_path / "out", preset("draft"), notes)  # type: ignore[arg-type]
+    assert lines == [
+        "searching for what moved, step 30 of 90",
+        "step 30 of 90, 1,234 Gaussians, loss 0.1000, held out 25.04 dB, 3 s",
     ]

@@ -19,6 +19,7 @@ def test_room_is_one_of_the_flat() -> None:
 def test_training_is_short_and_makes_surfaces() -> None:
     assert training().steps < preset("draft").steps
     assert training().geometry.enabled
+    assert not training().transients
 
 
 def test_settings_of_a_room_are_sound_and_shorter() -> None:

@@ -131,3 +131,12 @@ def test_missing_and_huge_files_are_refused(tmp_path):
 def test_shapes_that_disagree_are_refused():
     with pytest.raises(ValueError, match="K_px"):
         CapturedViews(images=("a",), sizes_px=np.ones((1, 2), np.int64), K_px=np.eye(3), T_world_camera=np.eye(4)[None])
+
+
+def test_some_cameras_are_chosen_in_an_order(file):
+    views = load_views(file)
+    some = views.select([2, 0])
+    assert some.images == (views.images[2], views.images[0])
+    np.testing.assert_array_equal(some.sizes_px, views.sizes_px[[2, 0]])
+    np.testing.assert_array_equal(some.K_px, views.K_px[[2, 0]])
+    np.testing.assert_array_equal(some.T_world_camera, views.T_world_camera[[2, 0]])

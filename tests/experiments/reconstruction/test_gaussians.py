@@ -7,7 +7,7 @@ pytest.importorskip("torch", reason="torch is not installed")
 
 from experiments.reconstruction import gaussians
 from readygo.services.reconstructor.training.config import GaussiansConfig
-from readygo.services.reconstructor.training.train import TrainingProgress
+from readygo.services.reconstructor.training.progress import TrainingProgress
 
 
 def test_late_steps_are_measured_alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -6,11 +6,9 @@ import pytest
 
 from experiments.reconstruction import passers_by
 from readygo.apps.capture.truth import Truth
-from readygo.common.gaussians import GaussianCloud
 from readygo.common.maps import OccupancyMap
 from readygo.common.maps.grid import GridFrame
 from readygo.common.maps.ros_map import save_ros_map
-from readygo.services.reconstructor.training.parameters import Gaussians
 
 CENTRES_M = np.array([[1.0, 1.0, 1.2], [3.0, 1.0, 1.3], [2.0, 3.0, 1.1]])
 
@@ -59,19 +57,3 @@ def test_ghosts_are_known_obstacles_where_the_scene_is_free(bundle: Path) -> Non
     assert row["ghosts_m2"] == pytest.approx(6 * 0.05**2)
     # 3.3 m of each side have room, less the ghosts and the unknown corner.
     assert row["free_m2"] == pytest.approx(3.3**2 - 0.015 - 0.01 - 0.25, abs=0.01)
-
-
-def test_gaussians_of_a_file_are_those_of_the_training() -> None:
-    rng = np.random.default_rng(0)
-    quats = rng.normal(size=(5, 4)).astype(np.float32)
-    cloud = GaussianCloud(
-        means_m=rng.normal(size=(5, 3)).astype(np.float32),
-        quats_wxyz=quats / np.linalg.norm(quats, axis=1, keepdims=True),
-        scales_m=rng.uniform(0.01, 0.1, (5, 3)).astype(np.float32),
-        opacities=np.array([0.1, 0.5, 0.9, 1.0, 0.3], np.float32),
-        sh=rng.normal(size=(5, 4, 3)).astype(np.float32),
-    )
-    again = passers_by.trained_gaussians(cloud).cloud()
-    assert isinstance(passers_by.trained_gaussians(cloud), Gaussians)
-    for name in ("means_m", "quats_wxyz", "scales_m", "opacities", "sh"):
-        np.testing.assert_allclose(getattr(again, name), getattr(cloud, name), atol=1e-5)

@@ -106,3 +106,26 @@ def test_missing_gpu_is_told_before_anything_is_done(tmp_path: Path, monkeypatch
     with pytest.raises(ConfigError, match="gsplat on cuda: there is none"):
         reconstruct_scene(job, replace(CONFIG, gaussians=replace(CONFIG.gaussians, device="cuda")), lambda _: None)
     assert not job.work.exists()
+
+
+def test_search_for_what_moved_is_told_before_the_training(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("torch", reason="torch is not installed")
+    from readygo.services.reconstructor.training import train
+    from readygo.services.reconstructor.training.progress import TrainingProgress
+
+    def run(posed: Path, folder: Path, settings: Any, tell: Any) -> dict[str, Any]:
+        assert (posed, folder) == (tmp_path / "posed", tmp_path / "out")
+        at = TrainingProgress(
+            step=30, steps=90, gaussians=1234, loss=0.1, psnr_db=25.04, seconds=3.0, picture=None, searches=True
+        )
+        tell(at)
+        tell(replace(at, searches=False))
+        return {}
+
+    monkeypatch.setattr(train, "train_gaussians", run)
+    heard: list[Any] = []
+    module._training(tmp_path, CONFIG, heard.append)(tmp_path / "out")
+    assert [(said.share, said.words) for said in heard] == [
+        (0.0, "searching for what moved, step 30 of 90"),
+        (1 / 3, "step 30 of 90, 1,234 Gaussians, 25.0 dB"),
+    ]

@@ -17,6 +17,11 @@ def test_larger_presets_take_more_steps_and_gaussians() -> None:
     assert sizes == sorted(sizes)
 
 
+def test_presets_search_for_what_moved_and_single_trainings_do_not() -> None:
+    assert all(preset(name).transients for name in ("draft", "standard", "high"))
+    assert not GaussiansConfig().transients
+
+
 def test_bare_walls_are_not_split_for_absolute_gradients() -> None:
     density = weak_texture(preset("standard")).density
     assert not density.needs_absolute

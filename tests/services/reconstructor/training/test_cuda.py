@@ -18,8 +18,9 @@ from readygo.services.reconstructor.training.density import Sightings, changed_d
 from readygo.services.reconstructor.training.engine import Engine, ViewTask
 from readygo.services.reconstructor.training.parameters import Gaussians
 from readygo.services.reconstructor.training.photos import PhotoStore, open_posed
+from readygo.services.reconstructor.training.progress import TrainingProgress
 from readygo.services.reconstructor.training.schedule import TrainingSchedule
-from readygo.services.reconstructor.training.train import TrainingProgress, train_gaussians
+from readygo.services.reconstructor.training.train import train_gaussians
 from tests.common.rasterizer.gpu.differentiable_rasterization import DifferentiableRasterization
 from tests.services.reconstructor.training.conftest import SIZE_PX, VIEWS, true_gaussians
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from readygo.common.gaussians import GaussianCloud
 from readygo.services.reconstructor.training.parameters import Change, Gaussians, initial_gaussians
 
 POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [5, 5, 5]])
@@ -44,3 +45,19 @@ def test_state_comes_back_whole() -> None:
         np.testing.assert_array_equal(again.state()[name], array)
     assert len(again) == 5
     assert gaussians.scales_m[0, 0] == pytest.approx(1.0)
+
+
+def test_gaussians_of_a_cloud_are_that_cloud_again() -> None:
+    rng = np.random.default_rng(0)
+    quats = rng.normal(size=(5, 4)).astype(np.float32)
+    cloud = GaussianCloud(
+        means_m=rng.normal(size=(5, 3)).astype(np.float32),
+        quats_wxyz=quats / np.linalg.norm(quats, axis=1, keepdims=True),
+        scales_m=rng.uniform(0.01, 0.1, (5, 3)).astype(np.float32),
+        opacities=np.array([0.1, 0.5, 0.9, 1.0, 0.0], np.float32),
+        sh=rng.normal(size=(5, 4, 3)).astype(np.float32),
+    )
+    gaussians = Gaussians.of_cloud(cloud)
+    assert np.isfinite(gaussians.values["logits"]).all()
+    for name in ("means_m", "quats_wxyz", "scales_m", "opacities", "sh"):
+        np.testing.assert_allclose(getattr(gaussians.cloud(), name), getattr(cloud, name), atol=1e-5)

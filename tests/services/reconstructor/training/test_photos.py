@@ -37,6 +37,16 @@ def test_smaller_photos_have_smaller_cameras(write_posed: Write, tmp_path: Path)
     assert abs(half.rgb.mean() - whole.rgb.mean()) < 0.01
 
 
+def test_selected_views_keep_all_points_and_their_own_sightings(write_posed: Write, tmp_path: Path) -> None:
+    posed = open_posed(write_posed(tmp_path / "posed"), tmp_path / "undistorted")
+    posed = dataclasses.replace(posed, seen=np.array([[0, 5], [3, 6], [1, 7], [3, 8]]))
+    some = posed.select([3, 1])
+    assert some.views.images == ("3.png", "1.png")
+    np.testing.assert_array_equal(some.views.T_world_camera, posed.views.T_world_camera[[3, 1]])
+    np.testing.assert_array_equal(some.seen, [[0, 6], [1, 7], [0, 8]])
+    assert some.points_m is posed.points_m
+
+
 def test_photos_that_do_not_fit_into_memory_are_read_again(
     write_posed: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -20,7 +20,8 @@ from readygo.services.reconstructor.training.config import (
     GaussiansConfig,
     GeometryConfig,
 )
-from readygo.services.reconstructor.training.train import TrainingProgress, train_gaussians
+from readygo.services.reconstructor.training.progress import TrainingProgress
+from readygo.services.reconstructor.training.train import train_gaussians
 
 SETTINGS = GaussiansConfig(
     steps=40,
