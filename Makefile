@@ -18,9 +18,9 @@ export NUMBA_NUM_THREADS := 1
 demo: $(RUNTIME)  ## Run the whole job on the embedded scene; writes demo/report.html and demo/episode.webm
 	$(BIN)/readygo demo
 
-test: $(DEV)  ## Run all tests, the longest files first, three at a time; kernels are compiled before; the slowest 20 are named
+test: $(DEV)  ## Run all tests, the longest files first; kernels are compiled before; the slowest 20 are named
 	$(BIN)/readygo warm
-	$(BIN)/pytest -n 3 --dist loadfile --no-loadscope-reorder --durations=20 --durations-min=1
+	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder --durations=20 --durations-min=1
 
 check: $(DEV)  ## Style, types, import rules, plain words, and a test for every module
 	$(BIN)/ruff format --check .
