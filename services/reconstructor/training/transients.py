@@ -71,7 +71,7 @@ _PHOTOS_MIN = 8
 """Fewer photos are not searched."""
 FOLDER = "transients"
 """Where masks are kept, and their pictures among the previews."""
-_REPORT = "found.json"
+_REPORT, _WORK = "found.json", "work_"
 
 Fit = Callable[[Posed, Path, GaussiansConfig, Tell], Gaussians]
 """Trains Gaussians on photos, in a folder in which the same call resumes."""
@@ -150,12 +150,13 @@ def find_transients(
     done = _found(folder, identity)
     if done is not None:
         return done
-    small = _small_copies(posed, folder / "photos")
+    work = _work_folder(folder, identity)
+    small = _small_copies(posed, work / "photos")
     photos = PhotoStore(small, tuple(range(len(posed.views))), SIDE_PX, 1)
     steps = [max(1, min(most, int(share * settings.steps))) for most, share in ROUNDS]
     regions: list[BoolArray] = []
     for number, count in enumerate(steps):
-        place = folder / f"round_{number}"
+        place = work / f"round_{number}"
         tell = _search_progress(progress, FOLDS * sum(steps[:number]), FOLDS * sum(steps))
         predictions = _predictions(small, photos, place, _settings(settings, count), fit, tell)
         regions = [region_of(p.difference, usual_difference(predictions, k)) for k, p in enumerate(predictions)]
@@ -170,9 +171,18 @@ def find_transients(
         "seconds": round(time.monotonic() - began_s, 2),
     }
     write_whole(folder / _REPORT, json.dumps(found, indent=1) + "\n", raises=RunError)
-    for path in (folder / "photos", *folder.glob("round_*")):
-        shutil.rmtree(path)
+    shutil.rmtree(work)
     return _found(folder, identity)
+
+
+def _work_folder(folder: Path, identity: str) -> Path:
+    """Where a search works; what is left of searches of other photos or settings is removed, and their result."""
+    work = folder / f"{_WORK}{identity}"
+    for other in folder.glob(f"{_WORK}*"):
+        if other != work:
+            shutil.rmtree(other)
+    (folder / _REPORT).unlink(missing_ok=True)
+    return work
 
 
 def _found(folder: Path, identity: str) -> Transients | None:

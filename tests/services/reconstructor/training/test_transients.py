@@ -252,6 +252,28 @@ def test_finished_search_is_repeated_for_other_settings_alone(walked: Posed, tmp
     assert len(fits.asked) == 16
 
 
+def test_interrupted_search_of_other_photos_leaves_nothing_behind(walked: Posed, tmp_path: Path) -> None:
+    out, fits = tmp_path / "out", Fits()
+    find_transients(walked, out, preset("draft"), "first", fits, silent)
+    shown: list[bytes] = []
+
+    def stop(posed: Posed, *_: object) -> Gaussians:
+        shown.append((posed.folder / "a" / "1.jpg.png").read_bytes())
+        raise KeyboardInterrupt
+
+    for identity in ("second", "second"):
+        with pytest.raises(KeyboardInterrupt):
+            find_transients(walked, out, preset("draft"), identity, stop, silent)
+    assert sorted(path.name for path in (out / "transients").iterdir()) == ["masks", "work_second"]
+    write_png(walked.folder / "a" / "1.jpg", np.zeros((*SIZE_PX, 3), np.uint8))
+    with pytest.raises(KeyboardInterrupt):
+        find_transients(walked, out, preset("draft"), "third", stop, silent)
+    assert shown[0] == shown[1] != shown[2]
+    assert sorted(path.name for path in (out / "transients").iterdir()) == ["masks", "work_third"]
+    find_transients(walked, out, preset("draft"), "first", fits, silent)
+    assert len(fits.asked) == 16, "masks may be those of another search"
+
+
 def test_nothing_that_moves_is_nothing_to_note(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tests.services.reconstructor.training.test_transients.MOVED", {})
     posed = write_photos(tmp_path / "photos", VIEWS)
