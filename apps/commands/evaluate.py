@@ -14,7 +14,13 @@ from tyro.conf import Positional
 from readygo.apps.commands.evaluate_logs import evaluate_logs
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.evaluation.replay import PERCEIVING, Replays
-from readygo.apps.evaluation.watch import check_wanted, watched_method, write_films, write_pages
+from readygo.apps.evaluation.watch import (
+    check_wanted,
+    pedestrians_text,
+    watched_method,
+    write_films,
+    write_pages,
+)
 from readygo.apps.fleet.evaluation import EvaluationFleet, by_fleet, fleet_spec, make_plan
 from readygo.apps.fleet.options import RouterOptions
 from readygo.apps.options import given_options
@@ -193,7 +199,8 @@ def evaluate(options: EvaluateOptions) -> None:
             write_films(replays, request, reply, options.video)
             title = f"{options.policy or watched_method(request.methods)} in {world.scene.name}"
             write_pages(replays, request, reply, title=title)
-    _print(summary, reply, out, json=options.json)
+    said = f"Split {request.split.value}, seed {request.seed}; pedestrians: {pedestrians_text(world)}."
+    _print(summary, reply, out, said, json=options.json)
 
 
 def _request(options: EvaluateOptions) -> EvaluateRequest:
@@ -309,12 +316,13 @@ def _settings_said(config: RunConfig, identity: Mapping[str, Any]) -> dict[str, 
     }
 
 
-def _print(summary: Mapping[str, Any], reply: EvaluateReply, out: Path | None, *, json: bool) -> None:
+def _print(summary: Mapping[str, Any], reply: EvaluateReply, out: Path | None, episodes: str, *, json: bool) -> None:
     if json:
         sys.stdout.write(json_module.dumps(summary) + "\n")
         return
     console = PlainConsole()
     console.print(summary_table(reply.summaries))
+    console.print(episodes, markup=False, highlight=False, soft_wrap=True)
     for line in _failed_drivers(reply.records):
         console.print(line, markup=False, soft_wrap=True)
     if out is not None:

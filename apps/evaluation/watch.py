@@ -21,6 +21,7 @@ from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.common.messages import Outcome, RobotTrajectory
 from readygo.runs.evaluation import references
+from readygo.runs.world import World
 from readygo.services.evaluator import (
     POLICY,
     EpisodeRecord,
@@ -167,6 +168,7 @@ def write_pages(
         facts={
             "scene": f"{scene.name} {scene.content_hash[:12]}",
             "episodes": f"split {request.split.value}, seed {request.seed}, {reply.skipped} indices without a scenario",
+            "pedestrians": pedestrians_text(replays.world),
         },
     )
     keep_spec(folder, replays.world.spec)
@@ -175,6 +177,23 @@ def write_pages(
     write_whole(folder / REPORT_FILE, report_html(content))
     scores = scores_of(reply.records, time_limit_s=replays.world.config.episode.time_limit_s)
     write_whole(folder / LATEX_FILE, latex(scores))
+
+
+def pedestrians_text(world: World) -> str:
+    """How many pedestrians the dynamic episodes have, and how fast they are."""
+    if world.spec.scenarios:
+        return "as in the scenario file"
+    episode, standing = world.config.episode, world.config.human_planner.standing_max
+    count, speed = (
+        (episode.human_count_min, episode.human_count_max),
+        (episode.human_speed_min_mps, episode.human_speed_max_mps),
+    )
+    walking = f"{_range_text(*count)} at {_range_text(*speed)} m/s"
+    return f"{walking}, and up to {standing} who stand" if standing else walking
+
+
+def _range_text(low: float, high: float) -> str:
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
 def _tables(reply: EvaluateReply, request: EvaluateRequest, time_limit_s: float) -> Mapping[str, Sequence[Block]]:

@@ -30,7 +30,7 @@ def require_kernels(kernels: str, device: str) -> None:
             raise ReadygoError(f"Drawing on a GPU with {kernels} kernels needs {package}; {remedy}")
     import torch
 
-    if kernels == "triton" and _is_interpreted():
+    if kernels == "triton" and torch.device(device).type == "cpu" and _is_interpreted():
         return
     if torch.device(device).type != "cuda" or not torch.cuda.is_available():
         raise ReadygoError(

@@ -147,6 +147,7 @@ def test_method_that_fails_is_named_with_the_reason(
     said = capsys.readouterr().out.replace("\n", "")
     assert "Lost failed in 1 episodes, in test-0-0000" in said
     assert "RuntimeError: no map" in said
+    assert "Split test, seed 0; pedestrians: 1 to 2 at 0.8 to 1.4 m/s." in said
 
 
 def test_films_need_a_folder_and_episodes_that_can_be_understood(evaluate) -> None:

@@ -9,13 +9,17 @@ from readygo.apps.evaluation.watch import (
     episodes_to_film,
     failures_to_show,
     film_path,
+    pedestrians_text,
     watched_method,
     write_films,
     write_pages,
 )
+from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import RunError
 from readygo.common.messages import Outcome
+from readygo.runs.config import RunConfig
 from readygo.services.evaluator import EXPERT, POLICY, STRAIGHT_LINE, Task
+from readygo.services.planner import HumanPlannerConfig
 from tests.apps.evaluation.records import RECORDS, record
 
 PAIR = (Task.DYNAMIC, Task.STATIC)
@@ -35,7 +39,26 @@ def test_pages_and_films_are_made_of_what_was_kept(evaluated):
     gallery = (evaluated.folder / "failures.html").read_text()
     assert failures > 0
     assert gallery.count(f"readygo plan --from {evaluated.folder}") == failures
-    assert films[0].name in (evaluated.folder / "report.html").read_text()
+    report = (evaluated.folder / "report.html").read_text()
+    assert films[0].name in report
+    assert "1 to 2 at 0.8 to 1.4 m/s" in report
+
+
+@pytest.mark.parametrize(
+    ("episode", "standing", "text"),
+    [
+        ({}, 0, "1 to 2 at 0.8 to 1.4 m/s"),
+        ({"human_count_min": 2, "human_speed_max_mps": 0.8}, 0, "2 at 0.8 m/s"),
+        ({"human_count_max": 4, "human_speed_min_mps": 0.5}, 2, "1 to 4 at 0.5 to 1.4 m/s, and up to 2 who stand"),
+    ],
+)
+def test_pedestrians_are_told_by_number_and_speed(episode, standing, text):
+    config = RunConfig(episode=EpisodeConfig(**episode), human_planner=HumanPlannerConfig(standing_max=standing))
+    drawn, listed = (
+        SimpleNamespace(spec=SimpleNamespace(scenarios=file), config=config) for file in ("", "[[people]]")
+    )
+    assert pedestrians_text(drawn) == text
+    assert pedestrians_text(listed) == "as in the scenario file"
 
 
 def test_page_has_room_for_some_of_every_kind():

@@ -23,14 +23,26 @@ def test_missing_package_names_the_extra(kernels: str, monkeypatch: pytest.Monke
         require_kernels(kernels, "cuda")
 
 
+@pytest.mark.parametrize("interpreted", [False, True])
 @pytest.mark.parametrize("kernels", availability.KERNELS)
-def test_machine_without_a_gpu_is_refused_in_one_line(kernels: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_machine_without_a_gpu_is_refused_in_one_line(
+    kernels: str, interpreted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: find_spec("json"))
-    monkeypatch.setattr(availability, "_is_interpreted", lambda: False)
+    monkeypatch.setattr(availability, "_is_interpreted", lambda: interpreted)
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     with pytest.raises(ReadygoError, match="need a CUDA device") as caught:
         require_kernels(kernels, "cuda")
     assert "\n" not in str(caught.value)
+
+
+def test_interpreter_runs_on_the_cpu_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: find_spec("json"))
+    monkeypatch.setattr(availability, "_is_interpreted", lambda: True)
+    require_kernels("triton", "cpu")
+    monkeypatch.setattr(availability, "_is_interpreted", lambda: False)
+    with pytest.raises(ReadygoError, match="need a CUDA device"):
+        require_kernels("triton", "cpu")
 
 
 def test_gsplat_that_would_compile_without_a_compiler_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
