@@ -7,7 +7,7 @@ from pathlib import Path
 
 from readygo.common.errors import RunError
 from readygo.common.files import open_regular
-from readygo.common.perception.artifact import GRAPH_FILE
+from readygo.common.perception.artifact import GRAPH_FILE, SPEC_FILE
 from readygo.common.state_policy.state_policy import ACTOR_FILE, STATE_POLICY_FILE
 from readygo.runs.methods import (
     NETWORKS,
@@ -66,11 +66,9 @@ def _hash(method: str, checkpoints: Path) -> str:
 
 def perception_files(method: str, checkpoints: Path) -> list[Path]:
     """Files of the networks that a method perceives and acts by."""
-    files = {
-        PERCEIVE_AND_PLAN: [checkpoints / PERCEPTION / GRAPH_FILE],
-        PERCEIVE_AND_ACT: [checkpoints / PERCEPTION / GRAPH_FILE, checkpoints / RL / ACTOR_FILE],
-    }
-    return files.get(method, [])
+    sees = [checkpoints / PERCEPTION / name for name in (SPEC_FILE, GRAPH_FILE)]
+    acts = [checkpoints / RL / name for name in (STATE_POLICY_FILE, ACTOR_FILE)]
+    return {PERCEIVE_AND_PLAN: sees, PERCEIVE_AND_ACT: [*sees, *acts]}.get(method, [])
 
 
 def _source(method: str) -> Path | None:

@@ -209,9 +209,18 @@ def _origin(runs: list[Provenance], avatars_path: str) -> DataOrigin:
     return DataOrigin(
         scenes={run.scene.hash: run.scene.name for run in runs},
         avatars_path=avatars_path,
-        avatars={name: avatar.hash for run in runs for name, avatar in run.avatars.items()},
+        avatars=_avatars(runs),
         settings={
             name: {key: value for key, value in keys.items() if key not in _OF_DATA_ONLY.get(name, ())}
             for name, keys in sections.items()
         },
     )
+
+
+def _avatars(runs: Sequence[Provenance]) -> dict[str, str]:
+    """Content hash by avatar name; different avatars of one name have a part of the hash in their names."""
+    found: dict[str, str] = {}
+    for name, avatar in (pair for run in runs for pair in run.avatars.items()):
+        unique = name if found.get(name, avatar.hash) == avatar.hash else f"{name} {avatar.hash[:12]}"
+        found[unique] = avatar.hash
+    return found

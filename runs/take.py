@@ -66,7 +66,8 @@ class Takes:
             scenarios=scenarios,
             make_expert=self.robot_planner.expert,
         )
-        self._animator = Animator(avatars=avatars, floor=maps.floor, config=config.animator, obstacles=maps.human)
+        rate_hz = config.robot.clock.rate_hz
+        self._animator = Animator(avatars, maps.floor, config.animator, obstacles=maps.human, rate_hz=rate_hz)
 
     def take(self, episode: EpisodeKey, *, static: bool, policy: tuple[PolicyDriver, LiveCamera] | None = None) -> Take:
         """Draw the scenario, animate the humans, and drive.

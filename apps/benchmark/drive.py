@@ -1,6 +1,6 @@
 """Drives a suite: every cell in every scene is an evaluation, with its machinery and its records."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,28 +74,46 @@ def drive_suite(drive: SuiteDrive, *, report: Report) -> BenchmarkManifest:
         report: Told about every episode that ends, and of those that had ended before.
 
     Raises:
-        ReadygoError: If a scene, an avatar or a driver is missing or different, or the folder cannot be written.
+        ReadygoError: If a scene, an avatar or a driver is missing or different, the folder has records of another
+            version or numeric class, or cannot be written.
     """
     check_names(drive.drivers)
+    made_by = _made_by(drive.suite)
     if (drive.folder / MANIFEST_FILE).exists():
-        check_suite(read_manifest(drive.folder), drive.suite, drive.folder)
+        earlier = read_manifest(drive.folder)
+        check_suite(earlier, drive.suite, drive.folder)
+        made_by = _joined(drive.folder, earlier.made_by, made_by)
     hashes = method_hashes(drive.drivers, drive.checkpoints)
     scenes = drive.suite.scene_hashes
     drivers = {
         name: BenchmarkedDriver(sha256=hashes.get(name, ""), inputs=inputs_of(name, drive.checkpoints, scenes))
         for name in drive.drivers
     }
-    made_by: dict[str, str] = {}
     for cell, scene in drive.suite.places:
-        world = drive.suite.world(cell, scene)
-        _drive_cell(drive, world, cell, scene, hashes, report)
-        origin = Provenance.of_run(world.spec)
-        made_by = {
-            "readygo": origin.readygo_version,
-            "commit": origin.commit,
-            "numeric_class": origin.numeric_class,
-        }
+        _drive_cell(drive, drive.suite.world(cell, scene), cell, scene, hashes, report)
     return write_manifest(drive.folder, drive.suite, drivers, made_by)
+
+
+def _made_by(suite: OpenSuite) -> dict[str, str]:
+    """What this process would make records with."""
+    origin = Provenance.of_run(suite.world(*suite.places[0]).spec)
+    return {"readygo": origin.readygo_version, "commit": origin.commit, "numeric_class": origin.numeric_class}
+
+
+def _joined(folder: Path, earlier: Mapping[str, str], now: Mapping[str, str]) -> dict[str, str]:
+    """What the records of a folder are made with if this process adds some; commits are listed.
+
+    Raises:
+        RunError: If these would not agree to the bit.
+    """
+    for name, what in (("readygo", "version of readygo"), ("numeric_class", "numeric class")):
+        if earlier.get(name) != now[name]:
+            raise RunError(
+                f"{folder} has records of the {what} {earlier.get(name)}, this is {now[name]}: records of both do not "
+                "agree to the bit. Give another --out; `readygo benchmark table` takes several folders."
+            )
+    commits = dict.fromkeys([*earlier.get("commit", "").split(", "), now["commit"]])
+    return {**now, "commit": ", ".join(filter(None, commits))}
 
 
 def cell_evaluator(

@@ -110,6 +110,7 @@ class StateNavVectorEnv(VectorEnv[Float32Array, Int64Array, AnyArray]):
         self._commands: Float64Array = commands_of(settings.robot)
         self.num_envs, self.render_mode = num_envs, render_mode
         self._same_step = autoreset_mode is AutoresetMode.SAME_STEP
+        self._seeded = False
         self.metadata = {**self.metadata, "autoreset_mode": autoreset_mode}
         told = self._simulation.told.shape[1]
         self.single_observation_space = spaces.Box(-LARGEST, LARGEST, (told,), np.float32)
@@ -125,11 +126,17 @@ class StateNavVectorEnv(VectorEnv[Float32Array, Int64Array, AnyArray]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Float32Array, dict[str, Any]]:
-        """Begin a random episode for every robot; a list's first seed counts for all."""
+        """Begin a random episode for every robot; a list's first seed counts for all.
+
+        Without a seed the first call draws one, and later calls continue.
+        """
         first = seed[0] if isinstance(seed, list) and seed else seed
         super().reset(seed=first if isinstance(first, int) else None)
         if isinstance(first, int):
             self._simulation.seed(first)
+        elif not self._seeded:
+            self._simulation.seed(int(self.np_random.integers(2**31)))
+        self._seeded = True
         self._simulation.begin_anywhere()
         return self._simulation.told.copy(), {}
 

@@ -143,11 +143,19 @@ def _current(folder: SweepFolder, point: SweepPoint) -> PointRecord | None:
 
 
 def _of_drivers(scores: Mapping[str, Any]) -> Iterator[tuple[Part, Values]]:
-    """Scores of an evaluation or a benchmark: task or cell -> driver -> measure -> mean."""
+    """Scores of an evaluation or a benchmark: task or cell -> driver -> measure -> mean.
+
+    Policies that share a row have their mean there.
+    """
     for task, drivers in scores.items():
+        by_row: dict[str, list[Values]] = {}
         for driver, measures in drivers.items():
             means = {name: score["mean"] for name, score in measures.items() if score["mean"] is not None}
-            yield (task, row_of(driver)), means
+            by_row.setdefault(row_of(driver), []).append(means)
+        for row, several in by_row.items():
+            names = dict.fromkeys(name for means in several for name in means)
+            found = {name: [means[name] for means in several if name in means] for name in names}
+            yield (task, row), {name: sum(values) / len(values) for name, values in found.items()}
 
 
 def _of_tests(tests: Mapping[str, Any]) -> Iterator[tuple[Part, Values]]:

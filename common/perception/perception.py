@@ -61,7 +61,9 @@ class Perception:
         """
         frames = [frame.image for frame in memory.window()]
         assert all(frame is not None for frame in frames)
-        return self.look(np.stack(frames), memory.own_motion(command))  # type: ignore[arg-type]
+        # As in training, people and rays are seen from where the newest image was taken, also if it comes late.
+        motion = memory.own_motion(command, memory.seen_ns)
+        return self.look(np.stack(frames), motion)  # type: ignore[arg-type]
 
     def look(self, frames: UInt8Array, motion: Float32Array) -> Perceived:
         """What some images show.

@@ -138,15 +138,17 @@ class PolicyMemory:
         time_ns, (x_m, y_m, _) = self.newest_pose
         return bool(self.kept.standing.seconds(np.array([time_ns / 1e9]), np.array([[x_m, y_m]]))[0] >= WAIT_S)
 
-    def own_motion(self, command: Float32Array) -> Float32Array:
+    def own_motion(self, command: Float32Array, present_ns: int | None = None) -> Float32Array:
         """Ego-motion of the window, see `readygo.common.policy.motion.own_motion`, shape (3 (frame_count - 1) + 2,).
 
         Args:
             command: v [m/s], w [rad/s] executed last, shape (2,).
+            present_ns: Time of the present pose [ns]; by default that of the newest one.
         """
         rows = window_at(self._seen_ns, self._spacing_ns, self._count)[:-1]
         older = np.array([[self.pose_at(self._seen_ns[row]) for row in rows]]).reshape(1, -1, 3)
-        features: Float32Array = own_motion(older, np.array([self._poses[-1]]), command[None])[0]
+        present = self._poses[-1] if present_ns is None else self.pose_at(present_ns)
+        features: Float32Array = own_motion(older, np.array([present]), command[None])[0]
         return features
 
     @property

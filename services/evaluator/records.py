@@ -33,7 +33,8 @@ class EpisodeRecord:
     method: str
     result: EpisodeResult
     human_distance_min_m: float
-    """Smallest distance of the centres of robot and any human [m]; inf without humans."""
+    """Smallest distance of the centres of robot and any human where the robot decided [m], so without the last state;
+    inf without humans."""
     category: Category | None = None
     """Kind of failure; None after a success, or if none was noted."""
     reason: str = ""

@@ -57,13 +57,23 @@ def test_state_policies_have_the_hashes_of_their_files(tmp_path: Path) -> None:
 def test_methods_of_several_files_have_one_hash_that_workers_accept(tmp_path: Path) -> None:
     write_state_policy(tmp_path / "rl")
     (tmp_path / "perception").mkdir()
-    (tmp_path / "perception" / "perception.onnx").write_bytes(b"graph")
+    for name in ("perception.toml", "perception.onnx"):
+        (tmp_path / "perception" / name).write_bytes(b"as trained")
     methods = ("rl", "perceive-and-act", "perceive-and-plan")
     hashes = method_hashes(methods, tmp_path)
     assert set(hashes) == set(methods)
     request = make_request(1, ("dynamic",), methods, Split.TEST, 0)
     plan = make_plan(request, camera="policy", lockstep=8, checkpoints=tmp_path, method_hashes=hashes)
     assert plan.method_hashes == hashes
-    (tmp_path / "perception" / "perception.onnx").write_bytes(b"another")
-    changed = method_hashes(methods, tmp_path)
-    assert [changed[name] == hashes[name] for name in methods] == [True, False, False]
+    for folder, name, same in (
+        ("perception", "perception.onnx", [True, False, False]),
+        ("perception", "perception.toml", [True, False, False]),
+        ("rl", "state_policy.toml", [False, False, True]),
+        ("rl", "actor.npz", [False, False, True]),
+    ):
+        file = tmp_path / folder / name
+        before = file.read_bytes()
+        file.write_bytes(b"another")
+        changed = method_hashes(methods, tmp_path)
+        assert [changed[method] == hashes[method] for method in methods] == same
+        file.write_bytes(before)

@@ -156,6 +156,18 @@ def test_what_a_policy_has_seen_is_refused_as_unseen(casts: dict[str, RunSpec], 
         check_unseen(few, casts["train"], ["avatars"])
 
 
+def test_all_avatars_of_the_data_are_seen_also_those_of_one_name(avatars: Path, tmp_path: Path) -> None:
+    others = tmp_path / "others"
+    others.mkdir()
+    shutil.copy(EMBEDDED_FOLDER / "clara.npz", others / "amara.npz")
+    runs = [run_of(RunConfig(), folder) for folder in (avatars, others)]
+    for order in (runs, runs[::-1]):
+        spec = with_origin(SPEC, origin_of_runs(order))
+        for run in runs:
+            with pytest.raises(PolicyError, match="walked in the policy's data"):
+                check_unseen(spec, run, ["avatars"])
+
+
 def test_who_is_absent_in_the_data_comes_to_the_tests_of_the_policy() -> None:
     config = RunConfig(human_planner=HumanPlannerConfig(absent=0.4, absent_first=300, slope_max=0.7))
     tried = settings_of_policy(with_origin(SPEC, origin_of_runs([run_of(config, None)]))).human_planner

@@ -1,11 +1,15 @@
+from contextlib import suppress
 from types import SimpleNamespace
 
 import pytest
 
 from readygo.common.errors import RunError
 from readygo.common.messages import Outcome
+from readygo.common.robot import RobotConfig
 from readygo.runs.config import RunConfig
 from readygo.runs.take import Takes
+from readygo.services.animator import handle_animate
+from tests.services.animator.bodies import make_avatar
 from tests.services.planner.worlds import hall, key, maps_of, rooms
 
 
@@ -25,6 +29,25 @@ def test_take_without_humans_is_driven_and_kept_with_its_journal() -> None:
     assert take.rejected == ""
     assert len(take.run.journal.paths_m) == len(take.run.trajectory.actions)
     assert take.drive_ms > 0.0
+
+
+def test_humans_move_at_the_rate_of_the_robots_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    animated = []
+
+    def animate(animator, request):
+        animated.append(handle_animate(animator, request))
+        return animated[-1]
+
+    monkeypatch.setattr("readygo.runs.take.handle_animate", animate)
+    config = RunConfig(robot=RobotConfig(control_hz=30))
+    takes = Takes(maps_of(rooms()), {"ada": make_avatar("ada")}, config)
+    for index in range(20):
+        with suppress(RunError):
+            takes.take(key(index), static=False)
+        if animated:
+            break
+    rates = {human.motion.rate_hz for reply in animated for human in reply.motions.humans}
+    assert rates == {config.robot.clock.rate_hz} == {60}
 
 
 def test_index_without_a_scenario_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,10 +1,11 @@
+import shutil
 from pathlib import Path
 
 import pytest
 
 from readygo.apps.benchmark.drive import SuiteDrive, drive_suite
 from readygo.common.errors import PolicyError, RunError
-from readygo.runs.benchmark.folder import RECORD_FILES, cell_folder, read_cells, read_manifest
+from readygo.runs.benchmark.folder import RECORD_FILES, cell_folder, read_cells, read_manifest, write_manifest
 from readygo.runs.benchmark.suite import OpenSuite
 from tests.runs.benchmark.suites import small_suite
 
@@ -56,6 +57,30 @@ def test_folder_of_another_suite_is_refused_before_driving(driven: Path, tmp_pat
     other = small_suite(tmp_path, **{"seed = 3": "seed = 4"})
     with pytest.raises(RunError, match="is of the suite small/1 with the hash"):
         drive_suite(drive_of(other, driven, "expert"), report=lambda _: None)
+
+
+@pytest.mark.parametrize(
+    ("name", "what"), [("readygo", "version of readygo 0.0.9"), ("numeric_class", "numeric class 0.0.9")]
+)
+def test_records_of_another_version_or_machine_are_not_mixed(
+    driven: Path, suite: OpenSuite, tmp_path: Path, name: str, what: str
+):
+    folder = shutil.copytree(driven, tmp_path / "out")
+    manifest = read_manifest(folder)
+    write_manifest(folder, suite, manifest.drivers, {**manifest.made_by, name: "0.0.9"})
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    with pytest.raises(RunError, match=rf"has records of the {what}, this is .*Give another --out"):
+        drive_suite(drive_of(suite, folder, "social-force"), report=lambda _: None)
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+
+
+def test_commits_that_made_records_are_listed(driven: Path, suite: OpenSuite, tmp_path: Path):
+    folder = shutil.copytree(driven, tmp_path / "out")
+    made_by = read_manifest(folder).made_by
+    write_manifest(folder, suite, read_manifest(folder).drivers, {**made_by, "commit": "abc"})
+    drive_suite(drive_of(suite, folder, "straight-line"), report=lambda _: None)
+    wanted = ", ".join(filter(None, dict.fromkeys(["abc", made_by["commit"]])))
+    assert read_manifest(folder).made_by == {**made_by, "commit": wanted}
 
 
 @pytest.mark.parametrize(

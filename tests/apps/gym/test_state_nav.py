@@ -55,6 +55,17 @@ def test_same_seed_repeats_episodes_and_errors() -> None:
     assert np.array_equal(run(), run())
 
 
+def test_without_a_seed_every_environment_has_its_episodes() -> None:
+    one, other = make(3), make(3)
+    first = one.reset()[0]
+    assert not np.array_equal(first, other.reset()[0])
+    assert not np.array_equal(first, one.reset()[0])
+    one.reset(seed=5)
+    other.reset(seed=5)
+    # A seed also decides the episodes of later calls without one.
+    assert np.array_equal(one.reset()[0], other.reset()[0])
+
+
 def test_one_robot_drives_as_an_environment_of_one() -> None:
     from gymnasium.utils.env_checker import check_env
 

@@ -58,6 +58,20 @@ def test_measures_of_all_commands_are_found() -> None:
     assert measured(None) == {}
 
 
+def test_policies_of_several_seeds_in_one_point_have_their_mean() -> None:
+    scores = {
+        "both": {
+            "mine/0": {"success": {"mean": 0.1}, "art_s": {"mean": None}},
+            "expert": {"success": {"mean": 1.0}},
+            "mine/1": {"success": {"mean": 0.9}, "art_s": {"mean": 8.0}},
+        }
+    }
+    assert measured({"scores": scores}) == {
+        ("both", "mine"): {"success": 0.5, "art_s": 8.0},
+        ("both", "expert"): {"success": 1.0},
+    }
+
+
 def test_joined_results_are_json_markdown_and_a_page(tmp_path: Path) -> None:
     sweep, folder = read_sweep(tmp_path), SweepFolder(path=tmp_path / "out")
     _write(folder, sweep, 0, 0.4, commit="a")

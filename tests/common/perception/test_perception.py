@@ -51,6 +51,19 @@ def test_newest_images_and_the_motion_between_them_are_given_to_the_graph() -> N
     assert perceived.rays_m.tolist() == [3.0] * SHAPE[1]
 
 
+def test_motion_ends_at_the_newest_image_if_it_comes_late() -> None:
+    session = Session()
+    perception = Perception(SPEC, session)
+    memory, turning = perception.start(), np.array([0.0, 1.0], np.float32)
+    for step in range(15):
+        memory.advance(turning)
+        # Images come two steps, 0.1 s, after they were taken.
+        if step >= 2 and step % 2 == 0:
+            memory.see(frame(step), time_ns=(step - 2) * 50_000_000)
+    perception.perceive(memory, turning)
+    assert session.fed[0]["motion"][0] == pytest.approx([0.0, 0.0, -0.4, 0.0, 0.0, -0.2, 0.0, 1.0], abs=1e-6)
+
+
 def test_first_image_stands_for_those_before_it() -> None:
     session = Session()
     perception = Perception(SPEC, session)
