@@ -181,9 +181,11 @@ class Fits:
 
     def __init__(self) -> None:
         self.asked: list[tuple[tuple[str, ...], str, int, bool]] = []
+        self.sh_degrees: set[int] = set()
 
     def __call__(self, posed: Posed, folder: Path, settings: GaussiansConfig, progress: Tell) -> Gaussians:
         self.asked.append((posed.views.images, folder.name, settings.steps, posed.masks is not None))
+        self.sh_degrees.add(settings.sh_degree)
         folder.mkdir(parents=True)
         for step in (1, settings.steps):
             progress(
@@ -224,6 +226,25 @@ def test_what_moves_is_found_in_two_rounds_of_folds(walked: Posed, tmp_path: Pat
         f"a_{number}.png" for number in MOVED
     ]
     assert sorted(path.name for path in (out / "transients").iterdir()) == ["found.json", "masks"]
+
+
+@pytest.mark.parametrize(("wanted", "taken"), [(0, 0), (3, 1)])
+def test_search_has_at_most_first_degree_colours(walked: Posed, tmp_path: Path, wanted: int, taken: int) -> None:
+    fits, settings = Fits(), dataclasses.replace(preset("draft"), steps=8, sh_degree=wanted)
+    find_transients(walked, tmp_path / "out", settings, "one", fits, silent)
+    assert fits.sh_degrees == {taken}
+
+
+def test_pictures_show_what_moved_in_red_and_no_earlier_ones_stay(walked: Posed, tmp_path: Path) -> None:
+    folder = tmp_path / "out" / "previews" / "transients"
+    write_png(folder / "a_11.png", np.zeros((*SIZE_PX, 3), np.uint8))
+    find_transients(walked, tmp_path / "out", dataclasses.replace(preset("draft"), steps=8), "one", Fits(), silent)
+    assert sorted(path.name for path in folder.iterdir()) == [f"a_{number}.png" for number in MOVED]
+    # The square is (255, 0, 255).
+    blue, green, red = cv2.imread(str(folder / "a_2.png"))[TOP + 4, MOVED[2] + 4].tolist()
+    assert (red, green, blue) == pytest.approx((255, 0, 128), abs=2)
+    photo, shown = (cv2.imread(str(place)) for place in (walked.folder / "a" / "2.jpg", folder / "a_2.png"))
+    np.testing.assert_allclose(shown[:, -8:], photo[:, -8:], atol=2)
 
 
 @pytest.mark.parametrize(
