@@ -139,7 +139,7 @@ def run_reinforcement(
         places.append(Place(world=of_scene, train=train, val=val))
     origin = "+".join(_digest(world, Split.TRAIN) for world in worlds)
     training = Training(places, spec, config, out, seed=first.spec.seed, origin=origin)
-    if config.demonstrations and not training.progress.decisions:
+    if config.demonstrations and not (training.progress.taught or training.progress.decisions):
         teachers = [Teacher(world, each, goal_distances(world)) for world, each in zip(worlds, seen, strict=True)]
         _teach(teachers, training, config.demonstrations)
     return training.run(budget, lambda row: show(row, budget.share(row["decisions"], 60.0 * row["minutes"])))
@@ -154,6 +154,7 @@ def _teach(teachers: Sequence[Teacher], training: "Training", count: int) -> Non
             known = new if known is None else known.joined(new)
         assert known is not None
         policy = training.teach(known.told, known.shares, epochs=EPOCHS)
+    training.progress.taught = True
     training.save()
 
 

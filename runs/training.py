@@ -49,9 +49,19 @@ def run_training(
     *,
     val: tuple[Path, ...] = (),
     evaluate: "Evaluate | None" = None,
+    evaluated: str = "",
     show: "Callable[[TrainProgress], None] | None" = None,
 ) -> dict[str, Any]:
     """Train on recorded episodes; returns the content of `metrics.json`, empty in helper processes of a training.
+
+    Args:
+        dataset: Recorded episodes.
+        config: Budget and settings.
+        out: Folder of the policy.
+        val: Data folders for validation; without them episodes are held out.
+        evaluate: Closed-loop success rate, which chooses the weights; None takes the last ones.
+        evaluated: Names the episodes that `evaluate` drives.
+        show: Told about every step.
 
     Raises:
         PolicyError: If torch or onnx is not installed, or `out` belongs to another run.
@@ -63,7 +73,9 @@ def run_training(
     together = "WORLD_SIZE" in os.environ
     if together:
         join_ranks(config.device)
-    metrics = train_policy(dataset, config, out, validation=validation, evaluate=evaluate, report=show)
+    metrics = train_policy(
+        dataset, config, out, validation=validation, evaluate=evaluate, evaluated=evaluated, report=show
+    )
     if together:
         leave_ranks()
     return metrics

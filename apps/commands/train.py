@@ -24,6 +24,7 @@ from readygo.runs.evaluation import closed_loop
 from readygo.runs.methods import NETWORKS, PERCEPTION
 from readygo.runs.origin import note_origin, origin_of_data
 from readygo.runs.perception import train_perception
+from readygo.runs.scene_argument import open_scene
 from readygo.runs.sections import Keys, Sections, with_file, with_keys
 from readygo.runs.training import (
     default_recipe,
@@ -158,12 +159,15 @@ def _train_on_data(options: TrainOptions) -> dict[str, Any]:
     origin = origin_of_data(options.data)
     if len(origin.scenes) > 1 and not options.json:
         console.print(f"Data of {len(origin.scenes)} scenes: {', '.join(origin.scenes.values())}.", markup=False)
-    evaluate = None
+    evaluate, evaluated = None, ""
     if options.val_scene:
-        count = options.details.val_episodes
-        evaluate = closed_loop(options.val_scene, episodes=count, seed=options.seed or 0, origin=origin)
+        count, seed = options.details.val_episodes, options.seed or 0
+        evaluate = closed_loop(options.val_scene, episodes=count, seed=seed, origin=origin)
+        evaluated = f"scene {open_scene(options.val_scene).content_hash}, {count} episodes, seed {seed}"
     with _progress(console, quiet=options.json) as show:
-        metrics = run_training(dataset, config, options.out, val=options.val, evaluate=evaluate, show=show)
+        metrics = run_training(
+            dataset, config, options.out, val=options.val, evaluate=evaluate, evaluated=evaluated, show=show
+        )
     if metrics:
         note_origin(options.out, origin)
     return metrics

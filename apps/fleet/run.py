@@ -115,6 +115,8 @@ def record(
 def begin(spec: RunSpec, out: Path, episodes: int) -> None:
     """Prepare a data folder for `lead`: a new run, or the rest of one.
 
+    A paused run stays paused until `readygo resume`: supervisors start the same command again after a crash.
+
     Raises:
         RunError: If the folder cannot hold the run.
     """
@@ -123,7 +125,7 @@ def begin(spec: RunSpec, out: Path, episodes: int) -> None:
     with folder.lock():
         folder.check(spec)
         _count_recorded(folder, episodes)
-        _save(folder, spec, episodes)
+        folder.save(spec, episodes)
 
 
 def run_in_process(
@@ -139,6 +141,20 @@ def run_in_process(
     """
     with _observer(folder, observing) as observer:
         return _run_in_process(folder, show, line, observer)
+
+
+def count_recorded(out: Path) -> int:
+    """Number of episodes that a data folder holds, once what an interruption left is repaired; 0 for a new folder.
+
+    Raises:
+        RunError: If the folder cannot be repaired, or another process records there.
+    """
+    folder = RunFolder(out)
+    if not folder.has_data:
+        return 0
+    with folder.lock():
+        recover(folder)
+        return _count_recorded(folder, EPISODES_MAX)[0]
 
 
 def _observer(folder: RunFolder, observing: Observing) -> ProcessObserver:
@@ -177,9 +193,12 @@ def _run_in_process(folder: RunFolder, show: Show, line: Sequence[Entry], observ
 
 def _work_until_over(bus: Bus, worker: Worker, show: Show) -> None:
     while (status := claim_any(bus, worker)) is not ClaimStatus.DONE:
+        run = bus.request(topics.STATUS, StatusRequest())
+        if status is ClaimStatus.WAIT and run.trouble:
+            raise RunError(f"No stage can work: {run.trouble} Mend that; the same command resumes the run.")
         if status is ClaimStatus.WAIT:
             raise RunError("No stage has work, yet the run is not finished; its ledger is damaged.")
-        show(bus.request(topics.STATUS, StatusRequest()))
+        show(run)
 
 
 def run_fleet(

@@ -29,7 +29,7 @@ from typing import IO, Any
 
 from readygo.apps.evaluation.replay import Replays
 from readygo.apps.evaluation.watch import write_pages
-from readygo.apps.fleet.run import record
+from readygo.apps.fleet.run import count_recorded, record
 from readygo.apps.learn.gather import TASK_NAMES, TEST_FOLDER
 from readygo.apps.learn.learn import success_by_scene
 from readygo.apps.learn.plan import LOCK_FILE, free_name, lock_folder
@@ -387,44 +387,53 @@ def _val_rates(
 
 
 def _record(plan: PerceivePlan, spec: RunSpec, name: str, budget_s: float, state: dict[str, Any], show: Show) -> None:
-    """Record one data folder: a few episodes, then as many as there is time for."""
+    """Record one data folder: a few episodes, then as many as there is time for.
+
+    Where the first ones were interrupted, as many again tell how long one takes.
+    """
     folder, done = plan.out / "data" / name, state["episodes"].get(name)
-    wanted = FIRST_EPISODES if done is None else int(done)
+    wanted = count_recorded(folder) + FIRST_EPISODES if done is None else int(done)
 
     def tell(status: StatusReply) -> None:
         show(Step(name="recording", fraction=status.committed / max(status.wanted, 1), words=name))
 
-    begin_s = time.monotonic()
-    record(spec, folder, episodes=wanted, workers=workers_of(plan), show=tell)
-    spent_s = time.monotonic() - begin_s
-    if done is None:
-        # The time of the first episodes has the start of the processes in it, as has that of the others.
-        wanted = max(wanted, round(wanted * budget_s / max(spent_s, 1e-3)))
-        state["episodes"][name] = wanted
-        _write_state(plan, state)
+    with _counted(plan, state):
+        begin_s = time.monotonic()
         record(spec, folder, episodes=wanted, workers=workers_of(plan), show=tell)
         spent_s = time.monotonic() - begin_s
-        state["minutes"] = state["minutes"] + spent_s / 60.0
-        _write_state(plan, state)
+        if done is None:
+            # The time of the first episodes has the start of the processes in it, as has that of the others.
+            wanted = max(wanted, round(FIRST_EPISODES * budget_s / max(spent_s, 1e-3)))
+            state["episodes"][name] = wanted
+            _write_state(plan, state)
+            record(spec, folder, episodes=wanted, workers=workers_of(plan), show=tell)
 
 
 def _train(plan: PerceivePlan, folders: list[Path], state: dict[str, Any], show: Show) -> dict[str, Any]:
     # Decoding and labels take a tenth of the time or so.
     minutes = max(0.9 * (1.0 - RECORD_SHARE) * plan.minutes, 0.1)
     config = PerceptionConfig(minutes=minutes, seed=plan.seed, threads=workers_of(plan))
+    with _counted(plan, state):
+        return train_perception(
+            folders,
+            config,
+            plan.perception,
+            scenes=plan.scenes,
+            show=lambda progress: show(
+                Step(name="training", fraction=progress.fraction, words=f"loss {progress.train_loss:.2f}")
+            ),
+        )
+
+
+@contextmanager
+def _counted(plan: PerceivePlan, state: dict[str, Any]) -> Iterator[None]:
+    """Add the time of a block to the run's minutes, also where it is interrupted."""
     begin_s = time.monotonic()
-    metrics = train_perception(
-        folders,
-        config,
-        plan.perception,
-        scenes=plan.scenes,
-        show=lambda progress: show(
-            Step(name="training", fraction=progress.fraction, words=f"loss {progress.train_loss:.2f}")
-        ),
-    )
-    state["minutes"] = state["minutes"] + (time.monotonic() - begin_s) / 60.0
-    _write_state(plan, state)
-    return metrics
+    try:
+        yield
+    finally:
+        state["minutes"] = state["minutes"] + (time.monotonic() - begin_s) / 60.0
+        _write_state(plan, state)
 
 
 def _test(

@@ -73,6 +73,10 @@ class Budget:
     samples: int | None = None
     """Training budget in samples, repeats counted, instead of minutes: less dependent on the machine's load."""
 
+    def share(self, minutes: float, samples: int) -> float:
+        """Share of it that is spent after so many minutes and samples."""
+        return minutes / self.minutes if self.samples is None else samples / self.samples
+
 
 @dataclass(frozen=True, kw_only=True)
 class LearnPlan:

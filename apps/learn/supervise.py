@@ -1,5 +1,6 @@
 """The supervisor of a learning run: from the first episode until its budget is spent or nothing improves."""
 
+import dataclasses
 import math
 import shutil
 import time
@@ -13,7 +14,7 @@ from readygo.apps.learn.cores import CoreSplit, is_ahead, split_cores
 from readygo.apps.learn.crew import ALONE, Crew, Reach
 from readygo.apps.learn.curve import CurvePoint, load_curve, measurements_of, save_curve
 from readygo.apps.learn.measure import Measured, Measuring
-from readygo.apps.learn.plan import LearnPlan, read_state, write_state
+from readygo.apps.learn.plan import Budget, LearnPlan, read_state, write_state
 from readygo.apps.learn.training import Training, begin_decay, decay_share, forget_decay, read_training
 from readygo.common.config import section_to_mapping
 from readygo.common.cores import available_cores
@@ -83,6 +84,8 @@ class Supervisor:
         self._episode_s = EPISODE_S
         self.points = load_curve(plan.curve_file)
         """Learning curve so far."""
+        if state.get("budget", state.get("over")) != section_to_mapping(plan.budget):
+            self.points = [_of_budget(point, plan.budget) for point in self.points]
 
     @property
     def minutes(self) -> float:
@@ -118,6 +121,9 @@ class Supervisor:
     def _prepare(self) -> None:
         """Write the files that the processes read, which make the folder a learning run."""
         plan = self._plan
+        if self.points:
+            # Before the state, which says that the curve's shares are of this budget.
+            save_curve(plan.curve_file, self.points)
         self._save()
         plan.policy.mkdir(exist_ok=True)
         forget_decay(plan.policy)
@@ -161,8 +167,7 @@ class Supervisor:
 
     def _fraction(self, training: Training) -> float:
         """Share of the budget that is spent."""
-        budget = self._plan.budget
-        return self.minutes / budget.minutes if budget.samples is None else training.samples / budget.samples
+        return self._plan.budget.share(self.minutes, training.samples)
 
     def _measure(self, crew: Crew, training: Training, background: "Background[Measured]", fraction: float) -> None:
         """Take a finished measurement, and measure the newest policy if it is due."""
@@ -295,8 +300,17 @@ class Supervisor:
 
     def _save(self) -> None:
         split = {"split": section_to_mapping(self._split)} if self._split else {}
-        over = {"over": section_to_mapping(self._plan.budget)} if self._over else {}
-        write_state(self._plan, spent_s=round(self._spent_s, 1), **split, **over)
+        budget = section_to_mapping(self._plan.budget)
+        over = {"over": budget} if self._over else {}
+        write_state(self._plan, spent_s=round(self._spent_s, 1), budget=budget, **split, **over)
+
+
+def _of_budget(point: CurvePoint, budget: Budget) -> CurvePoint:
+    """A point of a run that had another budget: its measurement with the share of this one that was spent."""
+    if point.measurement is None:
+        return point
+    measurement = dataclasses.replace(point.measurement, fraction=budget.share(point.minutes, point.learned))
+    return dataclasses.replace(point, measurement=measurement)
 
 
 def keep_policy(folder: Path, kept: Path) -> None:

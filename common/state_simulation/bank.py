@@ -72,7 +72,7 @@ def make_bank(
     """The bank of some episodes.
 
     Args:
-        episodes: Scenarios and motions, one or more.
+        episodes: Scenarios and motions; none make a bank without episodes.
         distances: Of the robot's map.
         human_max: Most people of an episode.
     """
@@ -84,13 +84,14 @@ def make_bank(
             of_episode[:, m] = walk[np.minimum(np.arange(rows), len(walk) - 1)]
     scenarios = [scenario for scenario, _ in episodes]
     goals = [(float(scenario.goal_xy_m[0]), float(scenario.goal_xy_m[1])) for scenario in scenarios]
+    fields_cm = [distances.to_goal_cm(goal) for goal in goals]
     return EpisodeBank(
         index=np.array([scenario.episode.index for scenario in scenarios], np.int64),
-        start_xyyaw=np.array([scenario.start_xyyaw for scenario in scenarios], np.float64),
-        goal_xy_m=np.array(goals, np.float64),
+        start_xyyaw=np.array([scenario.start_xyyaw for scenario in scenarios], np.float64).reshape(-1, 3),
+        goal_xy_m=np.array(goals, np.float64).reshape(-1, 2),
         human_count=np.array([len(people) for people in walks], np.int64),
         walks_m=walks_m,
-        fields_cm=np.stack([distances.to_goal_cm(goal) for goal in goals]),
+        fields_cm=np.array(fields_cm, np.uint16).reshape(-1, *distances.shape),
     )
 
 

@@ -38,6 +38,11 @@ class GoalDistances:
         self._factor = np.where(clearance_m(occupancy) > radius_m, np.uint8(FREE), np.uint8(0))
         self._search = GridSearch(self._factor.shape)
 
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of coarse cells."""
+        return _coarse_shape(self._factor)
+
     def to_goal_cm(self, goal_xy_m: tuple[float, float]) -> UInt16Array:
         """Remaining distance from every coarse cell [cm], shape (H / 2, W / 2), halves rounded up.
 
@@ -64,8 +69,13 @@ class GoalDistances:
         return field_cm
 
 
+def _coarse_shape(cells: np.ndarray) -> tuple[int, int]:
+    rows, columns = cells.shape
+    return -(-rows // COARSE), -(-columns // COARSE)
+
+
 def _coarse_minimum(units: np.ndarray) -> Float64Array:
-    rows, columns = (-(-size // COARSE) for size in units.shape)
+    rows, columns = _coarse_shape(units)
     padded = np.full((rows * COARSE, columns * COARSE), UNREACHED, np.int64)
     padded[: units.shape[0], : units.shape[1]] = units
     least: Float64Array = padded.reshape(rows, COARSE, columns, COARSE).min(axis=(1, 3)).astype(np.float64)

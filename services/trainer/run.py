@@ -74,6 +74,7 @@ class TrainRun:
         *,
         data: dict[str, str],
         evaluate: Evaluate | None = None,
+        evaluated: str = "",
     ) -> None:
         """Begin, or resume from the checkpoint in `out`.
 
@@ -85,6 +86,7 @@ class TrainRun:
             out: Folder of the run.
             data: Names and hashes of data that must be the same when the run resumes.
             evaluate: Chooses the weights by closed-loop success; without it the last ones are taken.
+            evaluated: Names the episodes that `evaluate` drives: success rates in others are not compared.
 
         Raises:
             PolicyError: If `out` belongs to a run of other data or settings, or perception is missing or does not fit.
@@ -93,6 +95,7 @@ class TrainRun:
         encoder = encoder_of(robot, config)
         data = data | ({"perception_weights": encoder[1]} if encoder else {})
         self.config, self.out, self.data, self.evaluate = config, out, data, evaluate
+        self._evaluated = evaluated
         self.spec = PolicySpec(robot=robot, sensor=sensor, frame_spacing_s=config.sampling.frame_spacing_s)
         self.ranks = Ranks()
         self.learner = Learner(robot, config, self.ranks, encoder[0] if encoder else None)
@@ -144,9 +147,11 @@ class TrainRun:
             self.save()
 
     def finish(self) -> None:
-        """Validate what the last steps made, and keep it."""
+        """Validate what the last steps made, in closed loop too where that chooses, and keep it."""
         if not self.history or self.history[-1]["step"] != self.steps:
             self.validate(last=True)
+        elif self.evaluate and self.ranks.is_first and not (self.best and "success_rate" in self.history[-1]):
+            self._roll_out(self.evaluate)
         self.save()
 
     def validate(self, *, last: bool = False) -> None:
@@ -195,7 +200,9 @@ class TrainRun:
             "identity": self._identity,
             "counters": [self.steps, self.samples_seen],
             "elapsed_s": self.elapsed_s,
+            "budget": self._budget,
             "decay_from": self.schedule.decay_from,
+            "evaluated": self._evaluated,
             "history": self.history,
             "losses": self._losses,
             "best": self.best,
@@ -212,10 +219,18 @@ class TrainRun:
             validation_loss=self.history[-1]["validation_loss"] if self.history else math.nan,
         )
 
+    @property
+    def _budget(self) -> tuple[str, float]:
+        """Unit and amount of the budget."""
+        config = self.config
+        return ("minutes", config.minutes) if config.samples is None else ("samples", config.samples)
+
     def _share_spent(self) -> float:
-        if self.config.samples is not None:
-            return self.samples_seen / self.config.samples
-        return self.elapsed_s / (60 * self.config.minutes)
+        return self._share_of(*self._budget)
+
+    def _share_of(self, unit: str, amount: float) -> float:
+        """Share of a budget that is spent."""
+        return self.samples_seen / amount if unit == "samples" else self.elapsed_s / (60 * amount)
 
     def _draw(self) -> Int64Array:
         sampling = self.config.sampling
@@ -268,7 +283,12 @@ class TrainRun:
         self.steps, self.samples_seen = state["counters"]
         self.elapsed_s = self._saved_s = state["elapsed_s"]
         self.schedule.decay_from = state["decay_from"]
+        # Checkpoints of earlier versions name neither budget nor episodes.
+        if (budget := state.get("budget", self._budget)) != self._budget:
+            self.schedule.rescale(self._share_of(*budget), self._share_spent())
         self.history, self._losses, self.best = state["history"], state["losses"], state["best"]
+        if state.get("evaluated", self._evaluated) != self._evaluated:
+            self.best = {}
 
     def _clock(self) -> "BudgetClock":
         return BudgetClock(self)

@@ -30,6 +30,16 @@ class RateSchedule:
         if self.decay_from is None and 0 < fraction < 1 - self.config.decay_share:
             self.decay_from = fraction
 
+    def rescale(self, before: float, now: float) -> None:
+        """Keep an early fall at its time when the budget changes; one that has ended is dropped, the rate rises again.
+
+        Args:
+            before: Share of the earlier budget that is spent.
+            now: Share of the present budget that is spent.
+        """
+        if self.decay_from is not None:
+            self.decay_from = None if before >= self.end else self.decay_from * now / before
+
     def rate(self, step: int, fraction: float) -> float:
         """Learning rate of a step, after the given share of the budget."""
         config = self.config

@@ -23,6 +23,7 @@ def train_policy(
     *,
     validation: SampleSource | None = None,
     evaluate: Evaluate | None = None,
+    evaluated: str = "",
     report: Callable[[TrainProgress], None] | None = None,
 ) -> dict[str, Any]:
     """Train a policy, or continue where an earlier call with the same `out` stopped, and export it.
@@ -34,6 +35,8 @@ def train_policy(
         validation: Held-out samples; None holds out whole episodes of `source`.
         evaluate: Closed-loop success rate of an exported policy, which chooses the checkpoint; without it the last one
             is taken.
+        evaluated: Names the episodes that `evaluate` drives: when a run resumes with others, weights that were chosen
+            by the earlier ones are not kept.
         report: Told about every step.
 
     Returns:
@@ -48,7 +51,7 @@ def train_policy(
     held_out_hash = (validation or source).content_hash
     data = {"training_data": source.content_hash, "validation_data": held_out_hash}
     with training_threads(config):
-        run = TrainRun(parts, robot, source.sensor, config, out, data=data, evaluate=evaluate)
+        run = TrainRun(parts, robot, source.sensor, config, out, data=data, evaluate=evaluate, evaluated=evaluated)
         run.go(report or (lambda _: None))
         return write_outcome(run) if run.ranks.is_first else {}
 

@@ -6,12 +6,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from readygo.common.errors import ConfigError, RunError
+from readygo.common.errors import ConfigError, RunError, SceneError
 from readygo.common.messages import Split
 from readygo.common.perception.noise import EXACT
+from readygo.common.state_policy.state_policy import load_state_policy
 from readygo.runs.config import RunConfig
 from readygo.runs.evaluation import evaluation_world
-from readygo.runs.reinforcement import PART, draw_bank, make_reinforcement_config, with_standing
+from readygo.runs.reinforcement import (
+    PART,
+    _Makers,
+    draw_bank,
+    make_reinforcement_config,
+    run_reinforcement,
+    with_standing,
+)
+from tests.common.state_policy.state_policies import TOLD_COUNT
 from tests.common.state_simulation.episodes import draw
 
 
@@ -62,6 +71,61 @@ def test_parts_are_kept_and_depend_on_split_and_settings(world, tmp_path: Path, 
     draw_bank(other, Split.VAL, 1)
     assert len({file.parent for file in tmp_path.rglob("part-*.npz")}) == 2
     assert PART == 64
+
+
+def test_scene_without_room_is_refused_in_a_line_also_with_the_parts_of_an_earlier_call(
+    world, tmp_path: Path, monkeypatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr("readygo.runs.reinforcement.REJECTED_PARTS_MAX", 3)
+    monkeypatch.setattr("readygo.runs.reinforcement._Makers._accepted", lambda *_: iter(()))
+    for _ in range(2):
+        with pytest.raises(SceneError, match=r"^The last 192 scenarios of .* were rejected\.$"):
+            draw_bank(world, Split.VAL, 5)
+        assert len(list(tmp_path.rglob("part-*.npz"))) == 3
+
+
+def test_part_without_an_accepted_episode_is_passed_over(world, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr("readygo.runs.reinforcement.PART", 4)
+    accepted = _Makers._accepted
+    monkeypatch.setattr(
+        _Makers,
+        "_accepted",
+        lambda self, planner, animator, split, indices: (
+            iter(()) if 4 in indices else accepted(self, planner, animator, split, indices)
+        ),
+    )
+    index = draw_bank(world, Split.VAL, 6).index.tolist()
+    assert len(index) == 6
+    assert not {4, 5, 6, 7} & set(index)
+    assert min(index) < 4 < max(index)
+
+
+def test_training_that_is_interrupted_after_its_demonstrations_ends_as_one_that_is_not(
+    world, tmp_path: Path, monkeypatch
+) -> None:
+    pytest.importorskip("torch", reason="torch (extra train) is not installed")
+    from readygo.services.trainer import Training
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr("readygo.runs.reinforcement.EPOCHS", 1)
+    keys = {"ppo": {"robots": 8, "stretch": 8, "minibatches": 2, "actor_widths": [8], "critic_widths": [8]}}
+    keys |= {"train_episodes": 4, "val_episodes": 2, "demonstrations": 5, "critic_first": 0.0}
+    config, run = make_reinforcement_config(EXACT, keys), Training.run
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    run_reinforcement([world], config, tmp_path / "whole", decisions=128, minutes=None)
+    monkeypatch.setattr(Training, "run", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        run_reinforcement([world], config, tmp_path / "parts", decisions=128, minutes=None)
+    monkeypatch.setattr(Training, "run", run)
+    run_reinforcement([world], config, tmp_path / "parts", decisions=128, minutes=None)
+    told = np.random.default_rng(0).normal(size=(5, TOLD_COUNT)).astype(np.float32)
+    whole, parts = (load_state_policy(tmp_path / name) for name in ("whole", "parts"))
+    assert np.array_equal(whole.logits(told), parts.logits(told))
 
 
 def test_several_processes_draw_the_same_parts_and_none_too_many(world, tmp_path: Path, monkeypatch) -> None:

@@ -15,7 +15,7 @@ import torch
 
 from readygo.common.cores import available_cores
 from readygo.common.dataset import Dataset
-from readygo.common.errors import DiskError, PolicyError, first_line
+from readygo.common.errors import DatasetError, DiskError, PolicyError, first_line
 from readygo.common.files import write_whole
 from readygo.common.networks.checkpoint import load_network, save_network
 from readygo.common.networks.models import NETWORKS
@@ -93,7 +93,7 @@ def train_network(
             saved_s = run.spent_s
             _save(run, config, path, dataset.content_hash)
     _save(run, config, path, dataset.content_hash)
-    measured = _measure(dataset, set(names), held_out, config, run)
+    measured = _measure(dataset, held_out, config, run)
     parameters = sum(parameter.numel() for parameter in run.network.parameters())
     return {
         "network": config.network,
@@ -224,16 +224,16 @@ def _settings(config: NetworkTrainConfig) -> dict[str, Any]:
     return {name: value for name, value in dataclasses.asdict(config).items() if name not in free}
 
 
-def _measure(
-    dataset: Dataset, names: set[str], held_out: set[str], config: NetworkTrainConfig, run: NetworkRun
-) -> dict[str, float]:
+def _measure(dataset: Dataset, held_out: set[str], config: NetworkTrainConfig, run: NetworkRun) -> dict[str, float]:
     """How far from where the expert went the network steers in held-out episodes, and how far off the mean place is.
 
-    Nothing where there are fewer than two such episodes.
+    Nothing where there are fewer than two such episodes that the expert drove for long enough.
     """
-    if len(held_out & names) < 2:
+    try:
+        looks = looks_of(dataset, held_out)
+    except DatasetError:
         return {}
-    learner = _Learner(dataset, looks_of(dataset, held_out), config)
+    learner = _Learner(dataset, looks, config)
     batch = learner.batch(VALIDATION_SAMPLES, np.random.default_rng(config.seed))
     seen = ~batch.other
     run.best.eval()

@@ -81,6 +81,8 @@ class Progress:
     curve: list[dict[str, Any]] = field(default_factory=list)
     best: float = -math.inf
     """Best mean of static and dynamic success on split val."""
+    taught: bool = False
+    """True if the actor has had its demonstrations."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -24,6 +24,7 @@ from readygo.apps.commands.train import (
 )
 from readygo.apps.terminal import PlainConsole
 from readygo.common.errors import ConfigError
+from readygo.runs.scene_argument import open_scene
 from tests.common.dataset.episodes import ROBOT, provenance_with_robot, write_shard
 
 
@@ -123,6 +124,27 @@ def test_recipe_of_another_architecture_does_not_go_on(tmp_path: Path, monkeypat
     assert code == 2
     assert re.search(r"checkpoint\.pt belongs to a run with another \w+; give another --out, or delete it\.$", line)
     assert (tmp_path / "policy" / "checkpoint.pt").read_bytes() == before
+
+
+def test_training_is_told_in_which_episodes_its_weights_are_chosen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[tuple[object, str]] = []
+    monkeypatch.setattr(command, "closed_loop", lambda scene, **settings: settings)
+    monkeypatch.setattr(
+        command, "run_training", lambda *_, evaluate, evaluated, **more: told.append((evaluate, evaluated)) or {}
+    )
+    write_shard(tmp_path / "data", [0, 1, 2])
+    given = TrainOptions(data=(tmp_path / "data",), out=tmp_path / "policy", json=True)
+    scene = dataclasses.replace(given, val_scene="embedded")
+    fewer = dataclasses.replace(scene, details=TrainDetailOptions(val_episodes=5))
+    for options in (given, scene, scene, fewer, dataclasses.replace(scene, seed=1)):
+        train(options)
+    assert told[0] == (None, "")
+    assert told[1] == told[2]
+    assert (told[3][0]["episodes"], told[4][0]["seed"]) == (5, 1)
+    assert len({evaluated for _, evaluated in told}) == 4
+    assert open_scene("embedded").content_hash in told[1][1]
 
 
 METRICS = {

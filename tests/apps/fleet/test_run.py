@@ -7,23 +7,25 @@ from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 
 from readygo.apps.fleet import run as module
-from readygo.apps.fleet.run import begin, record, run_fleet
+from readygo.apps.fleet.run import begin, count_recorded, record, run_fleet
 from readygo.apps.fleet.worker import make_coordinator, make_recorder
 from readygo.common.bus import Bus, InProcessBus
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.dataset import validate
 from readygo.common.dataset.casts import read_casts
-from readygo.common.errors import BusError, RunError
+from readygo.common.errors import BusError, DiskError, RunError
 from readygo.common.fleet import Inputs, StageResult, Work, Worker, pull
 from readygo.common.messages import ClaimReply, OnRejection, RunSpec, Stage, StatusReply, StatusRequest
 from readygo.runs.folder import RunFolder
 from readygo.runs.stages import LINE, Entry, stage_works
 from readygo.runs.world import World
 from readygo.services import coordinator as coordination
+from readygo.services.coordinator import Ledger
 from readygo.services.coordinator.handlers import handle_status
 from readygo.services.recorder import attach as attach_recorder
 from tests.apps.fleet.toy_line import DRAW, FILM, entry, film, in_process, make_folder
@@ -169,6 +171,31 @@ def test_of_two_runs_that_begin_in_a_folder_at_once_the_later_one_is_refused(
     assert folder.load() == (spec, 3)
 
 
+@pytest.mark.parametrize("start", [partial(record, workers=0), begin])
+def test_paused_run_is_started_again_by_its_user_and_not_by_a_supervisor(
+    start: Callable[..., object], tmp_path: Path
+) -> None:
+    folder = make_folder(tmp_path, (DRAW, FILM), wanted=1)
+    assert in_process(folder, (DRAW, FILM)).finished
+    ledger = Ledger(folder.ledger)
+    ledger.notes.put("paused", "yes")
+    start(folder.load()[0], tmp_path, episodes=1)
+    assert ledger.notes.get("paused") == ("yes" if start is begin else "no")
+    ledger.close()
+
+
+def test_full_disk_is_said_by_its_name_where_one_process_does_everything(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = make_folder(tmp_path, (DRAW, FILM), wanted=1)
+    full = Mock(side_effect=DiskError("The run's ledger cannot be used: disk full."))
+    monkeypatch.setattr(Ledger, "claim", full)
+    with pytest.raises(
+        RunError, match=r"No stage can work: The run's ledger .*: disk full\. Mend that; the same comma"
+    ):
+        in_process(folder, (DRAW, FILM))
+
+
 def test_endpoint_that_cannot_be_opened_binds_nothing(tmp_path: Path) -> None:
     spec, _ = make_folder(tmp_path / "first", (DRAW, FILM), wanted=3).load()
     folder = RunFolder(tmp_path / "second")
@@ -187,6 +214,17 @@ def test_run_cannot_be_made_shorter_than_what_is_recorded(tmp_path: Path) -> Non
     with pytest.raises(RunError, match=r"holds 4 episodes already.* at least 4 with --episodes"):
         record(spec, tmp_path, episodes=3, workers=0)
     assert folder.load() == (spec, 4)
+
+
+def test_recorded_episodes_are_counted_also_where_the_ledger_is_damaged(tmp_path: Path) -> None:
+    assert count_recorded(tmp_path / "new") == 0
+    assert not (tmp_path / "new").exists()
+    folder = make_folder(tmp_path / "run", (DRAW, FILM), wanted=4)
+    assert count_recorded(folder.path) == 0
+    assert in_process(folder, (DRAW, FILM)).finished
+    assert count_recorded(folder.path) == 4
+    folder.ledger.write_bytes(b"no ledger")
+    assert count_recorded(folder.path) == 4
 
 
 class Noted:

@@ -318,3 +318,30 @@ def test_progress_is_told(tmp_path: Path, steps: list[tuple[str, object]], monke
     monkeypatch.setattr(module, "record", record)
     learn_to_perceive(plan_of(tmp_path / "run"), episodes=0, show=told.append)
     assert [(step.name, step.fraction) for step in told] == [("recording", 0.5)] * 4 + [("reinforcement", 1.0)]
+
+
+def test_interrupted_first_episodes_are_followed_by_as_many_again_which_tell_how_long_one_takes(
+    tmp_path: Path, steps: list[tuple[str, object]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "count_recorded", lambda folder: 0 if folder.name.endswith("-crowd") else 20)
+    learn_to_perceive(plan_of(tmp_path / "run"), episodes=0)
+    # The 24 of this command took ten seconds.
+    wanted = round(FIRST_EPISODES * 300 * RECORD_SHARE / 10)
+    counts = [asked[1] for name, asked in steps if name == "record"]  # type: ignore[index]
+    assert counts == [20 + FIRST_EPISODES, wanted, FIRST_EPISODES, wanted]
+
+
+@pytest.mark.parametrize("part", ["record", "train_perception"])
+def test_time_before_an_interruption_is_counted(
+    tmp_path: Path, steps: list[tuple[str, object]], monkeypatch: pytest.MonkeyPatch, part: str
+) -> None:
+    def interrupt(*_: object, **more: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, part, interrupt)
+    plan, minutes = plan_of(tmp_path / "run"), []
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            learn_to_perceive(plan, episodes=0)
+        minutes.append(read_state(plan)["minutes"])
+    assert minutes[1] > minutes[0] > 0

@@ -1,5 +1,6 @@
 """The supervisor with stand-ins for the processes, the measurements and the clock."""
 
+import dataclasses
 import errno
 import json
 import os
@@ -197,6 +198,49 @@ def test_run_that_is_over_is_not_begun_again_unless_there_is_more_time(
     learn(plan(minutes=2 * MINUTES), [0.5])
     assert len(crew.made) == 2
     assert crew.made[1].ticks > 0.5 * 60 * MINUTES, "that the earlier trainer had ended says nothing"
+
+
+def test_run_with_more_time_is_measured_over_the_rest_of_the_larger_budget(plan: Callable[..., LearnPlan]) -> None:
+    learn(plan(), [0.5])
+    shutil.rmtree(plan().policy / "candidates")
+    os.utime(plan().policy / PROGRESS_FILE, (0, 0))
+    supervisor, measuring, chosen = learn(plan(minutes=2 * MINUTES), [0.6, 0.9, 0.4])
+    fractions = [fraction for _, fraction in measuring.asked]
+    assert len(fractions) >= 4
+    assert 0.5 < fractions[0] < 0.8
+    assert chosen is not None
+    assert chosen.policy == measuring.asked[1][0]
+    done = [measurement.fraction for measurement in supervisor.measurements]
+    assert done == sorted(done)
+    assert done[-len(fractions) - 1] == pytest.approx(0.5, abs=0.06)
+
+
+def test_shares_of_an_earlier_budget_are_read_as_those_of_the_present_one(plan: Callable[..., LearnPlan]) -> None:
+    learn(plan(), [0.5])
+    same = Supervisor(plan(), StandInMeasuring([0.5]), lambda now: None).measurements
+    assert same[-1].fraction == 1.0
+    more = dataclasses.replace(plan(), budget=Budget(minutes=MINUTES, samples=400_000))
+    points = [point for point in Supervisor(more, StandInMeasuring([0.5]), lambda now: None).points]
+    found = [point for point in points if point.measurement is not None]
+    assert [point.measurement.fraction for point in found] == [point.learned / 400_000 for point in found]
+    state = json.loads(plan().state_file.read_text())
+    # Folders of earlier versions name the budget of a run that is over only.
+    plan().state_file.write_text(json.dumps({name: value for name, value in state.items() if name != "budget"}))
+    assert Supervisor(plan(), StandInMeasuring([0.5]), lambda now: None).measurements == same
+    longer = Supervisor(plan(minutes=2 * MINUTES), StandInMeasuring([0.5]), lambda now: None)
+    assert longer.measurements[-1].fraction == pytest.approx(longer.minutes / (2 * MINUTES))
+
+
+def test_run_that_is_interrupted_in_its_extension_keeps_the_shares_of_the_larger_budget(
+    plan: Callable[..., LearnPlan], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    learn(plan(), [0.5])
+    os.utime(plan().policy / PROGRESS_FILE, (0, 0))
+    monkeypatch.setattr(StandInCrew, "dies_after", 0)
+    with pytest.raises(KeyboardInterrupt):
+        learn(plan(minutes=2 * MINUTES), [0.5])
+    again = Supervisor(plan(minutes=2 * MINUTES), StandInMeasuring([0.5]), lambda now: None)
+    assert again.measurements[-1].fraction == pytest.approx(again.minutes / (2 * MINUTES), abs=0.01)
 
 
 def test_cores_are_split_by_what_was_measured_once(

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from readygo.common.errors import RunError
-from readygo.common.state_simulation.bank import EpisodeBank, join_banks, load_bank
+from readygo.common.maps import GridFrame, OccupancyMap
+from readygo.common.state_simulation.bank import EpisodeBank, join_banks, load_bank, make_bank
+from readygo.common.state_simulation.goal_distances import GoalDistances
 
 
 def make(count: int, rows: int, first: int = 0) -> EpisodeBank:
@@ -37,3 +39,16 @@ def test_people_who_arrive_early_stay_there_in_a_longer_bank() -> None:
     assert joined.walks_m.shape == (3, 6, 2, 2)
     assert np.array_equal(joined.walks_m[:2, 5], short.walks_m[:, 2])
     assert joined.first(1).index.tolist() == [0]
+
+
+def test_bank_without_episodes_has_the_shapes_of_others_and_comes_back(tmp_path: Path) -> None:
+    occupied = np.zeros((61, 41), np.bool_)
+    room = OccupancyMap(frame=GridFrame(origin_x_m=0.0, origin_y_m=0.0, resolution_m=0.05), occupied=occupied)
+    distances = GoalDistances(room, 0.3)
+    assert distances.to_goal_cm((1.0, 1.0)).shape == distances.shape == (31, 21)
+    make_bank([], distances, 6).save(tmp_path / "bank.npz")
+    bank = load_bank(tmp_path / "bank.npz")
+    assert len(bank) == 0
+    assert (bank.start_xyyaw.shape, bank.goal_xy_m.shape, bank.human_count.shape) == ((0, 3), (0, 2), (0,))
+    assert (bank.walks_m.shape, bank.fields_cm.shape) == ((0, 1, 6, 2), (0, 31, 21))
+    assert (bank.walks_m.dtype, bank.fields_cm.dtype) == (np.float32, np.uint16)

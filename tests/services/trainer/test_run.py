@@ -5,6 +5,7 @@ import torch
 
 from readygo.common.errors import PolicyError
 from readygo.common.policy import load_policy
+from readygo.services.trainer.checkpoint import CHECKPOINT_FILE
 from readygo.services.trainer.parts import build_parts
 from readygo.services.trainer.run import CANDIDATE_FOLDER, BudgetClock, TrainRun
 from tests.services.trainer.conftest import QUICK, make_one, png, quick
@@ -12,10 +13,12 @@ from tests.services.trainer.conftest import QUICK, make_one, png, quick
 
 @pytest.fixture
 def make_run(source, tmp_path):
-    def make(evaluate=None, **settings):
+    def make(evaluate=None, evaluated="", **settings):
         config = quick(**settings)
         parts = build_parts(source, None, config)
-        return TrainRun(parts, source.robot, source.sensor, config, tmp_path, data={}, evaluate=evaluate)
+        return TrainRun(
+            parts, source.robot, source.sensor, config, tmp_path, data={}, evaluate=evaluate, evaluated=evaluated
+        )
 
     return make
 
@@ -119,3 +122,60 @@ def test_fall_that_is_begun_early_ends_the_run_early(make_run):
     assert run.steps == 10
     assert run.learner.optimizer.param_groups[0]["lr"] < 0.6 * QUICK.optimizer.learning_rate
     assert run.progress().fraction == 1.0
+
+
+@pytest.mark.parametrize(("spent", "steps"), [(9, 10), (10, 40)])
+def test_early_fall_is_of_the_budget_in_which_it_was_begun(spent, steps, make_run):
+    run = make_run()
+    for step in range(spent):
+        if step == 8:
+            run.schedule.begin_decay(run.fraction)
+        run.step()
+    run.save()
+    assert run.is_over == (spent == 10)
+    more = make_run(samples=1280)
+    more.go(lambda _: None)
+    assert more.steps == steps
+
+
+def test_early_fall_stays_with_the_same_budget_and_in_checkpoints_that_name_none(make_run):
+    run = make_run()
+    run.step()
+    run.schedule.begin_decay(run.fraction)
+    run.save()
+    assert make_run(minutes=20.0).schedule.decay_from == run.schedule.decay_from
+    without(run, "budget", "evaluated")
+    assert make_run(samples=1280).schedule.decay_from == run.schedule.decay_from
+
+
+def without(run, *names):
+    """Make the checkpoint one of an earlier version."""
+    state = torch.load(run.out / CHECKPOINT_FILE, weights_only=True)
+    torch.save({name: value for name, value in state.items() if name not in names}, run.out / CHECKPOINT_FILE)
+
+
+def test_last_weights_are_measured_in_closed_loop_also_where_they_are_validated_already(make_run):
+    asked = []
+    run = make_run(lambda folder: asked.append(folder) or 0.5)
+    run.go(lambda _: None)
+    assert len(asked) == 1
+    assert [entry["samples"] for entry in run.history] == [160, 320, 480, 640]
+    assert run.history[-1]["success_rate"] == 0.5
+    assert run.chosen_step == run.steps
+    make_run(lambda folder: asked.append(folder) or 0.5).go(lambda _: None)
+    assert len(asked) == 1
+
+
+def test_weights_chosen_in_other_episodes_are_dropped_and_those_of_the_same_ones_kept(make_run, monkeypatch):
+    monkeypatch.setattr("readygo.services.trainer.run.ROLLOUT_EVERY", 2)
+    rates = iter([0.9, 0.2])
+    run = make_run(lambda _: next(rates), evaluated="one scene")
+    run.go(lambda _: None)
+    assert run.chosen_step == 10
+    assert make_run(lambda _: 0.1, evaluated="one scene").chosen_step == 10
+    other = make_run(lambda _: 0.1, evaluated="another scene")
+    assert other.best == {}
+    other.go(lambda _: None)
+    assert (other.chosen_step, other.best["success_rate"]) == (20, 0.1)
+    without(run, "budget", "evaluated")
+    assert make_run(lambda _: 0.1, evaluated="one scene").best["success_rate"] == 0.1

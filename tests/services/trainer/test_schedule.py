@@ -55,3 +55,15 @@ def test_fall_is_not_begun_before_anything_is_spent():
     assert schedule.decay_from is None
     schedule.begin_decay(0.8)
     assert schedule.decay_from is None
+
+
+def test_early_fall_takes_as_long_in_a_larger_budget_and_is_dropped_once_it_has_ended():
+    schedule = RateSchedule(CONFIG)
+    schedule.begin_decay(0.4)
+    schedule.rescale(0.45, 0.225)
+    assert (schedule.decay_from, schedule.end) == (pytest.approx(0.2), pytest.approx(0.25))
+    assert schedule.rate(500, 0.225) == pytest.approx(1e-3 * (0.01 + 0.99 * 0.5))
+    schedule.rescale(0.25, 0.125)
+    assert (schedule.decay_from, schedule.end) == (None, 1.0)
+    schedule.rescale(0.5, 0.25)
+    assert schedule.decay_from is None

@@ -7,7 +7,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
 
-from readygo.common.errors import PolicyError  # noqa: E402
+from readygo.common.errors import DatasetError, PolicyError  # noqa: E402
 from readygo.common.networks import checkpoint  # noqa: E402
 from readygo.common.networks.models import _sum_steps  # noqa: E402
 from readygo.services.trainer.networks import train as module  # noqa: E402
@@ -106,3 +106,17 @@ def test_weights_that_lie_there_are_where_training_begins(data, tmp_path) -> Non
     (tmp_path / "gnm.pth.training").write_bytes(b"half a file")
     with pytest.raises(PolicyError, match=r"training cannot be read"):
         module.train_network(data, config(samples=16), path)
+
+
+def test_training_ends_without_measures_where_too_few_held_out_episodes_can_be_used(
+    data, tmp_path, monkeypatch
+) -> None:
+    def looks_of_many(dataset, names) -> Looks:
+        if len(names) < 3:
+            raise DatasetError("Networks learn from two or more of the expert's episodes; there is 1.")
+        return looks_of(dataset, names)
+
+    monkeypatch.setattr(module, "looks_of", looks_of_many)
+    metrics = module.train_network(data, config(samples=16), tmp_path / "gnm.pth")
+    assert (metrics["samples_seen"], metrics["episodes"]) == (16, 18)
+    assert "waypoint_error_m" not in metrics
