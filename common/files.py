@@ -16,6 +16,8 @@ from pathlib import Path
 from readygo.common.errors import ReadygoError
 
 _FOLDER_NAME = re.compile(r"\w[\w.+-]*")
+_UNFINISHED_NAME = re.compile(r"\..*-[a-z0-9_]{8}")
+"""Of a temporary folder beside what it becomes; the ending is that of `tempfile`."""
 _ZIP_DIRECTORY_BYTES_MAX = 2**20
 """A table of contents of 1 MB lists some 15,000 files; Python spends 20 times its size on it."""
 
@@ -160,6 +162,21 @@ def _take_away(path: Path, old: Path) -> None:
     # Another process may have been faster.
     with suppress(FileNotFoundError):
         path.rename(old)
+
+
+def remove_unfinished(folder: Path) -> None:
+    """Remove what killed calls of `write_then_rename` and `unfinished_folder` left in a folder, and nothing else."""
+    for place in folder.iterdir():
+        if not _UNFINISHED_NAME.fullmatch(place.name) or not place.is_dir():
+            continue
+        # Other programs' hidden folders may have such names too; what cannot be read is not ours.
+        with suppress(OSError):
+            if all(map(_is_part, place.iterdir())):
+                shutil.rmtree(place, ignore_errors=True)
+
+
+def _is_part(path: Path) -> bool:
+    return path.name in ("new", "old") or path.name.startswith("part")
 
 
 def write_whole(path: str | Path, data: bytes | str, *, raises: type[ReadygoError] = ReadygoError) -> None:

@@ -220,7 +220,8 @@ def check_out(out: Path, config: CaptureConfig) -> None:
     Raises:
         ReadygoError: If no output can be written under this name.
     """
-    if config.people and masks_path(out).exists():
+    # Paths without a name, such as ".", are refused below.
+    if config.people and out.name and masks_path(out).exists():
         raise SceneError(f"{masks_path(out)} exists already; remove it, or choose another name.")
     if config.photos and (out.exists() or out.suffix):
         raise SceneError(f"{out} must be the name of a new folder for --photos.")

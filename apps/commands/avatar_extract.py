@@ -12,7 +12,7 @@ from tyro.conf import Fixed, Positional
 
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.terminal import PlainConsole
-from readygo.common.avatars import save_avatar
+from readygo.common.avatars import POSES_ENDING, check_texts, save_avatar
 from readygo.common.errors import AvatarError, ConfigError
 from readygo.common.extras import install_command
 from readygo.common.files import write_then_rename, write_whole
@@ -81,6 +81,7 @@ def avatar_extract(options: AvatarExtractOptions) -> None:
     """Extract an avatar from the images of one person, with masks, cameras and body poses or keypoints."""
     if options.out.suffix.lower() != ".npz":
         raise AvatarError(f"--out {options.out} must end in .npz.")
+    check_texts(options.name or options.out.stem, options.license)
     config = replace(avatar_preset(options.preset), seed=options.seed)
     config = with_keys(with_file(config, options.config), options.keys)
     if options.checkpoint is not None and (config.representation != "hugs" or options.body is None):
@@ -93,7 +94,7 @@ def avatar_extract(options: AvatarExtractOptions) -> None:
     save_avatar(extraction.avatar, options.out, quantise=False)
     if options.checkpoint is not None:
         _write_checkpoint(options.checkpoint, extraction)
-    _write_poses(options.out.with_suffix(".poses.npz"), extraction)
+    _write_poses(options.out.with_suffix(POSES_ENDING), extraction)
     page, notes = _page(extraction)
     write_whole(options.out.with_suffix(".html"), page, raises=AvatarError)
     from readygo.services.reconstructor import forget_extraction

@@ -15,6 +15,7 @@ from readygo.apps.commands.scene_report import SceneReportOptions, scene_report
 from readygo.apps.fleet.reconstruction import ask_worker
 from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.endpoint import check_endpoint
+from readygo.common.errors import SceneError
 from readygo.common.files import write_whole
 from readygo.runs.sections import Keys, Sections, with_file, with_keys
 from readygo.services.reconstructor import (
@@ -71,7 +72,7 @@ class ScenePosesOptions:
     """Side of the black square of the printed markers [m]; see `readygo marker`."""
     length: tuple[str, ...] = ()
     """Length between two points picked in two images, "a.jpg:u,v a.jpg:u,v b.jpg:u,v b.jpg:u,v = 2.35", both ends
-    in each image [px, m]; with a marker, it checks the marker."""
+    in each image [px, m], with _ for spaces in names; with a marker, it checks the marker."""
     scale: float = 0.0
     """Metres per unit of the map, without marker or length."""
     json: bool = False
@@ -113,7 +114,7 @@ class ReconstructOptions:
     """Side of the black square of the printed markers [m]; see `readygo marker`."""
     length: tuple[str, ...] = ()
     """Length between two points picked in two images, "a.jpg:u,v a.jpg:u,v b.jpg:u,v b.jpg:u,v = 2.35", both ends
-    in each image [px, m]; with a marker, it checks the marker."""
+    in each image [px, m], with _ for spaces in names; with a marker, it checks the marker."""
     scale: float = 0.0
     """Metres per unit of the map, without marker or length."""
     preset: Preset = "draft"
@@ -136,6 +137,8 @@ class ReconstructOptions:
 def reconstruct_command(options: ReconstructOptions) -> None:
     """Make a scene bundle from a video or photos: metric poses, Gaussians, maps."""
     config = _config(options, ReconstructorConfig(gaussians=preset(options.preset)))
+    if not options.out.name:
+        raise SceneError(f"--out must be the name of a new folder, got {options.out}.")
     if options.listen:
         check_endpoint(options.listen, "--listen")
     job = Job(

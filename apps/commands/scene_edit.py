@@ -1,9 +1,12 @@
 """`readygo scene crop`, `align`, `scale` and `clean`: write a changed copy of a scene."""
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 from tyro.conf import Positional
 
@@ -33,6 +36,16 @@ class _Original:
     source: SceneSource = dataclasses.field(default_factory=SceneSource)
     robot: RobotConfig = dataclasses.field(default_factory=RobotConfig)
     config: MapConfig = dataclasses.field(default_factory=MapConfig)
+    reconstruction: Mapping[str, Any] | None = None
+    """The report of its reconstruction, as far as it holds for what is written."""
+
+    def without_scores(self) -> "_Original":
+        """The scene without the scores of its held-out images: all of its Gaussians had them."""
+        if self.reconstruction is None or not self.reconstruction.get("training"):
+            return self
+        scores = dict.fromkeys(("psnr_db", "psnr_fitted_db", "ssim"))
+        training = {**self.reconstruction["training"], **scores, "held_out": []}
+        return dataclasses.replace(self, reconstruction={**self.reconstruction, "training": training})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +68,8 @@ def scene_crop(options: SceneCropOptions) -> None:
     if part is None:
         raise SceneError("Say what is kept: --box X0 Y0 X1 Y1, --z Z0 Z1, or both.")
     original = _open_original(options.scene, options.out)
-    _write(original, crop_cloud(original.cloud, part), original.sky, options.out, f"cropped to {part}")
+    cloud = crop_cloud(original.cloud, part)
+    _write(original.without_scores(), cloud, original.sky, options.out, f"cropped to {part}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +89,7 @@ def scene_align(options: SceneAlignOptions) -> None:
     original = _open_original(options.scene, options.out)
     R, translate_m, name = levelling(original.cloud, options.up)
     words = f"turned so that {name} is up, and moved by {translate_m[2]:.3f} m"
-    _write_moved(original, options.out, words, R=R, translate_m=translate_m)
+    _write_moved(original, options.out, words, {"up": words}, R=R, translate_m=translate_m)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +114,8 @@ def scene_scale(options: SceneScaleOptions) -> None:
     by = room_scale(original.cloud, options.room_height) if options.room_height is not None else options.factor
     if by is None or not 0 < by < float("inf"):
         raise SceneError(f"The factor must be positive, got {by}.")
-    _write_moved(original, options.out, f"scaled by {by:.4g}", scale=by)
+    words = f"scaled by {by:.4g}"
+    _write_moved(original, options.out, words, {"scale": _scaled(original.reconstruction or {}, by, words)}, scale=by)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,7 +143,7 @@ def scene_clean(options: SceneCleanOptions) -> None:
         else tuple(word.strip() for word in options.kinds.split(",") if word.strip())
     )
     cloud, counts = clean_cloud(original.cloud, wanted)
-    _write(original, cloud, original.sky, options.out, f"cleaned of {counts}")
+    _write(original.without_scores(), cloud, original.sky, options.out, f"cleaned of {counts}")
 
 
 def _open_original(scene: str, out: Path) -> _Original:
@@ -153,23 +168,47 @@ def _open_original(scene: str, out: Path) -> _Original:
         source=SceneSource(**source),
         robot=robot,
         config=config,
+        reconstruction=bundle.reconstruction,
     )
+
+
+def _scaled(report: Mapping[str, Any], by: float, words: str) -> dict[str, Any]:
+    """The scale of a reconstruction whose scene is scaled: no measure tells how far that is off."""
+    scale = report.get("scale", {})
+    unknown = dict.fromkeys(("low", "high", "interval_percent", "drift_percent"))
+    metres = by * float(scale.get("metres_per_unit", 1.0))
+    return {**scale, **unknown, "metres_per_unit": metres, "source": f"{scale.get('source', 'unknown')}, then {words}"}
+
+
+def _moved_marker(marker: Mapping[str, Any], R: npt.ArrayLike, translate_m: npt.ArrayLike, scale: float) -> Any:
+    """What a report tells of a marker, after x' = scale R x + translate."""
+    moved = dict(marker)
+    for name in ("side_m", "sides_m"):
+        moved[name] = np.round(scale * np.asarray(marker[name]), 5).tolist()
+    centre_m = scale * (np.asarray(R, dtype=np.float64) @ np.asarray(marker["centre_m"])) + np.asarray(translate_m)
+    return {**moved, "centre_m": np.round(centre_m, 4).tolist()}
 
 
 def _write_moved(
     original: _Original,
     out: Path,
     words: str,
+    told: Mapping[str, Any],
     *,
     R: npt.ArrayLike = ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
     translate_m: npt.ArrayLike = (0.0, 0.0, 0.0),
     scale: float = 1.0,
 ) -> None:
-    """Write the scene, its sky and its views after x' = scale R x + translate."""
+    """Write the scene, its sky and its views after x' = scale R x + translate; `told` is what its report says then."""
     cloud = transform_cloud(original.cloud, R, translate_m, scale)
     sky = None if original.sky is None else transform_cloud(original.sky, R, translate_m, scale)
     views = None if original.views is None else original.views.transform(R, translate_m, scale)
-    _write(dataclasses.replace(original, views=views), cloud, sky, out, words)
+    report = original.reconstruction
+    if report is not None:
+        markers = [_moved_marker(marker, R, translate_m, scale) for marker in report.get("markers", [])]
+        notes = [f"before it was {words}: {note}" for note in report.get("notes", [])]
+        report = {**report, "markers": markers, "notes": notes, **told}
+    _write(dataclasses.replace(original, views=views, reconstruction=report), cloud, sky, out, words)
 
 
 def _write(original: _Original, cloud: GaussianCloud, sky: GaussianCloud | None, out: Path, words: str) -> None:
@@ -190,6 +229,7 @@ def _write(original: _Original, cloud: GaussianCloud, sky: GaussianCloud | None,
             robot=original.robot,
             map_config=original.config,
             views=original.views,
+            reconstruction=original.reconstruction,
         )
         picture = out / "inspect" / "change.png"
     write_png(picture, change_picture(original.cloud, cloud, words))

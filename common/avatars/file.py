@@ -17,6 +17,8 @@ from readygo.common.gaussians import GaussianCloud
 FORMAT = "readygo-avatar/1"
 EMBEDDED_FOLDER = Path(__file__).parent / "data"
 """The avatars that come with the product."""
+POSES_ENDING = ".poses.npz"
+"""Of the file of the poses that an avatar was found with, beside it; it is no avatar."""
 
 GAUSSIANS_MAX = 500_000
 """An avatar has no more; those of photos have some 100,000."""
@@ -77,9 +79,10 @@ def save_avatar(avatar: Avatar, path: str | Path, *, quantise: bool = True) -> N
             size; colours move by at most 1/510 of their range, means by at most 0.5 mm). Otherwise float32.
 
     Raises:
-        AvatarError: If the file cannot be written, or could not be read back: it has too many Gaussians.
+        AvatarError: If the file cannot be written, or could not be read back: it has too many Gaussians or long texts.
     """
     path = Path(path)
+    check_texts(avatar.name, avatar.license)
     cloud = avatar.cloud
     if len(cloud) > GAUSSIANS_MAX:
         raise AvatarError(f"Avatar {avatar.name!r} has {len(cloud)} Gaussians; give at most {GAUSSIANS_MAX}.")
@@ -108,6 +111,17 @@ def save_avatar(avatar: Avatar, path: str | Path, *, quantise: bool = True) -> N
         np.savez_compressed(part, allow_pickle=False, **entries)
 
 
+def check_texts(name: str, license_text: str) -> None:
+    """Check what is written of an avatar besides its body, before the work on that begins.
+
+    Raises:
+        AvatarError: If `load_avatar` would refuse it.
+    """
+    for what, text in (("name", name), ("license", license_text)):
+        if len(text) > _TEXT_MAX:
+            raise AvatarError(f"An avatar's {what} has at most {_TEXT_MAX} characters, got {len(text)}; shorten it.")
+
+
 def avatar_paths(path: Path | None) -> tuple[Path, ...]:
     """The avatar files of a folder, or one file; None stands for the embedded avatars.
 
@@ -119,7 +133,7 @@ def avatar_paths(path: Path | None) -> tuple[Path, ...]:
         return (place,)
     if not place.is_dir():
         raise AvatarError(f"Avatar path {place} does not exist; give a folder of .npz files or one such file.")
-    found = tuple(sorted(place.glob("*.npz")))
+    found = tuple(sorted(path for path in place.glob("*.npz") if not path.name.endswith(POSES_ENDING)))
     if not found:
         raise AvatarError(f"Folder {place} holds no avatar (.npz); give a folder of avatar files.")
     return found

@@ -20,7 +20,7 @@ from readygo.apps.avatar.capture import TRUTH_ARRAYS, TRUTH_FILE, AvatarCaptureC
 from readygo.apps.avatar.studio import Framing, look_at
 from readygo.apps.avatar.walking import level_walk
 from readygo.common.arrays import Float64Array, UInt8Array
-from readygo.common.avatars import Avatar, load_avatar
+from readygo.common.avatars import POSES_ENDING, Avatar, load_avatar
 from readygo.common.drawing.files import write_png
 from readygo.common.messages import Motion
 from readygo.services.reconstructor import AvatarFitConfig
@@ -128,7 +128,7 @@ def main() -> None:
     options = parser.parse_args()
     extracted = load_avatar(options.extracted)
     row, sheets = measured(
-        load_avatar(options.avatar), options.film, extracted, options.extracted.with_suffix(".poses.npz")
+        load_avatar(options.avatar), options.film, extracted, options.extracted.with_suffix(POSES_ENDING)
     )
     if options.sheet:
         write_png(options.sheet, np.concatenate(sheets))

@@ -3,6 +3,7 @@
 import json
 import threading
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from readygo.common.config import section_from_mapping, section_to_mapping
@@ -21,14 +22,16 @@ class Desk:
 
         Args:
             job: Its paths are made absolute.
-            config: How it is done.
+            config: How it is done; so are its paths.
         """
+        frames = replace(config.frames, masks=_absolute(config.frames.masks))
+        poses = replace(config.poses, intrinsics=_absolute(config.poses.intrinsics))
         self._job = ReconstructionJob(
             source=str(job.source.resolve()),
             out=str(job.out.resolve()),
             work=str(job.work.resolve()),
             license=job.license,
-            config=json.dumps(section_to_mapping(config)),
+            config=json.dumps(section_to_mapping(replace(config, frames=frames, poses=poses))),
         )
         self._attempt, self._worker = 0, ""
         self._report: ReconstructionReport | None = None
@@ -73,6 +76,11 @@ class Desk:
     def wait_dismissed(self, timeout_s: float) -> None:
         """Wait until a worker has heard that nothing more will come, or for so long."""
         self._dismissed.wait(timeout_s)
+
+
+def _absolute(text: str) -> str:
+    """The absolute path of a file or folder that is there; other texts as they are: intrinsics may be numbers."""
+    return str(Path(text).resolve()) if text and Path(text).exists() else text
 
 
 def config_of(job: ReconstructionJob) -> ReconstructorConfig:

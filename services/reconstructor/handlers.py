@@ -21,6 +21,7 @@ from readygo.services.reconstructor.drawing import draw_map
 from readygo.services.reconstructor.frames.config import FramesConfig
 from readygo.services.reconstructor.frames.masks import FOLDER as MASKS
 from readygo.services.reconstructor.frames.masks import mask_files, prepare_masks
+from readygo.services.reconstructor.frames.names import image_order, usable_name
 from readygo.services.reconstructor.frames.panorama import (
     cut_panoramas,
     is_panorama,
@@ -121,7 +122,7 @@ def find_poses_in(stages: Stages, given: Source, config: ReconstructorConfig) ->
     out = stages.folder
     poses, metric = section_to_mapping(config.poses), section_to_mapping(config.metric)
     settings = {"source": [str(given.path.resolve()), given.kind, given.identity], **section_to_mapping(config.frames)}
-    code = code_digest(".", "frames", "metric", "poses")
+    code = code_digest(".", "frames", "given", "metric", "poses")
     if config.frames.masks:
         settings["mask_files"] = identity_of(mask_files(Path(config.frames.masks)))
     frames = stages.run(FRAMES, settings, partial(make_frames, given, config), code=code)
@@ -186,8 +187,11 @@ def _make_images(source: Source, config: ReconstructorConfig, folder: Path) -> d
         assert given is not None
         found = prepare_capture(given, folder, config.frames)
     else:
-        return {"kept": 0, "names": [], "images": str(images_of_model(source.path))}
-    return {**found, "names": sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*.jpg"))}
+        model = colmap.find_model(source.path)
+        assert model is not None
+        return {"kept": 0, "names": colmap.image_names(model), "images": str(images_of_model(source.path))}
+    written = (path.relative_to(folder).as_posix() for path in folder.rglob("*.jpg"))
+    return {**found, "names": sorted(written, key=image_order)}
 
 
 def _make_views(source: Source, config: FramesConfig, folder: Path) -> dict[str, Any]:
@@ -213,6 +217,8 @@ def known_lengths(frames: Mapping[str, Any], config: MetricConfig) -> list[Known
     """
     used = {name: (name, 1.0) for name in images_of(frames, Path())[1]}
     used |= {name: (str(kept), float(share)) for name, (kept, share) in frames.get("photos", {}).items()}
+    # Picks are separated by spaces, so names are told without them.
+    used = {usable_name(name): place for name, place in used.items()} | used
     return [in_used_images(parse_length(text), used) for text in config.lengths]
 
 
@@ -283,7 +289,7 @@ def _name_pairs(
     if rig is None:
         sequential = in_order(kind, len(names), config)
         return [(names[a], names[b]) for a, b in image_pairs(len(names), sequential=sequential, overlap=_OVERLAP)]
-    panoramas = sorted({Path(name).name for name in names})
+    panoramas = sorted({Path(name).name for name in names}, key=image_order)
     sequential = in_order(kind, len(panoramas), config)
     pairs = image_pairs(len(panoramas), sequential=sequential, overlap=_OVERLAP)
     near = _OVERLAP if sequential else 0

@@ -34,7 +34,7 @@ def open_source(path: Path) -> Source:
     """Tell what a path is.
 
     Raises:
-        SceneError: If it is nothing to begin with.
+        SceneError: If it is nothing to begin with, or images of a COLMAP model are missing.
     """
     if not path.exists():
         raise SceneError(
@@ -44,7 +44,12 @@ def open_source(path: Path) -> Source:
     model = None if path.is_file() else colmap.find_model(path)
     given = read_capture(path)
     if model is not None and given is None:
-        return Source(path=path, kind="colmap", identity=identity_of(sorted(model.iterdir())))
+        folder = images_of_model(path)
+        images = [folder / name for name in colmap.image_names(model)]
+        missing = [image for image in images if not image.is_file()]
+        if missing:
+            raise SceneError(f"{path} lacks {len(missing)} images of its COLMAP model, {missing[0]} among them.")
+        return Source(path=path, kind="colmap", identity=identity_of([*colmap.model_files(model), *images]))
     if given is not None:
         return Source(path=path, kind="capture", identity=identity_of([*given.files, *given.images]))
     if path.is_file():
@@ -74,10 +79,7 @@ def images_of_model(path: Path) -> Path:
 
 def images_of(frames: Mapping[str, Any], folder: Path) -> tuple[Path, list[str]]:
     """Folder of the images, and their names."""
-    if "images" not in frames:
-        return folder, list(frames["names"])
-    place = Path(frames["images"])
-    return place, sorted(p.relative_to(place).as_posix() for p in place.rglob("*") if p.is_file())
+    return Path(frames.get("images", folder)), list(frames["names"])
 
 
 def in_order(kind: str, count: int, config: ReconstructorConfig) -> bool:

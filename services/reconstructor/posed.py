@@ -13,7 +13,7 @@ from readygo.services.reconstructor.similarity import Similarity
 class PosedImages:
     """Images with poses, and the points that they share; units are the mapper's own until the map is metric.
 
-    Images are in the order of their names, which is that of time in a video.
+    Images are in the order of `image_order` of their names, which is that of time in a video.
     """
 
     names: tuple[str, ...]

@@ -67,7 +67,7 @@ def reconstruct_scene(job: Job, config: ReconstructorConfig, say: Say) -> dict[s
             GAUSSIANS,
             section_to_mapping(config.gaussians),
             _training(job.work, config, say),
-            code=code_digest("training"),
+            code=code_digest("training", "differentiable"),
             keep=True,
         )
         # Interrupted trainings resume: their own clock includes the time before.

@@ -15,7 +15,7 @@ from typing import Any
 
 from readygo.common.documents import read_json
 from readygo.common.errors import ReadygoError, RunError
-from readygo.common.files import unfinished_folder, write_whole
+from readygo.common.files import remove_unfinished, unfinished_folder, write_whole
 
 STAGE_FILE, BEGUN_FILE, LOCK_FILE = "stage.json", "begun", ".lock"
 ROOM_MIN_BYTES = 256 << 20
@@ -90,8 +90,7 @@ class Stages:
                 raise RunError(
                     f"{self.folder}: another command works here; wait for it, or choose another folder."
                 ) from error
-            for remains in self.folder.glob(".*-*/"):
-                shutil.rmtree(remains, ignore_errors=True)
+            remove_unfinished(self.folder)
             try:
                 yield
             finally:
@@ -121,6 +120,7 @@ class Stages:
         path = self.folder / name
         done = self._finished_facts(path)
         if done is None:
+            self._check_ours(path)
             self._say(StageProgress(stage=name))
             self._check_room()
             done = self._keep_folder(path, make) if keep else self._whole(path, make)
@@ -149,6 +149,11 @@ class Stages:
         done = {"key": self._key, "seconds": round(time.monotonic() - begin_s, 2), "found": found}
         write_whole(folder / STAGE_FILE, (json.dumps(done, indent=2) + "\n").encode())
         return done
+
+    def _check_ours(self, path: Path) -> None:
+        """Raise RunError for a folder that no stage has made, such as a user's, which would be replaced."""
+        if path.exists() and not any((path / name).is_file() for name in (STAGE_FILE, BEGUN_FILE)):
+            raise RunError(f"{path} is there already, and no stage of a job; choose another folder for the job.")
 
     def _check_room(self) -> None:
         free = shutil.disk_usage(self.folder).free

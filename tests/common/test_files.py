@@ -18,6 +18,7 @@ from readygo.common.files import (
     open_regular,
     open_zip,
     read_regular,
+    remove_unfinished,
     unfinished_folder,
     write_then_rename,
     write_whole,
@@ -220,3 +221,25 @@ def test_names_that_no_folder_should_have(name: str) -> None:
 @pytest.mark.parametrize("name", ["a", "embedded-1", "lobby_2.v1", "a+b", "été"])
 def test_names_of_folders(name: str) -> None:
     check_folder_name(name)
+
+
+def test_what_killed_writers_leave_is_removed(tmp_path: Path) -> None:
+    left = tmp_path / "left"
+    for write, name in ((unfinished_folder, "frames"), (unfinished_folder, "v2.frames"), (write_then_rename, "a.mp4")):
+        with write(tmp_path / name) as part:
+            (part / "file" if part.is_dir() else part).touch()
+            shutil.copytree(part.parent, left / part.parent.name)
+    shutil.copytree(next(left.iterdir()), left / ".old-abcdefg1" / "old")
+    assert len(list(left.iterdir())) == 4
+    remove_unfinished(left)
+    assert not list(left.iterdir())
+
+
+def test_hidden_folders_of_others_stay(tmp_path: Path) -> None:
+    kept = [".oh-my-zsh/new/x", ".venv-3.12/part", ".conf-12345678/settings", ".conf-abcdefgh/new/x", "a-12345678/new"]
+    for name in (*kept, ".conf-abcdefgh/other"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    (tmp_path / ".file-abcdefgh").touch()
+    remove_unfinished(tmp_path)
+    assert all((tmp_path / name).is_file() for name in (*kept, ".file-abcdefgh"))

@@ -117,14 +117,15 @@ def _unused_notes(folder: Path, networks: PersonNetworks) -> tuple[str, ...]:
 
 
 def _find_masks(folder: Path, stages: Stages, network: Path) -> Path:
-    images = image_files(folder, read_views(folder).images)
+    names = read_views(folder).images
+    images = image_files(folder, names)
 
     def make(stage: Path) -> Mapping[str, Any]:
         finder = MaskNetwork(network)
-        for path in images:
+        for name, path in zip(names, images, strict=True):
             mask = np.where(finder.find(read_rgb(path, "image")), 255, 0).astype(np.uint8)
             encoded = cv2.imencode(".png", mask)[1].tobytes()
-            write_whole(stage / f"{path.name}.png", encoded, raises=AvatarError)
+            write_whole(stage / f"{name}.png", encoded, raises=AvatarError)
         return {"images": len(images)}
 
     settings = {"network": _digest_file(network), "images": _sizes(images)}
@@ -141,19 +142,24 @@ def _keypoints(
     source = folder / KEYPOINTS_FILE
     if not source.is_file():
         assert network is not None
-        _find_keypoints(images, paths, persons, stages, network)
+        _find_keypoints(views.images, images, paths, persons, stages, network)
         source = stages.folder / KEYPOINTS_STAGE / KEYPOINTS_FILE
     keypoints = read_keypoints(source, views.images)
     return keypoints, check_keypoints(keypoints, persons, views.images, source)
 
 
 def _find_keypoints(
-    images: tuple[Path, ...], masks: tuple[Path, ...], persons: list[BoolArray], stages: Stages, network: Path
+    names: tuple[str, ...],
+    images: tuple[Path, ...],
+    masks: tuple[Path, ...],
+    persons: list[BoolArray],
+    stages: Stages,
+    network: Path,
 ) -> None:
     def make(stage: Path) -> Mapping[str, Any]:
         finder = KeypointNetwork(network)
         rows = [finder.find(read_rgb(path, "image"), mask) for path, mask in zip(images, persons, strict=True)]
-        write_keypoints(stage / KEYPOINTS_FILE, keypoints_of(np.stack(rows), network), [path.name for path in images])
+        write_keypoints(stage / KEYPOINTS_FILE, keypoints_of(np.stack(rows), network), names)
         return {"images": len(images)}
 
     settings = {"network": _digest_file(network), "images": _sizes(images), "masks": _sizes(masks)}

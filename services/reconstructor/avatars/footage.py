@@ -123,14 +123,8 @@ def read_views(folder: Path) -> CapturedViews:
         views = load_views(folder / CAMERAS_FILE)
     except ReadygoError as error:
         raise AvatarError(str(error).split("; ")[0] + ".") from error
-    order = sorted(range(len(views)), key=lambda number: views.images[number])
-    _check_count(folder, len(order))
-    return CapturedViews(
-        images=tuple(views.images[number] for number in order),
-        sizes_px=views.sizes_px[order],
-        K_px=views.K_px[order],
-        T_world_camera=views.T_world_camera[order],
-    )
+    _check_count(folder, len(views))
+    return _by_name(views)
 
 
 def image_files(folder: Path, names: Sequence[str]) -> tuple[Path, ...]:
@@ -229,6 +223,11 @@ def _views(footage: Footage) -> CapturedViews:
     )
 
 
+def _by_name(views: CapturedViews) -> CapturedViews:
+    """Cameras in the order of their images' names as text, in which the rows of the poses are."""
+    return views.select(sorted(range(len(views)), key=lambda number: views.images[number]))
+
+
 def _read_neuman(folder: Path, masks: Path | None) -> Footage:
     path = folder / SMPL_FILE
     arrays = load_npz(
@@ -298,7 +297,7 @@ def _colmap_views(folder: Path) -> CapturedViews:
     try:
         if not colmap.is_pinhole(model):
             raise AvatarError(f"{model} has cameras with distortion; undistort the images with `colmap` first.")
-        return colmap.pinhole_views(model)
+        return _by_name(colmap.pinhole_views(model))
     except AvatarError:
         raise
     except ReadygoError as error:

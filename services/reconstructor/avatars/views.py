@@ -170,7 +170,8 @@ def read_rgb(path: Path, what: str) -> UInt8Array:
     Raises:
         AvatarError: If there is no such file, or it cannot be decoded.
     """
-    pixels = read_pixels(path, cv2.IMREAD_COLOR)
+    # Cameras are of the pixels as they lie in the file: EXIF does not turn them.
+    pixels = read_pixels(path, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     if pixels is None:
         raise AvatarError(f"{path} cannot be read as {'an' if what == 'image' else 'a'} {what}.")
     return np.ascontiguousarray(pixels[:, :, ::-1])

@@ -13,6 +13,7 @@ from readygo.common.errors import SceneError
 from readygo.common.images.encoded import read_pixels
 from readygo.services.reconstructor.frames.config import FramesConfig
 from readygo.services.reconstructor.frames.exif import focal_of_35mm, read_exif
+from readygo.services.reconstructor.frames.names import usable_name
 from readygo.services.reconstructor.frames.video import shrunk, write_jpeg
 
 ENDINGS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp")
@@ -36,6 +37,11 @@ class _Photo:
     """By how much the file was turned clockwise to be upright [deg]."""
 
     @property
+    def name(self) -> str:
+        """Name of the image that is used, without its folder."""
+        return f"{usable_name(self.path.stem)}.jpg"
+
+    @property
     def share(self) -> float:
         """Width as a share of the file's width."""
         return self.size_px[1] / self.source_px[1]
@@ -55,7 +61,8 @@ def prepare_photos(source: Path, folder: Path, config: FramesConfig) -> dict[str
     """Write the photos of a folder, turned upright and not larger than wanted, as `folder`/NAME.jpg.
 
     Photos of different sizes come from different cameras: each size has a separate folder. Pictures that are no
-    photos of the place, as far as the others tell, are left out; see `_strays`.
+    photos of the place, as far as the others tell, are left out; see `_strays`. Names have _ for spaces, see
+    `usable_name`.
 
     Returns:
         What was found: photos, kept, size, size of the files if all have one, unused files, the focal length [px] if
@@ -63,7 +70,7 @@ def prepare_photos(source: Path, folder: Path, config: FramesConfig) -> dict[str
         width as share of the photo's.
 
     Raises:
-        SceneError: If there are too few.
+        SceneError: If there are too few, or two of them have the same name.
     """
     files = photo_files(source)
     read = [photo for path in files if (photo := _write_photo(path, folder, config.side_max_px)) is not None]
@@ -73,23 +80,21 @@ def prepare_photos(source: Path, folder: Path, config: FramesConfig) -> dict[str
     kept = [photo for photo in read if photo not in strays]
     if len(kept) < PHOTOS_MIN:
         raise SceneError(f"{source} holds {len(kept)} readable photos; {PHOTOS_MIN} are needed, better 50 or more.")
-    if len({photo.path.stem for photo in kept}) < len(kept):
-        raise SceneError(f"{source} holds photos whose names differ in their endings only; rename them.")
+    if len({photo.name for photo in kept}) < len(kept):
+        raise SceneError(f"{source} holds photos whose names differ in endings or spaces only; rename them.")
     sizes = sorted({photo.size_px for photo in kept})
     if len(sizes) == 1:
         _flatten(folder)
     focals_px = {photo.focal_px for photo in kept}
     size_px = [list(size[::-1]) for size in sizes]
-    used = {
-        photo.path.name: photo.path.stem if len(sizes) == 1 else f"{photo.camera}/{photo.path.stem}" for photo in kept
-    }
+    used = {photo.path.name: photo.name if len(sizes) == 1 else f"{photo.camera}/{photo.name}" for photo in kept}
     sources, turns = ({getattr(photo, name) for photo in kept} for name in ("source_px", "turned_deg"))
     return {"frames": len(files), "kept": len(kept), "size_px": size_px[0] if len(sizes) == 1 else size_px,
             "source_px": list(sources.pop()[::-1]) if len(sources) == 1 else None,
             "turned_deg": turns.pop() if len(turns) == 1 else 0,
             "unused": [path.name for path in files if path.name not in used],
             "focal_px": focals_px.pop() if len(focals_px) == 1 else 0.0,
-            "photos": {photo.path.name: (f"{used[photo.path.name]}.jpg", photo.share) for photo in kept}}  # fmt: skip
+            "photos": {photo.path.name: (used[photo.path.name], photo.share) for photo in kept}}  # fmt: skip
 
 
 def _write_photo(path: Path, folder: Path, side_max_px: int) -> _Photo | None:
@@ -106,7 +111,7 @@ def _write_photo(path: Path, folder: Path, side_max_px: int) -> _Photo | None:
     source_px = (bgr.shape[0], bgr.shape[1])
     turned_deg = _TURNED_DEG.get(exif.get("orientation", 1), 0)
     photo = _Photo(path=path, size_px=(height, width), source_px=source_px, focal_px=focal_px, turned_deg=turned_deg)
-    write_jpeg(folder / photo.camera / f"{path.stem}.jpg", small)
+    write_jpeg(folder / photo.camera / photo.name, small)
     return photo
 
 

@@ -1,6 +1,7 @@
 """Which capture with poses a path holds, and the images of it that are used."""
 
 import os
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from readygo.common.errors import SceneError
 from readygo.common.images.encoded import read_pixels
 from readygo.services.reconstructor.frames.config import FramesConfig
+from readygo.services.reconstructor.frames.names import usable_name
 from readygo.services.reconstructor.frames.video import is_same_shape, shrunk, write_jpeg
 from readygo.services.reconstructor.given.bare_model import find_bare_model, read_bare_model
 from readygo.services.reconstructor.given.capture import IMAGES_MIN, GivenCapture
@@ -46,23 +48,26 @@ def read_capture(path: Path) -> GivenCapture | None:
 def prepare_capture(given: GivenCapture, folder: Path, config: FramesConfig) -> dict[str, Any]:
     """Write the images of a capture that are used, not larger than wanted and not turned, as `folder`/NAME.jpg.
 
+    Names have _ for spaces, see `usable_name`.
+
     Returns:
         What was found: frames, kept, size or sizes, `what` wrote it, its unit and up, of each image `lens` (model,
         parameters) and `pose`, files that cannot be used, and of each file the image that is used with its width as
-        share of the file's.
+        share of the file's. Files whose names repeat are named from the capture's folder on.
 
     Raises:
-        SceneError: If too few images are there, or one does not have its lens's shape.
+        SceneError: If too few images are there, two have the same name, or one does not have its lens's shape.
     """
     there = [row for row, path in enumerate(given.images) if path.is_file()]
     chosen = np.unique(np.linspace(0, len(there) - 1, min(len(there), config.count_max)).round().astype(int))
     names = _names([given.images[there[k]] for k in chosen]) if len(there) else []
+    told = _told_names(given)
     lenses, poses, sizes, photos, unused = {}, {}, {}, {}, []
     for name, row in zip(names, (there[k] for k in chosen), strict=True):
         path = given.images[row]
         bgr = read_pixels(path, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
         if bgr is None:
-            unused.append(path.name)
+            unused.append(told[row])
             continue
         source_px = (bgr.shape[1], bgr.shape[0])
         size = given.lenses[row].size_px or source_px
@@ -77,7 +82,7 @@ def prepare_capture(given: GivenCapture, folder: Path, config: FramesConfig) -> 
         write_jpeg(folder / name, small)
         lenses[name], sizes[name] = [fitted.model, *fitted.params], list(size_px)
         poses[name] = given.T_world_camera[row].tolist()
-        photos[path.name] = (name, size_px[0] / source_px[0])
+        photos[told[row]] = (name, size_px[0] / source_px[0])
     if len(lenses) < IMAGES_MIN:
         missing = f"; {given.images[0]} is missing" if not there and given.images else ""
         raise SceneError(f"{len(lenses)} images of this {given.kind} are there; {IMAGES_MIN} are needed{missing}.")
@@ -91,13 +96,25 @@ def prepare_capture(given: GivenCapture, folder: Path, config: FramesConfig) -> 
             "lens": lenses, "pose": poses, "photos": photos}  # fmt: skip
 
 
+def _told_names(given: GivenCapture) -> list[str]:
+    """Names that a user knows the files by: their own, or from the capture's folder on where these are not unique."""
+    counts = Counter(path.name for path in given.images)
+    if len(counts) == len(given.images):
+        return list(counts)
+    folder = os.path.commonpath([os.path.abspath(path) for path in (*given.files, *given.images)])
+    return [
+        path.name if counts[path.name] == 1 else Path(os.path.abspath(path)).relative_to(folder).as_posix()
+        for path in given.images
+    ]
+
+
 def _names(paths: list[Path]) -> list[str]:
     """Names of the images that are used: the files' own, or with their folder where these are not unique."""
-    stems = [path.stem for path in paths]
+    stems = [usable_name(path.stem) for path in paths]
     if len(set(stems)) == len(stems):
         return [f"{stem}.jpg" for stem in stems]
     # Without "..", with which an image would be written elsewhere.
-    nested = [f"{Path(os.path.normpath(path)).parent.name}/{path.stem}" for path in paths]
+    nested = [usable_name(f"{Path(os.path.normpath(path)).parent.name}/{path.stem}") for path in paths]
     if len(set(nested)) < len(nested):
-        raise SceneError(f"{paths[0].parent} holds images whose names differ in their endings only; rename them.")
+        raise SceneError(f"{paths[0].parent} holds images whose names differ in endings or spaces only; rename them.")
     return [f"{name}.jpg" for name in nested]

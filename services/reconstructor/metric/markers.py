@@ -84,7 +84,8 @@ def sightings_in(folder: Path, names: Iterable[str], dictionary: str) -> list[Ma
     """Every marker of a dictionary in the images of a folder."""
     found = []
     for name in names:
-        grey = read_pixels(folder / name, cv2.IMREAD_GRAYSCALE)
+        # Poses are of the pixels as they lie in the file: EXIF does not turn them.
+        grey = read_pixels(folder / name, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
         if grey is None:
             continue
         seen = list(find_markers(np.asarray(grey, dtype=np.uint8), dictionary))

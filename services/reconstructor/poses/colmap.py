@@ -19,6 +19,7 @@ from readygo.common.extras import install_command
 from readygo.common.files import write_whole
 from readygo.services.reconstructor.frames.masks import FOLDER as MASKS
 from readygo.services.reconstructor.frames.masks import read_mask
+from readygo.services.reconstructor.frames.names import image_order
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.poses.config import PosesConfig
 from readygo.services.reconstructor.poses.intrinsics import Intrinsics
@@ -29,6 +30,8 @@ Poses = Mapping[str, Float64Array]
 TagFeatures = Mapping[str, tuple[Int64Array, Float64Array]]
 
 MODEL_FILES = ("cameras", "images", "points3D")
+_FILES = (*MODEL_FILES, "rigs", "frames")
+"""Some models have more than they need."""
 _ADJUSTMENTS = 3
 """Times that points are made of matches, and all is adjusted, where poses are known roughly."""
 _MANY_IMAGES = 30
@@ -63,6 +66,25 @@ def find_model(folder: Path) -> Path | None:
         if any(all((place / f"{name}.{ending}").is_file() for name in MODEL_FILES) for ending in ("bin", "txt")):
             return place
     return None
+
+
+def model_files(model: Path) -> list[Path]:
+    """The files of a COLMAP model; other files of its folder are none."""
+    return sorted(path for path in model.iterdir() if path.stem in _FILES and path.suffix in (".bin", ".txt"))
+
+
+def image_names(model: Path) -> list[str]:
+    """Names of the images with a pose, in their order.
+
+    Raises:
+        SceneError: If the model cannot be read.
+    """
+    return [image.name for image in posed_images(_open_model(model))]
+
+
+def posed_images(rec: Any) -> list[Any]:
+    """The images of a model that have a pose, in the order of `image_order`."""
+    return sorted((rec.images[number] for number in rec.reg_image_ids()), key=lambda image: image_order(image.name))
 
 
 def extract_features(
@@ -338,9 +360,11 @@ def given_model(
         adjust: Poses are adjusted to the matches, and then moved as one to where they were; lenses stay.
 
     Returns:
-        `folder`; None if no two images share anything.
+        `folder`; None if too few images share anything: two are needed, three to adjust poses.
     """
-    if sum(image.name in poses for image in _images_without_pose(database).images.values()) < 2:
+    # Three places tell how the poses are moved back.
+    needed = 3 if adjust else 2
+    if sum(image.name in poses for image in _images_without_pose(database).images.values()) < needed:
         return None
     fixed = replace(config, intrinsics="given", intrinsics_are="fixed")
     posed_model(database, images, folder, None, poses, fixed, focal=None if adjust else 1.0)
@@ -390,7 +414,7 @@ def read_map(model: Path) -> PosedImages:
         SceneError: If it cannot be read.
     """
     rec = _open_model(model)
-    images = sorted((rec.images[number] for number in rec.reg_image_ids()), key=lambda image: image.name)
+    images = posed_images(rec)
     cameras = [image.camera for image in images]
     ids = sorted(rec.points3D)
     number_of = {image.image_id: number for number, image in enumerate(images)}
@@ -437,7 +461,7 @@ def has_tracks(model: Path) -> bool:
 def pinhole_views(model: Path) -> CapturedViews:
     """The cameras of a model without distortion, in the order of their images' names."""
     rec = _open_model(model)
-    images = sorted((rec.images[number] for number in rec.reg_image_ids()), key=lambda image: image.name)
+    images = posed_images(rec)
     return CapturedViews(
         images=tuple(image.name for image in images),
         sizes_px=np.array([[image.camera.width, image.camera.height] for image in images]).reshape(-1, 2),

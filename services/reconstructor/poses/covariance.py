@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from readygo.services.reconstructor.metric.drift import PoseErrors
-from readygo.services.reconstructor.poses.colmap import pycolmap
+from readygo.services.reconstructor.poses.colmap import posed_images, pycolmap
 
 _SQUARE_OF_MEAN = 4.0 / math.pi
 """A point's error is its mean distance: with normal errors its square is so much less than the mean square."""
@@ -32,7 +32,7 @@ def pose_errors(model: Path, names: Collection[str]) -> PoseErrors | None:
     """
     colmap = pycolmap()
     rec = _only(model, names)
-    images = sorted((rec.images[number] for number in rec.reg_image_ids()), key=lambda image: image.name)
+    images = posed_images(rec)
     tracks = [(max(point.error, 0.0), point.track.length()) for point in rec.points3D.values()]
     spare = 2 * sum(count for _, count in tracks) - 3 * len(tracks) - 6 * len(images)
     if len(images) < 2 or spare <= 0 or not all(image.is_ref_in_frame() for image in images):

@@ -121,7 +121,9 @@ def lens_of_row(row: Mapping[str, Any], *, size_px: tuple[int, int] | None = Non
         float(row[name]) if name in row or size is None else 0.5 * side
         for name, side in zip(("cx", "cy"), size or (0, 0), strict=True)
     )
-    if "FISHEYE" in str(row.get("camera_model") or row.get("model") or "").upper():
+    model = str(row.get("camera_model") or row.get("model") or "").upper()
+    # instant-ngp names no model.
+    if "FISHEYE" in model or (not model and row.get("is_fisheye")):
         return fisheye_lens(fx, fy, cx, cy, [float(row.get(name, 0.0)) for name in _FISHEYE], size_px=size)
     return lens(fx, fy, cx, cy, [float(row.get(name, 0.0)) for name in _COEFFICIENTS], size_px=size)
 

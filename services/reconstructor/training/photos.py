@@ -13,10 +13,12 @@ from readygo.common.errors import SceneError
 from readygo.common.images.encoded import read_pixels
 from readygo.services.reconstructor.frames.masks import FOLDER as MASKS
 from readygo.services.reconstructor.frames.masks import read_mask, shrink_mask
+from readygo.services.reconstructor.job import identity_of
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.poses import colmap
 from readygo.services.reconstructor.poses.config import PosesConfig
 from readygo.services.reconstructor.similarity import Similarity
+from readygo.services.reconstructor.stages import Stages, code_digest
 
 KEPT_BYTES = 2 << 30
 """Photos that need more than this are read from disk each time that they are used."""
@@ -93,11 +95,7 @@ def open_posed(folder: Path, undistorted: Path) -> Posed:
     if model is None or not images.is_dir():
         raise SceneError(f"{folder} needs images/ and a COLMAP model in sparse/0/; run `readygo scene poses` first.")
     if not colmap.is_pinhole(model):
-        if colmap.find_model(undistorted) is None:
-            same = Similarity(scale=1.0, R=np.eye(3), t=np.zeros(3))
-            colmap.write_undistorted(model, images, undistorted, same, PosesConfig())
-            if masks.is_dir():
-                colmap.write_undistorted_masks(model, masks, undistorted)
+        _undistort(model, images, masks, undistorted)
         model, images, masks = undistorted / "sparse" / "0", undistorted / "images", undistorted / MASKS
     views, found = colmap.pinhole_views(model), colmap.read_map(model)
     _check(folder, images, views, found)
@@ -114,6 +112,24 @@ def open_posed(folder: Path, undistorted: Path) -> Posed:
     if posed.extent_m <= 0:
         raise SceneError(f"All cameras of {folder} stand in one place; Gaussians need views from several.")
     return posed
+
+
+def _undistort(model: Path, images: Path, masks: Path, undistorted: Path) -> None:
+    """Make the folder of the undistorted images and masks unless it is there already, made of the same files."""
+    names = colmap.image_names(model)
+    _check_there(images, names, "images")
+
+    def make(folder: Path) -> dict[str, bool]:
+        same = Similarity(scale=1.0, R=np.eye(3), t=np.zeros(3))
+        colmap.write_undistorted(model, images, folder, same, PosesConfig())
+        if masks.is_dir():
+            colmap.write_undistorted_masks(model, masks, folder)
+        return {"masks": masks.is_dir()}
+
+    files = [*colmap.model_files(model), *(images / name for name in names), *(masks / f"{name}.png" for name in names)]
+    settings = {"model": str(model.resolve()), "files": identity_of(files), "masks": masks.is_dir()}
+    undistorted.parent.mkdir(parents=True, exist_ok=True)
+    Stages(undistorted.parent, lambda _: None).run(undistorted.name, settings, make, code=code_digest("poses"))
 
 
 def _check(folder: Path, images: Path, views: CapturedViews, found: PosedImages) -> None:
@@ -197,7 +213,8 @@ class PhotoStore:
     def _read(self, number: int) -> UInt8Array:
         """Read a view's pixels, shape (H, W, 3)."""
         path = self._posed.folder / self._posed.views.images[number]
-        pixels = read_pixels(path, cv2.IMREAD_COLOR)
+        # Poses are of the pixels as they lie in the file: EXIF does not turn them.
+        pixels = read_pixels(path, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
         if pixels is None:
             raise SceneError(f"{path} cannot be read as an image.")
         width, height = self._posed.views.sizes_px[number]

@@ -90,6 +90,7 @@ def test_avatar_comes_of_a_film_in_a_known_scene(
         (["nowhere", "--out", "person.npz"], "is not a folder"),
         ([".", "--out", "person.npz"], "has no poses"),
         ([".", "--out", "person.ply"], "must end in .npz"),
+        ([".", "--out", "person.npz", "--license", "x" * 2001], "license has at most 2000 characters, got 2001"),
         ([".", "--out", "person.npz", "--scene", "nowhere"], "nowhere"),
         ([".", "--out", "person.npz", "--checkpoint", "p.pth"], "--checkpoint needs --representation hugs, and --body"),
     ],

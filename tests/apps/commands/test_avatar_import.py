@@ -72,6 +72,8 @@ def test_small_scales_survive_beside_large_ones(tmp_path: Path) -> None:
     [
         (["person.glb", "--out", "a.png", "--license", "x"], "must end in .npz"),
         (["person.glb", "--out", "a.npz", "--license", ""], "--license must say"),
+        (["no.glb", "--out", "a.npz", "--license", "x" * 2001], "license has at most 2000 characters, got 2001"),
+        (["no.glb", "--out", "a.npz", "--license", "x", "--name", "n" * 2001], "name has at most 2000 characters"),
         (["nothing.glb", "--out", "a.npz", "--license", "x"], "No such file"),
         (["person.glb", "--out", "a.npz", "--license", "x", "--height-m", "9"], "--height-m must lie in"),
     ],

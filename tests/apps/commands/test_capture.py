@@ -15,6 +15,8 @@ from readygo.commands import COMMANDS
         (["--walk", "--out", "walk.mp4", "--marker-dictionary", "9X9"], "no marker dictionary"),
         (["--walk", "--out", "walk.mp4", "--seconds", "0"], "2 s at least"),
         (["--walk", "--out", "walk.mp4", "--people", "9"], "0 to 8 people"),
+        (["--photos", "--people", "1", "--out", "."], ". must be the name of a new folder"),
+        (["--walk", "--people", "1", "--out", "."], "must end in"),
     ],
 )
 def test_mistakes_end_in_one_line(

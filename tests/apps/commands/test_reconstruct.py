@@ -29,6 +29,7 @@ def test_marker_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
         (["marker", "--size-m", "2", "--out", "m.pdf"], "A3"),
         (["scene", "poses", "no.mp4", "--scale", "-1", "--out", "out"], "scale must be at least 0"),
         (["scene", "poses", "no.mp4", "--out", "out"], "no.mp4 does not exist; give a video"),
+        (["reconstruct", "no.mp4", "--scale", "1", "--out", "."], "--out must be the name of a new folder, got ."),
     ],
 )
 def test_mistakes_end_in_one_line(

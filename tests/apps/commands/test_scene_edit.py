@@ -65,3 +65,68 @@ def test_aligned_scene_stands_on_height_0(bundle, tmp_path):
     save_ply(raised, tmp_path / "raised.ply")
     scene_align(SceneAlignOptions(scene=str(tmp_path / "raised.ply"), out=tmp_path / "level.ply"))
     assert np.quantile(load_gaussians(tmp_path / "level.ply").means_m[:, 2], 0.02) == pytest.approx(0.0, abs=0.05)
+
+
+REPORT = {
+    "kind": "video",
+    "verdict": {"registered": 38, "images": 41},
+    "scale": {"metres_per_unit": 0.5, "source": "marker 3", "low": 0.49, "high": 0.51, "interval_percent": 2.0,
+              "drift_percent": 1.0},
+    "up": "marker 3 on the floor",
+    "markers": [{"marker": 3, "views": 9, "residual_px": 0.3, "side_m": 0.2, "sides_m": [0.2] * 4,
+                 "centre_m": [1.0, 2.0, 0.5]}],
+    "notes": ["cameras are low"],
+    "training": {"psnr_db": 25.0, "psnr_fitted_db": 26.0, "ssim": 0.8, "held_out": [{"image": "0.jpg"}],
+                 "settings": {"steps": 9}},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def reconstructed(tmp_path_factory):
+    cloud = concatenate([room(), box((1, 1, 0), (2, 1.5, 0.8))])
+    return str(save_scene(cloud, None, tmp_path_factory.mktemp("scenes") / "room", reconstruction=REPORT).path)
+
+
+def test_reports_of_cropped_and_cleaned_scenes_have_all_but_the_scores_of_images(reconstructed, tmp_path):
+    scene_crop(SceneCropOptions(scene=reconstructed, out=tmp_path / "part", box=(0.0, 0.0, 4.0, 5.0)))
+    scene_clean(SceneCleanOptions(scene=reconstructed, out=tmp_path / "clean"))
+    for name in ("part", "clean"):
+        report = load_scene(tmp_path / name).reconstruction
+        assert {key: report[key] for key in REPORT if key != "training"} == {
+            key: REPORT[key] for key in REPORT if key != "training"
+        }
+        assert report["training"] == {
+            "psnr_db": None, "psnr_fitted_db": None, "ssim": None, "held_out": [], "settings": {"steps": 9}
+        }  # fmt: skip
+
+
+def test_report_of_a_scaled_scene_names_the_factor_and_no_interval(reconstructed, tmp_path):
+    scene_scale(SceneScaleOptions(scene=reconstructed, out=tmp_path / "once", factor=1.2))
+    scene_scale(SceneScaleOptions(scene=str(tmp_path / "once"), out=tmp_path / "twice", factor=0.9))
+    report = load_scene(tmp_path / "twice").reconstruction
+    assert report["scale"] == {
+        "metres_per_unit": pytest.approx(0.54), "source": "marker 3, then scaled by 1.2, then scaled by 0.9",
+        "low": None, "high": None, "interval_percent": None, "drift_percent": None,
+    }  # fmt: skip
+    (marker,) = report["markers"]
+    assert (marker["side_m"], marker["sides_m"], marker["centre_m"]) == (0.216, [0.216] * 4, [1.08, 2.16, 0.54])
+    assert report["notes"] == ["before it was scaled by 0.9: before it was scaled by 1.2: cameras are low"]
+    assert (report["training"], report["verdict"], report["up"]) == (
+        REPORT["training"], REPORT["verdict"], REPORT["up"]
+    )  # fmt: skip
+
+
+def test_report_of_an_aligned_scene_says_what_was_turned(reconstructed, tmp_path):
+    scene_align(SceneAlignOptions(scene=reconstructed, out=tmp_path / "level", up="0,0,1"))
+    level = load_scene(tmp_path / "level")
+    (words,), report = level.metadata["source"]["edits"], level.reconstruction
+    assert report["up"] == words
+    assert (report["scale"], report["training"]) == (REPORT["scale"], REPORT["training"])
+    moved_m = float(words.split()[-2])
+    np.testing.assert_allclose(report["markers"][0]["centre_m"], [1.0, 2.0, 0.5 + moved_m], atol=2e-3)
+    assert report["notes"] == [f"before it was {words}: cameras are low"]
+
+
+def test_scenes_that_were_imported_have_no_report_of_a_reconstruction(bundle, tmp_path):
+    scene_scale(SceneScaleOptions(scene=str(bundle.path), out=tmp_path / "large", factor=1.1))
+    assert load_scene(tmp_path / "large").reconstruction is None

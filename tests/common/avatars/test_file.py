@@ -1,3 +1,4 @@
+import dataclasses
 import os
 import tracemalloc
 import zipfile
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from readygo.common.avatars import (
+    POSES_ENDING,
     SMPL_PARENTS,
     Avatar,
     avatar_hash,
@@ -284,3 +286,21 @@ def test_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "a.npz")
     with pytest.raises(AvatarError, match=r"a\.npz cannot be read: it is a pipe or a device"):
         load_avatars(tmp_path)
+
+
+@pytest.mark.parametrize("what", ["name", "license"])
+def test_texts_that_could_not_be_read_back_are_not_written(tmp_path: Path, what: str) -> None:
+    longest = dataclasses.replace(make_avatar(), **{what: "x" * 2000})
+    save_avatar(longest, tmp_path / "a.npz")
+    assert getattr(load_avatar(tmp_path / "a.npz"), what) == "x" * 2000
+    with pytest.raises(AvatarError, match=f"{what} has at most 2000 characters, got 2001; shorten it"):
+        save_avatar(dataclasses.replace(longest, **{what: "x" * 2001}), tmp_path / "b.npz")
+    assert not (tmp_path / "b.npz").exists()
+
+
+def test_files_of_poses_beside_avatars_are_none(tmp_path: Path) -> None:
+    np.savez(tmp_path / f"ann{POSES_ENDING}", root_m=np.zeros((8, 3)))
+    with pytest.raises(AvatarError, match="no avatar"):
+        avatar_paths(tmp_path)
+    save_avatar(make_avatar("ann"), tmp_path / "ann.npz")
+    assert list(load_avatars(tmp_path)) == ["ann"]

@@ -7,7 +7,9 @@ from readygo.common.errors import RunError
 from readygo.common.messages import ReconstructionClaim, ReconstructionReport, VerdictStatus
 from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.desk import Desk, config_of
+from readygo.services.reconstructor.frames.config import FramesConfig
 from readygo.services.reconstructor.metric.config import MetricConfig
+from readygo.services.reconstructor.poses.config import PosesConfig
 from readygo.services.reconstructor.reconstruct import Job
 
 CONFIG = ReconstructorConfig(metric=MetricConfig(marker_size_m=0.2, lengths=("a:1,2",)))
@@ -55,3 +57,15 @@ def test_settings_and_paths_arrive_whole(desk: Desk) -> None:
     job = desk.claim(ReconstructionClaim(worker="a"))
     assert config_of(job) == CONFIG
     assert Path(job.source).is_absolute()
+
+
+def test_paths_in_settings_are_absolute_and_numbers_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "masks").mkdir()
+    (tmp_path / "phone.yml").touch()
+    job = Job(source=Path("v.mp4"), out=Path("lobby"), work=Path("lobby.work"))
+    for intrinsics, sent in (("phone.yml", str(tmp_path / "phone.yml")), ("9 9 4 3", "9 9 4 3")):
+        frames, poses = FramesConfig(masks="masks"), PosesConfig(intrinsics=intrinsics)
+        desk = Desk(job, ReconstructorConfig(frames=frames, poses=poses))
+        config = config_of(desk.claim(ReconstructionClaim(worker="a")))
+        assert (config.frames.masks, config.poses.intrinsics) == (str(tmp_path / "masks"), sent)

@@ -6,15 +6,24 @@ import numpy as np
 import pytest
 
 from readygo.common.camera.captured import CapturedViews
+from readygo.common.drawing.files import write_png
 from readygo.common.errors import ConfigError, SceneError
 from readygo.common.scenes import save_scene
 from readygo.common.scenes.export import export_scene
+from readygo.services.reconstructor import handlers
 from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.frames.config import FramesConfig
 from readygo.services.reconstructor.frames.panorama import cut_panoramas, panorama_rays, view_rotations
 from readygo.services.reconstructor.frames.video import write_jpeg
-from readygo.services.reconstructor.handlers import find_poses, known_lens, make_frames, make_markers
-from readygo.services.reconstructor.job import open_source
+from readygo.services.reconstructor.handlers import (
+    _name_pairs,
+    find_poses,
+    known_lengths,
+    known_lens,
+    make_frames,
+    make_markers,
+)
+from readygo.services.reconstructor.job import images_of, open_source
 from readygo.services.reconstructor.metric.config import MetricConfig
 from readygo.services.reconstructor.poses.colmap import pinhole_views
 from readygo.services.reconstructor.poses.config import PosesConfig
@@ -23,6 +32,7 @@ from readygo.services.reconstructor.stages import StageProgress
 from tests.common.scenes.small_room import small_room
 from tests.services.reconstructor.given import test_find, test_polycam
 from tests.services.reconstructor.synthetic import photos
+from tests.services.reconstructor.test_job import colmap_source
 
 
 def test_work_without_a_scale_does_not_begin(tmp_path: Path) -> None:
@@ -207,3 +217,77 @@ def test_exported_cameras_come_back_with_their_poses_and_lenses(
     order = [again.images.index(Path(name).name) for name in names]
     moved = np.linalg.inv(again.T_world_camera[order[0]]) @ again.T_world_camera[order]
     np.testing.assert_allclose(moved, np.linalg.inv(T[0]) @ T, atol=1e-6)
+
+
+def test_names_of_a_colmap_source_are_those_of_its_model_and_masks_are_of_these(tmp_path: Path) -> None:
+    pytest.importorskip("pycolmap", reason="pycolmap is not installed")
+    folder = colmap_source(tmp_path / "m")
+    names = ["2.jpg", "10.jpg", "sub/c.jpg"]
+    for name in names:
+        write_jpeg(folder / "images" / name, np.full((60, 80, 3), 90, np.uint8))
+        write_png(tmp_path / "masks" / f"{name}.png", np.full((60, 80, 3), 255, np.uint8))
+    config = ReconstructorConfig(frames=FramesConfig(masks=str(tmp_path / "masks")))
+    found = make_frames(open_source(folder), config, tmp_path / "frames")
+    assert found["names"] == names
+    assert images_of(found, tmp_path) == ((folder / "images").resolve(), names)
+    assert sorted(path.name for path in (tmp_path / "frames").rglob("*.png")) == [
+        "10.jpg.png",
+        "2.jpg.png",
+        "c.jpg.png",
+    ]
+
+
+def test_images_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    (tmp_path / "p").mkdir()
+    for number in (1, 2, 9, 10, 11):
+        size = (48, 64) if number % 2 else (64, 48)
+        write_jpeg(tmp_path / "p" / f"IMG {number}.jpg", np.full((*size, 3), 90, np.uint8))
+    found = make_frames(open_source(tmp_path / "p"), ReconstructorConfig(), tmp_path / "frames")
+    assert [Path(name).name for name in found["names"]] == [f"IMG_{number}.jpg" for number in (1, 2, 9, 10, 11)]
+    assert set(found["names"]) == {image for image, _ in found["photos"].values()}
+
+
+def test_neighbours_of_many_images_are_those_of_the_next_numbers() -> None:
+    names = [f"{number}.jpg" for number in range(200)]
+    pairs = _name_pairs(names, None, "capture", ReconstructorConfig())
+    assert ("9.jpg", "10.jpg") in pairs
+    views = [f"view_{view}/{number}.jpg" for view in range(2) for number in range(130)]
+    rig = {"view_0": np.eye(3), "view_1": np.diag([-1.0, 1.0, -1.0])}
+    pairs = _name_pairs(views, rig, "photos", ReconstructorConfig())
+    assert ("view_0/9.jpg", "view_0/10.jpg") in pairs
+    assert ("view_0/109.jpg", "view_0/11.jpg") not in pairs
+
+
+def test_lengths_are_told_by_the_names_of_the_photos_with_or_without_spaces() -> None:
+    frames = {"names": ["a_1.jpg", "b.jpg"], "photos": {"a 1.png": ("a_1.jpg", 0.5), "b.jpg": ("b.jpg", 1.0)}}
+    config = MetricConfig(lengths=("a_1.png:8,4 a_1.png:2,6 b.jpg:8,4 b.jpg:2,6 = 1",))
+    (known,) = known_lengths(frames, config)
+    assert known.ends[0] == (("a_1.jpg", 4.0, 2.0), ("b.jpg", 8.0, 4.0))
+
+
+def test_photos_with_spaces_in_their_names_are_matched_and_masked(tmp_path: Path) -> None:
+    pytest.importorskip("pycolmap", reason="pycolmap is not installed")
+    noise = cv2.resize(np.random.default_rng(0).integers(0, 255, (60, 80, 3), dtype=np.uint8), (320, 240))
+    for name in ("#1 a.jpg", "IMG 2.jpg", "IMG\u202f3.jpg"):
+        write_jpeg(tmp_path / "p" / name, noise)
+        write_png(tmp_path / "masks" / f"{name}.png", np.full((240, 320, 3), 255, np.uint8))
+    frames, metric = FramesConfig(masks=str(tmp_path / "masks")), MetricConfig(scale=1.0)
+    config = ReconstructorConfig(frames=frames, metric=metric, poses=PosesConfig(threads=1))
+    with pytest.raises(SceneError, match="images found a pose"):
+        find_poses(tmp_path / "p", tmp_path / "out", config, lambda progress: None)
+    import pycolmap
+
+    with pycolmap.Database.open(tmp_path / "out" / "matches" / "database.db") as db:
+        assert {image.name for image in db.read_all_images()} == {"_1_a.jpg", "IMG_2.jpg", "IMG_3.jpg"}
+        assert db.num_matched_image_pairs() == 3
+
+
+def test_images_are_made_again_by_other_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pycolmap", reason="pycolmap is not installed")
+    config, said = ReconstructorConfig(metric=MetricConfig(scale=1.0)), list[str]()
+    photos(tmp_path / "p", 3)
+    for new in ("", "given", "frames"):
+        monkeypatch.setattr(handlers, "code_digest", lambda *of, new=new: str([part == new for part in sorted(of)]))
+        with pytest.raises(SceneError, match="Film again"):
+            find_poses(tmp_path / "p", tmp_path / "out", config, lambda progress: said.append(progress.stage))
+    assert said == ["frames", "features", "matches", "map"] * 3

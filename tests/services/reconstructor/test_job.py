@@ -19,6 +19,7 @@ def test_kinds_of_sources_are_told_apart(tmp_path: Path) -> None:
     (tmp_path / "m" / "sparse").mkdir(parents=True)
     for name in ("cameras", "images", "points3D"):
         (tmp_path / "m" / "sparse" / f"{name}.txt").touch()
+    (tmp_path / "m" / "images").mkdir()
     assert open_source(tmp_path / "m").kind == "colmap"
 
 
@@ -27,3 +28,39 @@ def test_paths_that_are_no_source_are_refused(tmp_path: Path) -> None:
         open_source(tmp_path / "x.mp4")
     with pytest.raises(SceneError, match="holds no photos"):
         open_source(tmp_path)
+
+
+def colmap_source(folder: Path) -> Path:
+    """A distorted model of the images 2.jpg, 10.jpg and sub/c.jpg, and files beside these."""
+    (folder / "sparse").mkdir(parents=True)
+    (folder / "sparse" / "cameras.txt").write_text("1 SIMPLE_RADIAL 80 60 75 40 30 0.01\n")
+    names = ("10.jpg", "2.jpg", "sub/c.jpg")
+    rows = [f"{row + 1} 1 0 0 0 {row} 0 0 1 {name}\n\n" for row, name in enumerate(names)]
+    (folder / "sparse" / "images.txt").write_text("".join(rows))
+    (folder / "sparse" / "points3D.txt").touch()
+    for name in (*names, "unused.jpg", ".DS_Store"):
+        (folder / "images" / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / "images" / name).write_bytes(name.encode())
+    return folder
+
+
+def test_identity_of_a_colmap_source_is_that_of_its_model_and_of_the_images_in_it(tmp_path: Path) -> None:
+    pytest.importorskip("pycolmap", reason="pycolmap is not installed")
+    folder = colmap_source(tmp_path / "m")
+    before = open_source(folder).identity
+    assert [name for name, _, _ in before] == [
+        "cameras.txt", "images.txt", "points3D.txt", "2.jpg", "10.jpg", "c.jpg"
+    ]  # fmt: skip
+    for name in ("images/unused.jpg", "sparse/project.ini"):
+        (folder / name).write_bytes(b"other")
+    assert open_source(folder).identity == before
+    (folder / "images" / "2.jpg").write_bytes(b"another image")
+    assert open_source(folder).identity != before
+
+
+def test_missing_image_of_a_colmap_source_is_named_at_once(tmp_path: Path) -> None:
+    pytest.importorskip("pycolmap", reason="pycolmap is not installed")
+    folder = colmap_source(tmp_path / "m")
+    (folder / "images" / "2.jpg").unlink()
+    with pytest.raises(SceneError, match=r"lacks 1 images of its COLMAP model, .*/2\.jpg among them"):
+        open_source(folder)

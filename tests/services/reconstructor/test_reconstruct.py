@@ -129,3 +129,13 @@ def test_search_for_what_moved_is_told_before_the_training(tmp_path: Path, monke
         (0.0, "searching for what moved, step 30 of 90"),
         (1 / 3, "step 30 of 90, 1,234 Gaussians, 25.0 dB"),
     ]
+
+
+def test_training_is_resumed_with_the_code_that_began_it_alone(
+    tmp_path: Path, trained: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = Job(source=Path("walk.mp4"), out=tmp_path / "lobby", work=tmp_path / "lobby.work")
+    for parts in (("training",), ("differentiable",), ()):
+        monkeypatch.setattr(module, "code_digest", lambda *of, new=parts: str([part in new for part in sorted(of)]))
+        reconstruct_scene(job, CONFIG, lambda progress: None)
+    assert trained == ["train"] * 3

@@ -124,7 +124,18 @@ def test_two_commands_in_one_folder_are_refused(tmp_path: Path) -> None:
             pass
 
 
-def test_remains_of_a_killed_command_are_removed(tmp_path: Path) -> None:
-    (tmp_path / ".matches-abc").mkdir()
+def test_remains_of_a_killed_command_are_removed_and_folders_of_others_stay(tmp_path: Path) -> None:
+    (tmp_path / ".matches-abc_1234" / "new").mkdir(parents=True)
+    (tmp_path / ".oh-my-zsh").mkdir()
     with Stages(tmp_path, lambda stage: None).alone():
-        assert not (tmp_path / ".matches-abc").exists()
+        assert not (tmp_path / ".matches-abc_1234").exists()
+        assert (tmp_path / ".oh-my-zsh").is_dir()
+
+
+@pytest.mark.parametrize("keep", [False, True])
+def test_folder_that_no_stage_has_made_is_never_replaced(tmp_path: Path, keep: bool) -> None:
+    (tmp_path / "frames").mkdir()
+    (tmp_path / "frames" / "mine.jpg").write_text("mine")
+    with pytest.raises(RunError, match=r"frames is there already, and no stage of a job; choose another folder"):
+        Stages(tmp_path, lambda stage: None).run("frames", {}, lambda folder: {}, keep=keep)
+    assert (tmp_path / "frames" / "mine.jpg").read_text() == "mine"

@@ -1,6 +1,7 @@
 """What footage lacks is found once, and kept; what is given is used; what cannot be found is named."""
 
 import dataclasses
+import json
 import shutil
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from readygo.services.reconstructor.avatars import complete
 from readygo.services.reconstructor.avatars.complete import CompleteFootage, PersonNetworks, complete_footage
 from readygo.services.reconstructor.avatars.config import AvatarFitConfig
 from readygo.services.reconstructor.avatars.detectors import box_of_mask
-from readygo.services.reconstructor.avatars.footage import mask_files, read_views
+from readygo.services.reconstructor.avatars.footage import mask_files, read_views, write_poses
 from readygo.services.reconstructor.avatars.keypoints import KEYPOINTS_FILE, read_keypoints
 from readygo.services.reconstructor.avatars.views import read_masks
 from readygo.services.reconstructor.stages import Stages
@@ -139,3 +140,37 @@ def test_other_settings_find_other_poses(keypoint_film: Path, coarse_body: Avata
                 )
             )
     assert not np.array_equal(found[0].footage.pose_axis_angle, found[1].footage.pose_axis_angle)
+
+
+def test_masks_and_keypoints_are_found_of_images_in_folders(
+    own_film: Path, coarse_body: Avatar, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cameras = json.loads((own_film / "cameras.json").read_text())
+    for number, row in enumerate(cameras):
+        name = f"view_{number % 2}/{number // 2}.png"
+        (own_film / "images" / name).parent.mkdir(exist_ok=True)
+        (own_film / "images" / row["img_name"]).rename(own_film / "images" / name)
+        row["img_name"] = name
+    (own_film / "cameras.json").write_text(json.dumps(cameras))
+    shutil.rmtree(own_film / "masks")
+    (own_film / KEYPOINTS_FILE).unlink()
+    whole = np.ones((96, 96), dtype=bool)
+    monkeypatch.setattr(complete, "check_keypoints", lambda *_: [])
+    monkeypatch.setattr(complete, "read_masks", lambda paths, _: ([whole] * len(paths), []))
+
+    def stand(_keypoints: object, _views: object, stages: Stages, *_: object) -> dict[str, list[str]]:
+        (stages.folder / "poses").mkdir()
+        write_poses(stages.folder / "poses" / "poses.npz", np.zeros((12, 3)), np.zeros((12, 24, 3)))
+        return {"notes": []}
+
+    monkeypatch.setattr(complete, "_find_poses", stand)
+    points = np.random.default_rng(0).uniform(20.0, 150.0, (17, 2))
+    networks = PersonNetworks(
+        mask=write_brightness(tmp_path / "mask.onnx", (96, 96), 0.0, 1.0),
+        keypoints=write_points(tmp_path / "keypoints.onnx", SIZE, points),
+    )
+    found = _complete(own_film, tmp_path / "work", coarse_body, networks)
+    masks = tmp_path / "work" / "masks"
+    assert list(found.footage.masks) == [masks / f"{name}.png" for name in found.footage.names]
+    assert found.footage.names[:2] == ("view_0/0.png", "view_0/1.png")
+    assert read_keypoints(tmp_path / "work" / "keypoints" / KEYPOINTS_FILE, found.footage.names).uv_px.shape[0] == 12

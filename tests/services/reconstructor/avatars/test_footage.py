@@ -108,3 +108,19 @@ def test_numbers_that_are_not_finite_are_refused(own_film: Path) -> None:
     np.savez(own_film / "poses.npz", **poses | {"root_m": np.full((12, 3), "a")})
     with pytest.raises(AvatarError, match="root_m must hold numbers"):
         read_footage(own_film)
+
+
+def test_cameras_are_in_the_order_of_names_as_text_in_which_the_poses_are(neuman_film: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(neuman_film, tmp_path / "short"))
+    path, before = folder / "sparse" / "images.txt", read_footage(folder)
+    text = path.read_text()
+    for number in reversed(range(12)):
+        text = text.replace(f" {number:05d}.png", f" {number}.png")
+        for part in ("images", "masks", "segmentations"):
+            if (folder / part).is_dir():
+                (folder / part / f"{number:05d}.png").rename(folder / part / f"{number}.png")
+    path.write_text(text)
+    after = read_footage(folder)
+    order = sorted(range(12), key=str)
+    assert after.names == tuple(f"{number}.png" for number in order)
+    np.testing.assert_array_equal(after.T_world_camera, before.T_world_camera[order])

@@ -9,7 +9,8 @@ import pytest
 
 from readygo.common.errors import AvatarError
 from readygo.services.reconstructor.avatars.footage import read_footage
-from readygo.services.reconstructor.avatars.views import band_px, read_person, view_at
+from readygo.services.reconstructor.avatars.views import band_px, read_person, read_rgb, view_at
+from tests.services.reconstructor.frames.test_exif import exif
 
 
 def _repaint(folder: Path, change: "np.ufunc | object") -> None:
@@ -114,3 +115,14 @@ def test_masks_are_sure_everywhere_but_near_their_borders_before_a_plate(plain_f
     assert half.plate is not None
     assert half.plate.shape[1:] == half.sure.shape == half.mask.shape
     assert set(np.unique(half.sure)) == {0.0, 1.0}
+
+
+@pytest.mark.parametrize("orientation", [3, 6])
+def test_images_are_read_as_they_lie_in_the_file_and_exif_does_not_turn_them(tmp_path: Path, orientation: int) -> None:
+    pixels = np.zeros((36, 48, 3), np.uint8)
+    pixels[:, 36:] = 255
+    data = cv2.imencode(".jpg", pixels)[1].tobytes()
+    (tmp_path / "a.jpg").write_bytes(exif("<", orientation, 26) + data[2:])
+    rgb = read_rgb(tmp_path / "a.jpg", "image")
+    assert rgb[:, :30].max() < 50
+    assert rgb[:, 42:].min() > 200

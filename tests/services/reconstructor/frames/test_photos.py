@@ -62,3 +62,21 @@ def test_too_few_photos_are_refused(tmp_path: Path) -> None:
     photo(tmp_path / "a.jpg")
     with pytest.raises(SceneError, match="1 readable photos; 3 are needed"):
         prepare_photos(tmp_path, tmp_path / "out", FramesConfig())
+
+
+def test_images_have_no_spaces_in_their_names_and_photos_keep_theirs(tmp_path: Path) -> None:
+    for number, size in enumerate([(640, 480), (640, 480), (480, 640)]):
+        photo(tmp_path / f"IMG {number} (1).jpg", *size)
+    found = prepare_photos(tmp_path, tmp_path / "out", FramesConfig())
+    assert found["photos"]["IMG 0 (1).jpg"] == ("640x480/IMG_0_(1).jpg", 1.0)
+    assert found["photos"]["IMG 2 (1).jpg"] == ("480x640/IMG_2_(1).jpg", 1.0)
+    assert (tmp_path / "out" / "480x640" / "IMG_2_(1).jpg").is_file()
+    assert found["unused"] == []
+
+
+@pytest.mark.parametrize("name", ["a_b.jpg", "a b.png"])
+def test_photos_whose_names_become_the_same_are_refused(tmp_path: Path, name: str) -> None:
+    for each in ("a b.jpg", name, "c.jpg"):
+        photo(tmp_path / each)
+    with pytest.raises(SceneError, match="names differ in endings or spaces only; rename them"):
+        prepare_photos(tmp_path, tmp_path / "out", FramesConfig())

@@ -104,3 +104,41 @@ def test_images_of_a_folder_above_are_written_below_the_output(tmp_path: Path) -
     assert given is not None
     found = prepare_capture(given, tmp_path / "out", FramesConfig())
     assert sorted(found["lens"]) == ["cam0/0.jpg", "cam0/1.jpg", "cam1/0.jpg", "cam1/1.jpg"]
+
+
+def test_images_have_no_spaces_in_their_names_and_files_keep_theirs(tmp_path: Path) -> None:
+    frames = [{**frame, "file_path": f"images/IMG {row}.png"} for row, frame in enumerate(FRAMES)]
+    write_images(tmp_path / "images", [f"IMG {row}.png" for row in range(4)])
+    written(tmp_path, {**LENS, "frames": frames})
+    given = read_capture(tmp_path)
+    assert given is not None
+    found = prepare_capture(given, tmp_path / "out", FramesConfig())
+    assert found["photos"]["IMG 2.png"] == ("IMG_2.jpg", 1.0)
+    assert sorted(found["pose"]) == sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert "IMG_2.jpg" in found["pose"]
+
+
+def test_images_whose_names_become_the_same_are_refused(tmp_path: Path) -> None:
+    names = ["a b.png", "a_b.png", "c.png", "d.png"]
+    frames = [{**frame, "file_path": f"images/{name}"} for name, frame in zip(names, FRAMES, strict=True)]
+    write_images(tmp_path / "images", names)
+    written(tmp_path, {**LENS, "frames": frames})
+    given = read_capture(tmp_path)
+    assert given is not None
+    with pytest.raises(SceneError, match="names differ in endings or spaces only; rename them"):
+        prepare_capture(given, tmp_path / "out", FramesConfig())
+
+
+def test_files_whose_names_repeat_are_named_from_the_folder_of_the_capture_on(tmp_path: Path) -> None:
+    names = ["left/../left/0.png", "right/0.png", "left/1.png", "right/2.png"]
+    frames = [{**frame, "file_path": f"images/{name}"} for name, frame in zip(names, FRAMES, strict=True)]
+    write_images(tmp_path / "images" / "left", ["0.png", "1.png"])
+    write_images(tmp_path / "images" / "right", ["0.png", "2.png"])
+    written(tmp_path, {**LENS, "frames": frames})
+    given = read_capture(tmp_path)
+    assert given is not None
+    found = prepare_capture(given, tmp_path / "out", FramesConfig())
+    assert {name: image for name, (image, _) in found["photos"].items()} == {
+        "images/left/0.png": "left/0.jpg", "images/right/0.png": "right/0.jpg", "1.png": "left/1.jpg",
+        "2.png": "right/2.jpg",
+    }  # fmt: skip

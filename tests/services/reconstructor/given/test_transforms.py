@@ -119,3 +119,12 @@ def test_broken_files_are_refused_in_one_line(tmp_path: Path, change: dict[str, 
 def test_lens_without_a_focal_length_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="fl_x or camera_angle_x"):
         read_transforms(written(tmp_path, {"w": 80, "h": 60, "frames": FRAMES}))
+
+
+def test_fisheye_of_instant_ngp_names_no_model(tmp_path: Path) -> None:
+    k = {"k1": 0.11, "k2": -0.05, "k3": 0.01, "k4": 0.002}
+    capture = read_transforms(written(tmp_path, {**LENS, **k, "is_fisheye": True, "frames": FRAMES}))
+    assert capture.lenses[0].model == "OPENCV_FISHEYE"
+    assert capture.lenses[0].params == (FX, FY, CX, CY, *k.values())
+    capture = read_transforms(written(tmp_path, {**LENS, **k, "is_fisheye": False, "frames": FRAMES}))
+    assert capture.lenses[0].model == "FULL_OPENCV"

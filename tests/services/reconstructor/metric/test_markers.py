@@ -11,6 +11,7 @@ from readygo.services.reconstructor.metric.markers import (
     other_dictionaries,
     sightings_in,
 )
+from tests.services.reconstructor.frames.test_exif import exif
 
 CORNERS_PX = np.array([[120.3, 80.7], [201.2, 90.1], [195.6, 170.4], [115.8, 160.2]])
 
@@ -50,3 +51,13 @@ def test_unknown_dictionary_is_refused() -> None:
     assert open_dictionary("dict_4x4_50") is not None
     with pytest.raises(ConfigError, match=r"no marker dictionary '9X9'.*4X4_50"):
         open_dictionary("9X9")
+
+
+@pytest.mark.parametrize("orientation", [3, 6])
+def test_markers_are_where_the_pixels_lie_in_the_file_and_exif_does_not_turn_them(
+    tmp_path: Path, orientation: int
+) -> None:
+    data = cv2.imencode(".jpg", drawn(), [cv2.IMWRITE_JPEG_QUALITY, 98])[1].tobytes()
+    (tmp_path / "a.jpg").write_bytes(exif("<", orientation, 26) + data[2:])
+    (found,) = sightings_in(tmp_path, ["a.jpg"], "4X4_50")
+    np.testing.assert_allclose(found.corners_px, CORNERS_PX, atol=0.3)

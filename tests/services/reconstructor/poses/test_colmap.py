@@ -9,11 +9,16 @@ from readygo.services.reconstructor.poses.colmap import (
     build_maps,
     extract_features,
     find_model,
+    given_model,
+    image_names,
+    model_files,
+    pinhole_views,
     read_map,
     write_undistorted,
     write_undistorted_masks,
 )
 from readygo.services.reconstructor.poses.config import PosesConfig
+from readygo.services.reconstructor.poses.covariance import pose_errors
 from readygo.services.reconstructor.poses.intrinsics import Intrinsics, lens
 from tests.services.reconstructor.synthetic import some_similarity, synthetic_database
 
@@ -166,3 +171,38 @@ def test_views_of_one_place_are_a_rig_with_known_rotations_and_one_lens(tmp_path
     sensor = pycolmap.sensor_t(pycolmap.SensorType.CAMERA, camera_of["right/a.png"])
     np.testing.assert_allclose(made.sensor_from_rig(sensor).rotation.matrix(), turned.T, atol=1e-12)
     np.testing.assert_array_equal(made.sensor_from_rig(sensor).translation, 0.0)
+
+
+def test_images_of_a_model_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    synthetic_database(tmp_path)
+    rec = pycolmap.Reconstruction(tmp_path / "sparse")
+    wanted = ["a/2.png", "a/10.png", "a/100.png", "b/1.png", "b/9.png"]
+    for number, name in zip(sorted(rec.reg_image_ids()), (wanted[k] for k in (2, 4, 1, 0, 3)), strict=True):
+        rec.images[number].name = name
+    rec.write(tmp_path / "sparse")
+    names = tuple(wanted)
+    assert read_map(tmp_path / "sparse").names == pinhole_views(tmp_path / "sparse").images == names
+    assert tuple(image_names(tmp_path / "sparse")) == names
+    errors = pose_errors(tmp_path / "sparse", names)
+    assert errors is not None
+    assert errors.names == names
+
+
+def test_files_of_a_model_are_told_from_others(tmp_path: Path) -> None:
+    synthetic_database(tmp_path)
+    (tmp_path / "sparse" / "stage.json").touch()
+    (tmp_path / "sparse" / "images").mkdir()
+    names = {path.stem for path in model_files(tmp_path / "sparse")}
+    assert {"cameras", "images", "points3D"} <= names <= {"cameras", "images", "points3D", "rigs", "frames"}
+
+
+@pytest.mark.parametrize(
+    ("count", "adjust", "made"), [(2, True, False), (3, True, True), (2, False, True), (1, False, False)]
+)
+def test_poses_are_adjusted_of_three_images_on(tmp_path: Path, count: int, adjust: bool, made: bool) -> None:
+    synthetic_database(tmp_path)
+    truth = read_map(tmp_path / "sparse")
+    poses = dict(list(zip(truth.names, truth.T_world_camera, strict=True))[:count])
+    config = PosesConfig(threads=1)
+    model = given_model(tmp_path / "database.db", tmp_path / "images", tmp_path / "m", poses, config, adjust=adjust)
+    assert (model is not None) == made

@@ -12,6 +12,7 @@ from readygo.common.drawing.files import write_png
 from readygo.common.errors import SceneError
 from readygo.services.reconstructor.training import photos
 from readygo.services.reconstructor.training.photos import PhotoStore, open_posed, split_views
+from tests.services.reconstructor.frames.test_exif import exif
 from tests.services.reconstructor.training.conftest import FOCAL_PX, SIZE_PX, VIEWS
 
 Write = Callable[[Path], Path]
@@ -120,3 +121,69 @@ def test_missing_and_wrong_masks_are_named(write_posed: Write, tmp_path: Path) -
     (folder / "masks" / "3.png.png").unlink()
     with pytest.raises(SceneError, match=r"lacks 1 masks of the model, 3\.png\.png"):
         open_posed(folder, tmp_path / "undistorted")
+
+
+def distorted(folder: Path) -> Path:
+    """The model with a lens that bends lines."""
+    (folder / "sparse" / "0" / "cameras.txt").write_text("1 SIMPLE_RADIAL 48 36 45 24 18 0.05\n")
+    return folder
+
+
+def test_each_of_two_distorted_models_gives_its_own_poses(write_posed: Write, tmp_path: Path) -> None:
+    first, second = (distorted(write_posed(tmp_path / name)) for name in ("first", "second"))
+    path = second / "sparse" / "0" / "images.txt"
+    path.write_text(path.read_text().replace("1 1 0 0 0 0.3 ", "1 1 0 0 0 0.9 "))
+    for folder, x_m in ((first, -0.3), (second, -0.9), (first, -0.3)):
+        posed = open_posed(folder, tmp_path / "undistorted")
+        np.testing.assert_allclose(posed.views.T_world_camera[0, :3, 3], [x_m, 0, 0], atol=1e-9)
+
+
+def test_undistorted_images_are_made_once_and_again_when_an_image_changes(write_posed: Write, tmp_path: Path) -> None:
+    folder, made = distorted(write_posed(tmp_path / "posed")), tmp_path / "new" / "undistorted" / "images" / "0.png"
+    open_posed(folder, made.parent.parent)
+    before = made.stat().st_mtime_ns
+    open_posed(folder, made.parent.parent)
+    assert made.stat().st_mtime_ns == before
+    write_png(folder / "images" / "0.png", np.zeros((*SIZE_PX, 3), np.uint8))
+    open_posed(folder, made.parent.parent)
+    assert cv2.imread(str(made)).max() == 0
+
+
+def test_missing_mask_of_a_distorted_model_is_named_each_time_and_later_ones_are_used(
+    write_posed: Write, tmp_path: Path
+) -> None:
+    folder = distorted(write_posed(tmp_path / "posed"))
+    assert open_posed(folder, tmp_path / "undistorted").masks is None
+    write_masks(folder, np.full(SIZE_PX, 255, np.uint8))
+    (folder / "masks" / "3.png.png").unlink()
+    for _ in range(2):
+        with pytest.raises(SceneError, match=r"3\.png\.png is missing"):
+            open_posed(folder, tmp_path / "undistorted")
+    write_masks(folder, np.full(SIZE_PX, 255, np.uint8))
+    posed = open_posed(folder, tmp_path / "undistorted")
+    assert posed.masks == tmp_path / "undistorted" / "masks"
+    assert PhotoStore(posed, (3,), 1000, 1)[3].mask is not None
+
+
+def test_missing_image_of_a_distorted_model_is_named(write_posed: Write, tmp_path: Path) -> None:
+    folder = distorted(write_posed(tmp_path / "posed"))
+    (folder / "images" / "2.png").unlink()
+    with pytest.raises(SceneError, match=r"lacks 1 images of the model, 2\.png"):
+        open_posed(folder, tmp_path / "undistorted")
+
+
+@pytest.mark.parametrize("orientation", [3, 6])
+@pytest.mark.parametrize("bent", [False, True])
+def test_photos_are_read_as_they_lie_in_the_file_and_exif_does_not_turn_them(
+    write_posed: Write, tmp_path: Path, orientation: int, bent: bool
+) -> None:
+    folder = write_posed(tmp_path / "posed")
+    pixels = np.zeros((*SIZE_PX, 3), np.uint8)
+    pixels[:, 36:] = 255
+    data = cv2.imencode(".jpg", pixels)[1].tobytes()
+    (folder / "images" / "1.jpg").write_bytes(exif("<", orientation, 26) + data[2:])
+    path = folder / "sparse" / "0" / "images.txt"
+    path.write_text(path.read_text().replace("1.png", "1.jpg"))
+    posed = open_posed(distorted(folder) if bent else folder, tmp_path / "undistorted")
+    rgb = PhotoStore(posed, (1,), 1000, 1)[1].rgb
+    assert rgb[0, :, :30].max() < 0.2 < 0.8 < rgb[0, 8:-8, -6:].min()
