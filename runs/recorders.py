@@ -41,21 +41,25 @@ def requeue(folder: RunFolder, recorder: str) -> int:
         Number of episodes on the disk or pending for it, which are recorded again when the run resumes.
 
     Raises:
-        RunError: If the run has no such recorder with a separate disk, or its disk is there.
+        RunError: If the run has no such recorder with a separate disk or on another machine, or its disk is there.
     """
     known = own_folders(folder.path)
-    if recorder not in known:
+    spec, _ = folder.load()
+    # A lost ledger is rebuilt first: an empty one would have all episodes recorded again.
+    remote = recorders_of(folder, spec) if folder.elsewhere.exists() and folder.ledger.exists() else ()
+    if remote and recorder not in (*known, *remote):
+        raise RunError(f"{folder.path} has no recorder {recorder!r}; it has {', '.join(remote)}.")
+    if recorder not in (*known, *remote):
         has = f"those that have: {', '.join(known)}" if known else "none has one"
         raise RunError(
             f"{folder.path} has no recorder {recorder!r} with a separate folder ({has}). What is lost or damaged in "
             f"the data folder itself is recorded again by `readygo recover {folder.path}`."
         )
-    if is_there(known[recorder]):
+    if recorder in known and is_there(known[recorder]):
         raise RunError(
             f"The folder of recorder {recorder}, {known[recorder]}, is there: `readygo recover {folder.path}` saves "
             "what is whole in it and records the rest again. To give it up nevertheless, unmount or move it first."
         )
-    spec, _ = folder.load()
     ledger = Ledger(folder.ledger, spec.stages)
     try:
         _note_retired(folder, _read_retired(folder) | ledger.retired_recorders() | {recorder})

@@ -6,6 +6,7 @@ crash. If an episode is in several shards, the first one by name retains its cop
 theirs.
 """
 
+import contextlib
 import json
 import logging
 import zlib
@@ -75,17 +76,14 @@ def recover(folder: RunFolder, *, every_byte: bool = False, recorded_here: bool 
 
     Raises:
         RunError: If the folder cannot be written, a lost ledger cannot be rebuilt, or `recorded_here` does not match
-            the folder.
+            the folder: shards are on other machines, and the ledger that knows of them is sound.
     """
     if not recorded_here and not folder.ledger.exists() and folder.blobs.exists():
         raise _not_made_anew(folder, f"The run's ledger {folder.ledger} is gone.")
+    if recorded_here and folder.elsewhere.exists() and (folder.has_data or not folder.ledger.exists()):
+        _check_gathered(folder)
     if not folder.has_data:
         return Findings()
-    if recorded_here and folder.elsewhere.exists():
-        raise RunError(
-            f"Shards of {folder.path} are on other machines: `readygo coordinator {folder.path}` resumes the run, "
-            "after `readygo requeue` if one of its recorders has lost its disk."
-        )
     spec, wanted = folder.load()
     findings = Findings()
     sound = _sound_shards(folder, findings, every_byte=every_byte)
@@ -96,6 +94,9 @@ def recover(folder: RunFolder, *, every_byte: bool = False, recorded_here: bool 
     named = _by_name(folder, sound)
     ledger = _open_ledger(folder, spec.stages, findings, recorded_here=recorded_here)
     try:
+        if findings.rebuilt:
+            # From the shards that were gathered here: the run is one of this machine now.
+            folder.elsewhere.unlink(missing_ok=True)
         keep_retired(folder, ledger)
         lost = _give_back(ledger, folder, named, recorded_here=recorded_here)
         findings.lost = sorted(lost - _adopt_episodes(ledger, named, spec))
@@ -266,6 +267,36 @@ def _without(shard: Path, rows: Collection[int], spec: RunSpec) -> bool:
         raise RunError(
             f"{shard} cannot be written without what other shards hold as well: {error.strerror or error}."
         ) from error
+
+
+def _check_gathered(folder: RunFolder) -> None:
+    """Check that the run of recorders on other machines has lost its ledger, and that shards lie here to rebuild it.
+
+    Raises:
+        RunError: If not.
+    """
+    why = _ledger_loss(folder)
+    if not why:
+        raise RunError(
+            f"Shards of {folder.path} are on other machines: `readygo coordinator {folder.path}` resumes the run, "
+            "after `readygo requeue` if one of its recorders has lost its disk."
+        )
+    if not any(folder.path.glob(f"{SHARDS}*")):
+        raise _not_made_anew(folder, why)
+
+
+def _ledger_loss(folder: RunFolder) -> str:
+    """Why the ledger must be rebuilt; empty if it is sound. A full disk does not count as damage."""
+    if not folder.ledger.exists():
+        return f"The run's ledger {folder.ledger} is gone."
+    try:
+        with contextlib.closing(Ledger(folder.ledger, folder.load()[0].stages)) as ledger:
+            ledger.check()
+            return f"The run's ledger {folder.ledger} was lost and is only partly rebuilt." * ledger.unfinished
+    except DiskError:
+        raise
+    except RunError as error:
+        return str(error)
 
 
 def _not_made_anew(folder: RunFolder, why: str) -> RunError:

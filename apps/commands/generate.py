@@ -15,9 +15,10 @@ from tyro.conf import Positional
 from readygo.apps.commands.coordinator import check_endpoints, lead_run, report_set_aside
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.fleet.options import FleetOptions
-from readygo.apps.fleet.run import Show, begin, check_counts, record
+from readygo.apps.fleet.run import LAUNCHER, Show, begin, check_counts, record
 from readygo.apps.fleet.slurm import check_slurm
 from readygo.apps.monitor.beside import show_page
+from readygo.apps.observe.logs import begin_logging
 from readygo.apps.observe.settings import Observing
 from readygo.apps.options import given_options
 from readygo.apps.terminal import PlainConsole
@@ -143,6 +144,12 @@ def _check_place(options: GenerateOptions) -> None:
         raise RunError("--slurm has options of sbatch: it goes with --on slurm.")
     elif on == "hosts":
         check_endpoints(fleet.listen, fleet.connect)
+        if workers > 1:
+            raise RunError(
+                "--on hosts starts no workers: leave out --workers, and start `readygo worker` on each host."
+            )
+        if options.json:
+            raise RunError("--on hosts has no summary for --json: leave it out, or ask `readygo status DATA --json`.")
     if fleet.connect and on != "hosts":
         raise RunError("--connect is for a run whose workers and recorders are on other machines: add --on hosts.")
     if options.watch and workers == 0 and on != "hosts":
@@ -205,6 +212,8 @@ def _record(spec: RunSpec, episodes: int, options: GenerateOptions) -> None:
         with page:
             lead_run(RunFolder(out), fleet, strict=strict, observing=options.observe)
         return
+    if options.observe.log_format == "json":
+        begin_logging("json", run=spec.run, role=LAUNCHER, worker=LAUNCHER)
     with page, progress_bar(first_words=join, quiet=options.json) as show:
         summary = record(
             spec,

@@ -16,6 +16,7 @@ from readygo.apps.fleet.runs import ANY_RUN, HEAR_S, Runs
 from readygo.apps.observe.status import Observed, RunStatus, runs_table, status_table
 from readygo.apps.terminal import PlainConsole
 from readygo.common.config import section_to_mapping
+from readygo.common.errors import BusError, PeerError
 
 REFRESH_S = 1.0
 LISTEN_S = 1.5
@@ -66,7 +67,14 @@ def _watch(look: RunStatus, console: PlainConsole) -> None:
     with Live(status_table(observed), console=console, auto_refresh=False, screen=False) as live:
         while not over(observed):
             time.sleep(REFRESH_S)
-            observed = look.now()
+            try:
+                observed = look.now()
+            except PeerError:
+                raise
+            except BusError:
+                # A run that ends may be gone before it is asked again.
+                console.print("Nothing answers for the run any more: it has ended, or its coordinator has stopped.")
+                return
             live.update(status_table(observed), refresh=True)
 
 

@@ -15,15 +15,18 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from readygo.common.bus.identity import Identity
+from readygo.common.bus.identity import ALL, COORDINATOR, MONITOR, OPERATOR, RECORDER, TRAINER, Identity
 from readygo.common.errors import CertificateError
 from readygo.common.files import write_then_rename, write_whole
+from readygo.common.messages.stages import STAGES
 
 AUTHORITY = "ca"
 AUTHORITY_DAYS = 3650
 EARLY = datetime.timedelta(hours=1)
 """Certificates are valid from so long before they are made: clocks of hosts differ."""
-NAME = re.compile(r"[a-z][a-z0-9-]*(\.[A-Za-z0-9_]+)?")
+ROLES = (COORDINATOR, *dict.fromkeys(stage.role for stage in STAGES), ALL, TRAINER, OPERATOR, MONITOR)
+"""Names of certificates, besides those of recorders."""
+_RECORDER = re.compile(rf"{RECORDER}\.[A-Za-z0-9_]+")
 
 
 def make_authority(folder: Path) -> None:
@@ -47,15 +50,15 @@ def issue(authority: Path, out: Path, name: str, *, hosts: Sequence[str] = (), d
     Args:
         authority: Folder of the authority.
         out: Where `{name}.pem`, `{name}.key` and the authority's `ca.pem` go.
-        name: Common name, a role or "recorder.NAME".
+        name: Common name, one of `ROLES` or "recorder.NAME".
         hosts: Names and addresses under which others reach a router that shows it.
         days: How long it is valid.
 
     Raises:
         CertificateError: If there is no authority, the name is none, or the folder cannot be written.
     """
-    if not NAME.fullmatch(name) or name.startswith("recorder") != name.startswith("recorder."):
-        raise CertificateError(f"A certificate is of a role such as renderer, or of recorder.NAME, got {name!r}.")
+    if name not in ROLES and not _RECORDER.fullmatch(name):
+        raise CertificateError(f"A certificate is of a role, {', '.join(ROLES)}, or of recorder.NAME, got {name!r}.")
     if not 0.0 < days <= AUTHORITY_DAYS:
         raise CertificateError(f"--days must be more than 0 and at most {AUTHORITY_DAYS}, got {days:g}.")
     signer, signer_key = _certificate(authority / f"{AUTHORITY}.pem"), _key(authority / f"{AUTHORITY}.key")

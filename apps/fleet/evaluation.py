@@ -169,7 +169,7 @@ def serving(
     spec = fleet.spec
     ledger = coordination.Ledger(scratch / "ledger.sqlite", spec.stages)
     ledger.assign(dict.fromkeys(indices, ""))
-    config = dataclasses.replace(World(spec).config.coordinator, recorders=(KEEPER,))
+    config = dataclasses.replace(World(spec).config.coordinator, recorders=(KEEPER,), folders={})
     coordinator = coordination.Coordinator(
         spec=spec,
         wanted=len(indices),

@@ -314,13 +314,19 @@ def _record(
     over = threading.Event()
     if alone:
         bus.subscribe(topics.PROGRESS, lambda status: over.set() if status.finished or status.failed else None)
-    recorder = make_recorder(bus, name, folder, _world(bus, RECORDER))
-    observer.recorder(recorder)
-    attach_recorder(bus, recorder)
-    bus.announce(RECORDER, name)
-    while not (over.is_set() or stop.wait(SETTLE_S)):
-        recorder.settle()
-    recorder.close()
+    world = _world(bus, RECORDER)
+    recorder = make_recorder(bus, name, folder, world)
+    forget = observer.recorder(recorder, world.spec.run)
+    try:
+        # First: a second recorder of the name is refused before it answers for the grants of the other one.
+        bus.announce(RECORDER, name)
+        attach_recorder(bus, recorder)
+        while not (over.is_set() or stop.wait(SETTLE_S)):
+            recorder.settle()
+        recorder.close()
+    finally:
+        forget()
+        recorder.leave()
     return over.is_set()
 
 

@@ -45,21 +45,22 @@ def of_coordinator(coordinator: Coordinator) -> Gauges:
         yield "readygo_run_paused", "1 while no work is given out", {}, coordinator.paused
         yield "readygo_run_failed", "1 if the run cannot be finished", {}, bool(status.failed)
         yield "readygo_run_finished", "1 when all wanted episodes are durable", {}, status.finished
-        yield from _disk(coordinator.ledger.path.parent)
+        yield from _disk(coordinator.ledger.path.parent, {})
 
     return rows
 
 
-def of_recorder(recorder: Recorder) -> Gauges:
-    """Metrics of a recorder: recorded and pending episodes, and its disk."""
+def of_recorder(recorder: Recorder, labels: Mapping[str, str] | None = None) -> Gauges:
+    """Metrics of a recorder: recorded and pending episodes, and its disk; all of them have `labels`."""
+    of = dict(labels or {})
 
     def rows() -> Rows:
         state = recorder.state()
-        yield "readygo_recorder_episodes", "Durable episodes in this recorder's shards", {}, state.episodes
-        yield "readygo_recorder_buffered_episodes", "Episodes that are coming in", {}, state.buffered_episodes
-        yield "readygo_recorder_buffered_bytes", "Their images so far", {}, state.buffered_bytes
-        yield "readygo_recorder_refused", "1 while the disk takes nothing", {}, bool(state.trouble)
-        yield from _disk(recorder.folder)
+        yield "readygo_recorder_episodes", "Durable episodes in this recorder's shards", of, state.episodes
+        yield "readygo_recorder_buffered_episodes", "Episodes that are coming in", of, state.buffered_episodes
+        yield "readygo_recorder_buffered_bytes", "Their images so far", of, state.buffered_bytes
+        yield "readygo_recorder_refused", "1 while the disk takes nothing", of, bool(state.trouble)
+        yield from _disk(recorder.folder, of)
 
     return rows
 
@@ -79,7 +80,7 @@ def _by(label: str, name: str, words: str, values: list[str], counts: Mapping[st
         yield name, words, {label: value}, counts.get(value, 0)
 
 
-def _disk(folder: Path) -> Rows:
+def _disk(folder: Path, labels: dict[str, str]) -> Rows:
     free, total = disk_space(folder)
-    yield "readygo_disk_free_bytes", "Room on the disk of this process's data", {}, free
-    yield "readygo_disk_size_bytes", "Size of that disk", {}, total
+    yield "readygo_disk_free_bytes", "Room on the disk of this process's data", labels, free
+    yield "readygo_disk_size_bytes", "Size of that disk", labels, total

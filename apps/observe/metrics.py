@@ -7,6 +7,7 @@ and count nothing.
 import contextlib
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -60,9 +61,11 @@ class Metrics:
         self._cpu = self._counter("readygo_stage_cpu_seconds", "Processor time of stages", "stage")
         self.look_up(_of_process)
 
-    def look_up(self, gauges: Gauges) -> None:
-        """Add the metrics of `gauges`, which is called at each scrape."""
-        self.registry.register(_LookUp(self._client, gauges))
+    def look_up(self, gauges: Gauges) -> Callable[[], None]:
+        """Add the metrics of `gauges`, which is called at each scrape; returns a function that removes them."""
+        collector = _LookUp(self._client, gauges)
+        self.registry.register(collector)
+        return partial(self.registry.unregister, collector)
 
     @contextlib.contextmanager
     def requesting(self, topic: str) -> Iterator[None]:

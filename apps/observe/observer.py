@@ -40,6 +40,7 @@ class ProcessObserver:
         Raises:
             ConfigError: If the metrics cannot be started.
         """
+        self._run = run
         self._target: Path | None = None
         self._ends: list[Callable[[], None]] = []
         self._metrics = Metrics() if observing.metrics else None
@@ -74,9 +75,13 @@ class ProcessObserver:
         """Add the metrics of a coordinator."""
         self._look_up(of_coordinator(coordinator))
 
-    def recorder(self, recorder: Recorder) -> None:
-        """Add the metrics of a recorder."""
-        self._look_up(of_recorder(recorder))
+    def recorder(self, recorder: Recorder, run: str) -> Callable[[], None]:
+        """Add the metrics of a recorder, with the label `run` in a process of several runs.
+
+        Returns:
+            A function that removes them.
+        """
+        return self._look_up(of_recorder(recorder, {} if run == self._run else {"run": run}))
 
     def launcher(self, members: Sequence[Restarted]) -> None:
         """Add the metrics of a local fleet's processes."""
@@ -89,9 +94,8 @@ class ProcessObserver:
         while self._ends:
             self._ends.pop()()
 
-    def _look_up(self, gauges: Gauges) -> None:
-        if self._metrics:
-            self._metrics.look_up(gauges)
+    def _look_up(self, gauges: Gauges) -> Callable[[], None]:
+        return self._metrics.look_up(gauges) if self._metrics else lambda: None
 
     def _announce(self, target: Path, labels: dict[str, str]) -> None:
         with contextlib.suppress(RunError):

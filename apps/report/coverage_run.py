@@ -1,5 +1,6 @@
 """What a coverage page says of a data folder: all numbers, and facts about its run that its shards do not contain."""
 
+import contextlib
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -137,15 +138,15 @@ def robot_map(data: Path, scene: str, scene_hash: str) -> OccupancyMap | None:
 
 
 def rejection_reasons(data: Path) -> Mapping[int, str] | None:
-    """Reason of every index that the run rejected; None if its ledger is missing or not accessible."""
+    """Reason of every index that the run rejected; None if its ledger is missing, damaged or not accessible."""
     folder = RunFolder(data)
     if not os.access(folder.ledger, os.R_OK | os.W_OK):
         return None
-    ledger = coordination.Ledger(folder.ledger)
     try:
-        return ledger.census.rejection_reasons()
-    finally:
-        ledger.close()
+        with contextlib.closing(coordination.Ledger(folder.ledger)) as ledger:
+            return ledger.census.rejection_reasons()
+    except RunError:
+        return None
 
 
 def failed_encounters(

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -45,8 +46,8 @@ class Calibrations:
         return cls(
             first=np.array([indexes[shard].episodes[row] for shard, row in order])[_FIELDS],
             further={
-                camera: np.array([indexes[shard].cameras[row, number] for shard, row in order])
-                for number, camera in enumerate(cameras)
+                camera: np.array([_row_of(indexes[shard].cameras[row], camera) for shard, row in order])
+                for camera in cameras
             },
         )
 
@@ -72,3 +73,8 @@ class Calibrations:
             distortion_model=model,
             distortion=tuple(row["distortion"][: DISTORTION_MODELS[model]].tolist()),
         )
+
+
+def _row_of(cameras: RecordArray, name: str) -> Any:
+    """A camera's row among those of an episode, whose order differs between runs."""
+    return cameras[cameras["name"] == name.encode()][0]

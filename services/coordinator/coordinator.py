@@ -125,6 +125,8 @@ class Coordinator:
 
     def note_recorder(self, name: str, *, alive: bool) -> None:
         """A recorder came, or is gone: what was granted to it waits for it, and so do its senders."""
+        # Another process may come under this name: each says itself what keeps it from recording.
+        self.note_trouble(name, "")
         granted = 0 if alive else len(self.ledger.census.granted_attempts(name))
         gone = (
             f"Recorder {name} is gone and holds {granted} episodes; `readygo worker recorder --name {name}` starts it."

@@ -247,10 +247,16 @@ def _whole_lines(file: BinaryIO, path: Path) -> Iterator[dict[str, Any]]:
 
 
 def _append(file: BinaryIO, mapping: Mapping[str, Any]) -> None:
+    """Write a line durably, or nothing: others may follow it when the disk has room again."""
     rest = memoryview(json.dumps(mapping).encode() + b"\n")
-    while rest:
-        rest = rest[file.write(rest) :]
-    os.fsync(file)
+    end = file.seek(0, os.SEEK_END)
+    try:
+        while rest:
+            rest = rest[file.write(rest) :]
+        os.fsync(file)
+    except OSError:
+        file.truncate(end)
+        raise
 
 
 def _trajectory_mapping(key: RecordKey, trajectory: RobotTrajectory) -> dict[str, Any]:

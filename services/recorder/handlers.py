@@ -30,7 +30,7 @@ from readygo.common.messages import (
 from readygo.common.messages.live import LiveCommit
 from readygo.services.recorder.buffers import EpisodeBuffer, EpisodeBuffers
 from readygo.services.recorder.config import RecorderConfig
-from readygo.services.recorder.disk import try_room
+from readygo.services.recorder.disk import disk_error, try_room
 from readygo.services.recorder.name_lock import NameLock
 from readygo.services.recorder.salvage import Durable
 from readygo.services.recorder.shards import Shards
@@ -82,7 +82,7 @@ class Recorder:
             stage: What viewers show around the samples.
 
         Raises:
-            RunError: If another process records under this name into this folder.
+            RunError: If another process records under this name into this folder, or the folder cannot be written.
             DatasetError: If a finished shard is damaged, or the provenance is no plain data.
         """
         provenance_to_strings(provenance)
@@ -92,8 +92,11 @@ class Recorder:
         self._folder = Path(folder)
         self._bus = bus
         config = config or RecorderConfig()
-        self._folder.mkdir(parents=True, exist_ok=True)
-        self._name_lock = NameLock(self._folder, name)
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            self._name_lock = NameLock(self._folder, name)
+        except OSError as error:
+            raise disk_error(self._folder, error) from error
         self._buffers = EpisodeBuffers(config.buffer_mib * 2**20)
         self._grants = Grants(bus, name, COORDINATOR_TIMEOUT_S)
         self._run: tuple[int, Split] | None = None
@@ -227,6 +230,13 @@ class Recorder:
                 self._closed = True
                 self.settle()
             self._shards.close()
+            self._name_lock.release()
+
+    def leave(self) -> None:
+        """Leave the name to others, and an open shard to the next process of it; after `close` nothing happens."""
+        with self._lock:
+            self._closed = True
+            self._shards.leave_open()
             self._name_lock.release()
 
     def _commit(self, index: int) -> AppendReply:

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from mcap.opcode import Opcode
 
-from readygo.common.dataset import EpisodeChunk, Provenance, ShardWriter, read_chunk, shard_name
+from readygo.common.dataset import EpisodeChunk, Provenance, ShardWriter, read_chunk
 from readygo.common.dataset.index import index_path, load_index, map_file, read_provenance
 from readygo.common.dataset.records import MAGIC, chunk_span, is_intact, iter_records
 from readygo.common.dataset.stage import PAUSE_NS, Scenery
-from readygo.common.dataset.writer import PART_SUFFIX, sync_folder
+from readygo.common.dataset.writer import PART_SUFFIX, is_shard_of, sync_folder
 from readygo.common.errors import DatasetError
 from readygo.common.messages import EpisodeKey
 
@@ -58,7 +58,7 @@ def finished_episodes(folder: Path, recorder: str) -> dict[int, Durable]:
         DatasetError: If a shard is damaged.
     """
     episodes: dict[int, Durable] = {}
-    for shard in sorted(folder.glob(shard_pattern(recorder))):
+    for shard in _shards(folder, recorder):
         index = load_index(shard)
         for row, episode in enumerate(index.episodes):
             durable = Durable(
@@ -74,7 +74,7 @@ def finished_episodes(folder: Path, recorder: str) -> dict[int, Durable]:
 
 def open_shards(folder: Path, recorder: str) -> list[OpenShard]:
     """The shards that a crash left open, with the episodes that can be saved."""
-    return [read_open_shard(path) for path in sorted(folder.glob(shard_pattern(recorder) + PART_SUFFIX))]
+    return [read_open_shard(path) for path in _shards(folder, recorder, PART_SUFFIX)]
 
 
 def read_open_shard(path: Path) -> OpenShard:
@@ -179,7 +179,7 @@ def next_start_ns(folder: Path, recorder: str) -> int:
     Raises:
         DatasetError: If the last shard is damaged.
     """
-    shards = sorted(folder.glob(shard_pattern(recorder)))
+    shards = _shards(folder, recorder)
     if not shards:
         return 0
     with map_file(shards[-1]) as view:
@@ -190,11 +190,15 @@ def next_start_ns(folder: Path, recorder: str) -> int:
 
 def next_number(folder: Path, recorder: str) -> int:
     """A shard number that no file of the recorder has."""
-    names = [path.name for path in folder.glob(f"{shard_pattern(recorder)}*")]
-    numbers = [int(name.removeprefix(f"shard-{recorder}-").split(".")[0]) for name in names]
-    return max(numbers, default=-1) + 1
+    files = (file for suffix in ("", PART_SUFFIX, SALVAGE_SUFFIX) for file in _shards(folder, recorder, suffix))
+    return max(map(_number, files), default=-1) + 1
 
 
-def shard_pattern(recorder: str) -> str:
-    """Glob pattern of a recorder's finished shards."""
-    return shard_name(recorder, 0).replace("00000", "[0-9]" * 5)
+def _shards(folder: Path, recorder: str, suffix: str = "") -> list[Path]:
+    """A recorder's finished shards, or those whose names end in `suffix` besides, by number."""
+    found = folder.glob(f"shard-{recorder}-*.mcap{suffix}")
+    return sorted((shard for shard in found if is_shard_of(shard.name.removesuffix(suffix), recorder)), key=_number)
+
+
+def _number(shard: Path) -> int:
+    return int(shard.name.rsplit("-", 1)[1].split(".")[0])

@@ -89,6 +89,12 @@ class Shards:
             raise disk_error(self.folder, error) from error
         self._writer = None
 
+    def leave_open(self) -> None:
+        """Leave the open shard as a crash would: the next process of the name saves what is in it."""
+        if self._writer is not None:
+            self._writer.abandon()
+            self._writer = None
+
     def leave_broken(self) -> None:
         """Leave an open shard to `salvage` that could not be cut back to whole episodes; they are not durable yet."""
         if self._writer is not None and not self._writer.is_open:

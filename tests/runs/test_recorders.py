@@ -70,6 +70,33 @@ def test_recorder_that_is_given_up_must_have_a_folder_that_is_gone(tmp_path: Pat
         requeue(folder, "rec0")
 
 
+def test_recorder_on_another_machine_is_given_up_by_its_name(tmp_path: Path) -> None:
+    folder = make_folder(tmp_path / "data", (DRAW, FILM), wanted=4, recorders=("rec0", "far"))
+    assert in_process(folder, (DRAW, FILM)).finished
+    for shard in folder.path.glob("shard-far-*"):
+        shard.unlink()
+    folder.elsewhere.touch()
+    with pytest.raises(RunError, match=r"has no recorder 'fra'; it has rec0, far"):
+        requeue(folder, "fra")
+    assert requeue(folder, "far") == 2
+    assert recover(folder, recorded_here=False).lines == []
+    filmed: list[int] = []
+    assert in_process(folder, (DRAW, FILM), filmed).finished
+    assert len(filmed) == 2
+    assert {entry.shard.name for entry in Dataset(folder.path).episodes} == {
+        "shard-rec0-00000.mcap",
+        "shard-rec0-00001.mcap",
+    }
+
+
+def test_recorder_on_another_machine_is_not_given_up_while_the_ledger_is_lost(tmp_path: Path) -> None:
+    folder = make_folder(tmp_path / "data", (DRAW, FILM), wanted=4, recorders=("rec0", "far"))
+    folder.elsewhere.touch()
+    with pytest.raises(RunError, match="is recorded again by `readygo recover"):
+        requeue(folder, "far")
+    assert not folder.ledger.exists()
+
+
 def test_run_needs_a_recorder_that_was_not_given_up(tmp_path: Path) -> None:
     disk = tmp_path / "disk"
     folder = make_folder(tmp_path / "data", (DRAW, FILM), wanted=2, recorders=("east",), folders={"east": str(disk)})

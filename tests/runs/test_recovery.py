@@ -328,6 +328,35 @@ def test_ledger_is_not_made_anew_without_the_shards_of_other_machines(
     assert recover(folder, recorded_here=False) == recovery.Findings()
 
 
+def test_run_whose_recorders_are_on_other_machines_is_left_to_its_coordinator(folder: RunFolder) -> None:
+    folder.elsewhere.touch()
+    with pytest.raises(RunError, match=r"on other machines: `readygo coordinator .* resumes the run, after `readygo r"):
+        recover(folder)
+
+
+@pytest.mark.parametrize("damage", [_lose_ledger, _damage_ledger])
+def test_lost_ledger_of_recorders_on_other_machines_is_rebuilt_from_the_shards_that_were_gathered(
+    damage: Callable[[RunFolder], None], folder: RunFolder, recorded: tuple[Path, str], tmp_path: Path
+) -> None:
+    folder.elsewhere.touch()
+    damage(folder)
+    away = tmp_path / "away"
+    away.mkdir()
+    for shard in folder.path.glob("shard-*"):
+        shard.rename(away / shard.name)
+    for recorded_here in (True, False):
+        with pytest.raises(RunError, match=r"gather their shards in .*, and run `readygo recover"):
+            recover(folder, recorded_here=recorded_here)
+    for shard in away.iterdir():
+        shard.rename(folder.path / shard.name)
+    assert recover(folder).rebuilt
+    filmed: list[int] = []
+    assert in_process(folder, LINE, filmed=filmed).finished
+    assert filmed == []
+    assert recover(folder) == recovery.Findings()
+    assert Dataset(folder.path).content_hash == recorded[1]
+
+
 def _start_on_a_full_disk(folder: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     """Lose the ledger, and have a start get no further than to make an empty one."""
     _lose_ledger(folder)

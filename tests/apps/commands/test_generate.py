@@ -10,6 +10,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -289,6 +290,8 @@ SUMMARY = {"episodes": 7, "samples": 1234, "wall_s": 5.67, "rejected": {"timeout
         ({"on": "local", "connect": "tcp/10.0.0.5:1"}, "add --on hosts"),
         ({"on": "local", "workers": 0, "watch": True}, "--watch needs a fleet"),
         ({"on": "hosts"}, "Name one of --listen"),
+        ({"on": "hosts", "workers": 8, "listen": "tls/10.0.0.5:1"}, "starts no workers: leave out --workers"),
+        ({"on": "hosts", "json": True, "listen": "tls/10.0.0.5:1"}, "has no summary for --json"),
         ({"on": "local", "workers": 0}, ""),
         ({"on": "local", "workers": 1, "watch": True}, ""),
         ({"on": "slurm", "listen": "tcp/10.0.0.5:1", "slurm": "-p short"}, ""),
@@ -303,6 +306,7 @@ def test_places_of_workers_that_do_not_go_together_are_refused(where: dict[str, 
         out=Path("out"),
         workers=int(str(where.get("workers", 1))),
         watch=bool(where.get("watch", False)),
+        json=bool(where.get("json", False)),
         place=PlaceOptions(**place),  # type: ignore[arg-type]
         fleet=FleetOptions(**fleet),  # type: ignore[arg-type]
     )
@@ -365,13 +369,25 @@ def test_run_on_other_hosts_is_led_from_here_without_workers(
     begun, led = [], []
     monkeypatch.setattr(command, "begin", lambda *words: begun.append(words))
     monkeypatch.setattr(command, "lead_run", lambda folder, fleet, **more: led.append((folder.path, fleet, more)))
-    fleet = FleetOptions(connect="tcp/lab:7447")
-    options = GenerateOptions(out=tmp_path, fleet=fleet, place=PlaceOptions(on="hosts"))
+    monkeypatch.setattr(command, "begin_logging", lambda *_, **__: pytest.fail("the coordinator begins it"))
+    fleet, observe = FleetOptions(connect="tcp/lab:7447"), Observing(log_format="json")
+    options = GenerateOptions(out=tmp_path, fleet=fleet, place=PlaceOptions(on="hosts"), observe=observe)
     _record(SPEC, 5, options)
     assert begun == [(SPEC, tmp_path, 5)]
     assert led == [(tmp_path, fleet, {"strict": False, "observing": options.observe})]
     assert recorded == []
     assert capsys.readouterr().err == _how_to_join(SPEC, tmp_path, "tcp/lab:7447", None) + "\n"
+
+
+@pytest.mark.parametrize("log_format", ["json", "text"])
+def test_logs_of_this_process_have_the_format_that_was_asked_for(
+    recorded: list[dict[str, object]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, log_format: Literal["json"]
+) -> None:
+    begun: list[tuple[object, ...]] = []
+    monkeypatch.setattr(command, "begin_logging", lambda *how, **whose: begun.append((*how, *whose.values())))
+    observe = Observing(log_format=log_format)
+    _record(SPEC, 9, GenerateOptions(out=tmp_path, workers=0, json=True, observe=observe))
+    assert begun == ([("json", SPEC.run, "launcher", "launcher")] if log_format == "json" else [])
 
 
 def test_further_workers_are_told_how_to_join(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 import dataclasses
 import json
+from contextlib import nullcontext
 
 import pytest
 
@@ -9,6 +10,7 @@ from readygo.apps.commands.status import StatusOptions, status
 from readygo.apps.fleet import runs
 from readygo.apps.fleet.options import JoinOptions
 from readygo.apps.fleet.token import TOKEN_VARIABLE
+from readygo.apps.observe.status import Observed, RunStatus
 from readygo.common.bus.zenoh_bus import ZenohBus
 from readygo.common.errors import BusError
 from readygo.common.fleet.repeat import repeating
@@ -51,6 +53,29 @@ def test_table_that_is_watched_ends_with_the_run(
     cancel(ControlOptions(data=folder.path))
     status(StatusOptions(data=folder.path, watch=True))
     assert "ended: The run was cancelled" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("answered", [0, 2])
+def test_table_that_is_watched_ends_well_when_the_run_is_gone_before_it_is_asked_again(
+    answered: int,
+    folder: RunFolder,
+    coordinator: Coordinator,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    left = [answered]
+    now = RunStatus.now
+
+    def now_or_never(look: RunStatus) -> Observed:
+        left[0] -= 1
+        if left[0] < 0:
+            raise BusError("No participant answered.")
+        return now(look)
+
+    monkeypatch.setattr(RunStatus, "now", now_or_never)
+    with nullcontext() if answered else pytest.raises(BusError, match="No coordinator leads run"):
+        status(StatusOptions(data=folder.path, watch=True))
+    assert ("Nothing answers for the run any more: it has ended" in capsys.readouterr().out) is bool(answered)
 
 
 def test_runs_of_a_router_are_listed_the_most_urgent_first(

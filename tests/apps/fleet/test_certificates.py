@@ -70,10 +70,19 @@ def test_key_of_another_certificate_is_refused(authority: Path, tmp_path: Path) 
         load_identity(tmp_path, "monitor")
 
 
+def test_certificate_of_the_authoritys_name_is_refused_and_the_authority_stays(authority: Path) -> None:
+    before = {path.name: path.read_bytes() for path in authority.iterdir()}
+    with pytest.raises(CertificateError, match=r"A certificate is of a role, .*, got 'ca'"):
+        issue(authority, authority, "ca")
+    assert {path.name: path.read_bytes() for path in authority.iterdir()} == before
+
+
 def test_what_is_no_role_or_has_no_authority_is_not_issued(authority: Path, tmp_path: Path) -> None:
-    for name in ("recorder", "Renderer", "../x", "recorders.rec0", ""):
+    for name in ("recorder", "Renderer", "../x", "recorders.rec0", "renderer.lab1", ""):
         with pytest.raises(CertificateError, match="A certificate is of a role"):
             issue(authority, tmp_path, name)
+    with pytest.raises(CertificateError, match=r"renderer, .* or of recorder\.NAME, got 'rendrer'"):
+        issue(authority, tmp_path, "rendrer")
     with pytest.raises(CertificateError, match="--days"):
         issue(authority, tmp_path, "monitor", days=0.0)
     with pytest.raises(CertificateError, match=r"ca\.pem cannot be read: No such file"):

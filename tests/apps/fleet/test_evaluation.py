@@ -13,7 +13,7 @@ from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import RunError
 from readygo.common.fleet import Worker, claim_any
 from readygo.common.messages import ClaimStatus, Split
-from readygo.runs.config import RunConfig
+from readygo.runs.config import RunConfig, with_run_keys
 from readygo.runs.evaluation import evaluation_world, make_evaluator, make_request
 from readygo.runs.stages import stage_works
 from readygo.runs.world import World
@@ -118,6 +118,14 @@ def test_episode_that_nobody_can_drive_ends_the_evaluation_with_its_reason(world
                 pass
             with pytest.raises(RunError, match=r"Episode 0 cannot be driven: .*the disk is full.*the same command"):
                 answering.tick()
+
+
+def test_folders_of_a_runs_recorders_are_no_concern_of_an_evaluation(world, tmp_path: Path) -> None:
+    keys = {"coordinator": {"recorders": ["rec0", "east"], "folders": {"east": str(tmp_path / "disk")}}}
+    with open_results(tmp_path / "there", {}) as results:
+        fleet = fleet_of(World(with_run_keys(world.spec, keys)), results)
+        with served(fleet, [0], tmp_path / "scratch") as (_, answering, _):
+            assert answering.coordinator.recorders == ("keeper",)
 
 
 def test_number_of_workers_and_folders_of_data_are_checked(world, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from readygo.apps.fleet.process import LATE_S
 from readygo.apps.fleet.runs import ANY_RUN
 from readygo.apps.fleet.worker import WorkerOptions, _coordinate, _Part, _record, _serve_runs, _take_part, _work, worker
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
-from readygo.common.errors import CANNOT_WORK, BusError
+from readygo.common.errors import CANNOT_WORK, BusError, RunError
 from readygo.common.fleet import Worker
 from readygo.common.messages import topics
 from tests.common.messages.run_specs import SPEC
@@ -103,7 +103,9 @@ def test_recorder_settles_until_its_run_is_over_and_closes_its_shards(
     fakes: Fakes, alone: bool, said: str, over: bool
 ) -> None:
     recorder = Mock()
-    fakes.put("_world", lambda bus, role: ("world", role))
+    fakes.bus.announce.side_effect = lambda *who: fakes.calls.append(("there",))
+    world = SimpleNamespace(spec=SPEC)
+    fakes.put("_world", lambda bus, role: world)
     fakes.put("make_recorder", lambda *args: fakes.calls.append(args) or recorder)
     fakes.put("attach_recorder", lambda *args: fakes.calls.append(args))
     status = SimpleNamespace(finished=said == "finished", failed="broken" if said == "failed" else "")
@@ -121,9 +123,29 @@ def test_recorder_settles_until_its_run_is_over_and_closes_its_shards(
     assert _record(fakes.bus, "rec0", fakes.folder, fakes.stop, fakes.observer, alone=alone) is over
     assert recorder.settle.call_count == (2 if over else 3)
     recorder.close.assert_called_once_with()
-    assert fakes.calls == [(fakes.bus, "rec0", fakes.folder, ("world", "recorder")), (fakes.bus, recorder)]
+    assert fakes.calls == [(fakes.bus, "rec0", fakes.folder, world), ("there",), (fakes.bus, recorder)]
     fakes.bus.announce.assert_called_once_with("recorder", "rec0")
-    fakes.observer.recorder.assert_called_once_with(recorder)
+    fakes.observer.recorder.assert_called_once_with(recorder, SPEC.run)
+
+
+@pytest.mark.parametrize("of", ["announce", "attach", "settle", "close"])
+def test_recorder_leaves_its_name_and_its_metrics_after_an_error(fakes: Fakes, of: str) -> None:
+    recorder, said = Mock(), RunError("It cannot be.")
+    failing = {"announce": fakes.bus.announce, "settle": recorder.settle, "close": recorder.close}.get(of, Mock())
+    failing.side_effect = said
+    fakes.put("_world", lambda bus, role: SimpleNamespace(spec=SPEC))
+    fakes.put("make_recorder", lambda *args: recorder)
+    fakes.put("attach_recorder", failing if of == "attach" else lambda *args: None)
+    fakes.put("SETTLE_S", 0.0)
+    if of == "close":
+        fakes.stop.set()
+    with pytest.raises(RunError, match=r"It cannot be\."):
+        _record(fakes.bus, "rec0", fakes.folder, fakes.stop, fakes.observer, alone=True)
+    recorder.leave.assert_called_once_with()
+    fakes.observer.recorder.return_value.assert_called_once_with()
+    if of == "announce":
+        assert not recorder.settle.called
+        assert not recorder.close.called
 
 
 @pytest.mark.parametrize(("role", "alone", "stages"), [("all", True, ""), ("renderer", False, "renderer")])

@@ -76,4 +76,5 @@ def test_rows_of_a_recorder_are_what_it_holds(tmp_path: Path) -> None:
         "readygo_recorder_refused": 1,
     }
     recorder._trouble = ""
+    assert {tuple(labels.items()) for _, _, labels, _ in of_recorder(recorder, {"run": "a"})()} == {(("run", "a"),)}
     recorder.close()

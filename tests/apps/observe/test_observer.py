@@ -11,9 +11,11 @@ import pytest
 from readygo.apps.fleet.run import run_in_process
 from readygo.apps.observe.observer import ProcessObserver
 from readygo.apps.observe.settings import Observing
-from readygo.common.dataset import Dataset
+from readygo.common.bus import InProcessBus
+from readygo.common.dataset import Dataset, Provenance
 from readygo.common.messages import StatusReply
 from readygo.runs.stages import Entry
+from readygo.services.recorder import Recorder, RecorderConfig
 from tests.apps.fleet.toy_line import DRAW, FILM, make_folder
 
 pytest.importorskip("prometheus_client", reason="prometheus-client (the extra `metrics`) is not installed")
@@ -89,3 +91,19 @@ def test_prometheus_of_another_user_gets_through_to_the_targets(tmp_path: Path) 
         assert state.stat().st_mode & 0o777 == 0o711
         assert (state / "targets").stat().st_mode & 0o055 == 0o055
         assert (state / "targets" / "w.json").stat().st_mode & 0o044 == 0o044
+
+
+def test_recorders_of_several_runs_are_told_apart_and_gone_after_their_runs(tmp_path: Path) -> None:
+    with ProcessObserver(Observing(metrics="127.0.0.1:0"), run="", role="recorder", name="rec0") as observer:
+        recorders = {
+            run: Recorder(tmp_path / run, "rec0", InProcessBus(), Provenance(), RecorderConfig(fsync=False))
+            for run in ("one", "two")
+        }
+        forget = {run: observer.recorder(recorder, run) for run, recorder in recorders.items()}
+        for left in (["one", "two"], ["two"], []):
+            page = urllib.request.urlopen(f"http://{observer.metrics_at}/metrics").read().decode()
+            assert re.findall(r'^readygo_recorder_episodes{run="(\w+)"} 0.0', page, re.MULTILINE) == left
+            if left:
+                forget[left[0]]()
+        for recorder in recorders.values():
+            recorder.leave()

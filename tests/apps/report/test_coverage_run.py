@@ -1,4 +1,6 @@
+import contextlib
 import dataclasses
+import sqlite3
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -57,6 +59,17 @@ def test_failures_are_told_by_the_scenarios_of_rejected_indices(data, monkeypatc
 def test_folder_without_a_run_knows_no_failures(data) -> None:
     assert rejection_reasons(data) is None
     assert failed_encounters(data, {}, []) is None
+
+
+def test_ledger_that_is_damaged_or_of_another_layout_tells_no_failures(tmp_path) -> None:
+    folder = RunFolder(tmp_path)
+    with folder.lock():
+        folder.ledger.write_bytes(b"no ledger at all " * 500)
+        assert rejection_reasons(tmp_path) is None
+        folder.ledger.unlink()
+        with contextlib.closing(sqlite3.connect(folder.ledger)) as other:
+            other.executescript("CREATE TABLE episode (idx); PRAGMA user_version = 99")
+        assert rejection_reasons(tmp_path) is None
 
 
 def test_map_is_that_of_the_runs_scene_unless_another_one_lies_there_now(tmp_path) -> None:

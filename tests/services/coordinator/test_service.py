@@ -1,9 +1,10 @@
 import queue
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 from readygo.common.bus import InProcessBus
-from readygo.common.messages import Command, ControlRequest, StatusReply, VerdictStatus, Wake, topics
+from readygo.common.messages import Command, ControlRequest, StatusReply, TroubleRequest, VerdictStatus, Wake, topics
 from readygo.common.messages.stages import HUMAN_PLAN, RENDER
 from readygo.services.coordinator import tick
 from tests.services.coordinator.line import Line
@@ -61,6 +62,32 @@ def test_recorder_that_is_gone_is_told_until_it_comes_back(line: Line) -> None:
     again.announce("recorder", "rec0")
     _wait_until(lambda: line.status().trouble == "")
     again.close()
+
+
+def test_trouble_of_a_recorder_ends_with_its_process(line: Line) -> None:
+    for left_in_peace in (True, False):
+        recorder, again = InProcessBus(line.bus), InProcessBus(line.bus)
+        recorder.announce("recorder", "rec0")
+        _wait_until(lambda: line.coordinator.roster.size == 1)
+        line.bus.request(topics.TROUBLE, TroubleRequest(recorder="rec0", reason="No space left."))
+        assert line.status().trouble == "No space left."
+        if left_in_peace:
+            recorder.close()
+        again.announce("recorder", "rec0")
+        _wait_until(lambda: line.status().trouble == "")
+        for bus in (recorder, again):
+            bus.close()
+        _wait_until(lambda: line.coordinator.roster.size == 0)
+
+
+def test_trouble_of_a_recorder_outlives_the_end_of_another_one(tmp_path: Path) -> None:
+    line = Line(tmp_path, recorders=("rec0", "east"))
+    recorder = InProcessBus(line.bus)
+    recorder.announce("recorder", "east")
+    line.bus.request(topics.TROUBLE, TroubleRequest(recorder="rec0", reason="No space left."))
+    recorder.close()
+    _wait_until(lambda: "Recorder east is gone" in line.status().trouble)
+    assert "No space left." in line.status().trouble
 
 
 def test_name_of_another_role_ends_no_lease_and_is_no_recorder(line: Line) -> None:

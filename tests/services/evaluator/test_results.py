@@ -167,6 +167,21 @@ def test_full_disk_ends_in_a_line_and_what_was_kept_stays(make_evaluator, tmp_pa
         assert set(results.actions(kept)) == kept
 
 
+def test_line_that_a_full_disk_cut_short_leaves_nothing_before_the_next_one(make_evaluator, tmp_path):
+    driven = []
+    with open_results(tmp_path / "first", SETTINGS) as results:
+        results.keep = lambda record, run: driven.append((record, run))
+        handle_evaluate(make_evaluator(lockstep=1), REQUEST, results=results)
+    with open_results(tmp_path, SETTINGS) as results:
+        (tmp_path / "trajectories.jsonl").write_bytes(b"{}" + b" " * 11_900 + b"\n")
+        with small_disk(), pytest.raises(RunError, match="cannot be written"):
+            results.keep(*driven[0])
+        results.keep(*driven[1])
+    with open_results(tmp_path, SETTINGS) as results:
+        assert set(results.records) == {driven[1][0].key}
+    assert len((tmp_path / "trajectories.jsonl").read_text().splitlines()) == 2
+
+
 KILLED = """
 import os, signal, sys
 from pathlib import Path

@@ -266,6 +266,29 @@ def test_another_holder_of_the_same_attempt_proves_its_lease_before_its_samples_
     assert validate(tmp_path).defects == ()
 
 
+def test_recorder_that_leaves_reports_nothing_and_the_next_one_of_its_name_goes_on(
+    make_recorder, coordinator, tmp_path
+) -> None:
+    first = make_recorder()
+    assert send(first, append_requests(0)) == ["ok", "committed"]
+    coordinator.granted[1] = 1
+    first.leave()
+    assert handle_append(first, append_requests(1)[0]).status is AppendStatus.RETRY
+    assert coordinator.lost == []
+    again = make_recorder()
+    assert again.settle()
+    again.close()
+    again.leave()
+    assert names(tmp_path) == ["shard-r0-00000.index", "shard-r0-00000.mcap"]
+    assert set(coordinator.done_indices) == {0}
+
+
+def test_folder_that_cannot_be_made_is_said_in_one_line(coordinator, tmp_path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(RunError, match=r"Writing to .*file/data failed: Not a directory"):
+        Recorder(tmp_path / "file" / "data", "r0", coordinator.bus, Provenance())
+
+
 def test_closed_recorder_asks_to_try_again(make_recorder) -> None:
     recorder = make_recorder()
     recorder.close()

@@ -11,7 +11,14 @@ from readygo.common.dataset.records import Record, chunk_span, iter_messages, it
 from readygo.common.dataset.stage import Scenery
 from readygo.common.errors import DatasetError
 from readygo.services.recorder import Recorder, RecorderConfig, handle_append
-from readygo.services.recorder.salvage import drop_episodes, next_number, next_start_ns, read_open_shard
+from readygo.services.recorder.salvage import (
+    drop_episodes,
+    finished_episodes,
+    next_number,
+    next_start_ns,
+    open_shards,
+    read_open_shard,
+)
 from tests.common.dataset.episodes import PROVENANCE, append_requests, make_episode, write_shard
 from tests.common.dataset.maps import make_maps
 from tests.services.recorder.coordinator import FakeCoordinator
@@ -261,3 +268,16 @@ def test_numbers_and_times_of_a_recorder_go_on_behind_its_own_files(tmp_path) ->
         (tmp_path / name).write_bytes(b"")
     assert (next_number(tmp_path, "r0"), next_start_ns(tmp_path, "r0")) == (12, 0)
     assert next_number(tmp_path, "r00") == 34
+
+
+def test_shards_from_the_hundred_thousandth_on_are_known_and_the_last_one_is_continued(tmp_path) -> None:
+    write_shard(tmp_path, (0,), number=99_999, sample_count=4)
+    write_shard(tmp_path, (1,), number=100_000, sample_count=8)
+    assert sorted(finished_episodes(tmp_path, "r0")) == [0, 1]
+    assert next_number(tmp_path, "r0") == 100_001
+    last = tmp_path / "last"
+    write_shard(last, (1,), sample_count=8)
+    assert next_start_ns(tmp_path, "r0") == next_start_ns(last, "r0")
+    (tmp_path / "shard-r0-100001.mcap.part").write_bytes(b"")
+    assert next_number(tmp_path, "r0") == 100_002
+    assert len(open_shards(tmp_path, "r0")) == 1
