@@ -126,9 +126,9 @@ class CameraConfig:
     readout_s: float = 0.0
     """Time from the first row's end of exposure to the last row's [s]: rolling shutter."""
     latency_s: float = 0.0
-    """Age of the image that a policy acts on [s], in whole steps of 0.05 s, the nearest. Training pairs an action with
-    the image of so long before, and in closed loop a policy sees that one. Recorded images are not delayed, and the
-    expert, which sees no images, has no latency."""
+    """Age of the image that a policy acts on [s], in whole steps of the robot's clock, the nearest. Training pairs an
+    action with the image of so long before, and in closed loop a policy sees that one. Recorded images are not delayed,
+    and the expert, which sees no images, has no latency."""
 
     depth_min_m: float = 0.0
     """Nearest depth that is measured, for policies that see depths [m]. What the next three say holds for them alone:

@@ -31,7 +31,7 @@ class Contact:
     """How robot and human met that collided."""
 
     robot_mps: float
-    """Speed of the robot [m/s]."""
+    """Velocity of the robot [m/s], negative backwards."""
     in_view: bool
     """True if the robot's camera showed the human then."""
     seen_s: float
@@ -40,7 +40,7 @@ class Contact:
     @property
     def robot_moved(self) -> bool:
         """False if a human walked into a robot that stood."""
-        return self.robot_mps >= MOVING_MPS
+        return abs(self.robot_mps) >= MOVING_MPS
 
     @property
     def at_fault(self) -> bool:

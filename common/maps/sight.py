@@ -1,7 +1,7 @@
 """What hides humans from a camera: which heights of every cell are opaque.
 
 A wall hides all of a human, a table only the legs. Bit b of a cell covers the heights above the local floor from
-`bottom_m` + b * `layer_m` on; lower things hide no human from a camera that is higher.
+`BOTTOM_M` + b * `layer_m` on; things that are lower hide no human.
 """
 
 import math
@@ -17,7 +17,7 @@ from readygo.common.maps.occupancy import OPACITY_MIN, VOXELS_PER_BAND, MapConfi
 from readygo.common.maps.voxels import opacity_sums
 
 BOTTOM_M, TOP_M = 0.4, 1.9
-"""Heights above the floor that sight is known for [m]; lower and higher ones are clear."""
+"""Heights above the floor that sight is known for [m]; lower ones are as the lowest, higher ones are clear."""
 BITS = 32
 TARGET_HEIGHTS_M = (0.5, 1.0, 1.5)
 TARGET_OFFSETS_M = (0.0, -0.2, 0.2)
@@ -115,8 +115,9 @@ def is_clear(
         t = k / steps
         i = math.floor((eye[1] + dy * t - oy) / resolution)
         j = math.floor((eye[0] + dx * t - ox) / resolution)
-        bit = math.floor((eye[2] + dz * t - BOTTOM_M) / layer)
-        inside = 0 <= i < opaque.shape[0] and 0 <= j < opaque.shape[1] and 0 <= bit < BITS
+        # What hides a human from a low camera reaches the floor: walls and furniture, not table tops.
+        bit = max(math.floor((eye[2] + dz * t - BOTTOM_M) / layer), 0)
+        inside = 0 <= i < opaque.shape[0] and 0 <= j < opaque.shape[1] and bit < BITS
         if inside and (opaque[i, j] >> np.uint32(bit)) & np.uint32(1):
             return False
     return True

@@ -30,8 +30,8 @@ class TakesLooks(Protocol):
         """Fuse what an image told.
 
         Args:
-            step: The present step.
-            pose: The robot when the image was taken: x, y [m], yaw [rad].
+            step: The step at which the image was taken; later ones may have passed.
+            pose: The robot at that step: x, y [m], yaw [rad].
             people: What was perceived, in the robot's frame.
         """
         ...
@@ -61,7 +61,8 @@ class SteppedTracker:
     def look(self, step: int, pose: Pose, people: People) -> None:
         """See `TakesLooks`."""
         self.advance(step)
-        self.tracker.fuse(pose, people, lambda x, y: self._shows(pose, x, y))
+        late_s = (self._step - step) * self._dt_s
+        self.tracker.fuse(pose, people, lambda x, y: self._shows(pose, x, y), late_s=late_s)
 
 
 Sink = TypeVar("Sink", bound=TakesLooks, covariant=True)
@@ -96,7 +97,7 @@ class EpisodePerception(Generic[Sink]):
 
     def is_due(self, step: int) -> bool:
         """True if the image that comes at a step is looked at."""
-        return step % max(1, self._clock.steps(LOOK_S)) == 0 or self._clock.image_every > 1
+        return step == 0 or (step - self._late_steps) % self._clock.nearest_images(LOOK_S) == 0
 
     def taken_at(self, step: int) -> int:
         """The step at which the image was taken that comes at a step."""
@@ -114,7 +115,7 @@ class EpisodePerception(Generic[Sink]):
         self._memory.see(image)
         self.perceived = self._perception.perceive(self._memory, np.array(command, np.float32))
         self.pose = pose
-        self.people.look(step, pose, self.perceived.people)
+        self.people.look(self.taken_at(step), pose, self.perceived.people)
 
 
 OnLook = Callable[[EpisodeSimulation, EpisodePerception[Sink], UInt8Array], None]

@@ -115,14 +115,26 @@ class PeopleTracker:
                 track.mean[:] = x, y, 0.0, 0.0
         self.tracks = [track for track in self.tracks if track.age_s <= self._lasts_s(track) + 1e-6]
 
-    def fuse(self, pose: Pose, people: People, shows: Callable[[float, float], bool]) -> None:
+    def fuse(self, pose: Pose, people: People, shows: Callable[[float, float], bool], *, late_s: float = 0.0) -> None:
         """Fuse what one look told.
 
         Args:
             pose: The robot when the image was taken: x, y [m], yaw [rad].
             people: What was perceived, in its frame.
             shows: True if the camera shows a human at a place of the world [m], as far as the map says.
+            late_s: How long ago that was [s]: tracks are fused where they were then, and move on at their velocities.
         """
+        self._shift(-late_s)
+        self._fuse(pose, people, shows)
+        self._shift(late_s)
+
+    def _shift(self, time_s: float) -> None:
+        """Move all tracks in time at their velocities [s]."""
+        if time_s:
+            for track in self.tracks:
+                kalman.predict(track.mean, track.cov, time_s, 0.0)
+
+    def _fuse(self, pose: Pose, people: People, shows: Callable[[float, float], bool]) -> None:
         c, s = math.cos(pose[2]), math.sin(pose[2])
         turn = np.array([[c, -s], [s, c]])
         xy = people.xy_m @ turn.T + np.array(pose[:2])

@@ -26,7 +26,7 @@ SETTLED_AFTER_S = 0.35
 SETTLE_MAX_S = 1.5
 """Longest time appended after a trajectory's end for the closing steps into a stand."""
 STAND_S = 50.0
-"""Length of the idle motion for a trajectory of one point [s]: the longest episode."""
+"""Length of the idle motion for a trajectory of one point [s]; afterwards its last pose is held."""
 
 
 def _walk(

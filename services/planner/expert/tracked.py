@@ -51,8 +51,8 @@ class TrackedHumans:
         """Fuse what an image told, see `readygo.common.perception.episode.TakesLooks`.
 
         Args:
-            step: The present step.
-            pose: The robot when it was taken: x, y [m], yaw [rad].
+            step: The step at which it was taken.
+            pose: The robot at that step: x, y [m], yaw [rad].
             people: What was perceived, in the robot's frame.
         """
         self._stepped.look(step, pose, people)

@@ -106,7 +106,7 @@ def test_start_beside_somebody_is_no_time_in_their_space_and_limits_are_sharp():
 
 @pytest.mark.parametrize(
     ("robot_mps", "seen_s", "moved", "at_fault"),
-    [(0.1, 1.0, True, True), (0.1, 0.95, True, False), (0.09, 2.0, False, False), (-0.3, 2.0, False, False)],
+    [(0.1, 1.0, True, True), (0.1, 0.95, True, False), (0.09, 2.0, False, False), (-0.3, 2.0, True, True)],
 )
 def test_fault_needs_a_robot_that_moves_and_a_second_of_sight(robot_mps, seen_s, moved, at_fault):
     contact = Contact(robot_mps=robot_mps, in_view=True, seen_s=seen_s)

@@ -105,11 +105,22 @@ def _is_clear(opaque, frame, layer_m, eye, target):
     steps = math.floor(math.dist(eye[:2], target[:2]) / (0.5 * frame.resolution_m)) + 1
     for point in eye + (target - eye) * np.linspace(0.0, 1.0, steps + 1)[:, None]:
         j, i = np.floor((point[:2] - (frame.origin_x_m, frame.origin_y_m)) / frame.resolution_m).astype(int).tolist()
-        bit = math.floor((point[2] - BOTTOM_M) / layer_m)
-        inside = 0 <= i < opaque.shape[0] and 0 <= j < opaque.shape[1] and 0 <= bit < BITS
+        bit = max(math.floor((point[2] - BOTTOM_M) / layer_m), 0)
+        inside = 0 <= i < opaque.shape[0] and 0 <= j < opaque.shape[1] and bit < BITS
         if inside and int(opaque[i, j]) >> bit & 1:
             return False
     return True
+
+
+@pytest.mark.parametrize("camera_m", [0.1, 0.2, 0.3, 0.35, 0.4, 0.5])
+@pytest.mark.parametrize("distance_m", [2.0, 3.0, 6.0])
+def test_walls_hide_humans_from_low_cameras(camera_m: float, distance_m: float) -> None:
+    occupied = np.zeros((100, 100), np.bool_)
+    occupied[:, 60:62] = True
+    frame = GridFrame(origin_x_m=-5.0, origin_y_m=-5.0, resolution_m=0.1)
+    sight = sight_of_occupancy(OccupancyMap(frame=frame, occupied=occupied))
+    assert not sight.sees(0.0, 0.0, camera_m, (distance_m, 0.0))
+    assert sight.sees(0.0, 0.0, camera_m, (-distance_m + 1.2, 0.0))
 
 
 def test_maps_sight_does_not_depend_on_the_bands_that_it_is_computed_in(monkeypatch):

@@ -1,3 +1,4 @@
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -95,4 +96,29 @@ def test_late_images_are_fused_where_the_robot_was_when_they_were_taken(camera_h
     _, (sink,) = drive(robot, 20)
     assert len(sink.looks) > 2
     for step, (x, _, _) in sink.looks:
-        assert x == pytest.approx(0.05 * (max(step - late, 0) // every * every))
+        assert (step % every, x) == (0, pytest.approx(0.05 * step))
+    assert sink.looks[-1][0] == (19 - late) // max(every, 2) * max(every, 2)
+
+
+@pytest.mark.parametrize(
+    ("camera_hz", "control_hz", "looks_hz"), [(20, 20, 10), (20, 40, 10), (30, 60, 10), (60, 120, 10), (5, 20, 5)]
+)
+def test_looks_are_a_tenth_of_a_second_apart_at_every_clock(camera_hz: int, control_hz: int, looks_hz: int) -> None:
+    robot = RobotConfig(camera_hz=camera_hz, control_hz=control_hz)
+    _, (sink,) = drive(robot, robot.clock.rate_hz)
+    assert len(sink.looks) == looks_hz
+
+
+@pytest.mark.parametrize("late_steps", [0, 2, 6])
+def test_tracks_of_late_images_do_not_lag_behind(late_steps: int) -> None:
+    dt_s, v_mps = 0.05, 1.4
+    stepped = SteppedTracker(PeopleTracker(None, None), dt_s, lambda pose, x, y: True)
+    for step in range(80):
+        stepped.advance(step)
+        taken = step - late_steps
+        if taken >= 0 and step % 2 == 0:
+            stepped.look(taken, (0.0, 0.0, 0.0), dataclasses.replace(ONE, xy_m=np.array([[2.0, v_mps * dt_s * taken]])))
+    (track,) = stepped.tracker.known
+    np.testing.assert_allclose(track.mean, [2.0, v_mps * dt_s * 79, 0.0, v_mps], atol=0.03)
+    # The later an image is, the less is known of where the human is now.
+    assert 0.02 < np.sqrt(track.cov[1, 1]) < 0.2 + 0.1 * late_steps
