@@ -4,7 +4,7 @@ import hashlib
 
 import numpy as np
 
-from readygo.common.arrays import Float32Array, UInt8Array
+from readygo.common.arrays import Float32Array, Float64Array, UInt8Array
 from readygo.common.camera.config import CameraConfig
 
 _NEAREST_BYTE = 255
@@ -52,6 +52,19 @@ def depth_bytes(depth_m: Float32Array, camera: CameraConfig) -> UInt8Array:
     near = np.clip(1.0 - depth_m / np.float32(camera.depth_max_m), 0.0, 1.0)
     levels = 1.0 + np.rint(near * np.float32(_NEAREST_BYTE - 1))
     return np.where(np.isfinite(depth_m), levels, 0.0).astype(np.uint8)
+
+
+def scale_depth_bytes(levels: UInt8Array, factor: Float64Array, camera: CameraConfig) -> UInt8Array:
+    """Bytes of depths that are each multiplied by a factor; 0 stays, and is what is then out of the camera's reach.
+
+    Args:
+        levels: From `depth_bytes`, shape (..., H, W).
+        factor: By what, above 0, shape (H, W).
+        camera: Whose range it is.
+    """
+    depth_m = (1.0 - (levels.astype(np.float64) - 1.0) / (_NEAREST_BYTE - 1)) * camera.depth_max_m * factor
+    there = (levels > 0) & (depth_m <= camera.depth_max_m)
+    return depth_bytes(np.where(there, depth_m, np.inf).astype(np.float32), camera)
 
 
 def depth_rng(name: str, step: int) -> np.random.Generator:

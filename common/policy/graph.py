@@ -22,6 +22,7 @@
 | `goal` | float32 (1, 2): the goal in the robot's frame, x forward, y left [m] |
 | `goal_image` | as `rgb` with one frame: what the robot would see at the goal |
 | `motion` | float32 (1, 3 (F - 1) + 2): ego-motion, see `readygo.common.policy.motion.own_motion` |
+| `image_motion` | the same up to the newest frame, instead of the present |
 | `command` | float32 (1, 2): v [m/s], w [rad/s] executed last |
 | `robot` | float32 (1, 6): which robot it drives, of those in `[robot.ranges]`; `readygo.common.policy.traits.TRAITS` |
 | `window` | int64 (F): with a cache, the row of each frame, the oldest first |
@@ -60,6 +61,7 @@ class Given(enum.StrEnum):
     GOAL = "goal"
     GOAL_IMAGE = "goal_image"
     MOTION = "motion"
+    IMAGE_MOTION = "image_motion"
     COMMAND = "command"
     ROBOT = "robot"
     WINDOW = "window"

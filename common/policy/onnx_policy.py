@@ -120,8 +120,9 @@ class OnnxPolicy(Policy):
                 fed[name] = np.array([rows[frame] for frame in frames], port.dtype)
             elif given == Given.GOAL_FRAME:
                 fed[name] = np.array([rows[frame] for frame in goal], port.dtype)
-            elif given == Given.MOTION:
-                fed[name] = np.asarray(memory.own_motion(command), port.dtype)[None]
+            elif given in (Given.MOTION, Given.IMAGE_MOTION):
+                present_ns = memory.seen_ns if given == Given.IMAGE_MOTION else None
+                fed[name] = np.asarray(memory.own_motion(command, present_ns), port.dtype)[None]
             else:
                 fed[name] = np.asarray(numbers[Given(given)], port.dtype)[None]
         action, *after = self._session.run(graph.outputs, fed)

@@ -19,10 +19,10 @@ from readygo.common.errors import PolicyError
 from readygo.services.trainer import best_recipe
 from readygo.services.trainer.checkpoint import load_checkpoint
 from readygo.services.trainer.config import TrainConfig
-from readygo.services.trainer.episodes import SampleSource, read_episodes
+from readygo.services.trainer.episodes import SampleSource, read_episodes, robot_of_source
 from readygo.services.trainer.learner import Learner
 from readygo.services.trainer.outcome import FINAL_SAMPLES
-from readygo.services.trainer.parts import EpisodePart, robot_of_source
+from readygo.services.trainer.parts import EpisodePart
 from readygo.services.trainer.ranks import Ranks
 from readygo.services.trainer.samples import spread_samples
 from readygo.services.trainer.train import training_threads

@@ -31,8 +31,8 @@ from readygo.common.errors import ConfigError, DatasetError, ReadygoError
 from readygo.common.robot.command_grid import COMMAND_COUNT, HUMAN, OBSTACLE, UNKNOWN_RISK
 from readygo.runs.training import make_config
 from readygo.services.trainer import TrainConfig
-from readygo.services.trainer.episodes import SampleSource
-from readygo.services.trainer.parts import build_parts, robot_of_source
+from readygo.services.trainer.episodes import SampleSource, robot_of_source
+from readygo.services.trainer.parts import build_parts
 from readygo.services.trainer.run import TrainRun
 from readygo.services.trainer.samples import spread_samples
 from readygo.services.trainer.train import training_threads

@@ -21,6 +21,7 @@ from readygo.common.errors import SceneError
 from readygo.services.reconstructor.job import POSED, REPORT_FILE
 from readygo.services.reconstructor.metric.drift import PoseErrors
 from readygo.services.reconstructor.poses import colmap
+from readygo.services.reconstructor.poses.config import PosesConfig
 from readygo.services.reconstructor.poses.covariance import pose_errors as pose_errors_of
 
 
@@ -38,7 +39,7 @@ def measured(truth: Path, job: Path) -> dict[str, Any]:
     report = json.loads((job / POSED / REPORT_FILE).read_text(encoding="utf-8"))
     scale = report["scale"]
     said = {"interval_percent": scale["interval_percent"], "drift_percent": scale.get("drift_percent")}
-    residuals = pose_errors_of(model, found.names)
+    residuals = pose_errors_of(model, found.names, PosesConfig())
     by_residuals = round(shape_rmse_m(found.T_world_camera, residuals), 5) if residuals else None
     return {**errors.to_mapping(), "shape_rmse_by_residuals_m": by_residuals, **said, "scale_by": scale["source"]}
 

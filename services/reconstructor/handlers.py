@@ -58,11 +58,12 @@ from readygo.services.reconstructor.metric.markers import (
     other_dictionaries,
     sightings_in,
 )
-from readygo.services.reconstructor.metric.place import NO_SCALE, Device, Placement, place_map, ruler_of, scale_is_told
+from readygo.services.reconstructor.metric.place import NO_SCALE, Device, Placement, Ruler, place_map, scale_is_told
 from readygo.services.reconstructor.metric.scale import TWO_SIDED_95, square_corners_m
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.poses import colmap
 from readygo.services.reconstructor.poses.apart import apart
+from readygo.services.reconstructor.poses.config import PosesConfig
 from readygo.services.reconstructor.poses.covariance import pose_errors
 from readygo.services.reconstructor.poses.intrinsics import Intrinsics, fit_to_images, read_intrinsics
 from readygo.services.reconstructor.poses.pairs import image_pairs, view_pairs
@@ -350,8 +351,8 @@ def make_posed(
     frames = read_json(out / FRAMES / "stage.json")["found"]
     place, _ = images_of(frames, out / FRAMES)
     images = colmap.read_map(model)
-    placed = place_map(images, sightings, lengths, config.metric, device_of(frames))
-    placed = _with_drift(placed, model, images, sightings, lengths)
+    find_drift = partial(_drift_beside, model, images, adjusted_as(frames, config.poses))
+    placed = place_map(images, sightings, lengths, config.metric, device_of(frames), find_drift)
     apart(colmap.write_undistorted, model, place, folder, placed.world_from_map, config.poses)
     if (out / FRAMES / MASKS).is_dir():
         colmap.write_undistorted_masks(model, out / FRAMES / MASKS, folder)
@@ -371,6 +372,11 @@ def make_posed(
     return report
 
 
+def adjusted_as(frames: Mapping[str, Any], config: PosesConfig) -> PosesConfig:
+    """How the map was adjusted: lenses that came with the images' poses stay as they are."""
+    return replace(config, intrinsics="given", intrinsics_are="fixed") if "pose" in frames else config
+
+
 def device_of(frames: Mapping[str, Any]) -> Device:
     """What the device that filmed measured itself."""
     return Device(
@@ -380,23 +386,10 @@ def device_of(frames: Mapping[str, Any]) -> Device:
     )
 
 
-def _with_drift(
-    placed: Placement,
-    model: Path,
-    images: PosedImages,
-    sightings: list[MarkerSighting],
-    lengths: list[KnownLength],
-) -> Placement:
-    """The placement with a bent map's share in its scale's interval; with a note if that share is unknown."""
-    ruler = ruler_of(placed, sightings, lengths)
-    if ruler is None:
-        return placed
-    errors = apart(pose_errors, model, images_to_look_at(images.names, ruler.images))
-    sigma = None if errors is None else drift(images, errors, ruler.measure, ruler.images)
-    if sigma is None:
-        note = "the interval of the scale is that of what told it alone: how far the map is bent cannot be told"
-        return replace(placed, warnings=(*placed.warnings, note))
-    return replace(placed, scale=replace(placed.scale, drift=sigma))
+def _drift_beside(model: Path, images: PosedImages, poses: PosesConfig, ruler: Ruler) -> float | None:
+    """How far a map may be bent beside what told its scale, see `drift`; None if it cannot be told."""
+    errors = apart(pose_errors, model, images_to_look_at(images.names, ruler.images), poses)
+    return None if errors is None else drift(images, errors, ruler.measure, ruler.images)
 
 
 def _placement_numbers(placed: Placement, config: ReconstructorConfig) -> dict[str, Any]:

@@ -84,7 +84,9 @@ def make_map(
     reason = refusal(verdict)
     doubtful = few_matches or verdict.points_per_image < DOUBTFUL_POINTS
     if not reason and source.kind in ("video", "photos") and not sightings and doubtful:
-        reason = _contradiction(images, database, out / FRAMES, folder, config.poses, few_matches=few_matches)
+        reason = _contradiction(
+            images, database, out / FRAMES, folder, config.poses, count=asked, few_matches=few_matches
+        )
     if reason:
         raise SceneError(reason)
     return {"model": name, "verdict": {**asdict(verdict), "components": list(sizes)}}
@@ -122,12 +124,19 @@ def _maps(
 
 
 def _contradiction(
-    images: PosedImages, database: Path, photos: Path, folder: Path, config: PosesConfig, *, few_matches: bool
+    images: PosedImages,
+    database: Path,
+    photos: Path,
+    folder: Path,
+    config: PosesConfig,
+    *,
+    count: int,
+    few_matches: bool,
 ) -> str | None:
     """Why a map must not be used that comes out differently with other seeds."""
     for number in range(1, REPEATS + 1):
         with TemporaryDirectory(dir=folder) as other:
-            again, count = replace(config, seed=config.seed + number), len(images.names)
+            again = replace(config, seed=config.seed + number)
             models = colmap.build_maps(database, photos, Path(other), again, count=count, few_matches=few_matches)
             reason = disagreement(images, colmap.read_map(models[0]) if models else None)
         if reason:

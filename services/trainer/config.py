@@ -14,6 +14,8 @@ PERCEPTION_WIDTHS, PERCEPTION_SPACING_S = (24, 40, 56, 88, 160), 0.2
 
 Share = Annotated[float, Range(low=0.0, high=1.0)]
 Positive = Annotated[float, Range(above=0.0)]
+MINUTES = Range(above=0.0, high=100_000.0)
+"""Budgets [min]; the largest is ten weeks."""
 Count = Annotated[int, Range(low=1)]
 NotNegative = Annotated[float, Range(low=0.0)]
 
@@ -124,7 +126,7 @@ class OptimizerConfig:
 class TrainConfig:
     """One training run."""
 
-    minutes: Positive = 10.0
+    minutes: Annotated[float, MINUTES] = 10.0
     """Processor time of each training thread, on a GPU the time that goes by; runs that continue count that of the
     earlier ones [min]."""
     samples: int | None = None

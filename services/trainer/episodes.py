@@ -1,6 +1,7 @@
 """Episodes as training holds them: encoded images and numbers."""
 
 import itertools
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -9,12 +10,19 @@ import numpy as np
 
 from readygo.common.arrays import BoolArray, Float32Array, Float64Array, FloatingArray, RecordArray, UInt8Array
 from readygo.common.camera import SensorConfig
+from readygo.common.camera.view import FieldOfView, in_view, view_of
 from readygo.common.errors import DatasetError
 from readygo.common.images.names import GOAL_IMAGE
 from readygo.common.messages import CommittedEpisode, EpisodeKey, Sample
 from readygo.common.messages.plan import DriverKind, Outcome
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import UNKNOWN_RISK
+
+BODY_RADIUS_M = 0.25
+"""A human whose disc of this radius reaches into the view is in it [m]."""
+
+Eyes = Sequence[tuple[tuple[float, float, float], FieldOfView]]
+"""Cameras of a robot: x, y [m] and yaw [rad] in its frame, and the view."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, slots=True)
@@ -213,8 +221,9 @@ def read_episodes(
         outputs: Names of further images to read.
 
     Raises:
-        DatasetError: If a shard is damaged, or has no such images.
+        DatasetError: If a shard is damaged, has no such images, or does not tell which robot saw the humans.
     """
+    robot = robot_of_source(source) if with_humans else RobotConfig()
     commands = None
     if source.has_expert:
         commands = np.concatenate([source.expert_actions[:, None], source.expert_ahead], axis=1)
@@ -227,7 +236,7 @@ def read_episodes(
         humans = None
         if with_humans:
             places = [poses[:, :2] for poses in source.humans_xyzyaw[part]]
-            humans = nearest_humans(xyyaw[part], places, visible[part])
+            humans = nearest_humans(xyyaw[part], places, visible[part], robot.with_values(entry.drawn))
         images = tuple(source.image(row) for row in rows)
         yield TrainingEpisode(
             name=entry.sha256,
@@ -252,14 +261,31 @@ def read_episodes(
         )
 
 
-def committed_episode(message: CommittedEpisode, outputs: Sequence[str] = ()) -> TrainingEpisode:
-    """An episode as the recorder announces it, with further images of some names.
+def robot_of_source(source: SampleSource) -> RobotConfig:
+    """The robot that the samples were recorded with.
+
+    Raises:
+        DatasetError: If the data do not tell.
+    """
+    if source.robot is None:
+        raise DatasetError("The data do not tell which robot recorded them; record them again.")
+    return source.robot
+
+
+def committed_episode(message: CommittedEpisode, robot: RobotConfig, outputs: Sequence[str] = ()) -> TrainingEpisode:
+    """An episode as the recorder announces it.
+
+    Args:
+        message: The announcement.
+        robot: That of the run; the episode has one of its ranges, if it has any.
+        outputs: Names of further images to take.
 
     Raises:
         DatasetError: If it has no such images.
     """
     header, samples = message.header, message.samples
     xyyaw = np.array([(s.robot_xyzyaw[0], s.robot_xyzyaw[1], s.robot_xyzyaw[3]) for s in samples], np.float64)
+    places, visible = [_places(s) for s in samples], np.array([s.human_visible for s in samples])
     return TrainingEpisode(
         name=header.episode.episode_id,
         images=tuple(sample.image for sample in samples),
@@ -268,7 +294,7 @@ def committed_episode(message: CommittedEpisode, outputs: Sequence[str] = ()) ->
         xyyaw=xyyaw,
         expert=_expert(samples),
         risks=_risks(samples),
-        humans=nearest_humans(xyyaw, [_places(s) for s in samples], np.array([s.human_visible for s in samples])),
+        humans=nearest_humans(xyyaw, places, visible, robot.with_values(header.drawn)),
         driver=header.driver,
         outcome=header.outcome,
         static=not header.avatars,
@@ -288,23 +314,46 @@ def _output(sample: Sample, name: str) -> bytes:
     return sample.outputs.get(name, b"")
 
 
-def nearest_humans(xyyaw: Float64Array, places_xy_m: Sequence[FloatingArray], visible: BoolArray) -> Float32Array:
-    """`TrainingEpisode.humans`: the nearest human ahead of the robot, at the samples at which one is visible.
+def nearest_humans(
+    xyyaw: Float64Array, places_xy_m: Sequence[FloatingArray], visible: BoolArray, robot: RobotConfig
+) -> Float32Array:
+    """`TrainingEpisode.humans`: the nearest human in view of a camera, at the samples at which one is visible.
+
+    Whether something hides one of them is not known here.
 
     Args:
         xyyaw: Robot's poses, shape (T, 3).
         places_xy_m: Where the humans are at each sample [m], shapes (H, 2).
         visible: True where one is in view, shape (T,).
+        robot: Whose cameras look.
     """
-    found = np.zeros((len(xyyaw), 3), np.float32)
+    found, eyes = np.zeros((len(xyyaw), 3), np.float32), eyes_of(robot)
     for row in itertools.compress(range(len(xyyaw)), visible):
         dx, dy = (np.asarray(places_xy_m[row], np.float64).reshape(-1, 2) - xyyaw[row, :2]).T
         bearings_rad = np.remainder(np.arctan2(dy, dx) - xyyaw[row, 2] + np.pi, 2 * np.pi) - np.pi
-        distances_m = np.where(np.abs(bearings_rad) < np.pi / 2, np.hypot(dx, dy), np.inf)
-        if len(distances_m) and np.isfinite(distances_m.min()):
-            nearest = int(distances_m.argmin())
-            found[row] = 1.0, bearings_rad[nearest], distances_m[nearest]
+        distances_m = np.hypot(dx, dy)
+        for nearest in np.argsort(distances_m).tolist():
+            if eyes_show(eyes, float(bearings_rad[nearest]), float(distances_m[nearest])):
+                found[row] = 1.0, bearings_rad[nearest], distances_m[nearest]
+                break
     return found
+
+
+def eyes_of(robot: RobotConfig) -> Eyes:
+    """Where the cameras of a robot are in its frame, and what they show."""
+    return [(camera.eye(0.0, 0.0, 0.0), view_of(camera)) for camera in robot.all_cameras.values()]
+
+
+def eyes_show(eyes: Eyes, bearing_rad: float, distance_m: float) -> bool:
+    """True if some part of a human lies in the view of a camera, hidden or not.
+
+    Args:
+        eyes: The robot's cameras.
+        bearing_rad: Where the human is, from the robot's heading to the left [rad].
+        distance_m: How far it is from the robot's centre [m].
+    """
+    x_m, y_m = distance_m * math.cos(bearing_rad), distance_m * math.sin(bearing_rad)
+    return any(in_view(eye, x_m, y_m, view, math.inf, BODY_RADIUS_M) for eye, view in eyes)
 
 
 def _expert(samples: Sequence[Sample]) -> Float32Array | None:

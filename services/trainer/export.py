@@ -129,13 +129,15 @@ def graph_spec(net: PolicyNet, frame_spacing_s: float) -> GraphSpec:
         Given.ROBOT: inputs.robot,
     }
     given = {name: name for name in (*inputs.images, *(each.value for each, takes in named.items() if takes))}
+    if Given.MOTION in given and isinstance(net.encoder, PretrainedEncoder):
+        given[Given.MOTION] = Given.IMAGE_MOTION.value
     cache = {"latents": "latent"} if late else {}
     # One that sees its goal holds its command between two images.
     rate_hz = None if inputs.goal is GoalForm.POINT else float(RATE_HZ)
     if inputs.memory_count:
         rate_hz = 1.0 / frame_spacing_s
     return GraphSpec(
-        inputs={name: name for name in given},
+        inputs=given,
         state={MEMORY: f"{MEMORY}_next"} if inputs.memory_count else {},
         cache=cache,
         moving="" if net.bins is None else MOVING,
@@ -153,6 +155,7 @@ def policy_graph(net: PolicyNet, robot: RobotConfig, frame_spacing_s: float) -> 
         Given.WINDOW: torch.zeros(inputs.frame_count, dtype=torch.int64),
         Given.GOAL_FRAME: torch.zeros(1, dtype=torch.int64),
         Given.MOTION: torch.zeros(1, inputs.motion.width(inputs.frame_count)),
+        Given.IMAGE_MOTION: torch.zeros(1, inputs.motion.width(inputs.frame_count)),
         Given.COMMAND: torch.zeros(1, 2),
         Given.GOAL: torch.zeros(1, 2),
         Given.ROBOT: torch.ones(1, TRAIT_COUNT),

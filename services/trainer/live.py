@@ -82,7 +82,7 @@ class LiveTrainer:
         Raises:
             PolicyError: If `out` belongs to a run with other settings.
         """
-        self._config, self._offer, self._catch_up = config, offer, catch_up
+        self._robot, self._config, self._offer, self._catch_up = robot, config, offer, catch_up
         self._parts = EpisodePart(robot, config, 1 - HELD_OUT_SHARE), EpisodePart(robot, config, HELD_OUT_SHARE)
         self._run = TrainRun(self._parts, robot, sensor, config, out, data={"source": "live"})
         self._show, self._shown = show, len(self._run.history)
@@ -153,7 +153,9 @@ class LiveTrainer:
             if (message.header.height_px, message.header.width_px) != self._size_px:
                 _log.warning("Episode %s has images of another size and is left out.", name)
                 continue
-            self._keep(dataclasses.replace(committed_episode(message, outputs_of(self._config)), name=name))
+            self._keep(
+                dataclasses.replace(committed_episode(message, self._robot, outputs_of(self._config)), name=name)
+            )
 
     def _keep(self, episode: TrainingEpisode) -> None:
         held_out = name_rank(episode.name) < self._config.validation_fraction

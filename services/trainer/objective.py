@@ -13,6 +13,7 @@ from readygo.common.policy.traits import LIMITS_AT
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import HUMAN, OBSTACLE, UNKNOWN_RISK, mirror_indices
 from readygo.services.trainer.config import TrainConfig
+from readygo.services.trainer.episodes import eyes_of, eyes_show
 from readygo.services.trainer.frames import FrameCache
 from readygo.services.trainer.goals import Goals, hindsight_goals, own_goals
 from readygo.services.trainer.inputs import MotionInput
@@ -97,6 +98,7 @@ class Objective:
         self._motion = MotionInput(config.network.motion)
         pooling = pooling_of(robot.camera, config.network.pooled_height_px)
         self._warp_of = lru_cache(WARPS_KEPT)(partial(RobotWarp, images=self._sees, pooling=pooling))
+        self._eyes_of = lru_cache(WARPS_KEPT)(eyes_of)
         self._sees_goal = config.network.goal != "point"
 
     def training(self, table: TrainingSamples, frames: Frames, samples: Int64Array, rng: np.random.Generator) -> Shown:
@@ -117,6 +119,10 @@ class Objective:
         # What a command leads to is told for the robot as it stood.
         risks = np.where(yaws_rad[:, None] != 0, UNKNOWN_RISK, table.risks[samples])
         humans = table.humans[samples] - np.stack([0 * yaws_rad, yaws_rad, 0 * yaws_rad], axis=1)
+        for row in np.flatnonzero((humans[:, 0] > 0) & (yaws_rad != 0)).tolist():
+            if not eyes_show(self._eyes_of(table.robots[table.episode[samples[row]]]), *humans[row, 1:].tolist()):
+                # Another one may still be in view, which the samples do not say.
+                humans[row] = np.nan
         images = self._shown(table, frames, batch, groups, view)
         if self._sees_goal:
             places, batch = with_goal_frames(batch, chosen)

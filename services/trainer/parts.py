@@ -8,7 +8,7 @@ from readygo.common.images.names import GOAL_IMAGE, RGB
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import command_grid
 from readygo.services.trainer.config import TrainConfig
-from readygo.services.trainer.episodes import SampleSource, TrainingEpisode, read_episodes
+from readygo.services.trainer.episodes import SampleSource, TrainingEpisode, read_episodes, robot_of_source
 from readygo.services.trainer.frames import FrameCache
 from readygo.services.trainer.looked import LookCache
 from readygo.services.trainer.pooling import pooling_of
@@ -82,18 +82,8 @@ def timing_of(robot: RobotConfig, config: TrainConfig) -> WindowTiming:
         frame_count=config.network.frame_count,
         latency_steps=clock.steps(robot.camera.latency_s),
         ahead_steps=clock.steps(config.sampling.ahead_s),
+        to_image=config.network.encoder == "perception",
     )
-
-
-def robot_of_source(source: SampleSource) -> RobotConfig:
-    """The robot that the samples were recorded with.
-
-    Raises:
-        DatasetError: If the data do not tell.
-    """
-    if source.robot is None:
-        raise DatasetError("The data do not tell which robot recorded them; record them again.")
-    return source.robot
 
 
 def build_parts(

@@ -39,6 +39,8 @@ class WindowTiming:
     """The robot's clock."""
     command_count: int = COMMAND_COUNT
     """Commands of the robot's grid, which data tell the risks of."""
+    to_image: bool = False
+    """True if the ego-motion is that up to the latest frame, not up to the sample."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -145,7 +147,7 @@ def episode_table(episode: TrainingEpisode, robot: RobotConfig, timing: WindowTi
         by_policy=np.full(count, episode.driver is DriverKind.POLICY),
         usable=seen & (steps % clock.control_every == 0),
         targets=targets,
-        motion=own_motion(poses[rows[:, :-1]], poses, previous),
+        motion=own_motion(poses[rows[:, :-1]], poses[rows[:, -1]] if timing.to_image else poses, previous),
         goals_xy_m=episode.goals_xy_m,
         xyyaw=episode.xyyaw,
         risks=_risks(episode, timing.command_count),

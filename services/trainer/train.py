@@ -10,9 +10,9 @@ import torch
 
 from readygo.common.cores import available_cores
 from readygo.services.trainer.config import TrainConfig
-from readygo.services.trainer.episodes import SampleSource
+from readygo.services.trainer.episodes import SampleSource, robot_of_source
 from readygo.services.trainer.outcome import write_outcome
-from readygo.services.trainer.parts import build_parts, robot_of_source
+from readygo.services.trainer.parts import build_parts
 from readygo.services.trainer.run import Evaluate, TrainProgress, TrainRun
 
 

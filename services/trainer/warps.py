@@ -10,6 +10,7 @@ import numpy as np
 
 from readygo.common.arrays import Float32Array, Float64Array, Int64Array, UInt8Array
 from readygo.common.camera import CameraConfig
+from readygo.common.camera.depth import scale_depth_bytes
 from readygo.common.camera.lens import make_lens
 from readygo.common.images.names import cameras_of, kinds_of
 from readygo.common.policy.sight import camera_on, channels_of
@@ -18,6 +19,8 @@ from readygo.services.trainer.views import BatchViews
 
 COLOURS = 3
 """Channels that are colours; those behind them are depths."""
+_AHEAD_MIN = 1e-6
+"""Rays that go less far ahead are beside the camera."""
 
 
 def in_mirror(camera: CameraConfig) -> CameraConfig:
@@ -86,11 +89,12 @@ class FrameWarp:
     """Shows frames as a robot's camera would have, had the robot been turned on the spot; shifted and mirrored.
 
     A rotation moves pixels the same way at every depth, so that the images are exact but for what was out of view: the
-    edge is repeated there. A camera that is not above the robot's centre also moves a little, which is left out. What a
-    sensor varies of a lens between episodes is left out as well.
+    edge is repeated there. Depths are those along the turned optical axis. A camera that is not above the robot's
+    centre also moves a little, which is left out. What a sensor varies of a lens between episodes is left out as well.
     """
 
     def __init__(self, camera: CameraConfig, pooling: int = 1) -> None:
+        self._camera = camera
         self._lens = make_lens(camera)
         self._R_robot_camera = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)[:3, :3]
         self._size = camera.width_px // pooling, camera.height_px // pooling
@@ -121,9 +125,11 @@ class FrameWarp:
             for frame, shown in zip(frames, out, strict=True):
                 self._warp(frame, shown, H)
         else:
-            maps = self._turned_maps(yaw_rad)
+            columns, rows, ahead = self._turned_maps(yaw_rad)
             for frame, shown in zip(frames, out, strict=True):
-                _move(_remap_pixels(frame, maps), shift_px, mirrored, out=shown)
+                turned = _remap_pixels(frame, (columns, rows))
+                self._turn_depths(turned, ahead)
+                _move(turned, shift_px, mirrored, out=shown)
 
     def _warp(self, frame: UInt8Array, shown: UInt8Array, H: Float64Array) -> None:
         for part, how in _parts(frame.shape[2]):
@@ -135,6 +141,20 @@ class FrameWarp:
             cv2.warpPerspective(source, H, self._size, dst=target, flags=flags, borderMode=cv2.BORDER_REPLICATE)
             if not whole:
                 shown[..., part] = target
+        if frame.shape[2] > COLOURS:
+            rows, columns = np.indices(shown.shape[:2])
+            self._turn_depths(shown, H[2, 0] * columns + H[2, 1] * rows + H[2, 2])
+
+    def _turn_depths(self, shown: UInt8Array, ahead: Float64Array) -> None:
+        """Make depths along the old optical axis those along the turned one.
+
+        Args:
+            shown: A turned frame, changed in place.
+            ahead: Parts along the old axis of rays whose part along the new axis is 1, shape (H, W).
+        """
+        factor = 1.0 / np.maximum(ahead, _AHEAD_MIN)
+        for channel in range(COLOURS, shown.shape[2]):
+            shown[..., channel] = scale_depth_bytes(shown[..., channel], factor, self._camera)
 
     def _rotation(self, yaw_rad: float) -> Float64Array:
         """From the turned camera's axes to those before, shape (3, 3)."""
@@ -150,15 +170,15 @@ class FrameWarp:
         K = np.array([[1.0, 0.0, -0.5], [0.0, 1.0, -0.5], [0.0, 0.0, 1.0]]) @ K
         return np.asarray(K @ self._rotation(yaw_rad) @ np.linalg.inv(K), np.float64)
 
-    def _turned_maps(self, yaw_rad: float) -> tuple[Float32Array, Float32Array]:
-        """Through the lens: every pixel's ray, turned, and the pixel that saw it before."""
+    def _turned_maps(self, yaw_rad: float) -> tuple[Float32Array, Float32Array, Float64Array]:
+        """Through the lens: the pixel that saw every pixel's turned ray before, and the ray's part along that axis."""
         x, y, ahead = (self._rays @ self._rotation(yaw_rad).T).T
-        xy = np.stack([x, y], axis=1) / np.maximum(ahead, 1e-6)[:, None]
+        xy = np.stack([x, y], axis=1) / np.maximum(ahead, _AHEAD_MIN)[:, None]
         # Beyond what the lens can show its polynomial would turn back into the image.
         xy *= np.minimum(1.0, self._lens.radius_max / np.maximum(np.hypot(xy[:, 0], xy[:, 1]), 1e-12))[:, None]
         pixels = self._lens.pixels(xy) / self._pooling - 0.5
         columns, rows = pixels.astype(np.float32).T.reshape(2, self._size[1], self._size[0])
-        return columns, rows
+        return columns, rows, ahead.reshape(columns.shape)
 
 
 def show_frames(frames: UInt8Array, groups: Int64Array, view: BatchViews, warps: Mapping[int, RobotWarp]) -> UInt8Array:

@@ -63,7 +63,8 @@ class AvatarFitConfig:
     side_max_px: Annotated[int, Range(low=32)] = 512
     """Larger images are made smaller: longer side [px]."""
     hold_out: Annotated[int, Range(low=0)] = 8
-    """Of every so-manieth frame the pose alone is found, and the quality measured; 0: none."""
+    """Every so-manieth frame changes the motion alone (its neighbours' too, which is smooth), and measures the quality;
+    0: none."""
     gaussians_max: Annotated[int, Range(low=1000, high=300_000)] = 60_000
     """Most Gaussians of the avatar."""
     mask_weight: Annotated[float, Range(low=0.0)] = 0.2

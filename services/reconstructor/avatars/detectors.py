@@ -2,7 +2,7 @@
 
 | network | input | output |
 |---|---|---|
-| keypoints | float32 (1, 3, H, W): the person's box, 1.25 times as large, at the input's aspect ratio | `simcc_x` (1, K, 2 W) and `simcc_y` (1, K, 2 H) as of RTMPose, in this order; or one heatmap (1, K, h, w) |
+| keypoints | float32 (1, 3, H, W): the person's box, 1.25 times as large, at the input's aspect ratio | `simcc_x` (1, K, 2 W) and `simcc_y` (1, K, 2 H) as of RTMPose, in this order; or one heatmap (1, K, h, w) as of HRNet, see `decode_heatmaps` |
 | mask | float32 (1, 3, H, W): the whole image | (1, 1, h, w): probabilities or logits of the person, or (1, 2, h, w) with the person second |
 
 Both take RGB with the mean and deviation of ImageNet. Sizes come from the file; a mask network that leaves its size open
@@ -145,19 +145,23 @@ def decode_simcc(x: AnyArray, y: AnyArray, width_px: int, height_px: int) -> Flo
 def decode_heatmaps(maps: AnyArray, width_px: int, height_px: int) -> Float64Array:
     """Pixels in the input and confidences of the peaks of heatmaps (K, h, w), shape (K, 3).
 
-    A quarter of a pixel is added towards the larger neighbour.
+    A cell stands for the pixel that its index times the stride counts to, from the first pixel's centre, as HRNet,
+    SimpleBaseline and mmpose's MSRAHeatmap are trained. A quarter of a cell is added towards the larger neighbour,
+    where there are two.
 
-    Source: Newell et al., Stacked hourglass networks for human pose estimation, 2016, section 4.1.
+    Sources: Newell et al., Stacked hourglass networks for human pose estimation, 2016, section 4.1; Xiao et al., Simple
+    baselines for human pose estimation and tracking, 2018.
     """
     count, height, width = maps.shape
-    padded = np.pad(maps.astype(np.float64), ((0, 0), (1, 1), (1, 1)), mode="edge")
+    padded = np.pad(maps.astype(np.float64), ((0, 0), (1, 1), (1, 1)), mode="reflect")
     row, column = np.divmod(maps.reshape(count, -1).argmax(axis=1), width)
     k = np.arange(count)
     right = np.sign(padded[k, row + 1, column + 2] - padded[k, row + 1, column])
     below = np.sign(padded[k, row + 2, column + 1] - padded[k, row, column + 1])
-    u, v = column + 0.5 + 0.25 * right, row + 0.5 + 0.25 * below
+    u = (column + 0.25 * right) * (width_px / width) + 0.5
+    v = (row + 0.25 * below) * (height_px / height) + 0.5
     peaks = np.maximum(maps.reshape(count, -1).max(axis=1), 0.0)
-    return np.stack([u * (width_px / width), v * (height_px / height), peaks], axis=1)
+    return np.stack([u, v, peaks], axis=1)
 
 
 def person_share(output: Float32Array) -> Float32Array:

@@ -156,7 +156,7 @@ class PersonFit:
         self.rig.load(state)  # type: ignore[arg-type]
 
     def one_step(self) -> None:
-        """Draw a frame, and change what it has a gradient of; in held-out frames the pose alone."""
+        """Draw a frame, and change what it has a gradient of; in held-out frames the motion alone."""
         share = self.step / self.config.steps
         frame, view, rng = self._next_view(share)
         drawn = self.draw(frame, view, gradients=True)

@@ -120,7 +120,7 @@ class HugsFit(PersonFit):
         self._bake()
 
     def one_step(self) -> None:
-        """Learn the body; or draw a frame, and change what it has a gradient of; in held-out frames the pose alone."""
+        """Learn the body; or draw a frame, and change what it has a gradient of; if held out, the motion alone."""
         share = self.step / self.config.steps
         for group, rate in zip(self._optimiser.param_groups, _RATES.values(), strict=True):
             group["lr"] = between((rate, 0.1 * rate), share)

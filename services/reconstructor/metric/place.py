@@ -1,5 +1,6 @@
 """From a map in arbitrary units to metres, z up, with z = 0 on the floor."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -58,6 +59,7 @@ class Device:
 
 
 _NO_DEVICE = Device()
+_DRIFT_UNKNOWN = "the interval of the scale is that of what told it alone: how far the map is bent cannot be told"
 
 
 def scale_is_told(config: MetricConfig) -> bool:
@@ -76,39 +78,6 @@ class Placement:
     warnings: tuple[str, ...]
 
 
-def place_map(
-    images: PosedImages,
-    sightings: Sequence[MarkerSighting],
-    lengths: Sequence[KnownLength],
-    config: MetricConfig,
-    device: Device = _NO_DEVICE,
-) -> Placement:
-    """Find scale, up and floor of a map.
-
-    Args:
-        images: The map.
-        sightings: Of markers.
-        lengths: What `config.lengths` says, in pixels of these images.
-        config: What makes the map metric.
-        device: What the device measured; its scale is taken where nothing else tells one, and checked by what does.
-
-    Raises:
-        ConfigError: If nothing tells the scale.
-        SceneError: If what tells it cannot be measured, or contradicts itself.
-    """
-    measures, warnings = _measured_markers(images, sightings, config)
-    scale, more = _scale(images, measures, lengths, config, device)
-    up = held_up(images.T_world_camera) if device.up is None else device.up
-    floor, marker, others = _floor(images, measures, config, up)
-    origin = images.T_world_camera[0, :3, 3] if marker is None else marker.corners.mean(axis=0)
-    forward = images.T_world_camera[0, :3, 2] if marker is None else marker.map_from_marker.R[:, 0]
-    moved = world_from_map(floor, forward, origin, scale.metres_per_unit)
-    doubted = "marker's size, and that it lies flat" if measures else "lengths" if lengths else "scale that was given"
-    doubted = "scale of the device" if device.metric and not scale_is_told(config) else doubted
-    warnings += [*more, *others, *_doubtful_height(images.transform(moved), doubted)]
-    return Placement(world_from_map=moved, scale=scale, floor=floor, markers=tuple(measures), warnings=tuple(warnings))
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ruler:
     """What told the scale of a map."""
@@ -119,15 +88,70 @@ class Ruler:
     """Images that show the ruler."""
 
 
-def ruler_of(placed: Placement, sightings: Sequence[MarkerSighting], lengths: Sequence[KnownLength]) -> Ruler | None:
-    """The best of the markers, or the first of the lengths; None where the scale was given."""
-    if placed.markers:
-        best = min(placed.markers, key=lambda measure: measure.sigma).marker
+FindDrift = Callable[[Ruler], float | None]
+"""Relative standard deviation of the map's size beside a ruler; None if it cannot be told."""
+
+
+def place_map(
+    images: PosedImages,
+    sightings: Sequence[MarkerSighting],
+    lengths: Sequence[KnownLength],
+    config: MetricConfig,
+    device: Device = _NO_DEVICE,
+    find_drift: FindDrift | None = None,
+) -> Placement:
+    """Find scale, up and floor of a map.
+
+    Args:
+        images: The map.
+        sightings: Of markers.
+        lengths: What `config.lengths` says, in pixels of these images.
+        config: What makes the map metric.
+        device: What the device measured; its scale is taken where nothing else tells one, and checked by what does.
+        find_drift: Tells the map's drift, which the scale's interval has a share of; None takes none.
+
+    Raises:
+        ConfigError: If nothing tells the scale.
+        SceneError: If what tells it cannot be measured, or contradicts itself.
+    """
+    measures, warnings = _measured_markers(images, sightings, config)
+    scale = _scale(images, measures, lengths, config, device)
+    kept = [measure for measure in measures if measure.marker in scale.markers]
+    scale, unknown = _with_drift(scale, ruler_of(kept, sightings, lengths), find_drift)
+    more = [*scale.left_out, *_length_checks(images, lengths if measures else lengths[1:], scale)]
+    if device.metric and scale_is_told(config):
+        off = 100.0 * (scale.metres_per_unit - 1.0)
+        more.append(f"check: lengths are {off:+.1f} % longer by {scale.source} than by the device ({device.name})")
+    up = held_up(images.T_world_camera) if device.up is None else device.up
+    floor, marker, others = _floor(images, kept, config, up)
+    origin = images.T_world_camera[0, :3, 3] if marker is None else marker.corners.mean(axis=0)
+    forward = images.T_world_camera[0, :3, 2] if marker is None else marker.map_from_marker.R[:, 0]
+    moved = world_from_map(floor, forward, origin, scale.metres_per_unit)
+    doubted = "marker's size, and that it lies flat" if measures else "lengths" if lengths else "scale that was given"
+    doubted = "scale of the device" if device.metric and not scale_is_told(config) else doubted
+    warnings += [*more, *others, *_doubtful_height(images.transform(moved), doubted), *unknown]
+    return Placement(world_from_map=moved, scale=scale, floor=floor, markers=tuple(measures), warnings=tuple(warnings))
+
+
+def ruler_of(
+    measures: Sequence[MarkerMeasure], sightings: Sequence[MarkerSighting], lengths: Sequence[KnownLength]
+) -> Ruler | None:
+    """The best of the markers that tell the scale, or the first of the lengths; None where the scale was given."""
+    if measures:
+        best = min(measures, key=lambda measure: measure.sigma).marker
         seen = [sighting for sighting in sightings if sighting.marker == best]
         return Ruler(measure=partial(marker_side, sightings=seen), images=frozenset(s.image for s in seen))
     if lengths:
         return Ruler(measure=lambda images: measured_length(images, lengths[0])[0], images=frozenset(lengths[0].images))
     return None
+
+
+def _with_drift(scale: Scale, ruler: Ruler | None, find_drift: FindDrift | None) -> tuple[Scale, list[str]]:
+    """The scale with a bent map's share in its interval; with a note if that share is unknown."""
+    if ruler is None or find_drift is None:
+        return scale, []
+    sigma = find_drift(ruler)
+    return (scale, [_DRIFT_UNKNOWN]) if sigma is None else (replace(scale, drift=sigma), [])
 
 
 def _measured_markers(
@@ -159,30 +183,17 @@ def _scale(
     lengths: Sequence[KnownLength],
     config: MetricConfig,
     device: Device,
-) -> tuple[Scale, list[str]]:
-    """The scale, and what else there is to say of it."""
+) -> Scale:
     if device.metric and not scale_is_told(config):
-        return Scale(metres_per_unit=1.0, sigma=float("nan"), source=f"the device ({device.name})"), []
-    scale, said = _told_scale(images, measures, lengths, config)
-    if device.metric:
-        off = 100.0 * (scale.metres_per_unit - 1.0)
-        said = [*said, f"check: lengths are {off:+.1f} % longer by {scale.source} than by the device ({device.name})"]
-    return scale, said
-
-
-def _told_scale(
-    images: PosedImages, measures: list[MarkerMeasure], lengths: Sequence[KnownLength], config: MetricConfig
-) -> tuple[Scale, list[str]]:
+        return Scale(metres_per_unit=1.0, sigma=float("nan"), source=f"the device ({device.name})")
     if measures:
-        scale = scale_of_markers(measures, config.marker_size_m, _MARKER_SIGMA_M)
-        return scale, [*scale.left_out, *_length_checks(images, lengths, scale)]
+        return scale_of_markers(measures, config.marker_size_m, _MARKER_SIGMA_M)
     if lengths:
         length, sigma = measured_length(images, lengths[0])
         source = f"a length of {lengths[0].length_m:g} m"
-        scale = Scale(metres_per_unit=lengths[0].length_m / length, sigma=sigma, source=source)
-        return scale, _length_checks(images, lengths[1:], scale)
+        return Scale(metres_per_unit=lengths[0].length_m / length, sigma=sigma, source=source)
     if config.scale:
-        return Scale(metres_per_unit=config.scale, sigma=float("nan"), source="given, not measured"), []
+        return Scale(metres_per_unit=config.scale, sigma=float("nan"), source="given, not measured")
     raise ConfigError(NO_SCALE)
 
 
@@ -198,7 +209,7 @@ def _length_checks(images: PosedImages, lengths: Sequence[KnownLength], scale: S
         length_m = length * scale.metres_per_unit
         off = length_m / known.length_m - 1.0
         words = f"the length of {known.length_m:g} m is {length_m:.3f} m by {scale.source} ({100 * off:+.1f} %)"
-        if abs(off) > TWO_SIDED_95 * float(np.hypot(sigma, scale.sigma)) + _CHECK_TOLERANCE:
+        if abs(off) > TWO_SIDED_95 * math.hypot(sigma, scale.sigma, scale.drift) + _CHECK_TOLERANCE:
             raise SceneError(f"Two measures contradict each other: {words}. Check the marker's printed size.")
         said.append(f"check: {words}")
     return said

@@ -53,6 +53,8 @@ class Scale:
     """Relative; None is known of a scale that was given: NaN."""
     source: str
     """Source of the scale: markers, length, given, or none."""
+    markers: tuple[int, ...] = ()
+    """Markers that tell it."""
     left_out: tuple[str, ...] = ()
     """Markers that were not used, and why."""
     drift: float = 0.0
@@ -206,15 +208,15 @@ def scale_of_markers(measures: Sequence[MarkerMeasure], size_m: float, printed_s
     mean = float((weights * logs).sum() / weights.sum())
     # Poses of one map are wrong together: more markers do not make it better than the best of them.
     sigma = float(np.hypot(sigmas[kept].min(), printed_sigma_m / size_m))
-    used = ", ".join(str(m.marker) for m, good in zip(measures, kept, strict=True) if good)
+    used = tuple(m.marker for m, good in zip(measures, kept, strict=True) if good)
     left_out = tuple(
         f"marker {m.marker} says {100 * (np.exp(log - mean) - 1):+.1f} %"
         for m, log, good in zip(measures, logs, kept, strict=True)
         if not good
     )
     plural = "s" if int(kept.sum()) > 1 else ""
-    source = f"marker{plural} {used} of {size_m:g} m"
-    return Scale(metres_per_unit=float(np.exp(mean)), sigma=sigma, source=source, left_out=left_out)
+    source = f"marker{plural} {', '.join(map(str, used))} of {size_m:g} m"
+    return Scale(metres_per_unit=float(np.exp(mean)), sigma=sigma, source=source, markers=used, left_out=left_out)
 
 
 def _percent(measure: MarkerMeasure) -> str:

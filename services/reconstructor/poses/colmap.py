@@ -175,7 +175,7 @@ def _median_features(colmap: Any, database: Path) -> float:
         return float(np.median([db.num_keypoints_for_image(image.image_id) for image in db.read_all_images()]))
 
 
-def _lens_to_refine(config: PosesConfig) -> dict[str, bool]:
+def lens_to_refine(config: PosesConfig) -> dict[str, bool]:
     """What bundle adjustments change of a lens, by COLMAP's names."""
     free = not config.fixes_lens
     return {
@@ -273,14 +273,14 @@ def build_maps(
     if config.mapper_of(count) == "global":
         options = colmap.GlobalPipelineOptions()
         options.random_seed, options.num_threads = config.seed, config.threads or -1
-        for name, value in _lens_to_refine(config).items():
+        for name, value in lens_to_refine(config).items():
             setattr(options.mapper.bundle_adjustment, name, value)
         found = colmap.global_mapping(database, images, folder, options)
     else:
         options = colmap.IncrementalPipelineOptions()
         options.random_seed, options.num_threads = config.seed, config.threads or -1
         options.triangulation.random_seed = options.mapper.random_seed = config.seed
-        for name, value in _lens_to_refine(config).items():
+        for name, value in lens_to_refine(config).items():
             setattr(options, f"ba_{name}", value)
         # Small pieces are made too, so that the verdict can count them.
         options.min_model_size = 2
@@ -332,7 +332,7 @@ def posed_model(
     options.triangulation.ignore_two_view_tracks = False
     adjusting = colmap.BundleAdjustmentOptions()
     adjusting.print_summary = False
-    for name, value in _lens_to_refine(config).items():
+    for name, value in lens_to_refine(config).items():
         setattr(adjusting, name, value)
     adjusting.ceres.loss_function_type = colmap.LossFunctionType.SOFT_L1
     adjusting.ceres.solver_options.num_threads = config.threads or -1

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from readygo.services.reconstructor.metric.drift import PoseErrors
-from readygo.services.reconstructor.poses.colmap import posed_images, pycolmap
+from readygo.services.reconstructor.poses.colmap import lens_to_refine, posed_images, pycolmap
+from readygo.services.reconstructor.poses.config import PosesConfig
 
 _SQUARE_OF_MEAN = 4.0 / math.pi
 """A point's error is its mean distance: with normal errors its square is so much less than the mean square."""
@@ -17,7 +18,7 @@ _ANGLE = 2.0
 """COLMAP's covariances of rotations are those of half their angle, as Ceres changes quaternions."""
 
 
-def pose_errors(model: Path, names: Collection[str]) -> PoseErrors | None:
+def pose_errors(model: Path, names: Collection[str], config: PosesConfig) -> PoseErrors | None:
     """Errors of poses by the residuals of their matches, as if these erred independently; None if they cannot be told.
 
     COLMAP does not tell those of views that share a centre, as of 360-degree images.
@@ -27,6 +28,7 @@ def pose_errors(model: Path, names: Collection[str]) -> PoseErrors | None:
     Args:
         model: A COLMAP model.
         names: Its images whose poses are asked for; what the others add is not counted.
+        config: How it was made: a lens that was given and stayed adds no error.
 
     Source: Triggs et al., Bundle adjustment - a modern synthesis, 2000, section 9; COLMAP's computation of it.
     """
@@ -37,13 +39,16 @@ def pose_errors(model: Path, names: Collection[str]) -> PoseErrors | None:
     spare = 2 * sum(count for _, count in tracks) - 3 * len(tracks) - 6 * len(images)
     if len(images) < 2 or spare <= 0 or not all(image.is_ref_in_frame() for image in images):
         return None
-    config = colmap.BundleAdjustmentConfig()
+    asked_of = colmap.BundleAdjustmentConfig()
     for image in images:
-        config.add_image(image.image_id)
-    config.fix_gauge(colmap.BundleAdjustmentGauge.THREE_POINTS)
-    asked, quiet = colmap.BACovarianceOptions(), colmap.BundleAdjustmentOptions()
-    asked.params, quiet.print_summary = colmap.BACovarianceOptionsParams.POSES, False
-    found = colmap.estimate_ba_covariance(asked, rec, colmap.create_default_ceres_bundle_adjuster(quiet, config, rec))
+        asked_of.add_image(image.image_id)
+    asked_of.fix_gauge(colmap.BundleAdjustmentGauge.THREE_POINTS)
+    asked, adjusting = colmap.BACovarianceOptions(), colmap.BundleAdjustmentOptions()
+    asked.params, adjusting.print_summary = colmap.BACovarianceOptionsParams.POSES, False
+    for name, value in lens_to_refine(config).items():
+        setattr(adjusting, name, value)
+    adjuster = colmap.create_default_ceres_bundle_adjuster(adjusting, asked_of, rec)
+    found = colmap.estimate_ba_covariance(asked, rec, adjuster)
     if found is None:
         return None
     variance = _SQUARE_OF_MEAN * sum(error**2 * count for error, count in tracks) / spare

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from readygo.common.config import Range, check_ranges
+from readygo.services.trainer.config import MINUTES
 
 LEARNING_RATES = {"gnm": 7e-4, "vint": 5e-4, "nomad": 1e-4}
 """Learning rates as published, by network."""
@@ -17,7 +18,7 @@ class NetworkTrainConfig:
 
     network: str
     """gnm, vint or nomad."""
-    minutes: Annotated[float, Range(above=0.0)] = 10.0
+    minutes: Annotated[float, MINUTES] = 10.0
     """Processor time of each thread; runs that continue count that of the earlier ones [min]."""
     samples: int | None = None
     """Samples to be shown instead of `minutes`."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from readygo.common.config import Range, check_ranges
-from readygo.services.trainer.config import PERCEPTION_SPACING_S, PERCEPTION_WIDTHS
+from readygo.services.trainer.config import MINUTES, PERCEPTION_SPACING_S, PERCEPTION_WIDTHS
 
 Positive = Annotated[float, Range(above=0.0)]
 Count = Annotated[int, Range(low=1)]
@@ -14,7 +14,7 @@ Count = Annotated[int, Range(low=1)]
 class PerceptionConfig:
     """Network, budget and optimisation of perception."""
 
-    minutes: Positive = 20.0
+    minutes: Annotated[float, MINUTES] = 20.0
     """Processor time of each training thread, on a GPU the time that goes by; runs that continue count that of the
     earlier ones [min]."""
     samples: int | None = None

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from readygo.common.camera import CameraConfig
-from readygo.common.camera.depth import depth_bytes, depth_rng, in_range, measured_depth
+from readygo.common.camera.depth import depth_bytes, depth_rng, in_range, measured_depth, scale_depth_bytes
 
 CAMERA = CameraConfig(depth_min_m=0.3, depth_max_m=4.0)
 
@@ -50,3 +50,13 @@ def test_bytes_fall_from_255_at_the_camera_to_1_at_the_end_of_the_range():
 def test_depth_cameras_that_do_not_exist_are_refused(wrong):
     with pytest.raises(ValueError, match="depth_"):
         CameraConfig(**wrong)
+
+
+def test_scaled_bytes_are_those_of_the_scaled_depths_and_beyond_the_range_nothing_is_measured():
+    levels = np.arange(256, dtype=np.uint8)[None]
+    assert np.array_equal(scale_depth_bytes(levels, np.ones((1, 256)), CAMERA), levels)
+    depth_m = np.array([[0.5, 1.0, 1.9, 3.0, np.inf]], np.float32)
+    doubled = scale_depth_bytes(depth_bytes(depth_m, CAMERA), np.full((1, 5), 2.0), CAMERA)
+    expected = depth_bytes(np.array([[1.0, 2.0, 3.8, np.inf, np.inf]], np.float32), CAMERA)
+    assert np.abs(doubled.astype(int) - expected).max() <= 1
+    assert doubled[0, 3:].tolist() == [0, 0]

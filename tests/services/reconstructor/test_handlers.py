@@ -17,6 +17,7 @@ from readygo.services.reconstructor.frames.panorama import cut_panoramas, panora
 from readygo.services.reconstructor.frames.video import write_jpeg
 from readygo.services.reconstructor.handlers import (
     _name_pairs,
+    adjusted_as,
     find_poses,
     known_lengths,
     known_lens,
@@ -88,6 +89,12 @@ def test_given_lens_is_fitted_to_the_images_and_needs_one_size(tmp_path: Path) -
     assert found.params[:4] == (500.0, 500.0, 250.0, 200.0)
     with pytest.raises(ConfigError, match="images of one size"):
         known_lens({"source_px": None, "size_px": [[500, 400], [400, 500]]}, config)
+
+
+def test_lens_of_a_map_is_fixed_where_it_came_with_the_poses_or_was_given() -> None:
+    assert adjusted_as({"pose": {}}, PosesConfig()).fixes_lens
+    assert adjusted_as({}, PosesConfig(intrinsics="lens.yml")).fixes_lens
+    assert not adjusted_as({}, PosesConfig()).fixes_lens
 
 
 def test_lens_of_other_images_is_refused_before_the_features(tmp_path: Path) -> None:

@@ -7,13 +7,15 @@ import pytest
 from readygo.common.errors import SceneError
 from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.job import Source
-from readygo.services.reconstructor.mapping import make_map
+from readygo.services.reconstructor.mapping import REPEATS, make_map
 from readygo.services.reconstructor.poses import colmap
 from readygo.services.reconstructor.poses.config import PosesConfig
 from tests.services.reconstructor.synthetic import synthetic_database
 
 
-def map_of_few_matches(folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+def map_of_few_matches(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, names: tuple[str, ...] = ("1", "2", "3", "4", "5")
+) -> dict[str, Any]:
     """What comes of five images all of which are wanted, the last of which has 20 matches with each other one."""
     pytest.importorskip("pycolmap", reason="pycolmap is not installed")
     (folder / "matches").mkdir(parents=True)
@@ -23,7 +25,7 @@ def map_of_few_matches(folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[st
     source = Source(path=folder, kind="photos", identity=())
     monkeypatch.setattr("readygo.services.reconstructor.mapping.REGISTERED_MIN", 1.0)
     config = ReconstructorConfig(poses=PosesConfig(threads=1))
-    return dict(make_map(folder, source, {"names": ["1", "2", "3", "4", "5"]}, [], config, folder / "map"))
+    return dict(make_map(folder, source, {"names": list(names)}, [], config, folder / "map"))
 
 
 def test_images_with_few_matches_have_a_pose_where_too_few_have_one(
@@ -44,6 +46,21 @@ def test_maps_of_few_matches_must_come_out_the_same_again(tmp_path: Path, monkey
     monkeypatch.setattr(colmap, "build_maps", nothing_again)
     with pytest.raises(SceneError, match=r"made twice, the map has 5 images, then 0"):
         map_of_few_matches(tmp_path, monkeypatch)
+
+
+def test_doubtful_map_is_made_again_by_the_mapper_of_all_images(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    build, counts = colmap.build_maps, []
+
+    def counted(*args: Any, count: int, **kwargs: Any) -> list[Path]:
+        counts.append(count)
+        return build(*args, count=count, **kwargs)
+
+    monkeypatch.setattr(colmap, "build_maps", counted)
+    made = map_of_few_matches(tmp_path, monkeypatch, ("1", "2", "3", "4", "5", "without a pose"))
+    assert made["verdict"]["registered"] == 5
+    assert counts == [6] * (2 + REPEATS)
 
 
 def given_map(folder: Path, *, off_m: float, given: str) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:

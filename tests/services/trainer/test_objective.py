@@ -9,13 +9,14 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from readygo.common.camera.view import in_view, view_of
 from readygo.common.dataset import Dataset
 from readygo.common.messages import DriverKind
 from readygo.common.robot.command_grid import HUMAN, OBSTACLE, UNKNOWN_RISK
 from readygo.common.robot.command_grid import mirror_indices as mirrored_commands
 from readygo.services.trainer import objective as objective_module
 from readygo.services.trainer import views, with_overrides
-from readygo.services.trainer.episodes import read_episodes
+from readygo.services.trainer.episodes import BODY_RADIUS_M, read_episodes
 from readygo.services.trainer.goals import own_goals
 from readygo.services.trainer.light import draw_light
 from readygo.services.trainer.model import Bins, PolicyNet
@@ -193,6 +194,11 @@ def place(pose_xyzyaw, xy_m):
     return (complex(*xy_m) - complex(x, y)) * cmath.exp(-1j * yaw_rad)
 
 
+def is_shown(robot, z):
+    """Whether the camera shows a human at a place in the robot's frame."""
+    return in_view(robot.camera.eye(0.0, 0.0, 0.0), z.real, z.imag, view_of(robot.camera), math.inf, BODY_RADIUS_M)
+
+
 def expected_numbers(recorded, robot, seq, yaw_rad, mirrored):
     """What is told of a sample, from what was recorded, by turning and mirroring complex numbers."""
     header, all_samples = recorded
@@ -215,11 +221,13 @@ def expected_numbers(recorded, robot, seq, yaw_rad, mirrored):
     motion += [before.action_v_mps, side * before.action_w_radps]
     humans = (0.0, side * -yaw_rad, 0.0)
     if sample.human_visible:
-        ahead = [place(sample.robot_xyzyaw, human[:2]) for human in sample.humans_xyzyaw]
-        ahead = [z for z in ahead if z.real > 0]
-        if ahead:
-            nearest = flip(min(ahead, key=abs) * turned)
+        seen = [place(sample.robot_xyzyaw, human[:2]) for human in sample.humans_xyzyaw]
+        seen = [z for z in seen if is_shown(robot, z)]
+        if seen:
+            nearest = flip(min(seen, key=abs) * turned)
             humans = (1.0, cmath.phase(nearest), abs(nearest))
+            if yaw_rad != 0 and not is_shown(robot, min(seen, key=abs) * turned):
+                humans = (math.nan,) * 3
     return {
         "goals_xy_m": (goal.real, goal.imag),
         "targets": (v_mps / robot.v_max_mps, side * w_radps / robot.w_max_radps),
@@ -240,7 +248,7 @@ def test_every_number_is_that_of_the_turned_and_mirrored_robot(crooked, yaws_rad
         seq = sample - int(crooked.table.first[sample])
         expected = expected_numbers(crooked.recorded[episode], crooked.robot, seq, yaws_rad[episode], mirrored[episode])
         for name, numbers in expected.items():
-            assert getattr(shown, name)[row].tolist() == pytest.approx(numbers, abs=2e-5), name
+            assert getattr(shown, name)[row].tolist() == pytest.approx(numbers, abs=2e-5, nan_ok=True), name
 
 
 def test_samples_of_held_commands_are_those_at_which_the_robot_is_commanded(crooked):
@@ -350,3 +358,17 @@ def test_loss_is_the_weighted_sum_of_its_parts(crooked, output):
         expected += 0.7 * risks_reference(answers[:, commands:].tolist(), shown.risks.tolist())
     expected += 0.3 * humans_reference(humans.tolist(), shown.humans.tolist())
     assert loss == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize(("yaw_rad", "taught"), [(0.0, [True, True]), (0.2, [True, False]), (-0.2, [False, True])])
+def test_human_who_is_turned_out_of_the_image_is_not_taught(crooked, yaw_rad, taught):
+    # One at the left border of the view, one at the right border.
+    left_rad = view_of(crooked.robot.camera).left_rad
+    places = np.array([[1.0, left_rad - 0.01, 3.0], [1.0, 0.01 - left_rad, 3.0]], np.float32)
+    with pytest.MonkeyPatch.context() as patch:
+        humans = crooked.table.humans.copy()
+        humans[crooked.samples[:2]] = places
+        patch.setitem(crooked.table.__dict__, "humans", humans)
+        shown = crooked.show((yaw_rad, yaw_rad), (False, False)).humans[:2].numpy()
+    assert np.isfinite(shown).all(axis=1).tolist() == taught
+    assert np.allclose(shown[taught], (places - [0, yaw_rad, 0])[taught])

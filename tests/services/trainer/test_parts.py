@@ -6,7 +6,8 @@ import pytest
 from readygo.common.errors import DatasetError
 from readygo.common.robot import CameraConfig
 from readygo.services.trainer import TrainConfig, best_recipe
-from readygo.services.trainer.parts import EpisodePart, build_parts, robot_of_source, timing_of
+from readygo.services.trainer.episodes import robot_of_source
+from readygo.services.trainer.parts import EpisodePart, build_parts, timing_of
 from tests.services.trainer.conftest import make_one
 
 CONFIG = TrainConfig(validation_fraction=0.2)

@@ -1,5 +1,6 @@
 import dataclasses
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from readygo.services.trainer.export import export_policy
 from readygo.services.trainer.finetune import load_network
 from readygo.services.trainer.learner import Learner
 from readygo.services.trainer.model import PolicyNet
-from readygo.services.trainer.parts import build_parts
+from readygo.services.trainer.parts import build_parts, timing_of
 from readygo.services.trainer.perception.export import export_perception
 from readygo.services.trainer.perception.network import PerceptionNet
 from readygo.services.trainer.perception.train import perceive, shown_of
@@ -143,6 +144,30 @@ def test_perception_that_does_not_fit_is_refused(tmp_path: Path) -> None:
     (here / "weights.safetensors").write_bytes(b"none")
     with pytest.raises(PolicyError, match=r"weights\.safetensors cannot be read"):
         encoder_of(ROBOT, with_perception(here))
+
+
+def test_motion_ends_at_the_newest_image_in_training_and_driving(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    late = dataclasses.replace(ROBOT, camera=dataclasses.replace(CAMERA, latency_s=0.1))
+    assert timing_of(late, CONFIG).to_image
+    assert not timing_of(late, TrainConfig()).to_image
+    export_policy(PolicyNet(late, CONFIG.network).eval(), PolicySpec(robot=late, frame_spacing_s=0.2), tmp_path)
+    policy = load_policy(tmp_path, robot=late)
+    assert policy.spec.graph.inputs["motion"] == "image_motion"
+    fed, session = [], policy._session  # type: ignore[attr-defined]
+
+    def run(outputs: object, inputs: dict[str, np.ndarray]) -> object:
+        fed.append(inputs["motion"][0])
+        return session.run(outputs, inputs)
+
+    monkeypatch.setattr(policy, "_session", SimpleNamespace(run=run))
+    memory, turning = policy.start(), np.array([[0.0, 1.0]], np.float32)
+    images = np.zeros((1, CAMERA.height_px, CAMERA.width_px, 3), np.uint8)
+    for _ in range(15):
+        policy.step([memory], images, turning, np.array([[3.0, 1.0]], np.float32))
+    # Frames are 0.2 s apart, and the newest one was taken 0.1 s ago.
+    assert fed[-1] == pytest.approx([0.0, 0.0, -0.4, 0.0, 0.0, -0.2, 0.0, 1.0], abs=1e-5)
 
 
 def test_run_goes_on_with_the_same_weights_alone(tmp_path: Path) -> None:

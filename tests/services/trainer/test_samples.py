@@ -136,6 +136,10 @@ def test_odometry_and_windows_follow_the_robots_clock():
     # Step 33 sees the image of 30, those 10 and 20 steps before it, and moved since then.
     assert table.motion[33, [2, 5]] == pytest.approx(poses[[10, 20], 2] - poses[33, 2], abs=1e-5)
     assert np.array_equal(table.motion[33, -2:], episode.actions[32])
+    to_image = WindowTiming(spacing_steps=10, latency_steps=3, clock=clock, to_image=True)
+    motion = episode_table(episode, RobotConfig(), to_image).motion
+    assert motion[33, [2, 5]] == pytest.approx(poses[[10, 20], 2] - poses[30, 2], abs=1e-5)
+    assert np.array_equal(motion[33, -2:], episode.actions[32])
     assert table.pictured_at[[32, 33, 34]].tolist() == [32, 32, 34]
     batch = make_batch(np.array([33, 36]), table.first, WindowTiming(spacing_steps=10, latency_steps=3, clock=clock))
     assert batch.frames[batch.window].tolist() == [[10, 20, 30], [12, 22, 32]]

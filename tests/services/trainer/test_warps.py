@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from readygo.common.camera import CameraConfig
+from readygo.common.camera.depth import depth_bytes, in_range
 from readygo.common.camera.lens import make_lens
 from readygo.common.robot import RobotConfig
 from readygo.services.trainer.light import draw_light
@@ -131,6 +132,47 @@ def test_turned_frame_is_shifted_and_mirrored_as_a_plain_one(lens):
     assert np.abs(both.astype(int) - expected)[0, 8:-8, 12:-12].max() <= 3
 
 
+def scale_of_turn(camera, yaw_rad, level):
+    """What a turned camera shows of depths that were all alike before, shape (H, W)."""
+    frame = np.full((camera.height_px, camera.width_px, 4), level, np.uint8)
+    warp = RobotWarp(RobotConfig(camera=camera), ("rgb", "depth"))
+    return show_frames(frame[None], np.zeros(1, np.int64), view_of([yaw_rad]), {0: warp})[0, ..., 3]
+
+
+def depths_of_wall(camera, yaw_rad):
+    """What a camera has of a wall that is 4 m ahead at yaw 0, in bytes of depth, shape (H, W)."""
+    rows, columns = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
+    xy = make_lens(camera).rays(np.stack([columns.ravel(), rows.ravel()], axis=1))
+    rays = np.concatenate([xy, np.ones((len(xy), 1))], axis=1) @ camera.T_world_camera(0, 0, yaw_rad, 0)[:3, :3].T
+    with np.errstate(divide="ignore"):
+        depth_m = np.where(rays[:, 0] > 0, 4.0 / rays[:, 0], np.inf).astype(np.float32).reshape(rows.shape)
+    return depth_bytes(in_range(depth_m, camera), camera)
+
+
+@pytest.mark.parametrize("yaw_rad", [0.2, -0.25])
+@pytest.mark.parametrize("lens", LENSES)
+def test_turned_depths_of_a_flat_wall_are_those_of_the_turned_camera(lens, yaw_rad):
+    camera = dataclasses.replace(SMALL, **LENSES[lens])
+    before, after = depths_of_wall(camera, 0.0), depths_of_wall(camera, yaw_rad)
+    frame = np.concatenate([panorama(camera, 0.0), before[..., None]], axis=2)
+    groups, warp = np.zeros(1, np.int64), {0: RobotWarp(RobotConfig(camera=camera), ("rgb", "depth"))}
+    shown = show_frames(frame[None], groups, view_of([yaw_rad]), warp)[0, ..., 3]
+    inside = np.s_[10:-10, 25:] if yaw_rad > 0 else np.s_[10:-10, :-25]
+    assert np.abs(shown.astype(int) - after)[inside].max() <= 3
+    assert np.abs(before.astype(int) - after)[inside].max() > 12
+    moved = show_frames(frame[None], groups, view_of([yaw_rad], (2, -3), mirrored=True), warp)[0, ..., 3]
+    expected = after[:-2, 3:][8:-10, 25:-25][:, ::-1]
+    assert np.abs(moved[2:, 3:][8:-10, 25:-25].astype(int) - expected).max() <= 3
+
+
+def test_depths_that_were_not_measured_or_are_out_of_range_after_a_turn_are_unknown():
+    assert (scale_of_turn(SMALL, 0.3, 0) == 0).all()
+    # The end of the range: farther along the new axis to one side, nearer to the other.
+    ends = scale_of_turn(SMALL, 0.3, 1)
+    assert (ends[:, :20] == 0).all()
+    assert (ends[:, -20:] > 20).all()
+
+
 def test_depths_are_taken_from_one_pixel_and_colours_from_between():
     camera = SMALL
     rng = np.random.default_rng(4)
@@ -139,7 +181,8 @@ def test_depths_are_taken_from_one_pixel_and_colours_from_between():
     )
     warp = RobotWarp(RobotConfig(camera=camera), ("rgb", "depth"))
     shown = show_frames(frame[None], np.zeros(1, np.int64), view_of([0.17]), {0: warp})[0]
-    assert set(np.unique(shown[..., 3]).tolist()) == {10, 200}
+    near, far = (scale_of_turn(camera, 0.17, level) for level in (200, 10))
+    assert ((shown[..., 3] == near) | (shown[..., 3] == far)).all()
     alone = turn(camera, np.ascontiguousarray(frame[None, ..., :3]), [0.17])[0]
     assert np.array_equal(shown[..., :3], alone)
 

@@ -53,9 +53,28 @@ def test_classes_and_peaks_are_decoded_to_pixel_centres() -> None:
     maps[0, 2, 3], maps[0, 2, 4], maps[0, 1, 3] = 0.8, 0.4, 0.2
     maps[1, 0, 0], maps[1, 0, 1] = 0.6, 0.1
     found = decode_heatmaps(maps, 10, 16)
-    np.testing.assert_allclose(found[0], (2 * (3.5 + 0.25), 4 * (2.5 - 0.25), 0.8))
+    np.testing.assert_allclose(found[0], (2 * (3 + 0.25) + 0.5, 4 * (2 - 0.25) + 0.5, 0.8))
     assert (found[1, :2] >= 0.0).all(), "at the border"
     assert (found[1, :2] < (2.0, 4.0)).all()
+
+
+def test_peaks_are_where_heatmaps_of_published_networks_have_their_keypoints() -> None:
+    """HRNet, SimpleBaseline and mmpose's MSRAHeatmap: a Gaussian at the cell int(p / stride + 0.5) of pixel index p."""
+    size, stride, sigma = np.array([48, 64]), 4.0, 2.0
+    x, y = np.arange(size[0]), np.arange(size[1])[:, None]
+
+    def decoded(pixels: np.ndarray) -> np.ndarray:
+        cells = np.floor(pixels / stride + 0.5)
+        maps = [np.exp(-((x - u) ** 2 + (y - v) ** 2) / (2 * sigma**2)) for u, v in cells]
+        return decode_heatmaps(np.array(maps), 192, 256)[:, :2]
+
+    rng = np.random.default_rng(0)
+    on_cells = stride * rng.integers(0, size, (40, 2))
+    np.testing.assert_allclose(decoded(on_cells), on_cells + 0.5)
+    between = rng.uniform(8.0, stride * (size - 3), (400, 2))
+    off = decoded(between) - (between + 0.5)
+    assert np.abs(off).max() <= stride / 2
+    assert np.abs(off.mean(axis=0)).max() < 0.2
 
 
 def test_box_has_the_aspect_of_the_input_and_a_margin() -> None:

@@ -77,6 +77,37 @@ def test_marker_of_the_wrong_size_is_found_by_a_second_length() -> None:
         place_map(IMAGES, SEEN, [known], MetricConfig(marker_size_m=0.15))
 
 
+def test_second_length_may_differ_by_the_drift_of_a_long_map() -> None:
+    off = parse_length(picked((0, 4, 8), 1.05 * float(np.linalg.norm(ENDS[1] - ENDS[0]))))
+    config = MetricConfig(marker_size_m=0.2)
+    with pytest.raises(SceneError, match=r"contradict each other"):
+        place_map(IMAGES, SEEN, [off], config, find_drift=lambda ruler: 0.001)
+    asked = []
+    bent = place_map(IMAGES, SEEN, [off], config, find_drift=lambda ruler: asked.append(ruler.images) or 0.03)
+    assert asked == [set(IMAGES.names)]
+    assert bent.scale.drift == 0.03
+    assert any(note.startswith("check: the length of") for note in bent.warnings)
+    with pytest.raises(SceneError, match=r"contradict each other"):
+        place_map(IMAGES, SEEN, [off], config, find_drift=lambda ruler: None)
+    unknown = place_map(IMAGES, SEEN, [], config, find_drift=lambda ruler: None)
+    assert unknown.scale.drift == 0.0
+    assert unknown.warnings[-1].endswith("how far the map is bent cannot be told")
+
+
+def test_marker_that_does_not_tell_the_scale_is_neither_ruler_nor_floor() -> None:
+    odd = sighted(POSES, marker_at((0.5, 0.0, 0.4), 0.15), 0, 0.001)
+    others = [sighted(POSES, marker_at((x, 0.5, 0.0)), n, 0.1) for n, x in ((1, 0.0), (2, 0.3))]
+    seen, measured = [*odd, *others[0], *others[1]], []
+    config = MetricConfig(marker_size_m=0.2)
+    placed = place_map(IMAGES, seen, [], config, find_drift=lambda ruler: measured.append(ruler.measure(IMAGES)) or 0.0)
+    assert min(placed.markers, key=lambda measure: measure.sigma).marker == 0
+    assert placed.scale.markers == (1, 2)
+    np.testing.assert_allclose(measured, 0.2 * some_similarity().scale, rtol=3e-3)
+    assert placed.floor.source in ("marker 1 on the floor", "marker 2 on the floor")
+    world = IMAGES.transform(placed.world_from_map)
+    np.testing.assert_allclose(world.T_world_camera[:, 2, 3], 1.4, atol=0.02)
+
+
 def test_cameras_at_a_strange_height_make_the_size_doubtful() -> None:
     placed = place_map(IMAGES, SEEN, [], MetricConfig(marker_size_m=0.02))
     assert any("check the marker's size" in note for note in placed.warnings)
@@ -100,16 +131,16 @@ def test_no_scale_is_refused() -> None:
 def test_ruler_is_the_best_marker_else_the_first_length_and_none_where_the_scale_was_given() -> None:
     seen = SEEN[:5] + sighted(POSES, marker_at((0.5, 0.0, 0.0)), 1, 0.001)
     placed = place_map(IMAGES, seen, [], MetricConfig(marker_size_m=0.2))
-    ruler = ruler_of(placed, seen, [])
+    ruler = ruler_of(placed.markers, seen, [])
     assert ruler is not None
     assert ruler.images == set(IMAGES.names)
     np.testing.assert_allclose(ruler.measure(IMAGES), 0.2 * some_similarity().scale, rtol=1e-3)
     known = parse_length(picked((0, 4, 8), float(np.linalg.norm(ENDS[1] - ENDS[0]))))
-    length = ruler_of(place_map(IMAGES, [], [known], MetricConfig()), [], [known])
+    length = ruler_of([], [], [known])
     assert length is not None
     assert length.images == {IMAGES.names[number] for number in (0, 4, 8)}
     np.testing.assert_allclose(length.measure(IMAGES), known.length_m * some_similarity().scale, rtol=1e-4)
-    assert ruler_of(place_map(IMAGES, [], [], MetricConfig(scale=2.0)), [], []) is None
+    assert ruler_of([], [], []) is None
 
 
 def test_device_gives_the_scale_where_nothing_else_does_and_is_checked_by_a_marker() -> None:

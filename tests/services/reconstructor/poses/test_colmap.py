@@ -183,7 +183,7 @@ def test_images_of_a_model_are_in_the_order_of_their_numbers(tmp_path: Path) -> 
     names = tuple(wanted)
     assert read_map(tmp_path / "sparse").names == pinhole_views(tmp_path / "sparse").images == names
     assert tuple(image_names(tmp_path / "sparse")) == names
-    errors = pose_errors(tmp_path / "sparse", names)
+    errors = pose_errors(tmp_path / "sparse", names, PosesConfig())
     assert errors is not None
     assert errors.names == names
 
