@@ -13,12 +13,12 @@ from tyro.conf import Positional, UseAppendAction
 
 from readygo.apps.drive.calibration import Rectifier, camera_from_file, camera_from_info, mount_differences
 from readygo.apps.drive.messages import GoalMessage
-from readygo.apps.drive.named_topics import check_topics, image_topics, info_topics
+from readygo.apps.drive.named_topics import check_infos, check_topics, image_topics, info_topics
 from readygo.apps.drive.people import PeopleFinder
 from readygo.apps.drive.perceiving import MakeDecider, PerceivingPolicy, acting, planning
 from readygo.apps.drive.pilot import DriveConfig, Pilot, TrialEnding, limit_speeds
 from readygo.apps.drive.robot import Robot, Topics, connect_robot
-from readygo.apps.drive.trial import PATIENCE_S, run_trial, trial_end
+from readygo.apps.drive.trial import PATIENCE_S, Measures, run_trial, trial_end
 from readygo.apps.drive.trial_log import TrialLog
 from readygo.apps.drive.wires import WireName, make_wire
 from readygo.apps.terminal import PlainConsole
@@ -28,7 +28,7 @@ from readygo.common.camera import CameraConfig
 from readygo.common.errors import BusError, ConfigError, PolicyError, RunError
 from readygo.common.files import read_regular
 from readygo.common.images.encoded import decode_pixels
-from readygo.common.images.names import RGB, cameras_of
+from readygo.common.images.names import RGB, cameras_of, image_name
 from readygo.common.perception import Perception, load_perception
 from readygo.common.policy import Policy, load_policy
 from readygo.common.policy.sight import camera_on
@@ -56,8 +56,8 @@ SENT_HZ = 20
 class DriveLimitOptions:
     """Limits of the trial and of the robot's motion."""
 
-    goal_frame: Literal["start", "odom"] = "start"
-    """Frame of `goal`: the robot's start pose, or "odom", the frame of the odometry."""
+    goal_frame: Literal["start", "odom"] | None = None
+    """Frame of `goal`: the robot's start pose, as by default, or "odom", the frame of the odometry."""
     goal_radius: float | None = None
     """Distance from the goal at which the robot has arrived [m]; by default as in the policy's training."""
     time_limit: float | None = None
@@ -174,6 +174,10 @@ def drive(options: DriveOptions) -> None:
         raise ConfigError(f"--rate-hz must be at least {least_hz}, got {rate_hz:g}.")
     if (options.goal is None) == (not options.goal_topic):
         raise ConfigError("Say where to go: either --goal X Y or --goal-topic TOPIC.")
+    if options.goal_topic and options.limits.goal_frame:
+        raise ConfigError(
+            "--goal-frame is for --goal: goals of --goal-topic are in the odometry's frame; leave it out."
+        )
     named = image_topics(options.image, options.topics.depth, robot)
     check_topics(named, inputs, robot)
     goal_image = _goal_image(policy, options.goal_image)
@@ -181,14 +185,20 @@ def drive(options: DriveOptions) -> None:
     ros, calibration = options.ros, options.calibration
     wire = make_wire(options.wire, domain=ros.domain, prefix=ros.prefix, stamped=ros.stamped, node="readygo_drive")
     cameras = {name: camera_on(robot, name) for name in cameras_of(inputs)}
-    own = {name: camera_from_file(camera, calibration, name) for name, camera in cameras.items()} if calibration else {}
+    own: dict[str, CameraConfig] = {}
+    if calibration:
+        own = {
+            name: camera_from_file(camera, calibration, name, named.get(image_name(name, RGB), ""))
+            for name, camera in cameras.items()
+        }
     machine = connect_robot(options.connect, wire, _topics(options, named), dry=options.dry_run)
     try:
         rectify = {
             name: _rectifier(camera, own[name] if own else _camera_of(camera, machine, name), console)
             for name, camera in cameras.items()
         }
-        where = GoalMessage(x_m=options.goal[0], y_m=options.goal[1]) if options.goal else _goal_of(machine)
+        goal_topic = options.goal_topic
+        where = GoalMessage(x_m=options.goal[0], y_m=options.goal[1]) if options.goal else _goal_of(machine, goal_topic)
         pilot = _pilot(policy, rectify, config, where, goal_image)
         record = {
             "policy": options.policy.resolve().name if options.policy else options.beside.driver,
@@ -196,7 +206,7 @@ def drive(options: DriveOptions) -> None:
             "task": options.task,
             "time_limit_s": config.time_limit_s,
         }
-        people = _people_finder(perception, machine, calibration, console) if perception else None
+        people = _people_finder(perception, machine, calibration, named[RGB], console) if perception else None
         _drive(machine, pilot, rate_hz or least_hz, options.log, record, console, robot, people)
     finally:
         with _ignore_interrupts():
@@ -208,6 +218,7 @@ def _topics(options: DriveOptions, named: Mapping[str, str]) -> Topics:
     infos = {} if options.calibration else info_topics(named)
     if options.topics.camera_info and not options.calibration:
         infos = {**infos, "": options.topics.camera_info}
+    check_infos(infos)
     return Topics(
         image=named[RGB],
         odometry=options.topics.odom,
@@ -303,13 +314,18 @@ def _drive(
     log = TrialLog(path) if path else None
     if log is not None:
         robot.listen = log.put
+    measures = Measures()
+
+    def say(words: str) -> None:
+        console.print(words, markup=False)
+
     try:
-        measures = run_trial(
-            robot, pilot, rate_hz=rate_hz, say=lambda words: console.print(words, markup=False), people=people
-        )
-    except BusError:
-        if log is not None:
+        run_trial(robot, pilot, rate_hz=rate_hz, say=say, people=people, measures=measures)
+    except BaseException:
+        if log is not None and pilot.started_ns is None:
             log.abandon()
+        elif log is not None:
+            log.close({**record, **trial_end(pilot, measures)})
         raise
     end = trial_end(pilot, measures)
     if log is not None:
@@ -340,7 +356,7 @@ def _config(policy: Policy, options: DriveOptions) -> DriveConfig:
         w_max_radps=spec.robot.w_max_radps if limits.w_max is None else limits.w_max,
         goal_radius_m=episode.success_radius_m if limits.goal_radius is None else limits.goal_radius,
         time_limit_s=episode.time_limit_s if limits.time_limit is None else limits.time_limit,
-        goal_in_start_frame=limits.goal_frame == "start" and not options.goal_topic,
+        goal_in_start_frame=limits.goal_frame != "odom" and not options.goal_topic,
     )
     try:
         limit_speeds(spec.robot, config)
@@ -388,11 +404,11 @@ def _pilot(
 
 
 def _people_finder(
-    perception: Perception, robot: Robot, calibration: Path | None, console: PlainConsole
+    perception: Perception, robot: Robot, calibration: Path | None, image: str, console: PlainConsole
 ) -> PeopleFinder:
     """Perception of people in the robot's first camera."""
     trained = perception.spec.robot.camera
-    own = camera_from_file(trained, calibration) if calibration else _camera_of(trained, robot, "")
+    own = camera_from_file(trained, calibration, image=image) if calibration else _camera_of(trained, robot, "")
     return PeopleFinder(perception, _rectifier(trained, own, console, whose="the perception's"))
 
 
@@ -412,8 +428,22 @@ def _camera_of(trained: CameraConfig, robot: Robot, name: str) -> CameraConfig:
     return camera_from_info(trained, _wait_for(robot, lambda: robot.cameras.get(name), what))
 
 
-def _goal_of(robot: Robot) -> GoalMessage:
-    return _wait_for(robot, lambda: robot.goal, "goal")
+def _goal_of(robot: Robot, topic: str) -> GoalMessage:
+    """The robot's goal.
+
+    Raises:
+        BusError: If none arrives.
+        ConfigError: If it is not in the frame of the odometry.
+    """
+    goal = _wait_for(robot, lambda: robot.goal, "goal")
+    if goal.frame:
+        frame = _wait_for(robot, lambda: robot.frame or None, "odometry")
+        if goal.frame.strip("/") != frame.strip("/"):
+            raise ConfigError(
+                f"Goals must be in the odometry's frame {frame!r}, got one in {goal.frame!r} on {topic}: send it in "
+                f"{frame!r}, or name an odometry in {goal.frame!r} with --odom."
+            )
+    return goal
 
 
 def _wait_for(robot: Robot, ask: Callable[[], Value | None], name: str) -> Value:

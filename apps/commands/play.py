@@ -42,7 +42,7 @@ def play(options: PlayOptions) -> None:
     frames = film_frames(
         recorded_film(dataset, number, options.camera), background(dataset, number, options.data), step=options.every
     )
-    write_film(options.out, frames, fps=max(1, round(rate_hz / options.every)))
+    write_film(options.out, frames, fps=rate_hz / options.every)
     entry = dataset.episodes[number]
     words = f"{options.out}: {entry.episode.episode_id}, {entry.sample_count / rate_hz:.1f} s, {entry.outcome.value}"
     PlainConsole(soft_wrap=True).print(words, markup=False)

@@ -1,4 +1,4 @@
-"""Rectification of the robot's images to the policy's camera: lens, size, field of view and pitch."""
+"""Rectification of the robot's images to the policy's camera: lens, size, field of view, yaw and pitch."""
 
 import math
 from pathlib import Path
@@ -154,13 +154,14 @@ def info_of(camera: CameraConfig) -> LogCamera:
     )
 
 
-def camera_from_file(mount: CameraConfig, path: Path, name: str = "") -> CameraConfig:
+def camera_from_file(mount: CameraConfig, path: Path, name: str = "", image: str = "") -> CameraConfig:
     """Read a camera from a file: `robot.toml`, or the .yaml of ROS's camera_calibration.
 
     Args:
         mount: Camera whose mount is used if the file has none.
         path: The file.
         name: Name of the camera; the first one is called "".
+        image: Topic of its images, which says whether they are rectified; a `robot.toml` describes them as they are.
 
     Raises:
         ConfigError: If the file cannot be read, or holds no such camera.
@@ -180,6 +181,7 @@ def camera_from_file(mount: CameraConfig, path: Path, name: str = "") -> CameraC
             K_px=_data(storage, "camera_matrix"),
             model=storage.getNode("distortion_model").string(),
             distortion=_data(storage, "distortion_coefficients"),
+            P_px=_data(storage, "projection_matrix"),
         )
     except (cv2.error, ValueError, OverflowError) as error:
         raise ConfigError(f"Calibration {path} holds something else than numbers where they are due.") from error
@@ -190,7 +192,7 @@ def camera_from_file(mount: CameraConfig, path: Path, name: str = "") -> CameraC
             f"Calibration {path} lacks image_width, image_height or camera_matrix: pass what ROS's camera_calibration "
             "wrote, or a robot.toml with a section [camera]."
         )
-    return camera_from_info(mount, info)
+    return camera_from_info(mount, info.of_images(image))
 
 
 def _open_file_storage(path: Path) -> cv2.FileStorage:
@@ -226,10 +228,8 @@ def _places(robot: CameraConfig, policy: CameraConfig, count: int) -> tuple[Floa
     centres = _centres(policy, count)
     xy = make_lens(policy).rays(centres.reshape(-1, 2))
     rays = np.concatenate([xy, np.ones((len(xy), 1))], axis=1)
-    down_rad = math.radians(policy.mount_pitch_deg - robot.mount_pitch_deg)
-    c, s = math.cos(down_rad), math.sin(down_rad)
-    # Camera axes are x right, y down, z ahead: a camera that looks further down sees its z axis at larger y.
-    turned = rays @ np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]]).T
+    R_base_policy, R_base_robot = (camera.T_world_camera(0.0, 0.0, 0.0, 0.0)[:3, :3] for camera in (policy, robot))
+    turned = rays @ (R_base_policy.T @ R_base_robot)
     ahead = turned[:, 2] > 1e-6
     plane = turned[:, :2] / np.where(ahead, turned[:, 2], 1.0)[:, None]
     lens = make_lens(robot)

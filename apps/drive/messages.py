@@ -65,6 +65,8 @@ class GoalMessage:
 
     x_m: float
     y_m: float
+    frame: str = ""
+    """Name of the frame as the sender says it; empty if it does not."""
 
 
 @dataclass(frozen=True, kw_only=True)

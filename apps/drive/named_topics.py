@@ -69,6 +69,17 @@ def info_topics(topics: Mapping[str, str]) -> dict[str, str]:
     return {camera: _beside(topics[image_name(camera, RGB)]) for camera in cameras_of(topics)}
 
 
+def check_infos(infos: Mapping[str, str]) -> None:
+    """Raise ConfigError if cameras share a CameraInfo topic; `infos` are the topics by the cameras' names."""
+    for camera, topic in infos.items():
+        sharing = [other for other, of_other in infos.items() if of_other == topic]
+        if camera != sharing[0]:
+            raise ConfigError(
+                f"Each camera needs a different CameraInfo topic, and those of {sharing[0] or 'the first camera'} and "
+                f"{camera} are both {topic}, beside their images: describe the cameras with --calibration robot.toml."
+            )
+
+
 def _beside(image: str) -> str:
     return f"{image.removesuffix('/compressed').rpartition('/')[0]}/camera_info"
 

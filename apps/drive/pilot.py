@@ -30,7 +30,8 @@ GIVE_UP_S = 10.0
 """A trial ends after this time without images or odometry [s]."""
 LEAP_M = 0.5
 """A larger jump of the odometry between two messages, beyond the robot's motion, means that it was reset [m]."""
-
+LEAP_RAD = 0.5
+"""The same of its heading [rad]."""
 
 _PERIOD_SLACK = 0.8
 """Share of the control period after which the next decision may be made."""
@@ -46,6 +47,7 @@ class TrialEnding(enum.Enum):
     STOPPED = "stopped by hand"
     STALE = "images or odometry stayed away"
     BROKEN_IMAGES = "images could not be used"
+    BROKEN_MESSAGE = "a message could not be used"
     CLOCK = "the clock jumped"
     LEAP = "the odometry leapt"
     NOT_FINITE = "a number was not finite"
@@ -107,7 +109,7 @@ class Pilot:
         if goal_image is not None:
             self._memory.show_goal(rectify[""](goal_image))
         self._given_goal, self.goal = goal, None if config.goal_in_start_frame else goal
-        """Goal in the odometry's frame; None before the first odometry if it is given in the start frame."""
+        """Goal in the odometry's frame; None until the robot can drive if it is given in the start frame."""
         self._pose: OdometryMessage | None = None
         self._yaw_rad = 0.0
         self._together_ns = round(max(TOGETHER_S, 0.5 / spec.robot.camera_hz) * 1e9)
@@ -249,6 +251,8 @@ class Pilot:
             return wanted
         if self.started_ns is None:
             self.started_ns = now_ns
+            # Images that came before the odometry led to no decision, which would have settled the goal.
+            self._goal()
             self.straight_m = max(self.goal_distance_m - self._config.goal_radius_m, 0.0)
         self._decide_between(now_ns)
         passed_s = min((now_ns - self._sent_ns) / 1e9, self._robot.clock.dt_s)
@@ -294,6 +298,7 @@ class Pilot:
         self._wanted = VelocityMessage(v_mps=v, w_radps=w)
 
     def _goal(self) -> GoalMessage | None:
+        """The goal in the odometry's frame; from the first pose at which it is asked for on, it stays."""
         if self.goal is None and self._pose is not None:
             x, y, c, s = self._given_goal.x_m, self._given_goal.y_m, math.cos(self._yaw_rad), math.sin(self._yaw_rad)
             self.goal = GoalMessage(x_m=self._pose.x_m + c * x - s * y, y_m=self._pose.y_m + s * x + c * y)
@@ -362,6 +367,9 @@ class Pilot:
             return
         if way_m > LEAP_M + 2 * self._robot.v_max_mps * passed_s:
             self.end(TrialEnding.LEAP, f"the odometry leapt by {way_m:.1f} m")
+        turn_rad = abs(float(wrap_angle(now.yaw_rad - before.yaw_rad)))
+        if turn_rad > LEAP_RAD + 2 * self._robot.w_max_radps * passed_s:
+            self.end(TrialEnding.LEAP, f"the odometry's heading leapt by {turn_rad:.1f} rad")
         self.driven_m += way_m
 
 

@@ -90,7 +90,7 @@ def _fields(type_name: str, value: Any) -> dict[str, Any]:
         STAMPED_TWIST_TYPE: ("v_mps", "w_radps"),
     }
     fields: dict[str, Any] = {name: float(getattr(value, name)) for name in numbers[type_name]}
-    return fields | {"frame": value.frame} if type_name == ODOMETRY_TYPE else fields
+    return fields | {"frame": value.frame} if type_name in (ODOMETRY_TYPE, GOAL_TYPE) else fields
 
 
 def _person(person: LivePerson) -> dict[str, Any]:
@@ -134,7 +134,7 @@ def _value(type_name: str, fields: Mapping[str, Any]) -> Value:
     if type_name == OUTCOME_TYPE:
         return str(fields["outcome"])
     if type_name == GOAL_TYPE:
-        return GoalMessage(x_m=float(fields["x_m"]), y_m=float(fields["y_m"]))
+        return GoalMessage(x_m=float(fields["x_m"]), y_m=float(fields["y_m"]), frame=str(fields.get("frame", "")))
     if type_name in (TWIST_TYPE, STAMPED_TWIST_TYPE):
         return VelocityMessage(v_mps=float(fields["v_mps"]), w_radps=float(fields["w_radps"]))
     names = ("x_m", "y_m", "yaw_rad", "v_mps", "w_radps")

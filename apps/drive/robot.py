@@ -22,6 +22,7 @@ from readygo.apps.drive.wires import RosWire, TopicKey, Wire
 from readygo.apps.robot_logs.reader import INFO_TYPE, ODOMETRY_TYPE, LogCamera
 from readygo.common.bus.foreign import ForeignPublisher, ForeignSession
 from readygo.common.errors import BusError
+from readygo.common.images.names import RGB, image_name
 
 BESIDE_MAX = 8
 """Largest number of waiting images for the pilot, of each image besides the first camera's."""
@@ -88,7 +89,9 @@ class Robot:
         self._odometry: deque[tuple[OdometryMessage, int]] = deque(maxlen=ODOMETRY_MAX)
         self._cameras = {topic: camera for camera, topic in topics.infos.items()}
         self.cameras: dict[str, LogCamera] = {}
-        """The newest CameraInfo of each camera by name; the first one is called ""."""
+        """The camera of each camera's images by name, by its newest CameraInfo; the first one is called ""."""
+        self.frame = ""
+        """Frame of the odometry; empty before the first one."""
         self.goal: GoalMessage | None = None
         """The newest goal; None before one arrives."""
         self.outcome = ""
@@ -207,9 +210,12 @@ class Robot:
                 self._picture = value, arrived_ns
                 self._changed.notify()
             elif isinstance(value, OdometryMessage):
+                self.frame = value.frame
                 self._odometry.append((value, arrived_ns))
             elif isinstance(value, LogCamera):
-                self.cameras[self._cameras.get(topic, "")] = value
+                camera = self._cameras.get(topic, "")
+                image = self._topics.beside.get(image_name(camera, RGB), "") if camera else self._topics.image
+                self.cameras[camera] = value.of_images(image)
             elif isinstance(value, GoalMessage):
                 self.goal = value
             elif isinstance(value, str):

@@ -154,7 +154,7 @@ class RosCodec:
 
     def _goal(self, goal: GoalMessage, stamp_ns: int) -> Any:
         pose = self._pose(goal.x_m, goal.y_m, 0.0)
-        return self._types[GOAL_TYPE](header=self._header(stamp_ns, "odom"), pose=pose)
+        return self._types[GOAL_TYPE](header=self._header(stamp_ns, goal.frame), pose=pose)
 
     def _people(self, message: PeopleMessage, stamp_ns: int) -> Any:
         people = [self._person(person) for person in message.people]
@@ -207,7 +207,8 @@ def _value(type_name: str, message: Any) -> Value:
     if type_name == STAMPED_TWIST_TYPE:
         return VelocityMessage(v_mps=message.twist.linear.x, w_radps=message.twist.angular.z)
     if type_name == GOAL_TYPE:
-        return GoalMessage(x_m=message.pose.position.x, y_m=message.pose.position.y)
+        place = message.pose.position
+        return GoalMessage(x_m=place.x, y_m=place.y, frame=message.header.frame_id)
     if type_name == INFO_TYPE:
         return LogCamera.of(message)
     stamp_ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec

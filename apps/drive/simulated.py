@@ -205,7 +205,7 @@ class SimulatedRobot:
         if now_s - self._constant_s > CONSTANT_EVERY_S:
             self._constant_s = now_s
             goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
-            self._put(GOAL_TYPE, GoalMessage(x_m=goal_x, y_m=goal_y), stamp_ns)
+            self._put(GOAL_TYPE, GoalMessage(x_m=goal_x, y_m=goal_y, frame="odom"), stamp_ns)
             for camera, publisher in self._infos.items():
                 publisher.put(publisher.write(self._cameras[camera], stamp_ns))
         if step % self._manners.image_every(simulation.clock):

@@ -56,7 +56,15 @@ class Measures:
         }
 
 
-def run_trial(robot: Robot, pilot: Pilot, *, rate_hz: float, say: Say, people: PeopleFinder | None = None) -> Measures:
+def run_trial(
+    robot: Robot,
+    pilot: Pilot,
+    *,
+    rate_hz: float,
+    say: Say,
+    people: PeopleFinder | None = None,
+    measures: Measures | None = None,
+) -> Measures:
     """Drive until the trial ends, then stop the robot, also after an error.
 
     Each decision of the policy is sent immediately, and the current command at least `rate_hz` times a second.
@@ -67,11 +75,12 @@ def run_trial(robot: Robot, pilot: Pilot, *, rate_hz: float, say: Say, people: P
         rate_hz: Lowest rate of commands [Hz].
         say: Called with a line of text when the robot waits, and when it drives again.
         people: Perceives people in the same images; they are published after the command is sent.
+        measures: Measurements to continue and return, which are there after an error as well; new ones by default.
 
     Raises:
         BusError: If the robot does not send the required messages.
     """
-    measures, period_s = Measures(), 1.0 / rate_hz
+    measures, period_s = Measures() if measures is None else measures, 1.0 / rate_hz
     began_s = next_s = told_s = time.monotonic()
     told: str | None = None
     try:
@@ -115,7 +124,7 @@ def _step(robot: Robot, pilot: Pilot, measures: Measures, until_s: float, people
         measures.thinking_ms.append((time.monotonic_ns() - begin_ns) / 1e6)
         measures.frame_ages_s.append(pilot.frame_age_s)
     if robot.broken:
-        pilot.end(TrialEnding.BROKEN_IMAGES, f"the robot sends what cannot be used: {robot.broken}")
+        pilot.end(TrialEnding.BROKEN_MESSAGE, f"the robot sends what cannot be used: {robot.broken}")
     if robot.outcome in OUTCOMES:
         pilot.end(OUTCOMES[robot.outcome])
     robot.send(pilot.command(time.monotonic_ns()))

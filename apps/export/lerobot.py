@@ -32,6 +32,7 @@ NAMES: Mapping[str, list[str] | None] = {
     "observation.state": ["goal_x_m", "goal_y_m", "v_mps", "w_radps"],
     "observation.pose": ["x_m", "y_m", "z_m", "yaw_rad"],
     "action": ["v_mps", "w_radps"],
+    "expert_action": ["v_mps", "w_radps"],
     "next.done": None,
     "next.success": None,
     "timestamp": None,
@@ -40,7 +41,7 @@ NAMES: Mapping[str, list[str] | None] = {
     "index": None,
     "task_index": None,
 }
-"""Features besides the image, with the names of their components."""
+"""Features besides the image, with the names of their components; expert_action where the data holds it."""
 
 
 def write(source: ExportSource, part: ExportPart, out: Path) -> Mapping[str, Any]:
@@ -87,7 +88,7 @@ def numbers_of(episode: ExportedEpisode) -> dict[str, npt.NDArray[np.generic]]:
     return {
         "observation.state": np.hstack([columns["goal_xy_m"], columns["velocity"]]),
         "observation.pose": columns["pose"],
-        "action": columns["action"],
+        **{name: columns[name] for name in ("action", "expert_action") if name in columns},
         "next.done": done,
         "next.success": done & np.bool_(episode.entry.outcome.value == "success"),
         # LeRobot requires timestamps at multiples of 1 / fps.
@@ -158,6 +159,6 @@ def _info(source: ExportSource, features: Mapping[str, Any]) -> dict[str, Any]:
         "video_path": None,
         "features": {
             IMAGE: {"dtype": "image", "shape": shape, "names": ["height", "width", "channels"]},
-            **{name: {**features[name], "names": names} for name, names in NAMES.items()},
+            **{name: {**features[name], "names": names} for name, names in NAMES.items() if name in features},
         },
     }

@@ -60,11 +60,13 @@ class ExportedEpisode:
     def columns(self) -> dict[str, AnyArray]:
         """The numbers of all rows by name, shape (T,) or (T, n); docs/export.md describes them."""
         dataset, truth = self.dataset, self.dataset.truth[self.samples]
-        actions = self._mean_actions()
+        actions = self._mean_commands(dataset.actions)
+        labels = {"expert_action": self._mean_commands(dataset.expert_actions)} if dataset.has_expert else {}
         before = np.vstack([np.zeros((1, 2), np.float32), actions[:-1]])
         return {
             "time_s": (dataset.time_ns[self.samples] / 1e9).astype(np.float32),
             "action": actions,
+            **labels,
             "goal_xy_m": dataset.goals_xy_m[self.samples],
             "velocity": before,
             "pose": dataset.poses[self.samples].astype(np.float32),
@@ -75,13 +77,13 @@ class ExportedEpisode:
             "is_last": np.arange(len(self)) == len(self) - 1,
         }
 
-    def _mean_actions(self) -> Float32Array:
-        """The mean command from each row to the next one, shape (T, 2)."""
+    def _mean_commands(self, commands: Float32Array) -> Float32Array:
+        """The mean command from each row to the next one, shape (T, 2); NaN, where none is known, does not count."""
         first, end = self.entry.first_sample, self.entry.first_sample + self.entry.sample_count
         starts = self.samples - first
-        counts = np.diff(np.append(starts, end - first))
-        sums = np.add.reduceat(self.dataset.actions[first:end].astype(np.float64), starts, axis=0)
-        return (sums / counts[:, None]).astype(np.float32)
+        here = commands[first:end].astype(np.float64)
+        counts = np.add.reduceat(~np.isnan(here), starts, axis=0, dtype=np.int64)
+        return (np.add.reduceat(np.nan_to_num(here), starts, axis=0) / counts).astype(np.float32)
 
 
 @dataclass(frozen=True)

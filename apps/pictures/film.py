@@ -23,7 +23,7 @@ _LOG_ERRORS = cv2.utils.logging.LOG_LEVEL_ERROR
 _INSTALL = "install opencv-python-headless from PyPI"
 
 
-def write_film(path: Path, frames: Iterable[UInt8Array], *, fps: int = RATE_HZ) -> None:
+def write_film(path: Path, frames: Iterable[UInt8Array], *, fps: float = RATE_HZ) -> None:
     """Write a film: VP8 in a .webm, which is quick, or H.264 in a .mp4, VP9 where OpenCV lacks that.
 
     Args:
@@ -66,7 +66,7 @@ def _pictures_in(path: Path) -> int:
     return count
 
 
-def _writer(path: Path, codecs: Iterable[str], size: tuple[int, int], fps: int) -> Any:
+def _writer(path: Path, codecs: Iterable[str], size: tuple[int, int], fps: float) -> Any:
     for codec in codecs:
         with _quiet_libraries():
             writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), fps, size)

@@ -72,7 +72,7 @@ class RecordedEpisodes:
 
     def write_film(self, path: Path, entry: EpisodeEntry, view: TopView) -> None:
         """Write a small video of an episode for pages, at its pace or faster; its frames show the time."""
-        step = max(self.dataset.clock.rate_hz // PAGE_HZ, math.ceil(entry.sample_count / PAGE_PICTURES_MAX))
+        step = max(math.ceil(self.dataset.clock.rate_hz / PAGE_HZ), math.ceil(entry.sample_count / PAGE_PICTURES_MAX))
         frames = film_frames(self.film(entry, width_px=PAGE_WIDTH_PX), view, camera_height_px=PAGE_HEIGHT_PX, step=step)
         write_film(path, frames, fps=PAGE_HZ)
 

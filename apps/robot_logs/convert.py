@@ -79,7 +79,8 @@ def convert(
         raise ConfigError(f"--episode-s must be at least 2, got {episode_s:g}.")
     with open_log(path) as log, unfinished_folder(out, raises=DatasetError) as folder:
         if topics.camera_info:
-            robot = dataclasses.replace(robot, camera=camera_of(robot.camera, log.camera(topics.camera_info)))
+            seen = log.camera(topics.camera_info).of_images(topics.image)
+            robot = dataclasses.replace(robot, camera=camera_of(robot.camera, seen))
         odometry = log.odometry(topics.odometry)
         found = spans(odometry, log.image_times_ns(topics.image), episode_s)
         if not found:
@@ -106,13 +107,14 @@ def camera_of(camera: CameraConfig, seen: LogCamera) -> CameraConfig:
     if any(seen.distortion):
         if seen.model not in _LENSES:
             raise ConfigError(
-                f"The lens model {seen.model!r} is not known; rectify the images, or use {list(_LENSES)}."
+                f"The lens model {seen.model!r} is not known; name a topic of rectified images (image_rect), or use "
+                f"{list(_LENSES)}."
             )
         distortion, order = _LENSES[seen.model]
         if any(seen.distortion[len(order) :]):
             raise ConfigError(
                 f"The lens model {seen.model!r} is known with {len(order)} coefficients, and further ones of the log's "
-                "are not 0; rectify the images, or calibrate with plumb_bob or equidistant."
+                "are not 0; name a topic of rectified images (image_rect), or calibrate with plumb_bob or equidistant."
             )
         names = dict(zip(order, seen.distortion, strict=False))
     fx, _, cx, _, fy, cy, *_ = seen.K_px

@@ -6,7 +6,7 @@ Times are those of the recording, one clock for all topics.
 import math
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +52,8 @@ class LogCamera:
     K_px: tuple[float, ...]
     model: str
     distortion: tuple[float, ...]
+    P_px: tuple[float, ...] = ()
+    """Projection of the rectified images, 12 numbers; empty if unknown."""
 
     @classmethod
     def of(cls, info: Any) -> "LogCamera":
@@ -62,7 +64,15 @@ class LogCamera:
             K_px=tuple(float(value) for value in info.k),
             model=str(info.distortion_model),
             distortion=tuple(float(value) for value in info.d),
+            P_px=tuple(float(value) for value in info.p),
         )
+
+    def of_images(self, topic: str) -> "LogCamera":
+        """The camera of the images on a topic: ROS calls rectified ones `image_rect...`; they have P and no lens."""
+        name = topic.removesuffix("/compressed").rpartition("/")[2]
+        if not name.startswith("image_rect") or len(self.P_px) != 12:
+            return self
+        return replace(self, K_px=(*self.P_px[0:3], *self.P_px[4:7], *self.P_px[8:11]), distortion=())
 
 
 class RobotLog:

@@ -39,6 +39,8 @@ LINE = re.compile(r"^(\w+) (\S+): (\w+) after ([\d.]+) s$")
 """What `readygo simulate-robot` says of an episode that has ended."""
 READYGO = (sys.executable, "-m", "readygo")
 WAITS = "a robot waits"
+ENDS_S = 60.0
+"""Time within which a robot ends after its last drive [s]."""
 OUTCOMES_FILE = "outcomes.txt"
 
 
@@ -126,6 +128,9 @@ def _drive_task(job: Job, task: str) -> None:
     """Be a robot, and drive it from trial to trial until its episodes are over; what ends before that is not kept."""
     endpoint, folder = free_endpoint(), job.out / task
     folder.mkdir(parents=True, exist_ok=True)
+    # `readygo drive` writes over no log.
+    for log in folder.glob("*.mcap"):
+        log.unlink()
     command = [*READYGO, "simulate-robot", job.scene, str(job.policy), *job.drawn, "--tasks", task]
     with subprocess.Popen([*command, "--listen", endpoint], stdout=subprocess.PIPE, text=True) as robot:
         assert robot.stdout
@@ -136,9 +141,13 @@ def _drive_task(job: Job, task: str) -> None:
         hears.start()
         for number in range(job.episodes):
             goal = ("--goal-topic", "/goal_pose", "--outcome-topic", "/outcome", "--task", task)
-            log = ("--connect", endpoint, "--log", str(folder / f"{number:03d}.mcap"))
-            subprocess.run([*READYGO, "drive", str(job.policy), *goal, *log], check=False, stdout=subprocess.DEVNULL)
-        hears.join()
+            kept = ("--connect", endpoint, "--log", str(folder / f"{number:03d}.mcap"))
+            subprocess.run([*READYGO, "drive", str(job.policy), *goal, *kept], check=False, stdout=subprocess.DEVNULL)
+        hears.join(ENDS_S)
+        if hears.is_alive():
+            # It has episodes left: a drive failed before its trial began.
+            robot.terminate()
+            hears.join()
     if robot.returncode == 0:
         write_whole(folder / OUTCOMES_FILE, "".join(said))
 

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import yaml
 
-from readygo.apps.cli import function_of, options_of
+from readygo.apps.cli import function_of, options_of, read_options
 from readygo.apps.options import describe_options
 from readygo.commands import COMMANDS
 
@@ -37,8 +37,9 @@ def _kustomized() -> list[Document]:
     return _documents(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
 
 
-def _helm(tmp_path: Path) -> list[Document]:
+def _helm(tmp_path: Path, **recorder: Any) -> list[Document]:
     values = yaml.safe_load((CHART / "values.yaml").read_text())
+    values["recorder"] |= recorder
     values["scaling"]["enabled"] = True
     values["run"]["arguments"] = ["--seed=1"]
     given = {"apiVersion": "v1", "kind": "ConfigMap", "metadata": {"name": "values"}}
@@ -82,9 +83,10 @@ def _check_pod(spec: Document) -> None:
 
 
 def _check_command(words: list[str]) -> None:
-    """All options are those of the command."""
+    """All options are those of the command; keys of its settings have a dot."""
     known = {option.flag for option in describe_options(options_of(function_of(COMMANDS[words[0]]))).options}
-    options = [re.match(r"(--[a-z-]+)=", word) for word in words if word.startswith("--")]
+    options = [re.match(r"(--[a-z.-]+)=", word) for word in words if word.startswith("--")]
+    options = [option for option in options if option is None or "." not in option[1]]
     assert all(option and option[1] in known for option in options), words
 
 
@@ -130,6 +132,21 @@ def test_chart(tmp_path: Path) -> None:
     (renderer,) = [doc for doc in documents if (doc["kind"], doc["metadata"]["name"]) == ("Deployment", name)]
     assert "replicas" not in renderer["spec"]
     assert _asked(scaled) == {'stage="render",namespace="readygo",pod="lab-coordinator-0"'}
+
+
+@needs_kubectl
+@pytest.mark.parametrize("names", [["rec0"], ["rec0", "second"]])
+def test_charts_coordinator_knows_its_recorders(tmp_path: Path, names: list[str]) -> None:
+    documents = _helm(tmp_path, names=names)
+    _check(documents)
+    (container,) = next(
+        doc["spec"]["template"]["spec"]["containers"]
+        for doc in documents
+        if (doc["kind"], doc["metadata"]["name"]) == ("StatefulSet", "lab-coordinator")
+    )
+    command, *words = container["args"]
+    options = read_options(options_of(function_of(COMMANDS[command])), words, prog=f"readygo {command}")
+    assert options.keys["coordinator"]["recorders"] == names
 
 
 @pytest.mark.skipif(shutil.which("helm") is None, reason="helm is not installed")

@@ -17,24 +17,32 @@ import numpy as np
 import pytest
 
 from readygo.apps.commands import drive as command
-from readygo.apps.commands.drive import DriveLimitOptions, DriveOptions, DrivePeopleOptions, drive
+from readygo.apps.commands.drive import (
+    DriveLimitOptions,
+    DriveOptions,
+    DrivePeopleOptions,
+    DriveTopicOptions,
+    drive,
+)
 from readygo.apps.drive.calibration import info_of
-from readygo.apps.drive.messages import VelocityMessage
+from readygo.apps.drive.messages import GoalMessage, VelocityMessage
 from readygo.apps.drive.ros_codec import IMAGE_TYPE, TWIST_TYPE, RosCodec
 from readygo.apps.drive.trial_log import RECORD
+from readygo.apps.drive.trials import read_trials
 from readygo.apps.robot_logs.reader import INFO_TYPE, ODOMETRY_TYPE
 from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.foreign import ForeignSession
 from readygo.common.bus.zenoh_bus import Router, free_endpoint
 from readygo.common.dataset.ros_log import read_record
-from readygo.common.errors import BusError, ConfigError, PolicyError
+from readygo.common.errors import BusError, ConfigError, PolicyError, RunError
 from readygo.common.policy import PolicySpec
 from readygo.common.robot import CameraConfig, RobotConfig
 from readygo.common.state_policy.actor import StateActor
 from readygo.runs.config import RunConfig
 from readygo.runs.policy import policy_sha256
 from readygo.runs.teacher import teacher_ref
-from tests.apps.drive.conftest import CAMERA, odometry
+from readygo.services.evaluator import Category
+from tests.apps.drive.conftest import CAMERA, Ride, odometry, picture
 from tests.common.policy.artifacts import write_policy
 from tests.common.state_policy.state_policies import write_state_policy
 from tests.services.planner.worlds import make_robot_planner
@@ -116,6 +124,11 @@ def test_whoever_ends_it_the_robot_stands(policy, standing_robot, tmp_path, numb
     [
         ({}, ConfigError, "either --goal X Y or --goal-topic"),
         ({"goal": (1.0, 0.0), "goal_topic": "/goal_pose"}, ConfigError, "either --goal X Y or --goal-topic"),
+        (
+            {"goal_topic": "/goal_pose", "limits": DriveLimitOptions(goal_frame="start")},
+            ConfigError,
+            "--goal-frame is for --goal",
+        ),
         (
             {"goal": (1.0, 0.0), "limits": DriveLimitOptions(v_max=3.0)},
             ConfigError,
@@ -295,14 +308,14 @@ def test_robot_is_waited_for_until_it_sends_what_is_asked_or_what_cannot_be_used
     answer = command._wait_for(robot, lambda: (asked.append(1), 7 if len(asked) > 3 else None)[1], "goal")
     assert (answer, len(asked)) == (7, 4)
     with pytest.raises(BusError, match="no goal after 10 s; pass --calibration FILE"):
-        command._goal_of(robot)
+        command._goal_of(robot, "/goal")
     assert now_s[0] == pytest.approx(10.06, abs=0.05)
     robot.absent = lambda: "no node publishes /goal"
     with pytest.raises(BusError, match="no goal after 10 s; no node publishes /goal"):
-        command._goal_of(robot)
+        command._goal_of(robot, "/goal")
     robot.broken = "/goal: 3 bytes"
     with pytest.raises(BusError, match="The robot sends what cannot be used: /goal: 3 bytes"):
-        command._goal_of(robot)
+        command._goal_of(robot, "/goal")
 
 
 def test_signals_are_left_alone_while_the_robot_is_told_to_stand():
@@ -312,3 +325,66 @@ def test_signals_are_left_alone_while_the_robot_is_told_to_stand():
     assert signal.getsignal(signal.SIGINT) is before
     with pytest.raises(KeyboardInterrupt):
         command._hang_up(1, None)
+
+
+class FailingRobot:
+    """Sends an image and odometry at every call, and fails after a while."""
+
+    broken = outcome = ""
+
+    def __init__(self, calls):
+        self.calls = calls
+
+    def next_picture(self, until_s):
+        time.sleep(0.005)
+        self.calls -= 1
+        if self.calls < 0:
+            raise RunError("the robot is beyond the map")
+        return picture(time.time_ns()), time.monotonic_ns()
+
+    def beside(self):
+        return []
+
+    def odometry(self):
+        return [(odometry(time.time_ns()), time.monotonic_ns())]
+
+    def send(self, command):
+        pass
+
+
+@pytest.mark.parametrize(("calls", "kept"), [(12, True), (0, False)])
+def test_trial_that_an_error_ends_is_logged_as_failed_if_it_had_begun(tmp_path, calls, kept):
+    path, record = tmp_path / "trial.mcap", {"task": "static", "policy": "p", "time_limit_s": 9.0}
+    console = PlainConsole(file=io.StringIO())
+    with pytest.raises(RunError, match="beyond the map"):
+        command._drive(FailingRobot(calls), Ride().pilot, 20, path, record, console, LEARNED, None)
+    assert [file.name for file in tmp_path.iterdir()] == (["trial.mcap"] if kept else [])
+    if kept:
+        (trial,) = read_trials(tmp_path)
+        assert (trial.record.category, trial.record.reason) == (Category.DRIVER_FAILED, "the robot is beyond the map")
+        assert trial.record.result.duration_s > 0.05
+        assert trial.measures["command_hz"] > 0
+
+
+@pytest.mark.parametrize(("frame", "refused"), [("map", True), ("/odom", False), ("", False)])
+def test_goal_of_another_frame_than_the_odometrys_is_refused(frame, refused):
+    robot = SimpleNamespace(broken="", goal=GoalMessage(x_m=1.0, y_m=2.0, frame=frame), frame="odom")
+    if not refused:
+        assert command._goal_of(robot, "/goal_pose").x_m == 1.0
+        return
+    with pytest.raises(
+        ConfigError, match=r"odometry's frame 'odom', got one in 'map' on /goal_pose: send it in 'odom'"
+    ):
+        command._goal_of(robot, "/goal_pose")
+
+
+def test_cameras_of_one_namespace_are_refused_unless_their_infos_are_told_apart():
+    named = {"rgb": "/rig/front/image_raw", "left.rgb": "/rig/left", "right.rgb": "/rig/right"}
+    with pytest.raises(ConfigError, match=r"those of left and right are both /rig/camera_info, .* --calibration"):
+        command._topics(DriveOptions(), named)
+    assert command._topics(DriveOptions(calibration=Path("robot.toml")), named).infos == {}
+    both = {"rgb": "/rig/front", "left.rgb": "/rig/left"}
+    with pytest.raises(ConfigError, match="those of the first camera and left are both /rig/camera_info"):
+        command._topics(DriveOptions(), both)
+    told = command._topics(DriveOptions(topics=DriveTopicOptions(camera_info="/rig/front_info")), both)
+    assert (told.camera_info, told.infos) == ("/rig/front_info", {"left": "/rig/camera_info"})

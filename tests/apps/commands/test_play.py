@@ -30,3 +30,9 @@ def test_one_camera_of_several_is_shown(tmp_path: Path) -> None:
 def test_episode_that_is_not_there_is_said(data: Path, tmp_path: Path, episode: int) -> None:
     with pytest.raises(DatasetError, match="it has 3, from 0 to 2"):
         play(PlayOptions(data=data, out=tmp_path / "film.webm", episode=episode))
+
+
+def test_film_keeps_the_pace_of_the_episode(data: Path, tmp_path: Path) -> None:
+    play(PlayOptions(data=data, out=tmp_path / "film.webm", every=3))
+    film = cv2.VideoCapture(str(tmp_path / "film.webm"))
+    assert film.get(cv2.CAP_PROP_FPS) == pytest.approx(20 / 3, abs=0.01)

@@ -208,3 +208,44 @@ def test_image_that_lacks_too_much_is_refused_and_less_is_black():
     depth_m = little.depth(np.full((72, 128), 2.5, np.float32))
     assert np.isinf(depth_m[0]).all()
     assert (depth_m[10:-10, 10:-10] == 2.5).all()
+
+
+def test_camera_that_looks_to_the_side_is_turned_back_ahead():
+    robot = CameraConfig(height_px=480, width_px=640, horizontal_fov_deg=120.0, mount_yaw_deg=8.0, mount_pitch_deg=3.0)
+    policy = dataclasses.replace(POLICY, mount_yaw_deg=-2.0)
+    rectifier = Rectifier(robot, policy)
+    assert not rectifier.identity
+    # Colours are functions of where the rays point in the robot's frame.
+    shown, expected = (128 + 100 * np.sin(3 * directions(camera)) for camera in (robot, policy))
+    found = rectifier(shown.astype(np.uint8))
+    assert np.abs(found.astype(int) - expected[..., ::-1]).max() <= 4
+
+
+def directions(camera):
+    """Unit vectors along the rays of a camera's pixels in the robot's frame: forward, left, up."""
+    v, u = np.mgrid[0 : camera.height_px, 0 : camera.width_px] + 0.5
+    xy = make_lens(camera).rays(np.stack([u.ravel(), v.ravel()], axis=1))
+    yaw, pitch = np.radians((camera.mount_yaw_deg, camera.mount_pitch_deg))
+    ahead = np.cos(pitch) - xy[:, 1] * np.sin(pitch)
+    up = -np.sin(pitch) - xy[:, 1] * np.cos(pitch)
+    way = np.stack(
+        [np.cos(yaw) * ahead + np.sin(yaw) * xy[:, 0], np.sin(yaw) * ahead - np.cos(yaw) * xy[:, 0], up], axis=1
+    )
+    return (way / np.linalg.norm(way, axis=1, keepdims=True)).reshape(camera.height_px, camera.width_px, 3)
+
+
+def test_camera_that_looks_far_to_the_side_is_refused():
+    with pytest.raises(ConfigError, match=r"does not show \d+ % of what the policy's shows"):
+        Rectifier(dataclasses.replace(POLICY, mount_yaw_deg=40.0), POLICY)
+
+
+def test_rectified_images_have_the_projection_of_their_file_and_no_lens(tmp_path):
+    projection = (
+        "projection_matrix:\n  rows: 3\n  cols: 4\n  data: [280.0, 0, 315.5, 0, 0, 281.0, 235.5, 0, 0, 0, 1.0, 0]\n"
+    )
+    (tmp_path / "front.yaml").write_text(YAML + projection)
+    camera = camera_from_file(POLICY, tmp_path / "front.yaml", image="/camera/image_rect_color/compressed")
+    assert (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px) == (280.0, 281.0, 316.0, 236.0)
+    assert (camera.distortion, camera.k1) == ("none", 0.0)
+    raw = camera_from_file(POLICY, tmp_path / "front.yaml", image="/camera/image_raw")
+    assert (raw.fx_px, raw.k1) == (300.0, -0.05)

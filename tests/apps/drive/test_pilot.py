@@ -448,3 +448,25 @@ def test_images_are_of_one_time_up_to_the_limit(fake_policy, camera_hz, apart_ns
     ride = ThreeCameraRide(fake_policy, camera_hz=camera_hz)
     ride.run(1.0, every_ns=4 * STEP_NS, taken_ns={"left.rgb": apart_ns + beyond_ns})
     assert (ride.pilot.seen > 0) == (beyond_ns == 0)
+
+
+@pytest.mark.parametrize(("leap_rad", "leaps"), [(0.57, False), (0.59, True), (2.5, True)])
+def test_heading_may_turn_half_a_radian_beyond_twice_what_the_robot_turns(make_ride, leap_rad, leaps):
+    ride = make_ride(w_max_radps=0.8)
+    ride.steps(5, yaw_rad=3.0)
+    ride.step(yaw_rad=3.0 + leap_rad - 2 * math.pi)
+    assert (ride.pilot.ending is TrialEnding.LEAP) == leaps
+    assert not leaps or ride.pilot.reason == f"the odometry's heading leapt by {leap_rad:.1f} rad"
+    before = make_ride(w_max_radps=0.8)
+    for yaw_rad in (0.0, 2.5):
+        before.step(images=False, yaw_rad=yaw_rad)
+    assert before.pilot.ending is None, "it has not begun"
+
+
+def test_distance_to_the_goal_is_known_if_images_come_before_the_odometry(make_ride):
+    ride = make_ride(goal=(5.0, 0.0))
+    ride.step(moves=False)
+    ride.step(images=False, x_m=2.0)
+    assert ride.pilot.started_ns is not None
+    assert ride.pilot.straight_m == pytest.approx(4.0)
+    assert (ride.pilot.goal.x_m, ride.pilot.goal.y_m) == pytest.approx((7.0, 0.0))

@@ -23,7 +23,7 @@ def test_commands_are_maps_with_units_in_their_names():
     ("kind", "value"),
     [
         (ODOMETRY_TYPE, OdometryMessage(stamp_ns=7, x_m=1.5, y_m=-2.0, yaw_rad=2.5, v_mps=0.5, w_radps=-0.1)),
-        (types.GOAL_TYPE, GoalMessage(x_m=3.0, y_m=1.5)),
+        (types.GOAL_TYPE, GoalMessage(x_m=3.0, y_m=1.5, frame="map")),
         (types.OUTCOME_TYPE, "success"),
         (types.TWIST_TYPE, VelocityMessage(v_mps=0.5, w_radps=0.1)),
         (INFO_TYPE, LogCamera(height_px=4, width_px=6, K_px=(5.0,) * 9, model="", distortion=())),

@@ -1,5 +1,6 @@
 import time
 from contextlib import closing
+from dataclasses import replace
 
 import pytest
 
@@ -7,6 +8,7 @@ from readygo.apps.drive.messages import VelocityMessage
 from readygo.apps.drive.robot import DEADMAN_S, Topics, connect_robot
 from readygo.apps.drive.ros_codec import IMAGE_TYPE, TWIST_TYPE
 from readygo.apps.drive.wires import RosWire
+from readygo.apps.robot_logs.reader import LogCamera
 from readygo.common.bus.foreign import ForeignSession
 from readygo.common.bus.zenoh_bus import Router, free_endpoint
 from readygo.common.errors import BusError
@@ -71,3 +73,25 @@ def test_nobody_there_is_said(network, monkeypatch):
     monkeypatch.setattr("readygo.apps.drive.robot.FOUND_S", 0.1)
     with pytest.raises(BusError, match=r"No subscriber listens to /cmd_vel\. Start the robot's base"):
         connect_robot(network[0], RosWire(0, "drive"), TOPICS, dry=False)
+
+
+def test_robot_knows_the_frame_of_its_odometry_and_the_cameras_of_rectified_images(network):
+    endpoint, _ = network
+    wire = RosWire(0, "drive")
+    topics = replace(
+        TOPICS,
+        image="/camera/image_rect_color/compressed",
+        camera_info="/camera/camera_info",
+        beside={"left.rgb": "/left/image_raw"},
+        infos={"left": "/left/camera_info"},
+    )
+    robot = connect_robot(endpoint, wire, topics, dry=True)
+    assert robot.frame == ""
+    info = LogCamera(height_px=4, width_px=6, K_px=(5.0,) * 9, model="plumb_bob", distortion=(0.1,), P_px=(7.0,) * 12)
+    for topic in ("/camera/camera_info", "/left/camera_info"):
+        robot._keep(topic, info, 0)
+    assert (robot.cameras[""].K_px, robot.cameras[""].distortion) == ((7.0,) * 9, ())
+    assert robot.cameras["left"] == info
+    robot._keep("/odom", odometry(T0), 0)
+    assert robot.frame == "odom"
+    robot.close()

@@ -90,6 +90,7 @@ CAMERA = LogCamera(
     K_px=(5.0, 0.25, 3.5, 0.0, 7.0, 2.5, 0.0, 0.0, 1.0),
     model="plumb_bob",
     distortion=(0.1, -0.2, 0.3, -0.4, 0.5),
+    P_px=(5.0, 0.25, 3.5, 0.0, 0.0, 7.0, 2.5, 0.0, 0.0, 0.0, 1.0, 0.0),
 )
 ODOMETRY = OdometryMessage(stamp_ns=STAMP_NS, x_m=1.5, y_m=-2.0, yaw_rad=2.5, v_mps=0.5, w_radps=-0.1)
 
@@ -98,7 +99,7 @@ ODOMETRY = OdometryMessage(stamp_ns=STAMP_NS, x_m=1.5, y_m=-2.0, yaw_rad=2.5, v_
     ("kind", "value"),
     [
         (types.STAMPED_TWIST_TYPE, VelocityMessage(v_mps=0.5, w_radps=-0.25)),
-        (types.GOAL_TYPE, GoalMessage(x_m=3.0, y_m=1.5)),
+        (types.GOAL_TYPE, GoalMessage(x_m=3.0, y_m=1.5, frame="map")),
         (types.OUTCOME_TYPE, "human_collision"),
         (INFO_TYPE, CAMERA),
     ],
@@ -138,7 +139,8 @@ def test_yaw_of_a_robot_that_is_tilted_is_that_of_its_forward_axis_on_the_floor(
 
 
 def test_goals_cameras_and_images_have_all_that_ros_says_of_them(codec, ros):
-    goal = ros.deserialize_cdr(codec.write(types.GOAL_TYPE, GoalMessage(x_m=3.0, y_m=1.5), 5), types.GOAL_TYPE)
+    sent = codec.write(types.GOAL_TYPE, GoalMessage(x_m=3.0, y_m=1.5, frame="odom"), 5)
+    goal = ros.deserialize_cdr(sent, types.GOAL_TYPE)
     turn = goal.pose.orientation
     assert (goal.header.frame_id, goal.pose.position.x, goal.pose.position.y) == ("odom", 3.0, 1.5)
     assert (turn.x, turn.y, turn.z, turn.w) == (0.0, 0.0, 0.0, 1.0)

@@ -106,8 +106,8 @@ def test_what_somebody_says_of_the_trial_and_wrong_messages_end_it(make_ride):
     ride, robot = make_ride(), FakeRobot()
     robot.broken = "/odom carries sensor_msgs/msg/Imu; it must be nav_msgs/msg/Odometry"
     run_trial(robot, ride.pilot, rate_hz=20, say=lambda words: None)
-    assert ride.pilot.ending is TrialEnding.BROKEN_IMAGES
-    assert "Imu" in ride.pilot.reason
+    assert ride.pilot.ending is TrialEnding.BROKEN_MESSAGE
+    assert ride.pilot.reason.startswith("the robot sends what cannot be used: /odom carries sensor_msgs/msg/Imu")
 
 
 def test_measures_of_no_drive_are_none():

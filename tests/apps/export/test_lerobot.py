@@ -63,7 +63,10 @@ def test_failures_are_done_without_success_and_rows_are_at_the_cameras_rate(
     goals = np.concatenate([of["goal_xy_m"] for of in columns])
     velocities = np.concatenate([of["velocity"] for of in columns])
     np.testing.assert_array_equal(np.array(rows["observation.state"], np.float32), np.hstack([goals, velocities]))
+    labels = np.concatenate([of["expert_action"] for of in columns])
+    np.testing.assert_array_equal(np.array(rows["expert_action"], np.float32), labels)
     info = json.loads((tmp_path / "meta" / "info.json").read_text())
+    assert info["features"]["expert_action"] == {"dtype": "float32", "shape": [2], "names": ["v_mps", "w_radps"]}
     assert (info["fps"], info["total_episodes"], info["total_frames"]) == (15, 2, 15)
     assert info["splits"] == {"train": "0:2"}
     assert info["features"][lerobot.IMAGE]["shape"] == [22, 34, 3]

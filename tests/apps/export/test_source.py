@@ -78,3 +78,21 @@ def test_parts_are_filled_up_to_their_size_and_not_beyond(source: ExportSource) 
     assert source.parts(sum(sizes))[0].episodes == range(0, 2)
     assert [part.episodes for part in source.parts(sum(sizes) - 1)][:2] == [range(0, 1), range(1, 2)]
     assert [part.number for part in source.parts(1)] == [0, 1, 2]
+
+
+def test_labels_of_the_expert_are_columns_where_the_data_holds_them(
+    crooked_source: ExportSource, source: ExportSource
+) -> None:
+    episode = crooked_source.episode(1)
+    _, samples = crooked_episode(8, 17, robot=ODD_RATES)
+    labels = [sample.expert_commands[0] for sample in samples[::2]]
+    np.testing.assert_allclose(episode.columns["expert_action"], labels, rtol=1e-6)
+    assert not np.allclose(episode.columns["expert_action"], episode.columns["action"])
+    assert "expert_action" not in source.episode(0).columns
+
+
+def test_label_of_the_expert_at_a_lower_rate_is_the_mean_of_those_that_there_are(crooked_source: ExportSource) -> None:
+    slow = ExportSource(crooked_source.folders, 5)
+    labels = crooked_source.episode(1).columns["expert_action"]
+    expected = [labels[first : first + 3].mean(axis=0) for first in range(0, len(labels), 3)]
+    np.testing.assert_allclose(slow.episode(1).columns["expert_action"], expected, rtol=1e-5)

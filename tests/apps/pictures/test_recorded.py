@@ -1,5 +1,7 @@
 import dataclasses
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -13,6 +15,7 @@ from readygo.common.dataset import Dataset
 from readygo.common.episode import EpisodeConfig
 from readygo.common.messages import Split
 from readygo.common.robot import RobotConfig
+from readygo.common.robot.clock import Clock
 from readygo.common.scenes.top_view import top_view
 from readygo.runs.config import RunConfig
 from readygo.runs.scene_argument import open_scene
@@ -80,3 +83,18 @@ def test_best_encounter_shows_a_human_for_longest(recorded: RecordedEpisodes) ->
     best = recorded.best_encounter(entries)
     assert shown[entries.index(best)] == max(shown)
     assert rows_of(best).stop - rows_of(best).start == best.sample_count
+
+
+@pytest.mark.parametrize(("rate_hz", "step"), [(20, 2), (25, 3), (30, 3)])
+def test_film_of_a_page_is_not_slower_than_the_episode(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rate_hz: int, step: int
+) -> None:
+    steps: list[int] = []
+    monkeypatch.setattr("readygo.apps.pictures.recorded.film_frames", lambda *_, step, **__: steps.append(step))
+    monkeypatch.setattr("readygo.apps.pictures.recorded.write_film", lambda *_, **__: None)
+    recorded: Any = SimpleNamespace(
+        dataset=SimpleNamespace(clock=Clock(rate_hz=rate_hz)), film=lambda entry, width_px: None
+    )
+    entry: Any = SimpleNamespace(sample_count=100)
+    RecordedEpisodes.write_film(recorded, tmp_path / "film.webm", entry, recorded)
+    assert steps == [step]

@@ -51,13 +51,18 @@ def write_log(tmp_path: Path) -> WriteLog:
         return types["sensor_msgs/msg/CompressedImage"](header=header(time_ns), format="jpeg", data=data)
 
     def write(
-        *, seconds: float = 6.0, raw: bool = False, speed_mps: float = 0.5, stop_s: tuple[float, float] = (9, 9)
+        *,
+        seconds: float = 6.0,
+        raw: bool = False,
+        speed_mps: float = 0.5,
+        stop_s: tuple[float, float] = (9, 9),
+        topic: str = "/camera/image_raw",
     ) -> Path:
         folder = tmp_path / "log"
         with rosbag2.Writer(folder, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as writer:
             kind = "sensor_msgs/msg/Image" if raw else "sensor_msgs/msg/CompressedImage"
             places = writer.add_connection("/odom", "nav_msgs/msg/Odometry", typestore=store)
-            pictures = writer.add_connection("/camera/image_raw", kind, typestore=store)
+            pictures = writer.add_connection(topic, kind, typestore=store)
             events = [(t, 0) for t in np.arange(0, seconds, 0.02)] + [(t, 1) for t in np.arange(0, seconds, 1 / 12)]
             for number, (t, what) in enumerate(sorted(events)):
                 time_ns = 10**18 + round(t * 1e9)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from readygo.apps.robot_logs.convert import LogTopics, camera_of, convert
-from readygo.apps.robot_logs.reader import LogCamera
+from readygo.apps.robot_logs.reader import LogCamera, RobotLog
 from readygo.common.dataset import Dataset, validate
 from readygo.common.errors import ConfigError, DatasetError
 from readygo.common.robot import CameraConfig, RobotConfig
@@ -122,3 +122,19 @@ def test_images_of_another_size_are_refused_with_both_sizes(write_log: WriteLog,
     robot = RobotConfig(camera=CameraConfig(height_px=72, width_px=128))
     with pytest.raises(DatasetError, match="images are 144x256, the camera has 72x128; pass --camera-info"):
         convert(write_log(), tmp_path / "data", TOPICS, robot)
+
+
+@pytest.mark.parametrize(
+    ("topic", "fx_px", "k1"), [("/camera/image_rect", 180.0, 0.0), ("/camera/image_raw", 200.0, 0.1)]
+)
+def test_rectified_images_have_the_projection_of_their_camera_info(
+    write_log: WriteLog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, topic: str, fx_px: float, k1: float
+) -> None:
+    K, P = (200.0, 0.0, 127.5, 0.0, 200.0, 71.5, 0.0, 0.0, 1.0), (180.0, 0, 127.5, 0, 0, 180.0, 71.5, 0, 0, 0, 1.0, 0)
+    info = LogCamera(height_px=144, width_px=256, K_px=K, model="plumb_bob", distortion=(0.1,), P_px=P)
+    monkeypatch.setattr(RobotLog, "camera", lambda log, name: info)
+    topics = LogTopics(image=topic, odometry="/odom", camera_info="/camera/camera_info")
+    convert(write_log(topic=topic), tmp_path / "data", topics, RobotConfig())
+    robot = Dataset([tmp_path / "data"]).robot
+    assert robot is not None
+    assert (robot.camera.fx_px, robot.camera.k1) == (fx_px, k1)

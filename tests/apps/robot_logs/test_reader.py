@@ -1,3 +1,4 @@
+import dataclasses
 import os
 import struct
 import time
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 import zstandard
 
-from readygo.apps.robot_logs.reader import ODOMETRY_TYPE, RobotLog, open_log
+from readygo.apps.robot_logs.reader import ODOMETRY_TYPE, LogCamera, RobotLog, open_log
 from readygo.common.errors import DatasetError
 from tests.apps.robot_logs.conftest import WriteLog
 
@@ -127,3 +128,27 @@ def test_messages_that_are_compressed_one_by_one_are_read_within_the_limit(
 
 class _Metadata(NamedTuple):
     compression_mode: str | None
+
+
+@pytest.mark.parametrize(
+    ("topic", "rectified"),
+    [
+        ("/camera/image_rect", True),
+        ("/camera/image_rect_color/compressed", True),
+        ("image_rect_raw", True),
+        ("/camera/image_raw", False),
+        ("/image_rect/image_raw", False),
+        ("", False),
+    ],
+)
+def test_images_that_ros_rectified_have_its_projection_and_no_lens(topic: str, rectified: bool) -> None:
+    P = (80.0, 0.0, 30.0, -9.0, 0.0, 81.0, 20.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    raw = LogCamera(height_px=40, width_px=60, K_px=(90.0,) * 9, model="thin", distortion=(0.3,), P_px=P)
+    found = raw.of_images(topic)
+    if rectified:
+        assert found.K_px == (80.0, 0.0, 30.0, 0.0, 81.0, 20.0, 0.0, 0.0, 1.0)
+        assert (found.distortion, found.height_px, found.width_px) == ((), 40, 60)
+    else:
+        assert found == raw
+    unknown = dataclasses.replace(raw, P_px=())
+    assert unknown.of_images(topic) == unknown

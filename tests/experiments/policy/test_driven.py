@@ -56,6 +56,9 @@ def job(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Job:
 
 
 def test_robot_is_driven_by_another_program_once(job: Job) -> None:
+    # A log of an earlier try that was cut off.
+    (job.out / "static").mkdir(parents=True)
+    (job.out / "static" / "000.mcap").write_bytes(b"")
     found = driven.driven(job)
     (ending,) = found["static"].values()
     assert ending.time_s <= 1.0 + 1e-6
@@ -71,6 +74,14 @@ def test_robot_that_does_not_start_is_told_and_nothing_of_it_is_kept(tmp_path: P
     with pytest.raises(SystemExit, match="robot of static ended before its episodes were over"):
         driven.driven(job)
     assert not (job.out / "static" / driven.OUTCOMES_FILE).exists()
+
+
+def test_robot_that_still_waits_after_the_last_drive_is_ended(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(driven, "ENDS_S", 0.2)
+    # The robot has one episode more than there are drives.
+    monkeypatch.setattr(Job, "drawn", ("--episodes", "2", *job.drawn[2:]))
+    with pytest.raises(SystemExit, match="robot of static ended before its episodes were over"):
+        driven.driven(job)
 
 
 def test_evaluator_and_rehearsal_drive_the_same_episodes(job: Job) -> None:
