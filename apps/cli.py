@@ -2,10 +2,12 @@
 
 import contextlib
 import dataclasses
+import difflib
 import errno
 import functools
 import importlib
 import io
+import itertools
 import logging
 import os
 import signal
@@ -13,6 +15,7 @@ import sys
 import threading
 import typing
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeVar
 
 if TYPE_CHECKING:
@@ -28,7 +31,10 @@ TERMINATED = 128 + signal.SIGTERM
 READER_GONE = 128 + signal.SIGPIPE
 HELP = ("-h", "--help")
 HELP_ALL = "--help-all"
+KEPT = "what is recorded or saved stays, run the same command again to resume."
 AGAIN_S = 0.05
+ALIKE_MIN = 0.8
+"""Similarity from which a misspelt command is taken for another; "record" is none of "recover"."""
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 """Error numbers of a full disk: such errors name no file, yet the user can mend them."""
 
@@ -66,7 +72,7 @@ def run_command(commands: Mapping[str, CliCommand], argv: Sequence[str]) -> None
                 signal.signal(signal.SIGINT, signal.default_int_handler)
         if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
             signal.signal(signal.SIGTERM, _terminate)
-        call()
+        _run(call)
         sys.stdout.flush()
     except ReadygoError as error:
         _stop(str(error), USER_MISTAKE)
@@ -80,8 +86,23 @@ def run_command(commands: Mapping[str, CliCommand], argv: Sequence[str]) -> None
         _stop(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}.", USER_MISTAKE)
     except KeyboardInterrupt as stop:
         # A command that knows what it leaves behind raises the interrupt again with that information.
-        said = str(stop) or "what is recorded or saved stays, run the same command again to resume."
+        said = str(stop) or KEPT
         _stop(f"stopped; {said}", TERMINATED if _was_terminated() else INTERRUPTED)
+
+
+def _run(call: Callable[[], object]) -> None:
+    """Run a command; where it is interrupted before it saved anything, say so and remove the empty folder it made."""
+    options = call.args[0] if isinstance(call, functools.partial) and call.args else None
+    out = Path(getattr(options, "out", None) or "")
+    was_there = out.exists()
+    try:
+        call()
+    except KeyboardInterrupt as stop:
+        if was_there or str(stop):
+            raise
+        with contextlib.suppress(OSError):
+            out.rmdir()
+        raise KeyboardInterrupt(KEPT if out.exists() else "nothing is saved yet.") from None
 
 
 def _terminate(number: int, frame: object) -> None:
@@ -122,9 +143,13 @@ def parse(commands: Mapping[str, CliCommand], argv: Sequence[str]) -> Callable[[
     words = [word for word in argv if word not in HELP]
     group = {name: command for name, command in commands.items() if name.startswith(f"{' '.join(words)} ")}
     if words and not group:
-        help_of = words[0] if any(name.startswith(f"{words[0]} ") for name in commands) else ""
-        see = " ".join(["readygo", *help_of.split(), "--help"])
-        raise ReadygoError(f"unknown command {' '.join(words[:2])!r}; see `{see}`.")
+        of_group = {name for name in commands if name.startswith(f"{words[0]} ")}
+        known = {name.split()[-1]: name for name in of_group} or {name.split()[0]: name.split()[0] for name in commands}
+        named = words[: 2 if of_group else 1]
+        close = difflib.get_close_matches(named[-1], known, n=1, cutoff=ALIKE_MIN)
+        meant = f" (did you mean {known[close[0]]}?)" if close else ""
+        see = " ".join(["readygo", *named[:-1], "--help"])
+        raise ReadygoError(f"unknown command {' '.join(named)!r}{meant}; see `{see}`.")
     return functools.partial(_print, _overview(group or commands))
 
 
@@ -191,11 +216,23 @@ def read_options(kind: type[Options], argv: Sequence[str], *, prog: str) -> Opti
             argv, keys = found[1].take(argv, [option.flag for option in options])
         except ConfigError as error:
             raise ConfigError(f"{error}; see `{prog} --help-all`.") from None
+    _check_paths(argv, options, prog)
     with errors_in_one_line(options, found[1] if found else None):
         read = tyro.cli(
             kind, prog=prog, args=_join_values(argv, options), config=(tyro.conf.OmitArgPrefixes,), add_help=False
         )
     return dataclasses.replace(read, **{found[0]: keys}) if found and keys else read  # type: ignore[type-var]
+
+
+def _check_paths(argv: Sequence[str], options: "Sequence[Option]", prog: str) -> None:
+    """Raise ReadygoError for an empty path, as of a shell's unset variable: it would name the current folder."""
+    from readygo.common.errors import ReadygoError
+
+    flags = {option.flag for option in options if option.value == "PATH"}
+    for before, word in itertools.pairwise(["", *argv]):
+        flag = before if not word else word.removesuffix("=") if word.endswith("=") else ""
+        if flag in flags:
+            raise ReadygoError(f"{flag} must name a path, got ''; see `{prog} --help`.")
 
 
 def _join_values(argv: Sequence[str], options: "Sequence[Option]") -> list[str]:

@@ -70,7 +70,7 @@ def section_from_mapping(cls: type[Section], mapping: Mapping[str, Any], *, wher
         where: Path of the section, for error messages.
 
     Raises:
-        ConfigError: If it is no mapping, a key is unknown or a value has the wrong type.
+        ConfigError: If it is no mapping, a key is unknown or missing, or a value has the wrong type.
     """
     if not isinstance(mapping, Mapping):
         raise ConfigError(f"{where.rstrip('.') or cls.__name__} must be a table, got {mapping!r}.")
@@ -78,11 +78,20 @@ def section_from_mapping(cls: type[Section], mapping: Mapping[str, Any], *, wher
     unknown = sorted(set(mapping) - set(hints))
     if unknown:
         raise ConfigError(f"Unknown key {where + unknown[0]!r}; known keys: {', '.join(sorted(hints))}.")
+    if missing := [name for name in _required(cls) if name not in mapping]:
+        of = f" of {where.rstrip('.')}" if where else ""
+        raise ConfigError(f"Key{'s' * (len(missing) > 1)} {', '.join(missing)}{of} must be given.")
     values = {key: _convert(hints[key], value, f"{where}{key}") for key, value in mapping.items()}
     try:
         return cls(**values)
     except (TypeError, ValueError) as error:
         raise ConfigError(f"{where.rstrip('.') or cls.__name__}: {error}") from error
+
+
+def _required(cls: Any) -> list[str]:
+    """Names of the fields without a default."""
+    unset = dataclasses.MISSING
+    return [field.name for field in dataclasses.fields(cls) if field.default is field.default_factory is unset]
 
 
 def section_differences(ours: Any, theirs: Any) -> list[tuple[str, Any, Any]]:

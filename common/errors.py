@@ -67,6 +67,11 @@ def reason(error: Exception) -> str:
     return str(error) if isinstance(error, ReadygoError) else f"{type(error).__name__}: {error}"
 
 
+def cause(error: Exception) -> str:
+    """What an exception says, without the error number and the file that one of the operating system repeats."""
+    return (isinstance(error, OSError) and error.strerror) or str(error)
+
+
 def first_line(error: BaseException) -> str:
     """The first line of what a library's exception says, or the exception's name where it says nothing."""
     lines = str(error).strip().splitlines()

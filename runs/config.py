@@ -113,12 +113,12 @@ def _with_sensor(config: RunConfig, name: SensorName) -> RunConfig:
 def _read_config(path: Path, base: RunConfig) -> RunConfig:
     """The sections of a TOML file over those of `base`; a robot in the file inherits only the cameras of `base`."""
     sections = {name: keys for name, keys in read_sections(path).items() if name not in _NOT_OF_RUNS}
-    if isinstance(sections.get("robot"), Mapping):
-        sections["robot"] = with_first_camera(sections["robot"])
-        own = {"camera", "cameras"} & set(sections["robot"])
-        robot = RobotConfig(camera=base.robot.camera) if own else RobotConfig().with_cameras_of(base.robot)
-        base = dataclasses.replace(base, robot=robot)
     try:
+        if isinstance(sections.get("robot"), Mapping):
+            sections["robot"] = with_first_camera(sections["robot"], "robot.")
+            own = {"camera", "cameras"} & set(sections["robot"])
+            robot = RobotConfig(camera=base.robot.camera) if own else RobotConfig().with_cameras_of(base.robot)
+            base = dataclasses.replace(base, robot=robot)
         return merge_sections(base, sections)
     except ConfigError as error:
         raise ConfigError(f"Configuration {path}: {error}") from error

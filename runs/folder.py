@@ -11,7 +11,7 @@ from pathlib import Path
 
 from readygo.common.dataset.places import own_folders, shard_folders
 from readygo.common.dataset.writer import recorder_of_shard
-from readygo.common.errors import MessageError, RunError
+from readygo.common.errors import MessageError, RunError, cause
 from readygo.common.files import write_whole
 from readygo.common.locks import hold
 from readygo.common.messages import RunSpec, decode, encode
@@ -97,14 +97,27 @@ class RunFolder:
         """Check that this run may use the folder; changes nothing.
 
         Raises:
-            RunError: If the folder holds another run's data, or files of something else.
+            RunError: If it is a file, or holds another run's data, or files of something else.
         """
         spec_file = self.state / "spec.msgpack"
+        if self.path.is_file():
+            raise RunError(f"--out {self.path} is a file; choose a new folder.")
         if spec_file.exists():
             if self.has_data:
                 self._compare(self._spec(), spec)
         elif self.path.exists() and any(entry.name != STATE_FOLDER for entry in self.path.iterdir()):
             raise RunError(f"{self.path} holds files of something else; choose an empty or new folder with --out.")
+
+    def check_other(self) -> None:
+        """Check that what is no recorded data may be written into the folder; changes nothing.
+
+        Raises:
+            RunError: If it is a file, or holds recorded data.
+        """
+        if self.path.is_file():
+            raise RunError(f"--out {self.path} is a file; choose a new folder.")
+        if self.has_data:
+            raise RunError(f"--out {self.path} holds recorded data; choose a new folder.")
 
     @contextmanager
     def lock(self) -> Iterator[None]:
@@ -189,7 +202,7 @@ class RunFolder:
         try:
             return spec, int(file.read_text())
         except OSError as error:
-            raise RunError(f"{self.path} is no data folder of a run: {error}.") from error
+            raise RunError(f"{file} cannot be read: {cause(error)}.") from error
         except ValueError as error:
             raise RunError(f"{file} is damaged: write the number of wanted episodes into it ({error}).") from error
 
@@ -197,8 +210,10 @@ class RunFolder:
         file = self.state / "spec.msgpack"
         try:
             return decode(RunSpec, file.read_bytes())
+        except (FileNotFoundError, NotADirectoryError) as error:
+            raise RunError(f"{self.path} holds no recorded run; record one with `readygo generate`.") from error
         except OSError as error:
-            raise RunError(f"{self.path} is no data folder of a run: {error}.") from error
+            raise RunError(f"{file} cannot be read: {cause(error)}.") from error
         except MessageError as error:
             raise RunError(
                 f"{file} is damaged: {error} Restore it from a copy to resume the run; its shards can be read."

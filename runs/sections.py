@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeVar
 
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.documents import read_toml
-from readygo.common.errors import ConfigError
+from readygo.common.errors import ConfigError, cause
 
 Config = TypeVar("Config")
 Keys = Mapping[str, Any]
@@ -122,8 +122,9 @@ def with_keys(config: Config, keys: Keys, where: str = "") -> Config:
     try:
         return section_from_mapping(type(config), merge_tables(section_to_mapping(config), keys), where=where)
     except ConfigError as error:
-        named = str(error).startswith((*keys, where.rstrip(".") or ":"))
-        path, _, words = re.sub(r"^([\w.]+): (\w+) must", r"\1.\2 must", str(error)).partition(" ")
+        said = str(error).removeprefix(f"{type(config).__name__}: ")
+        named = said.startswith((*keys, where.rstrip(".") or ":"))
+        path, _, words = re.sub(r"^([\w.]+): (\w+) must", r"\1.\2 must", said).partition(" ")
         raise ConfigError(f"--{_with_dashes(path)} {words}" if named else str(error)) from error
 
 
@@ -159,7 +160,7 @@ def read_sections(path: Path) -> dict[str, Any]:
     try:
         return read_toml(path)
     except (OSError, ValueError) as error:
-        raise ConfigError(f"Configuration {path} cannot be read: {error}.") from error
+        raise ConfigError(f"Configuration {path} cannot be read: {cause(error)}.") from error
 
 
 def merge_tables(tables: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:

@@ -33,7 +33,7 @@ def make_config(recipe: str, file: Path | None = None, keys: Keys = NO_KEYS, **s
     try:
         config = with_overrides(config, **settings)
     except ValueError as error:
-        raise ConfigError(str(error)) from error
+        raise ConfigError(_of_option(error, settings)) from error
     return with_keys(config, keys)
 
 
@@ -94,7 +94,13 @@ def make_network_config(name: str, settings: Mapping[str, Any]) -> NetworkTrainC
     try:
         return NetworkTrainConfig(network=name, **{k: v for k, v in settings.items() if v is not None})
     except ValueError as error:
-        raise ConfigError(str(error)) from error
+        raise ConfigError(_of_option(error, settings)) from error
+
+
+def _of_option(error: ValueError, settings: Mapping[str, Any]) -> str:
+    """An error in words that begin with the option where it is of a setting."""
+    name, _, words = str(error).partition(" ")
+    return f"--{name.replace('_', '-')} {words}" if name in settings else str(error)
 
 
 def run_network_training(

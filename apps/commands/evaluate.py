@@ -23,6 +23,7 @@ from readygo.apps.evaluation.watch import (
 )
 from readygo.apps.fleet.evaluation import EvaluationFleet, by_fleet, fleet_spec, make_plan
 from readygo.apps.fleet.options import RouterOptions
+from readygo.apps.fleet.run import check_counts
 from readygo.apps.options import given_options
 from readygo.apps.report.evaluation import REPORT_FILE
 from readygo.apps.terminal import PlainConsole
@@ -44,6 +45,7 @@ from readygo.runs.evaluation import (
     make_request,
     summarize,
 )
+from readygo.runs.folder import RunFolder
 from readygo.runs.method_files import method_hashes
 from readygo.runs.methods import (
     CHECKPOINTS,
@@ -153,6 +155,9 @@ class EvaluateOptions:
 def evaluate(options: EvaluateOptions) -> None:
     """Drive a policy, the expert and a straight-line baseline through the same episodes, and report success rates."""
     trials, out = options.trials, options.out
+    check_counts(1 if options.episodes is None else options.episodes, options.workers)
+    if out is not None:
+        RunFolder(out).check_other()
     if trials.from_logs is not None:
         if given := given_options(options, ("from_logs", "out", "json")):
             raise RunError(f"--from-logs takes all settings from the logs: leave out {', '.join(given)}.")

@@ -203,6 +203,7 @@ def _new_run(options: GenerateOptions) -> tuple[RunSpec, int]:
 def _record(spec: RunSpec, episodes: int, options: GenerateOptions) -> None:
     """Record a run, and print its progress and its summary."""
     out, fleet, strict = options.out, options.fleet, options.place.strict
+    RunFolder(out).check(spec)
     endpoint = fleet.listen or fleet.connect
     join = _how_to_join(spec, out, endpoint, fleet.certs) if endpoint else ""
     page = show_page(out, (RunFolder(out).state / "endpoint").exists, fleet.certs) if options.watch else nullcontext()

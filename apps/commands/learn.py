@@ -41,8 +41,10 @@ from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.identity import COORDINATOR
 from readygo.common.errors import RunError
 from readygo.runs.config import RunConfig
+from readygo.runs.folder import RunFolder
 from readygo.runs.sections import Keys, Sections, read_sections
 from readygo.services.evaluator import EpisodeRecord, EvaluateReply, summary_table
+from readygo.services.trainer import MINUTES
 
 _NOT_IN_REPORT = ("scenes", "out", "minutes", "samples", "on", "watch", "json", "fleet")
 """Fields and groups that the report's command to resume leaves out, or sets itself."""
@@ -127,6 +129,9 @@ def learn(options: LearnOptions) -> None:
     """Record episodes and train a policy at the same time; run the same command again to resume."""
     if options.episodes < 0:
         raise RunError(f"--episodes must be at least 0, got {options.episodes}.")
+    if options.minutes not in MINUTES:
+        raise RunError(f"--minutes must be {MINUTES}, got {options.minutes:g}.")
+    RunFolder(options.out).check_other()
     form = _form(options)
     if form == PERCEIVE:
         _learn_to_perceive(options)

@@ -41,18 +41,19 @@ class SteadyProgress(Progress):
         self._lines = not quiet and not console.is_terminal
         super().__init__(*columns, console=console, disable=quiet or self._lines, transient=transient)
         self._spoken = [column for column in columns if not isinstance(column, BarColumn)]
-        self._clock, self._said_s, self._said = clock, clock(), ""
+        self._clock, self._said_s, self._said, self._begun = clock, clock(), "", False
 
     def update(self, task_id: TaskID, **changes: Any) -> None:
         """Change a task's fields, as in rich; print a line if the last one is old enough."""
         super().update(task_id, **changes)
+        self._begun = True
         if self._lines and self._clock() - self._said_s >= EVERY_S:
             self._say()
 
     def stop(self) -> None:
-        """End the display, as in rich; print the last state as a line if it is new."""
+        """End the display, as in rich; print the last state as a line if it is new and there is one."""
         super().stop()
-        if self._lines:
+        if self._lines and self._begun:
             self._say()
 
     def _say(self) -> None:

@@ -15,7 +15,7 @@ from readygo.apps.commands.scene_report import SceneReportOptions, scene_report
 from readygo.apps.fleet.reconstruction import ask_worker
 from readygo.apps.terminal import PlainConsole
 from readygo.common.bus.endpoint import check_endpoint
-from readygo.common.errors import SceneError
+from readygo.common.errors import ConfigError, SceneError
 from readygo.common.files import write_whole
 from readygo.runs.sections import Keys, Sections, with_file, with_keys
 from readygo.services.reconstructor import (
@@ -267,6 +267,8 @@ class MarkerOptions:
 
 def marker(options: MarkerOptions) -> None:
     """Write a PDF with one marker at true size: print it at 100 %, measure it, and put it on the floor."""
+    if options.out.suffix.lower() != ".pdf":
+        raise ConfigError(f"--out {options.out} must end in .pdf.")
     write_whole(options.out, marker_pdf(options.dictionary, options.id, options.size_m, options.page))
     PlainConsole(soft_wrap=True).print(
         f"{options.out}: marker {options.id} of {options.dictionary}, {options.size_m:g} m wide.", markup=False

@@ -19,16 +19,17 @@ from readygo.common.messages import Split
 from readygo.common.perception.noise import EXACT, PERCEIVED
 from readygo.common.robot import load_robot
 from readygo.runs.config import RunConfig, load_run_config
+from readygo.runs.folder import RunFolder
 from readygo.runs.reinforcement import DrawShow, make_reinforcement_config, run_reinforcement, with_standing
 from readygo.runs.scene_argument import open_scene
 from readygo.runs.sections import Keys, Sections
 from readygo.runs.spec import make_spec
 from readygo.runs.world import World
 from readygo.services.planner import MixName
-from readygo.services.trainer import ReinforcementConfig
+from readygo.services.trainer import MINUTES, ReinforcementConfig
 
 NOISE = {"exact": EXACT, "perceived": PERCEIVED}
-MINUTES = 10.0
+DEFAULT_MINUTES = 10.0
 Show = Callable[[Mapping[str, Any], float], None]
 
 
@@ -71,6 +72,7 @@ class RlOptions:
 
 def rl(options: RlOptions) -> None:
     """Train a policy by reinforcement (PPO) in some scenes, without images; run again to resume."""
+    RunFolder(options.out).check_other()
     minutes = _minutes(options)
     if options.workers < 0:
         raise RunError(f"--workers must be at least 0, got {options.workers}.")
@@ -114,14 +116,15 @@ def _minutes(options: RlOptions) -> float | None:
     """Processor time to learn for [min]; None with a budget of decisions.
 
     Raises:
-        RunError: If both budgets are given, or one is not positive.
+        RunError: If both budgets are given, or one is out of range.
     """
     if options.minutes is not None and options.decisions is not None:
         raise RunError("Give --minutes or --decisions, not both.")
-    for name, value in (("minutes", options.minutes), ("decisions", options.decisions)):
-        if value is not None and not value > 0:
-            raise RunError(f"--{name} must be positive, got {value:g}.")
-    return None if options.decisions is not None else options.minutes or MINUTES
+    if options.minutes is not None and options.minutes not in MINUTES:
+        raise RunError(f"--minutes must be {MINUTES}, got {options.minutes:g}.")
+    if options.decisions is not None and options.decisions < 1:
+        raise RunError(f"--decisions must be at least 1, got {options.decisions}.")
+    return None if options.decisions is not None else options.minutes or DEFAULT_MINUTES
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from readygo.apps.evaluation.replay import PERCEIVING, Replays
-from readygo.common.errors import MessageError, RunError
+from readygo.common.errors import MessageError, RunError, cause
 from readygo.common.files import write_whole
 from readygo.common.messages import RunSpec, decode, encode
 from readygo.common.perception import load_perception
@@ -99,7 +99,7 @@ def _read_spec(folder: Path) -> RunSpec:
     except FileNotFoundError as error:
         raise RunError(f"{folder} does not say where it was driven; let `readygo evaluate` finish into it.") from error
     except (OSError, MessageError) as error:
-        raise RunError(f"{path} cannot be read: {error}") from error
+        raise RunError(f"{path} cannot be read: {cause(error)}") from error
 
 
 def _check_world(world: World, results: Results) -> None:

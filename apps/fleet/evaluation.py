@@ -101,8 +101,7 @@ def by_fleet(fleet: EvaluationFleet) -> Elsewhere:
 
 def _drive_by_fleet(fleet: EvaluationFleet, indices: Sequence[int]) -> None:
     folder = RunFolder(fleet.results.folder)
-    if folder.has_data:
-        raise RunError(f"{folder.path} holds recorded data; choose another --out.")
+    folder.check_other()
     run, certs, endpoint = fleet.spec.run, fleet.certs, fleet.listen or free_endpoint()
     token, here = "" if certs else given_token() or new_token(), reached_here(endpoint)
     with contextlib.ExitStack() as open_things, folder.lock():

@@ -42,10 +42,10 @@ WORKERS_MAX = 256
 
 def check_counts(episodes: int, workers: int) -> None:
     """Raise RunError if the number of episodes or workers is out of range."""
-    if not 1 <= episodes <= EPISODES_MAX or not 0 <= workers <= WORKERS_MAX:
-        raise RunError(
-            f"--episodes must be 1..{EPISODES_MAX} and --workers 0..{WORKERS_MAX}, got {episodes} and {workers}."
-        )
+    if not 1 <= episodes <= EPISODES_MAX:
+        raise RunError(f"--episodes must be 1..{EPISODES_MAX}, got {episodes}.")
+    if not 0 <= workers <= WORKERS_MAX:
+        raise RunError(f"--workers must be 0..{WORKERS_MAX}, got {workers}.")
 
 
 def record(

@@ -8,7 +8,7 @@ from pathlib import Path
 from readygo.apps.learn.choice import PolicyMeasurement
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.documents import read_json
-from readygo.common.errors import ConfigError, RunError
+from readygo.common.errors import ConfigError, RunError, cause
 from readygo.common.files import write_whole
 
 
@@ -43,7 +43,7 @@ def load_curve(path: Path) -> list[CurvePoint]:
     except FileNotFoundError:
         return []
     except (OSError, ValueError, KeyError, TypeError, ConfigError) as error:
-        raise RunError(f"{path} cannot be read: {error}; remove it, or choose another --out.") from error
+        raise RunError(f"{path} cannot be read: {cause(error)}; remove it, or choose another --out.") from error
 
 
 def save_curve(path: Path, points: Sequence[CurvePoint]) -> None:

@@ -41,7 +41,7 @@ from readygo.common.avatars.variants import write_variants
 from readygo.common.config import section_to_mapping
 from readygo.common.cores import available_cores
 from readygo.common.documents import read_json, write_toml
-from readygo.common.errors import ConfigError, RunError
+from readygo.common.errors import ConfigError, RunError, cause
 from readygo.common.files import write_whole
 from readygo.common.messages import RunSpec, Split, StatusReply
 from readygo.common.robot import RobotConfig, load_robot
@@ -231,7 +231,7 @@ def read_state(plan: PerceivePlan) -> dict[str, Any]:
         if state["format"] != FORMAT:
             raise ValueError(f"format {state['format']!r}")
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise RunError(f"{path} cannot be read: {error}; choose another --out.") from error
+        raise RunError(f"{path} cannot be read: {cause(error)}; choose another --out.") from error
     return dict(state)
 
 

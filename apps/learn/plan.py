@@ -13,7 +13,7 @@ from typing import IO, Any
 from readygo.apps.learn.config import GoalName, LearnConfig, load_learn_config
 from readygo.common.camera import CameraConfig
 from readygo.common.documents import read_json
-from readygo.common.errors import ConfigError, RunError, SceneError
+from readygo.common.errors import ConfigError, RunError, SceneError, cause
 from readygo.common.files import write_whole
 from readygo.common.images.names import RGB, kind_of
 from readygo.common.messages import EpisodeKey, HumanPlanRequest, RunSpec, Split
@@ -264,8 +264,10 @@ def make_plan(
     """
     if not scenes:
         raise RunError('Name a scene: a bundle, or "embedded".')
-    if not (0 < budget.minutes < math.inf and (budget.samples is None or budget.samples > 0)):
-        raise RunError(f"--minutes and --samples must be above 0, got {budget.minutes:g} and {budget.samples}.")
+    if not 0 < budget.minutes < math.inf:
+        raise RunError(f"--minutes must be above 0, got {budget.minutes:g}.")
+    if budget.samples is not None and budget.samples < 1:
+        raise RunError(f"--samples must be at least 1, got {budget.samples}.")
     places: list[LearnPlace] = []
     for scene in scenes:
         spec = make_spec(open_scene(scene), people or avatars, config, seed=seed, split=Split.TRAIN, static=False)
@@ -327,7 +329,7 @@ def read_state(plan: LearnPlan) -> dict[str, Any]:
         if state["format"] != FORMAT:
             raise ValueError(f"format {state['format']!r}")
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise RunError(f"{plan.state_file} cannot be read: {error}; choose another --out.") from error
+        raise RunError(f"{plan.state_file} cannot be read: {cause(error)}; choose another --out.") from error
     return dict(state)
 
 

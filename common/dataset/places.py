@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from readygo.common.documents import read_json
-from readygo.common.errors import DatasetError, ReadygoError
+from readygo.common.errors import DatasetError, ReadygoError, cause
 from readygo.common.files import write_whole
 
 NOTE = "recorders.json"
@@ -21,6 +21,10 @@ def find_shards(folder: str | Path) -> list[Path]:
         DatasetError: If the folder is missing or has none.
     """
     folder = Path(folder)
+    if (folder / "scene.toml").is_file() or str(folder).partition(":")[0] == "embedded":
+        raise DatasetError(f"{folder} is a scene, no data folder; look at it with `readygo scene inspect {folder}`.")
+    if folder.is_file():
+        raise DatasetError(f"{folder} is a file; name the data folder, which holds the shards.")
     if not folder.is_dir():
         raise DatasetError(f"Data folder {folder} does not exist; record one with `readygo generate`.")
     shards = [shard for place in shard_folders(folder) for shard in sorted(place.glob("shard-*.mcap"))]
@@ -43,7 +47,9 @@ def own_folders(folder: Path) -> dict[str, Path]:
     try:
         return {str(name): Path(place) for name, place in read_json(note).items()}
     except (OSError, ValueError, AttributeError, TypeError) as error:
-        raise DatasetError(f"{note}, which says where recorders have their shards, cannot be read: {error}.") from error
+        raise DatasetError(
+            f"{note}, which says where recorders have their shards, cannot be read: {cause(error)}."
+        ) from error
 
 
 def note_folders(folder: Path, folders: Mapping[str, Path], *, raises: type[ReadygoError] = ReadygoError) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 from readygo.common.camera.config import CameraConfig
 from readygo.common.config import section_from_mapping
 from readygo.common.documents import read_toml
-from readygo.common.errors import ConfigError
+from readygo.common.errors import ConfigError, cause
 from readygo.common.robot.clock import LOWEST_HZ, Clock, make_clock
 from readygo.common.robot.ranges import OF_CAMERA, RobotRanges
 
@@ -164,7 +164,7 @@ def load_robot(path: str | Path, *, cameras_of: RobotConfig | None = None) -> Ro
     try:
         mapping = read_toml(path)
     except (OSError, ValueError) as error:
-        raise ConfigError(f"Robot file {path} cannot be read: {error}.") from error
+        raise ConfigError(f"Robot file {path} cannot be read: {cause(error)}.") from error
     try:
         robot = section_from_mapping(RobotConfig, with_first_camera(mapping))
         if cameras_of is not None and not {"camera", "cameras"} & set(mapping):
@@ -176,10 +176,20 @@ def load_robot(path: str | Path, *, cameras_of: RobotConfig | None = None) -> Ro
     return robot
 
 
-def with_first_camera(robot: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Keys of a robot of which no camera is called the first: that is the one that [cameras.NAME] names first."""
+def with_first_camera(robot: Mapping[str, Any], where: str = "") -> Mapping[str, Any]:
+    """Keys of a robot of which no camera is called the first: that is the one that [cameras.NAME] names first.
+
+    Args:
+        robot: The keys.
+        where: Path of the robot's section, such as "robot.", for errors.
+
+    Raises:
+        ConfigError: If the first camera is no table, or has an unknown key or a wrong value.
+    """
     cameras = robot.get("cameras")
     if not isinstance(cameras, Mapping) or not cameras or "camera" in robot:
         return robot
     (name, camera), *further = cameras.items()
+    # Errors name the camera as the file does.
+    section_from_mapping(CameraConfig, camera, where=f"{where}cameras.{name}.")
     return {**robot, "camera": camera, "camera_name": name, "cameras": dict(further)}

@@ -1,5 +1,6 @@
 """`scene.toml`: what a bundle holds, where it comes from, and the hashes of its content."""
 
+import difflib
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,11 +11,15 @@ import numpy as np
 
 from readygo.common.arrays import AnyArray
 from readygo.common.documents import read_toml
-from readygo.common.errors import SceneError
+from readygo.common.errors import SceneError, cause
 from readygo.common.maps import GridFrame
 
 MANIFEST = "scene.toml"
 FORMAT = "readygo-scene/1"
+_ALIKE_MIN = 0.75
+_GAUSSIAN_ENDINGS = (".ply", ".splat", ".spz", ".ckpt", ".pt")
+_OTHER_FOLDERS = {"shard-*.mcap*": "a data folder", "*policy.toml": "a policy"}
+"""Kinds of folders that are taken for a scene, by a file in them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,16 +61,29 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """
     path = folder / MANIFEST
     if not path.is_file():
-        what = "does not exist" if not folder.exists() else f"is not a scene bundle (no {MANIFEST})"
-        raise SceneError(f"{folder} {what}; make one with `readygo scene import FILE --out {folder}`.")
+        raise SceneError(f"{folder} {_no_bundle(folder)}.")
     try:
         manifest = read_toml(path)
     except (OSError, ValueError) as error:
-        raise SceneError(f"{path} cannot be read: {error}.") from error
+        raise SceneError(f"{path} cannot be read: {cause(error)}.") from error
     if manifest.get("format") != FORMAT:
         raise SceneError(f"{path} has format {manifest.get('format')!r}, not {FORMAT!r}; import the scene again.")
     _check(manifest, folder)
     return manifest
+
+
+def _no_bundle(folder: Path) -> str:
+    """What a path without a manifest is, and what to do."""
+    if not folder.exists():
+        if difflib.get_close_matches(str(folder).partition(":")[0], ["embedded"], cutoff=_ALIKE_MIN):
+            return "does not exist (did you mean embedded?)"
+        return f"does not exist; make one with `readygo scene import FILE --out {folder}`"
+    if folder.suffix.lower() in _GAUSSIAN_ENDINGS:
+        return f"is not a scene bundle; make one of it with `readygo scene import {folder} --out NEW`"
+    for pattern, kind in _OTHER_FOLDERS.items():
+        if any(folder.glob(pattern)):
+            return f'is {kind}, not a scene; name a scene bundle, or "embedded"'
+    return f"is not a scene bundle (no {MANIFEST}); make one with `readygo scene import FILE --out NEW`"
 
 
 def _check(manifest: dict[str, Any], folder: Path) -> None:

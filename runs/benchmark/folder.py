@@ -14,7 +14,7 @@ from typing import Any
 
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.documents import read_json
-from readygo.common.errors import ConfigError, RunError
+from readygo.common.errors import ConfigError, RunError, cause
 from readygo.common.files import read_regular, write_whole
 from readygo.runs.benchmark.inputs import DriverInputs
 from readygo.runs.benchmark.suite import OpenSuite
@@ -137,7 +137,7 @@ def read_manifest(folder: Path) -> BenchmarkManifest:
     except FileNotFoundError as error:
         raise RunError(f"{folder} holds no finished benchmark: let `readygo benchmark run` end into it.") from error
     except (OSError, ValueError, ConfigError) as error:
-        raise RunError(f"{path} cannot be read: {error}") from error
+        raise RunError(f"{path} cannot be read: {cause(error)}") from error
     if manifest.format != RESULTS_FORMAT:
         raise RunError(f"{path} is of the format {manifest.format!r}, this version reads {RESULTS_FORMAT}.")
     if not manifest.drivers:

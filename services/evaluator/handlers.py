@@ -52,8 +52,11 @@ class EvaluateRequest:
     """How often the policy decides [Hz]; its command is held in between. None: as often as the robot is commanded."""
 
     def __post_init__(self) -> None:
-        if not self.tasks or not self.methods or self.episodes < 1 or self.seed < 0:
-            raise ValueError("an evaluation needs a task, a method, one or more episodes and a seed >= 0.")
+        if not self.tasks or not self.methods:
+            raise ValueError("an evaluation needs a task and a method.")
+        for name, least in (("episodes", 1), ("seed", 0)):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name} must be at least {least}, got {getattr(self, name)}.")
         if len(set(self.tasks)) < len(self.tasks) or len(set(self.methods)) < len(self.methods):
             raise ValueError("tasks and methods must not repeat.")
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from readygo.common.arrays import Float64Array
 from readygo.common.documents import parse_json, read_json
-from readygo.common.errors import RunError
+from readygo.common.errors import RunError, cause
 from readygo.common.files import write_whole
 from readygo.common.messages import RobotTrajectory
 from readygo.services.evaluator.records import EpisodeRecord, RecordKey, record_of_mapping
@@ -89,7 +89,7 @@ class Results:
         try:
             return _read_settings(self.folder)
         except (OSError, ValueError) as error:
-            raise RunError(f"{self.folder / SETTINGS_FILE} cannot be read: {error}.") from error
+            raise RunError(f"{self.folder / SETTINGS_FILE} cannot be read: {cause(error)}.") from error
 
     def sees(self) -> tuple[str, ...]:
         """Images by which the policy drove, as the summary names them; none if it names none."""
@@ -175,7 +175,7 @@ def _check_settings(folder: Path, settings: Mapping[str, Any]) -> None:
         write_whole(folder / SETTINGS_FILE, json.dumps(settings, indent=2) + "\n", raises=RunError)
         return
     except ValueError as error:
-        raise RunError(f"{folder / SETTINGS_FILE} cannot be read: {error}; choose another --out.") from error
+        raise RunError(f"{folder / SETTINGS_FILE} cannot be read: {cause(error)}; choose another --out.") from error
     different = _differences(kept, settings)
     if different:
         more = f" and {len(different) - DIFFERENCES_SHOWN} more" if len(different) > DIFFERENCES_SHOWN else ""

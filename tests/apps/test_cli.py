@@ -77,6 +77,12 @@ def test_help_lists_the_commands_of_a_group(
         (["fly"], "unknown command 'fly'; see `readygo --help`."),
         (["scene", "paint", "x"], "unknown command 'scene paint'; see `readygo scene --help`."),
         (["record"], "unknown command 'record'; see `readygo --help`."),
+        (["genrate", "embedded"], "unknown command 'genrate' (did you mean generate?); see `readygo --help`."),
+        (["scen", "import"], "unknown command 'scen' (did you mean scene?); see `readygo --help`."),
+        (
+            ["scene", "imprt", "x.ply"],
+            "unknown command 'scene imprt' (did you mean scene import?); see `readygo scene --help`.",
+        ),
     ],
 )
 def test_unknown_command_is_one_line(argv: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -84,6 +90,52 @@ def test_unknown_command_is_one_line(argv: list[str], message: str, capsys: pyte
         run_command(COMMANDS, argv)
     assert stopped.value.code == 2
     assert capsys.readouterr().err == f"readygo: {message}\n"
+
+
+@pytest.mark.parametrize("command", ["generate", "train", "learn", "marker", "scene import"])
+@pytest.mark.parametrize("empty", [["--out", ""], ["--out="]])
+def test_empty_path_is_not_the_current_folder(
+    command: str, empty: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        run_command(COMMANDS, [*command.split(), "x", *empty])
+    assert stopped.value.code == 2
+    assert capsys.readouterr().err == f"readygo: --out must name a path, got ''; see `readygo {command} --help`.\n"
+
+
+@dataclass(frozen=True, kw_only=True)
+class StopOptions:
+    """Make a folder and be interrupted."""
+
+    out: Path
+    """The folder."""
+    saved: str = ""
+    """A file in it."""
+
+
+def stop(options: StopOptions) -> None:
+    """Make a folder and be interrupted."""
+    options.out.mkdir(exist_ok=True)
+    if options.saved:
+        (options.out / options.saved).touch()
+    raise KeyboardInterrupt
+
+
+def test_ctrl_c_tells_whether_something_is_saved_and_leaves_no_empty_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    commands = {"stop": CliCommand(f"{__name__}:stop", "stops")}
+    out, kept = tmp_path / "out", "readygo: stopped; what is recorded or saved stays, "
+    for options, words in (([], "readygo: stopped; nothing is saved yet.\n"), (["--saved", "checkpoint"], kept)):
+        with pytest.raises(SystemExit) as stopped:
+            run_command(commands, ["stop", "--out", str(out), *options])
+        assert stopped.value.code == 130
+        assert capsys.readouterr().err.startswith(words)
+        assert out.exists() == bool(options)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(SystemExit):
+        run_command(commands, ["stop", "--out", str(tmp_path / "empty")])
+    assert (tmp_path / "empty").exists(), "a folder that was there stays"
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -100,6 +100,31 @@ def test_differences_are_named_with_both_values():
 
 
 @dataclass(frozen=True, kw_only=True)
+class _Given:
+    first: int
+    second: int
+    third: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Holder:
+    given: _Given
+
+
+@pytest.mark.parametrize(
+    ("mapping", "message"),
+    [
+        ({}, "Key given must be given."),
+        ({"given": {}}, "Keys first, second of given must be given."),
+        ({"given": {"second": 1}}, "Key first of given must be given."),
+    ],
+)
+def test_missing_keys_are_named(mapping: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=f"^{message}$"):
+        section_from_mapping(_Holder, mapping)
+
+
+@dataclass(frozen=True, kw_only=True)
 class _Table:
     a: int = 0
 

@@ -149,6 +149,10 @@ def test_arguments_become_a_request_or_one_line() -> None:
     assert (request.episodes, request.seed, request.split) == (3, 7, Split.VAL)
     with pytest.raises(RunError, match=r"^These arguments make no evaluation: tasks and methods must not repeat"):
         make_request(3, ("static", "static"), ("expert",), Split.VAL, 0)
+    with pytest.raises(RunError, match=r"evaluation: seed must be at least 0, got -2\.$"):
+        make_request(3, ("static",), ("expert",), Split.VAL, -2)
+    with pytest.raises(RunError, match=r"evaluation: episodes must be at least 1, got 0\.$"):
+        make_request(0, ("static",), ("expert",), Split.VAL, 0)
     assert make_evaluator_config(3).lockstep == 3
     with pytest.raises(RunError, match="lockstep"):
         make_evaluator_config(0)
@@ -170,7 +174,7 @@ def test_summary_says_on_what_was_measured() -> None:
 
 
 def test_closed_loop_validation_that_cannot_work_is_refused_before_training(tmp_path: Path) -> None:
-    with pytest.raises(RunError, match="one or more episodes"):
+    with pytest.raises(RunError, match="episodes must be at least 1, got 0"):
         closed_loop("embedded", episodes=0, seed=0)
     with pytest.raises(SceneError, match="does not exist"):
         closed_loop(str(tmp_path / "nowhere"), episodes=1, seed=0)

@@ -94,9 +94,30 @@ def test_ledger_without_an_episode_binds_nothing_and_one_with_an_episode_does(tm
     assert folder.has_data
 
 
+def test_what_is_no_recorded_data_is_kept_out_of_data_folders_and_files(tmp_path: Path) -> None:
+    RunFolder(tmp_path / "new").check_other()
+    folder = RunFolder(tmp_path / "data")
+    with folder.lock():
+        folder.check_other()
+    (folder.path / "shard-r0-00000.mcap").touch()
+    with pytest.raises(RunError, match=r"^--out .*data holds recorded data; choose a new folder"):
+        folder.check_other()
+    RunFolder(folder.path / "inside").check_other()
+    file = RunFolder(folder.path / "shard-r0-00000.mcap")
+    for check in (file.check_other, lambda: file.check(SPEC)):
+        with pytest.raises(RunError, match=r"^--out .*mcap is a file; choose a new folder"):
+            check()
+
+
+def test_folder_without_a_run_is_named_without_the_files_that_it_lacks(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match=r" holds no recorded run; record one with `readygo generate`\.$") as caught:
+        RunFolder(tmp_path).load()
+    assert "spec.msgpack" not in str(caught.value)
+
+
 def test_run_has_one_coordinator(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path)
-    with pytest.raises(RunError, match="is no data folder of a run"), folder.lock_coordinator(patience_s=0.0):
+    with pytest.raises(RunError, match="holds no recorded run"), folder.lock_coordinator(patience_s=0.0):
         pass
     with folder.lock():
         folder.save(SPEC, 3)

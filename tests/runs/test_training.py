@@ -4,7 +4,7 @@ from types import SimpleNamespace
 import pytest
 
 from readygo.common.errors import ConfigError, PolicyError
-from readygo.runs.training import default_recipe, make_config, run_training
+from readygo.runs.training import default_recipe, make_config, make_network_config, run_training
 from readygo.services import trainer
 from readygo.services.trainer import TrainConfig, best_recipe, paper_recipe
 
@@ -48,8 +48,10 @@ def test_file_that_makes_no_sense_is_one_line(tmp_path, text, message) -> None:
 
 
 def test_setting_that_makes_no_sense_is_one_line() -> None:
-    with pytest.raises(ConfigError, match=r"^batch_size must be at least 1, got 0\.$"):
+    with pytest.raises(ConfigError, match=r"^--batch-size must be at least 1, got 0\.$"):
         make_config("fast", batch_size=0)
+    with pytest.raises(ConfigError, match=r"^--minutes must be above 0 and at most 100000, got 0\.$"):
+        make_network_config("gnm", {"minutes": 0.0})
 
 
 def test_best_is_for_data_in_which_the_expert_was_asked() -> None:

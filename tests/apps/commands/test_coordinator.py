@@ -22,7 +22,7 @@ def test_run_that_is_done_is_over_at_once(tmp_path: Path, capsys: pytest.Capture
 
 
 def test_what_cannot_be_led_is_said_in_one_line(tmp_path: Path) -> None:
-    with pytest.raises(RunError, match="is no data folder of a run"):
+    with pytest.raises(RunError, match="holds no recorded run"):
         coordinator(CoordinatorOptions(data=tmp_path / "nothing", fleet=FleetOptions(listen=free_endpoint())))
     folder = make_folder(tmp_path / "data", [DRAW, FILM], wanted=1)
     with pytest.raises(CertificateError, match="needs certificates: pass --certs"):

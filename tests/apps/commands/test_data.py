@@ -91,9 +91,10 @@ def test_validate_says_how_sharp_the_pictures_are(folder, capsys) -> None:
     assert json.loads(capsys.readouterr().out)["clarity"]["episodes_looked_at"] == 3
 
 
-def test_missing_folder_is_one_clear_line(tmp_path) -> None:
+def test_missing_folder_is_one_clear_line(tmp_path, capsys) -> None:
     with pytest.raises(DatasetError, match="does not exist"):
         validate(ValidateOptions(data=tmp_path / "nowhere"))
+    assert capsys.readouterr().err == "", "no progress is shown of what did not begin"
     with pytest.raises(DatasetError, match="does not exist"):
         inspect(InspectOptions(data=tmp_path / "nowhere"))
 

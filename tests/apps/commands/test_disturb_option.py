@@ -96,6 +96,6 @@ def test_what_makes_no_run_is_refused_in_a_line(scene: str, options: dict, recor
     )
     with pytest.raises(RunError, match=r"leave out SCENE, --seed, --mix, --driver\.disturbed\.$"):
         generate(again)
-    with pytest.raises(RunError, match="is no data folder of a run"):
+    with pytest.raises(RunError, match="holds no recorded run"):
         generate(GenerateOptions(out=tmp_path / "data", recording=RecordingOptions(again=tmp_path)))
     assert not (tmp_path / "data").exists()

@@ -18,6 +18,7 @@ from readygo.common.policy import PolicySpec
 from readygo.common.robot import RobotConfig
 from readygo.runs.config import RunConfig
 from readygo.services.evaluator import Task
+from tests.common.dataset.episodes import write_shard
 from tests.services.evaluator.test_scores import RECORDS
 
 
@@ -157,6 +158,27 @@ def test_films_need_a_folder_and_episodes_that_can_be_understood(evaluate) -> No
     code, printed, _ = evaluate("--video", "best", "--out", "x")
     assert code == 2
     assert "'best'" in printed.err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--episodes", "0"], "--episodes must be 1..10000000, got 0."),
+        (["--workers", "-1", "--out", "new"], "--workers must be 0..256, got -1."),
+        (["--out", "data"], "--out data holds recorded data; choose a new folder."),
+        (["--out", "file"], "--out file is a file; choose a new folder."),
+    ],
+)
+def test_counts_and_folders_that_cannot_be_are_refused_by_option(
+    options: list[str], words: str, evaluate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_shard(tmp_path / "data", [0])
+    (tmp_path / "file").touch()
+    before = sorted(tmp_path.rglob("*"))
+    code, printed, _ = evaluate(*options)
+    assert (code, printed.err) == (2, f"readygo: {words}\n")
+    assert sorted(tmp_path.rglob("*")) == before
 
 
 @pytest.mark.parametrize(

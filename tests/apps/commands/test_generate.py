@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -178,14 +179,28 @@ def test_port_in_use_exits_with_2_and_one_line(scene: Path, config: Path, tmp_pa
     )
 
 
-@pytest.mark.parametrize("counts", [{"episodes": 0}, {"episodes": 10**12}, {"workers": 257}])
+@pytest.mark.parametrize(
+    ("counts", "words"),
+    [
+        ({"episodes": 0}, "--episodes must be 1..10000000, got 0."),
+        ({"episodes": 10**12}, "--episodes must be 1..10000000, got 1000000000000."),
+        ({"workers": 257}, "--workers must be 0..256, got 257."),
+    ],
+)
 def test_count_that_cannot_be_is_refused_before_anything_is_made_or_shown(
-    counts: dict[str, int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    counts: dict[str, int], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(RunError, match=r"--episodes must be 1\.\."):
+    with pytest.raises(RunError, match=f"^{re.escape(words)}$"):
         generate(GenerateOptions(scene="a scene that is not there", out=tmp_path / "out", **counts))  # type: ignore[arg-type]
     assert capsys.readouterr() == ("", "")
     assert not (tmp_path / "out").exists()
+
+
+def test_file_is_no_data_folder_and_no_progress_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(RunError, match=r"^--out .*file is a file; choose a new folder"):
+        generate(GenerateOptions(scene="embedded", out=tmp_path / "file", episodes=1, workers=0))
+    assert capsys.readouterr() == ("", "")
 
 
 def test_missing_packages_of_an_option_are_said_before_anything_is_made(

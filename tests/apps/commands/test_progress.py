@@ -36,6 +36,13 @@ def test_a_file_gets_a_line_now_and_then_and_the_last_state() -> None:
     assert file.getvalue().splitlines() == lines
 
 
+def test_a_file_gets_nothing_of_work_that_fails_before_it_begins() -> None:
+    file = io.StringIO()
+    with progress(file, Clock()) as bar:
+        bar.add_task("episodes", total=9, said="")
+    assert file.getvalue() == ""
+
+
 def test_quiet_says_nothing() -> None:
     file = io.StringIO()
     drive(file, quiet=True)

@@ -27,6 +27,7 @@ def test_marker_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     ("argv", "words"),
     [
         (["marker", "--size-m", "2", "--out", "m.pdf"], "A3"),
+        (["marker", "--size-m", "0.2", "--out", "m.txt"], "--out m.txt must end in .pdf."),
         (["scene", "poses", "no.mp4", "--scale", "-1", "--out", "out"], "scale must be at least 0"),
         (["scene", "poses", "no.mp4", "--out", "out"], "no.mp4 does not exist; give a video"),
         (["reconstruct", "no.mp4", "--scale", "1", "--out", "."], "--out must be the name of a new folder, got ."),

@@ -45,5 +45,5 @@ def test_folder_that_lost_nothing_is_said_to(
 
 
 def test_folder_without_a_run_is_said_in_one_line(tmp_path: Path) -> None:
-    with pytest.raises(RunError, match="is no data folder of a run"):
+    with pytest.raises(RunError, match="holds no recorded run"):
         recover(RecoverOptions(data=tmp_path))

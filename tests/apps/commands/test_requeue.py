@@ -23,6 +23,6 @@ def test_lost_disk_is_given_up_in_one_line(tmp_path: Path, capsys: pytest.Captur
 
 
 def test_folder_that_is_none_is_named(tmp_path: Path) -> None:
-    with pytest.raises(RunError, match="is no data folder of a run"):
+    with pytest.raises(RunError, match="holds no recorded run"):
         requeue(RequeueOptions(data=tmp_path, recorder="east"))
     assert list(tmp_path.iterdir()) == []

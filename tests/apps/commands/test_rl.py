@@ -76,8 +76,11 @@ def test_expert_teaches_first_where_it_is_asked_to(tmp_path: Path, monkeypatch: 
 def test_bad_input_is_said_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="not both"):
         rl(RlOptions(scenes=("embedded",), out=tmp_path, minutes=1.0, decisions=5))
-    with pytest.raises(RunError, match="--minutes must be positive"):
-        rl(RlOptions(scenes=("embedded",), out=tmp_path, minutes=-1.0))
+    for minutes in (-1.0, 1e300):
+        with pytest.raises(RunError, match="--minutes must be above 0 and at most 100000, got"):
+            rl(RlOptions(scenes=("embedded",), out=tmp_path, minutes=minutes))
+    with pytest.raises(RunError, match="--decisions must be at least 1, got 0"):
+        rl(RlOptions(scenes=("embedded",), out=tmp_path, decisions=0))
     with pytest.raises(RunError, match="--workers must be at least 0, got -1"):
         rl(RlOptions(scenes=("embedded",), out=tmp_path, workers=-1))
     with pytest.raises(ConfigError, match="gamma"):

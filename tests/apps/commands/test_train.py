@@ -114,6 +114,31 @@ def test_data_that_cannot_be_used_are_one_line_and_leave_nothing(
     assert not out.exists()
 
 
+@pytest.mark.parametrize("command", ["train data", "train data --recipe gnm", "learn embedded", "rl embedded"])
+def test_data_folder_and_file_are_no_folders_of_a_policy(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_shard(tmp_path / "data", [0, 1, 2])
+    before = sorted(tmp_path.rglob("*"))
+    code, line = _run([*command.split(), "--out", "data"], monkeypatch, capsys)
+    assert (code, line) == (2, "readygo: --out data holds recorded data; choose a new folder.")
+    assert sorted(tmp_path.rglob("*")) == before
+    (tmp_path / "file").touch()
+    code, line = _run([*command.split(), "--out", "file"], monkeypatch, capsys)
+    assert (code, line) == (2, "readygo: --out file is a file; choose a new folder.")
+
+
+@pytest.mark.parametrize("recipe", ["fast", "perception", "gnm"])
+def test_budget_beyond_all_measure_is_refused_by_its_option(
+    recipe: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_shard(tmp_path / "data", [0, 1, 2])
+    options = ["--out", str(tmp_path / "policy"), "--recipe", recipe, "--minutes", "1e300"]
+    code, line = _run(["train", str(tmp_path / "data"), *options], monkeypatch, capsys)
+    assert (code, line) == (2, "readygo: --minutes must be above 0 and at most 100000, got 1e+300.")
+
+
 def test_recipe_of_another_architecture_does_not_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     write_shard(tmp_path / "data", [0, 1, 2])
     options = ["train", str(tmp_path / "data"), "--out", str(tmp_path / "policy"), "--sampling.batch-size", "32"]
@@ -279,7 +304,7 @@ def test_perception_is_trained_with_its_settings_and_told_with_how_well_it_sees(
         ({"val_scene": "embedded"}, "--recipe perception takes no --val, --val-scene"),
         ({"goal": "image"}, "--recipe perception takes no --val, --val-scene"),
         ({"keys": {"network": {"fusion": "early"}}}, "--recipe perception takes no key fusion; it takes threads"),
-        ({"minutes": -1.0}, "minutes must be above 0"),
+        ({"minutes": -1.0}, "^--minutes must be above 0 and at most 100000, got -1"),
     ],
 )
 def test_what_perception_does_not_take_is_named(option: dict[str, object], words: str, tmp_path: Path) -> None:

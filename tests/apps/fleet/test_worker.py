@@ -41,7 +41,7 @@ def test_worker_that_somebody_must_help_ends_with_a_code_of_its_own(
 ) -> None:
     for role, options, words in (
         ("recorder", {}, "A recorder needs the run's data folder: pass --data."),
-        ("coordinator", {"data": (tmp_path,)}, f"{tmp_path} is no data folder of a run"),
+        ("coordinator", {"data": (tmp_path,)}, f"{tmp_path} holds no recorded run"),
         ("juggler", {}, "The run has nothing to do for a 'juggler'; its stages need: human-planner, animator, robot-"),
     ):
         with pytest.raises(SystemExit) as exit_info:

@@ -53,6 +53,15 @@ def test_missing_folder_and_folder_without_shards_are_named(tmp_path) -> None:
         find_shards(tmp_path)
 
 
+def test_scene_and_file_are_no_data_folders(tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").touch()
+    for scene in (tmp_path, Path("embedded"), Path("embedded:plan-1")):
+        with pytest.raises(DatasetError, match=f"is a scene, no data folder; look at it with `.*inspect {scene}`"):
+            find_shards(scene)
+    with pytest.raises(DatasetError, match=r"scene\.toml is a file; name the data folder"):
+        find_shards(tmp_path / "scene.toml")
+
+
 def test_deep_note_is_refused(tmp_path: Path) -> None:
     (tmp_path / "recorders.json").write_text("[" * 100_000)
     with pytest.raises(DatasetError, match="nest deeper"):

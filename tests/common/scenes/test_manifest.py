@@ -1,4 +1,5 @@
 import hashlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,28 @@ def test_folder_that_is_no_bundle_says_how_to_make_one(tmp_path):
     for path in (tmp_path, tmp_path / "none"):
         with pytest.raises(SceneError, match="readygo scene import"):
             load_scene(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "words"),
+    [
+        ("lobby.PLY", "", "make one of it with `readygo scene import .*lobby.PLY --out NEW`"),
+        ("data", "shard-r0-00000.mcap", "is a data folder, not a scene"),
+        ("policy", "policy.toml", "is a policy, not a scene"),
+        ("rl", "state_policy.toml", "is a policy, not a scene"),
+    ],
+)
+def test_what_is_taken_for_a_scene_is_named(name, file, words, tmp_path):
+    (tmp_path / name / file).parent.mkdir(exist_ok=True)
+    (tmp_path / name / file).touch()
+    with pytest.raises(SceneError, match=words):
+        load_scene(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["embeded", "Embedded", "embeddded:3"])
+def test_misspelt_embedded_scene_is_suggested(name):
+    with pytest.raises(SceneError, match=rf"^{name} does not exist \(did you mean embedded\?\)\.$"):
+        load_scene(Path(name))
 
 
 def test_missing_or_cut_files_are_named(copy):

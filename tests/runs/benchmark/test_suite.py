@@ -75,6 +75,7 @@ def test_another_scene_and_other_people_are_refused_by_their_hashes(tmp_path: Pa
         ("readygo-suite/1", "readygo-suite/2", "format must be one of"),
         ("seed = 3", "seed = 3\nwhen = 1", "Unknown key"),
         ("seed = 3", "seed = ", "Suite mine"),
+        ("seed = 3", "", r"Suite mine: Key seed of scenes\.flat must be given\."),
     ],
 )
 def test_what_is_wrong_with_a_file_is_one_line(old: str, new: str, said: str):
