@@ -3,7 +3,7 @@
 import signal
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -25,7 +25,7 @@ from readygo.apps.terminal import PlainConsole
 from readygo.common.arrays import UInt8Array
 from readygo.common.bus.endpoint import check_endpoint
 from readygo.common.camera import CameraConfig
-from readygo.common.errors import BusError, ConfigError, PolicyError, RunError
+from readygo.common.errors import BusError, ConfigError, PolicyError, ReadygoError, RunError
 from readygo.common.files import read_regular
 from readygo.common.images.encoded import decode_pixels
 from readygo.common.images.names import RGB, cameras_of, image_name
@@ -322,10 +322,12 @@ def _drive(
     try:
         run_trial(robot, pilot, rate_hz=rate_hz, say=say, people=people, measures=measures)
     except BaseException:
-        if log is not None and pilot.started_ns is None:
-            log.abandon()
-        elif log is not None:
-            log.close({**record, **trial_end(pilot, measures)})
+        # What went wrong matters more than a log that cannot be written.
+        with suppress(ReadygoError, OSError):
+            if log is not None and pilot.started_ns is None:
+                log.abandon()
+            elif log is not None:
+                log.close({**record, **trial_end(pilot, measures)})
         raise
     end = trial_end(pilot, measures)
     if log is not None:
@@ -437,8 +439,8 @@ def _goal_of(robot: Robot, topic: str) -> GoalMessage:
     """
     goal = _wait_for(robot, lambda: robot.goal, "goal")
     if goal.frame:
-        frame = _wait_for(robot, lambda: robot.frame or None, "odometry")
-        if goal.frame.strip("/") != frame.strip("/"):
+        frame = _wait_for(robot, lambda: robot.frame, "odometry")
+        if frame and goal.frame.strip("/") != frame.strip("/"):
             raise ConfigError(
                 f"Goals must be in the odometry's frame {frame!r}, got one in {goal.frame!r} on {topic}: send it in "
                 f"{frame!r}, or name an odometry in {goal.frame!r} with --odom."

@@ -90,8 +90,8 @@ class Robot:
         self._cameras = {topic: camera for camera, topic in topics.infos.items()}
         self.cameras: dict[str, LogCamera] = {}
         """The camera of each camera's images by name, by its newest CameraInfo; the first one is called ""."""
-        self.frame = ""
-        """Frame of the odometry; empty before the first one."""
+        self.frame: str | None = None
+        """Frame of the odometry, empty where it names none; None before the first one."""
         self.goal: GoalMessage | None = None
         """The newest goal; None before one arrives."""
         self.outcome = ""

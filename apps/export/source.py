@@ -83,7 +83,8 @@ class ExportedEpisode:
         starts = self.samples - first
         here = commands[first:end].astype(np.float64)
         counts = np.add.reduceat(~np.isnan(here), starts, axis=0, dtype=np.int64)
-        return (np.add.reduceat(np.nan_to_num(here), starts, axis=0) / counts).astype(np.float32)
+        with np.errstate(invalid="ignore"):
+            return (np.add.reduceat(np.nan_to_num(here), starts, axis=0) / counts).astype(np.float32)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import fmean
@@ -41,7 +41,7 @@ from readygo.common.avatars.variants import write_variants
 from readygo.common.config import section_to_mapping
 from readygo.common.cores import available_cores
 from readygo.common.documents import read_json, write_toml
-from readygo.common.errors import ConfigError, RunError, cause
+from readygo.common.errors import ConfigError, ReadygoError, RunError, cause
 from readygo.common.files import write_whole
 from readygo.common.messages import RunSpec, Split, StatusReply
 from readygo.common.robot import RobotConfig, load_robot
@@ -431,9 +431,13 @@ def _counted(plan: PerceivePlan, state: dict[str, Any]) -> Iterator[None]:
     begin_s = time.monotonic()
     try:
         yield
-    finally:
+    except BaseException:
         state["minutes"] = state["minutes"] + (time.monotonic() - begin_s) / 60.0
-        _write_state(plan, state)
+        with suppress(ReadygoError):
+            _write_state(plan, state)
+        raise
+    state["minutes"] = state["minutes"] + (time.monotonic() - begin_s) / 60.0
+    _write_state(plan, state)
 
 
 def _test(

@@ -84,7 +84,8 @@ class Supervisor:
         self._episode_s = EPISODE_S
         self.points = load_curve(plan.curve_file)
         """Learning curve so far."""
-        if state.get("budget", state.get("over")) != section_to_mapping(plan.budget):
+        # Folders of earlier versions do not name the budget of a run that is not over.
+        if state.get("budget", state.get("over", section_to_mapping(plan.budget))) != section_to_mapping(plan.budget):
             self.points = [_of_budget(point, plan.budget) for point in self.points]
 
     @property

@@ -70,7 +70,8 @@ class LogCamera:
     def of_images(self, topic: str) -> "LogCamera":
         """The camera of the images on a topic: ROS calls rectified ones `image_rect...`; they have P and no lens."""
         name = topic.removesuffix("/compressed").rpartition("/")[2]
-        if not name.startswith("image_rect") or len(self.P_px) != 12:
+        # Some drivers leave P all zeros.
+        if not name.startswith("image_rect") or len(self.P_px) != 12 or not self.P_px[0] > 0:
             return self
         return replace(self, K_px=(*self.P_px[0:3], *self.P_px[4:7], *self.P_px[8:11]), distortion=())
 

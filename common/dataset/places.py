@@ -21,7 +21,8 @@ def find_shards(folder: str | Path) -> list[Path]:
         DatasetError: If the folder is missing or has none.
     """
     folder = Path(folder)
-    if (folder / "scene.toml").is_file() or str(folder).partition(":")[0] == "embedded":
+    embedded = str(folder).partition(":")[0] == "embedded" and not folder.exists()
+    if embedded or (folder / "scene.toml").is_file():
         raise DatasetError(f"{folder} is a scene, no data folder; look at it with `readygo scene inspect {folder}`.")
     if folder.is_file():
         raise DatasetError(f"{folder} is a file; name the data folder, which holds the shards.")

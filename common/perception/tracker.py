@@ -108,11 +108,8 @@ class PeopleTracker:
     def predict(self, dt_s: float) -> None:
         """Let a step pass [s]."""
         for track in self.tracks:
-            x, y = track.mean[:2].tolist()
-            kalman.predict(track.mean, track.cov, dt_s, self._noise)
+            self._move(track, dt_s, self._noise)
             track.age_s += dt_s
-            if self._is_blocked(*track.mean[:2].tolist()) and not self._is_blocked(x, y):
-                track.mean[:] = x, y, 0.0, 0.0
         self.tracks = [track for track in self.tracks if track.age_s <= self._lasts_s(track) + 1e-6]
 
     def fuse(self, pose: Pose, people: People, shows: Callable[[float, float], bool], *, late_s: float = 0.0) -> None:
@@ -124,15 +121,22 @@ class PeopleTracker:
             shows: True if the camera shows a human at a place of the world [m], as far as the map says.
             late_s: How long ago that was [s]: tracks are fused where they were then, and move on at their velocities.
         """
-        self._shift(-late_s)
+        if not late_s:
+            self._fuse(pose, people, shows)
+            return
+        for track in self.tracks:
+            kalman.predict(track.mean, track.cov, -late_s, 0.0)
         self._fuse(pose, people, shows)
-        self._shift(late_s)
+        for track in self.tracks:
+            self._move(track, late_s, 0.0)
+            track.age_s = max(track.age_s, late_s)
 
-    def _shift(self, time_s: float) -> None:
-        """Move all tracks in time at their velocities [s]."""
-        if time_s:
-            for track in self.tracks:
-                kalman.predict(track.mean, track.cov, time_s, 0.0)
+    def _move(self, track: Track, time_s: float, noise: float) -> None:
+        """Move a track in time at its velocity [s], and let it stand where it would walk into a wall."""
+        x, y = track.mean[:2].tolist()
+        kalman.predict(track.mean, track.cov, time_s, noise)
+        if self._is_blocked(*track.mean[:2].tolist()) and not self._is_blocked(x, y):
+            track.mean[:] = x, y, 0.0, 0.0
 
     def _fuse(self, pose: Pose, people: People, shows: Callable[[float, float], bool]) -> None:
         c, s = math.cos(pose[2]), math.sin(pose[2])

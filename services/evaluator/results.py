@@ -4,7 +4,7 @@ import fcntl
 import json
 import os
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -255,7 +255,8 @@ def _append(file: BinaryIO, mapping: Mapping[str, Any]) -> None:
             rest = rest[file.write(rest) :]
         os.fsync(file)
     except OSError:
-        file.truncate(end)
+        with suppress(OSError):
+            file.truncate(end)
         raise
 
 

@@ -123,7 +123,8 @@ class LiveTrainer:
         return self._end()
 
     def _end(self) -> dict[str, Any]:
-        (self._run.out / STOP_FILE).unlink(missing_ok=True)
+        for name in (STOP_FILE, DECAY_FILE):
+            (self._run.out / name).unlink(missing_ok=True)
         metrics: dict[str, Any] = {}
         if self._run.steps:
             self._run.finish()

@@ -49,7 +49,7 @@ class GoalField:
             if not self._straight(start, cell) and best != start:
                 break
             best = cell
-        if self._units[best] == 0 or best == start:
+        if self._units[best] == 0 or self._units[best] >= UNREACHED or best == start:
             return self._goal_xy_m
         return self._frame.centre_m(*best)
 

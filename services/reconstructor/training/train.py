@@ -46,7 +46,7 @@ from readygo.services.reconstructor.training.schedule import TrainingSchedule
 from readygo.services.reconstructor.training.score import PREVIEWS, HeldOut, measure, picture_name, write_picture
 from readygo.services.reconstructor.training.transients import Transients, find_transients
 
-CLOUD_FILE, REPORT_FILE, UNDISTORTED = "gaussians.ply", "training.json", "undistorted"
+CLOUD_FILE, REPORT_FILE, UNDISTORTED = "gaussians.ply", "training.json", "pinhole"
 _PREVIEW_EVERY = 500
 """Steps from one held-out picture and measurement to the next."""
 _EXPOSURES_RATE = 1e-3

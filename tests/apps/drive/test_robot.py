@@ -86,7 +86,7 @@ def test_robot_knows_the_frame_of_its_odometry_and_the_cameras_of_rectified_imag
         infos={"left": "/left/camera_info"},
     )
     robot = connect_robot(endpoint, wire, topics, dry=True)
-    assert robot.frame == ""
+    assert robot.frame is None
     info = LogCamera(height_px=4, width_px=6, K_px=(5.0,) * 9, model="plumb_bob", distortion=(0.1,), P_px=(7.0,) * 12)
     for topic in ("/camera/camera_info", "/left/camera_info"):
         robot._keep(topic, info, 0)

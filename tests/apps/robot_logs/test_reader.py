@@ -150,5 +150,6 @@ def test_images_that_ros_rectified_have_its_projection_and_no_lens(topic: str, r
         assert (found.distortion, found.height_px, found.width_px) == ((), 40, 60)
     else:
         assert found == raw
-    unknown = dataclasses.replace(raw, P_px=())
-    assert unknown.of_images(topic) == unknown
+    for unfilled in ((), (0.0,) * 12):
+        unknown = dataclasses.replace(raw, P_px=unfilled)
+        assert unknown.of_images(topic) == unknown

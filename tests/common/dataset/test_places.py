@@ -62,6 +62,14 @@ def test_scene_and_file_are_no_data_folders(tmp_path: Path) -> None:
         find_shards(tmp_path / "scene.toml")
 
 
+def test_data_folder_may_have_the_name_of_a_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    shard = Path("embedded/shard-r0-00000.mcap")
+    shard.parent.mkdir()
+    shard.touch()
+    assert find_shards("embedded") == [shard]
+
+
 def test_deep_note_is_refused(tmp_path: Path) -> None:
     (tmp_path / "recorders.json").write_text("[" * 100_000)
     with pytest.raises(DatasetError, match="nest deeper"):

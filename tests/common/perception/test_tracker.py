@@ -126,6 +126,21 @@ def test_nobody_walks_into_a_wall() -> None:
     assert free.known[0].mean[0] > 2.5
 
 
+@pytest.mark.parametrize("late_s", [0.2, 0.3])
+def test_tracks_of_late_images_do_not_walk_into_walls(late_s: float) -> None:
+    tracker = PeopleTracker(clearance(), FRAME)
+    for step in range(8):
+        if step:
+            tracker.predict(DT_S)
+        # In front of the wall at 1.5 m when the image was taken, behind it by now at that velocity.
+        look = seen((0.25 + 0.14 * step, 2.0, 1.4, 0.0), sd=0.03)
+        tracker.fuse((0.0, 0.0, 0.0), look, everywhere, late_s=late_s)
+    assert tracker.known[0].age_s == pytest.approx(late_s)
+    for _ in range(30):
+        tracker.predict(DT_S)
+    assert tracker.known[0].mean[0] < 1.5
+
+
 def test_detection_inside_of_a_wall_is_not_believed() -> None:
     tracker = PeopleTracker(clearance(), FRAME)
     tracker.fuse((0.0, 0.0, 0.0), seen((2.5, 0.0, 0.0, 0.0)), everywhere)

@@ -146,6 +146,8 @@ def test_decay_file_ends_training_after_a_fall(make_trainer, tmp_path):
     trainer = make_trainer(quick(samples=32000), catch_up=lambda: [("r", episode(k)) for k in range(5)])
     (tmp_path / DECAY_FILE).touch()
     assert trainer.train(threading.Event())["steps"] < 100
+    # It does not count for a later call with a larger budget.
+    assert not (tmp_path / DECAY_FILE).exists()
 
 
 def test_success_of_the_policy_is_told_from_its_own_episodes(make_trainer, tmp_path):

@@ -22,3 +22,7 @@ def test_point_ahead_is_in_sight_and_nearer_to_the_goal():
     assert y > 1.5, "up, to the end of the wall"
     assert field.distance_m(x, y) < field.distance_m(7.0, 1.0) - 0.6
     assert field.ahead(9.9, 1.05, 1.0) == BEHIND_WALL
+
+
+def test_goal_itself_is_ahead_where_no_way_leads_to_it():
+    assert GoalField(hall(), 3.0, BEHIND_WALL).ahead(1.0, 1.0, 1.0) == BEHIND_WALL
