@@ -42,7 +42,6 @@ from readygo.services.reconstructor.job import (
     POSED,
     REPORT_FILE,
     Source,
-    identity_of,
     images_of,
     images_of_model,
     in_order,
@@ -69,7 +68,7 @@ from readygo.services.reconstructor.poses.intrinsics import Intrinsics, fit_to_i
 from readygo.services.reconstructor.poses.pairs import image_pairs, view_pairs
 from readygo.services.reconstructor.poses.tags import focal_of_tags, tag_features
 from readygo.services.reconstructor.poses.verdict import PoseVerdict
-from readygo.services.reconstructor.stages import Say, Stages, code_digest
+from readygo.services.reconstructor.stages import Say, Stages, code_digest, identity_of
 
 _FEATURES_MIN = 600
 """Where the median image of a video has fewer, fainter ones are taken too, of all images."""

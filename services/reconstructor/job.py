@@ -10,6 +10,7 @@ from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.frames.photos import photo_files
 from readygo.services.reconstructor.given.find import read_capture
 from readygo.services.reconstructor.poses import colmap
+from readygo.services.reconstructor.stages import identity_of
 
 FRAMES, MARKERS, FEATURES, MATCHES, MAP, POSED = "frames", "markers", "features", "matches", "map", "posed"
 """Stages, and folders of the job."""
@@ -58,11 +59,6 @@ def open_source(path: Path) -> Source:
     if not photos:
         raise SceneError(f"{path} holds no photos (.jpg, .png, .tif, ...), no COLMAP model and no other poses.")
     return Source(path=path, kind="photos", identity=identity_of(photos))
-
-
-def identity_of(files: list[Path]) -> tuple[tuple[str, int, int], ...]:
-    """Name, size and time of change of each file that is there."""
-    return tuple((path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in files if path.is_file())
 
 
 def images_of_model(path: Path) -> Path:

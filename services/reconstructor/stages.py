@@ -39,6 +39,11 @@ class StageProgress:
     """The latest picture of what is being made."""
 
 
+def identity_of(files: list[Path]) -> tuple[tuple[str, int, int], ...]:
+    """Name, size and time of change of each file that is there."""
+    return tuple((path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in files if path.is_file())
+
+
 @functools.cache
 def code_digest(*parts: str) -> str:
     """Hash of the reconstructor's own code, so that what older code made is not mixed with what newer code makes.

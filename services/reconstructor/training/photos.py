@@ -13,12 +13,11 @@ from readygo.common.errors import SceneError
 from readygo.common.images.encoded import read_pixels
 from readygo.services.reconstructor.frames.masks import FOLDER as MASKS
 from readygo.services.reconstructor.frames.masks import read_mask, shrink_mask
-from readygo.services.reconstructor.job import identity_of
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.poses import colmap
 from readygo.services.reconstructor.poses.config import PosesConfig
 from readygo.services.reconstructor.similarity import Similarity
-from readygo.services.reconstructor.stages import Stages, code_digest
+from readygo.services.reconstructor.stages import Stages, code_digest, identity_of
 
 KEPT_BYTES = 2 << 30
 """Photos that need more than this are read from disk each time that they are used."""
