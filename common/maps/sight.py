@@ -17,7 +17,7 @@ from readygo.common.maps.occupancy import OPACITY_MIN, VOXELS_PER_BAND, MapConfi
 from readygo.common.maps.voxels import opacity_sums
 
 BOTTOM_M, TOP_M = 0.4, 1.9
-"""Heights above the floor that sight is known for [m]; lower ones are as the lowest, higher ones are clear."""
+"""Heights above the floor that sight is known for [m]; higher ones are clear; for lower ones see `is_clear`."""
 BITS = 32
 TARGET_HEIGHTS_M = (0.5, 1.0, 1.5)
 TARGET_OFFSETS_M = (0.0, -0.2, 0.2)
@@ -99,6 +99,7 @@ def is_clear(
     place: tuple[float, float, float, float],
     eye: tuple[float, float, float],
     target: tuple[float, float, float],
+    low_clear: bool,
 ) -> bool:
     """True if no opaque layer lies on a segment; checked every half cell.
 
@@ -107,6 +108,7 @@ def is_clear(
         place: Origin x, y, resolution and height of a layer [m].
         eye: x, y in the world, height above the floor [m].
         target: The other end: x, y in the world, height above the floor [m].
+        low_clear: True if all is clear below the heights that sight is known for, False if it is as the lowest of them.
     """
     ox, oy, resolution, layer = place
     dx, dy, dz = target[0] - eye[0], target[1] - eye[1], target[2] - eye[2]
@@ -115,9 +117,10 @@ def is_clear(
         t = k / steps
         i = math.floor((eye[1] + dy * t - oy) / resolution)
         j = math.floor((eye[0] + dx * t - ox) / resolution)
-        # What hides a human from a low camera reaches the floor: walls and furniture, not table tops.
-        bit = max(math.floor((eye[2] + dz * t - BOTTOM_M) / layer), 0)
-        inside = 0 <= i < opaque.shape[0] and 0 <= j < opaque.shape[1] and bit < BITS
+        bit = math.floor((eye[2] + dz * t - BOTTOM_M) / layer)
+        if bit < 0 and not low_clear:
+            bit = 0
+        inside = 0 <= i < opaque.shape[0] and 0 <= j < opaque.shape[1] and 0 <= bit < BITS
         if inside and (opaque[i, j] >> np.uint32(bit)) & np.uint32(1):
             return False
     return True
@@ -143,6 +146,7 @@ def sees_human(
     for offset in TARGET_OFFSETS_M:
         x, y = human[0] - dy / distance * offset, human[1] + dx / distance * offset
         for height in TARGET_HEIGHTS_M:
-            if is_clear(opaque, place, eye, (x, y, height)):
+            # What hides a human from a low camera reaches the floor: walls and furniture, not table tops.
+            if is_clear(opaque, place, eye, (x, y, height), False):
                 return True
     return False

@@ -108,7 +108,7 @@ def _look(
             # The thing itself hides nothing of what is on it.
             until = 1.0 - 1.5 * resolution / away
             target = (eyes[c, 0] + until * dx, eyes[c, 1] + until * dy, eyes[c, 2] + until * dz)
-            if is_clear(opaque, place, (eyes[c, 0], eyes[c, 1], eyes[c, 2]), target):
+            if is_clear(opaque, place, (eyes[c, 0], eyes[c, 1], eyes[c, 2]), target, True):
                 bits[i, j] |= side
 
 

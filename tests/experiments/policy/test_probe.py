@@ -70,7 +70,7 @@ def test_settings_come_over_the_recipe():
 
 @pytest.mark.parametrize("wrong", ["foo=1", "fusion=middle", "latent_count=many", "latent_count=0", "output=bins"])
 def test_settings_that_make_no_sense_are_refused(wrong):
-    with pytest.raises(ConfigError, match=wrong.split("=")[0]):
+    with pytest.raises(ConfigError, match=wrong.split("=")[0].replace("_", "[_-]")):
         config_of([wrong], 1.0)
 
 
