@@ -90,9 +90,7 @@ def open_posed(folder: Path, undistorted: Path) -> Posed:
     Raises:
         SceneError: If it cannot be used.
     """
-    model, images, masks = colmap.find_model(folder), folder / "images", folder / MASKS
-    if model is None or not images.is_dir():
-        raise SceneError(f"{folder} needs images/ and a COLMAP model in sparse/0/; run `readygo scene poses` first.")
+    model, images, masks = model_of(folder), folder / "images", folder / MASKS
     if not colmap.is_pinhole(model):
         _undistort(model, images, masks, undistorted)
         model, images, masks = undistorted / "sparse" / "0", undistorted / "images", undistorted / MASKS
@@ -111,6 +109,18 @@ def open_posed(folder: Path, undistorted: Path) -> Posed:
     if posed.extent_m <= 0:
         raise SceneError(f"All cameras of {folder} stand in one place; Gaussians need views from several.")
     return posed
+
+
+def model_of(folder: Path) -> Path:
+    """The COLMAP model of a folder that has its images as well.
+
+    Raises:
+        SceneError: If one of them is missing.
+    """
+    model = colmap.find_model(folder)
+    if model is None or not (folder / "images").is_dir():
+        raise SceneError(f"{folder} needs images/ and a COLMAP model in sparse/0/; run `readygo scene poses` first.")
+    return model
 
 
 def _undistort(model: Path, images: Path, masks: Path, undistorted: Path) -> None:

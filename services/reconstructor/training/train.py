@@ -40,7 +40,7 @@ from readygo.services.reconstructor.training.interruption import interruption
 from readygo.services.reconstructor.training.memory import check_memory, gpu_memory
 from readygo.services.reconstructor.training.neighbours import choose_neighbours, neighbour_distances
 from readygo.services.reconstructor.training.parameters import Gaussians, initial_gaussians
-from readygo.services.reconstructor.training.photos import PhotoStore, Posed, open_posed, split_views
+from readygo.services.reconstructor.training.photos import PhotoStore, Posed, model_of, open_posed, split_views
 from readygo.services.reconstructor.training.progress import Tell, TrainingProgress
 from readygo.services.reconstructor.training.schedule import TrainingSchedule
 from readygo.services.reconstructor.training.score import PREVIEWS, HeldOut, measure, picture_name, write_picture
@@ -90,6 +90,8 @@ def train_gaussians(posed_folder: Path, out_folder: Path, settings: GaussiansCon
             suffice.
         KeyboardInterrupt: At Ctrl-C, after the state is saved.
     """
+    # Before the folder is touched, which may be one of the user's.
+    model_of(posed_folder)
     with Stages(out_folder, lambda _: None).alone():
         posed = open_posed(posed_folder, out_folder / UNDISTORTED)
         identity = _identity(posed, settings)

@@ -193,3 +193,11 @@ def test_what_is_masked_has_no_influence_at_all(write_posed: Write, tmp_path: Pa
         train_gaussians(posed, tmp_path / f"out{value}", settings, silent)
         files.append((tmp_path / f"out{value}" / "gaussians.ply").read_bytes())
     assert files[0] == files[1]
+
+
+def test_refused_model_leaves_a_folder_of_the_user_as_it_was(tmp_path: Path) -> None:
+    home = tmp_path / "home"
+    (home / ".conf").mkdir(parents=True)
+    with pytest.raises(SceneError, match="needs images/ and a COLMAP model"):
+        train_gaussians(tmp_path / "nothing", home, GaussiansConfig(), lambda _: None)
+    assert [path.name for path in home.iterdir()] == [".conf"]
